@@ -59,13 +59,13 @@ class CommandEntry(NamedTuple):
 #: on use.
 COMMANDS = {
     "trim": CommandEntry(
-        "model",
+        "use",
         "trim an aircraft; report variables, limits, loads, performance",
         "hfa.commands.trim:trim",
         example="hfa trim --dihedral 10",
     ),
     "linearize": CommandEntry(
-        "model",
+        "use",
         "compute the exact A and B at a trim, modes and handling qualities",
         "hfa.commands.linearize:linearize",
         example="hfa linearize --dihedral 10 -o model.mat",
@@ -95,7 +95,7 @@ COMMANDS = {
         example="hfa learn --dihedral 15 -o learned.npz",
     ),
     "verify": CommandEntry(
-        "critic",
+        "use",
         "compare a learned critic with the exact game solution",
         "hfa.commands.verify:verify",
         example="hfa verify --dihedral 15 --weights learned.npz",
@@ -105,18 +105,6 @@ COMMANDS = {
         "assess a policy as deployed: sampled, normalized, delayed",
         "hfa_policy.commands.assess:assess",
         example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
-    ),
-    "design": CommandEntry(
-        "flight",
-        "design a certified controller for every point of a schedule",
-        "hfa_design.commands.design:design",
-        example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
-    ),
-    "export": CommandEntry(
-        "exchange",
-        "write the aircraft for other tools: C source, FMU, MATLAB",
-        "hfa_flight.commands.export:export",
-        example="hfa export --dihedral 15 -o folder",
     ),
     "fly": CommandEntry(
         "flight",
@@ -136,9 +124,21 @@ COMMANDS = {
         "hfa_optimal.commands.optimize:optimize",
         example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
     ),
+    "design": CommandEntry(
+        "flight",
+        "design a certified controller for every point of a schedule",
+        "hfa_design.commands.design:design",
+        example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
+    ),
+    "export": CommandEntry(
+        "flight",
+        "write the aircraft for other tools: C source, FMU, MATLAB",
+        "hfa_flight.commands.export:export",
+        example="hfa export --dihedral 15 -o folder",
+    ),
     "prove": CommandEntry(
         "proof",
-        "verify a certificate of the commands below: --check FILE",
+        "prove a schedule, a region, a cost; or --check a certificate",
         "hfa_prove.commands.check:prove",
         example="hfa prove --check certificate.json",
         install=("python-flint",),

@@ -9,15 +9,20 @@ from hfa.entry_points import CommandEntry, commands
 from hfa.options.parser import Parser
 from hfa_support.version import VERSION
 
-#: Groups of commands in the order of the help. Groups of other packages follow.
-GROUPS = ("model", "critic", "flight", "proof", "exchange")
+#: Groups of commands in the order of the help, group -> heading. Groups of other packages follow.
+GROUPS = {
+    "use": "the three uses: trim reports, linear models, checks of learned critics",
+    "model": "models",
+    "critic": "games and policies",
+    "flight": "flights",
+    "proof": "proofs",
+}
 
 
 def _group(name: str, entries: Mapping[str, CommandEntry]) -> str:
     """Return one group of commands as text for the overview, one line for each command."""
-    examples = [entry.example for entry in entries.values() if entry.example]
-    title = f"{name}, for example {examples[0]}" if examples else name
-    return "\n".join([title, *(f"  {each:<16}{entry.about}" for each, entry in entries.items())])
+    lines = [f"  {each:<11} {entry.about}" for each, entry in entries.items()]
+    return "\n".join([GROUPS.get(name, name), *lines])
 
 
 def overview() -> Parser:
@@ -26,13 +31,15 @@ def overview() -> Parser:
     The parser accepts --help, --version and the name of a command.
     """
     by_group: dict[str, dict[str, CommandEntry]] = {name: {} for name in GROUPS}
-    for name, entry in commands().items():
+    listed = commands()
+    for name, entry in listed.items():
+        if name.partition(" ")[0] in listed and " " in name:
+            continue  # the help of the first word lists the second words
         by_group.setdefault(entry.group, {})[name] = entry
     parser = Parser(
         prog="hfa",
-        usage="hfa [--version] command ...  (hfa command --help)",
-        description="Trims and linear models of aircraft, zero-sum games, and checks of critics.",
-        epilog="\n\n".join(_group(name, entries) for name, entries in by_group.items() if entries),
+        usage="hfa [--version] command ...  (with examples: hfa command --help)",
+        epilog="\n".join(_group(name, entries) for name, entries in by_group.items() if entries),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
