@@ -14,7 +14,7 @@ from controller.reference import Feedforward, feedforward, particular
 from controller.riccati.gare import Solution
 from hfa_aircraft.waveform import Waveform, channel, constant, stacked
 from hfa_support.arguments import need
-from hfa_support.errors import refuse_unknown, refuse_unless_positive
+from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, shown_unit, shown_value
@@ -36,7 +36,8 @@ class Tracking(Result, Reported):
     exact: feedforward of the game
     K: gain of the feedback, (m, n)
     duration: time over which means are computed, s
-    trims: trims at each commanded value, at the constant ones together, and at all together
+    trims: trims at each commanded value, at the constant ones together, and at all together; those
+        of ramps at the end of the duration. Sines are left out: only their means are judged.
     """
 
     exact: Feedforward
@@ -77,7 +78,10 @@ class Tracking(Result, Reported):
 
     @property
     def reachable(self) -> bool | None:
-        """Whether the aircraft has a trim at the constant commands; None if this is unknown."""
+        """Whether the aircraft has a trim at the constant commands and at the end of ramps.
+
+        None if this is unknown: without an aircraft, or for a state that is no variable of a trim.
+        """
         return None if self._decisive is None else self._decisive.is_reachable
 
     def late_error(self, inputs: Waveform) -> Waveform:
@@ -110,7 +114,7 @@ class Tracking(Result, Reported):
         """The trim at the constant commands together, or at all commands if none is constant."""
         if not self.trims:
             return None
-        steady = _steady(self.game.names.states, self.exact.reference)
+        steady = _steady(self.game.names.states, self.exact.reference, self.duration)
         for found in self.trims:
             if set(found.command) == set(steady):
                 return found
@@ -156,8 +160,13 @@ class Tracking(Result, Reported):
         found = self._decisive
         if found is None:
             return "unknown, no aircraft was given"
+        if found.unheld:
+            return f"unknown, {found.unheld} is no variable of a trim"
         if found.is_reachable:
-            return "yes, as a trim of the aircraft"
+            reference = self.exact.reference
+            at = f" at {self.duration:g} s" if reference.slope.any() else ""
+            mean = ", for the means of the sines" if reference.harmonics else ""
+            return f"yes, as a trim of the aircraft{at}{mean}"
         return f"no ({self._need(found)})"
 
     def _need(self, found: CommandedTrim) -> str:
@@ -192,7 +201,8 @@ class Tracking(Result, Reported):
                 mark = "!" if name in found.beyond else ""
                 values.append("" if value is None else shown_value(value, unit, ".4g") + mark)
             rows.append((name, shown_unit(unit), *values))
-        verdicts = ("yes" if found.is_reachable else "no" for found in self.trims)
+        said = {True: "yes", False: "no", None: "unknown"}
+        verdicts = (said[found.is_reachable] for found in self.trims)
         table = Table(("trim at", "unit", *columns), [*rows, ("reachable", "", *verdicts)])
         if any(found.beyond for found in self.trims):
             return table, "! beyond its limit"
@@ -219,7 +229,8 @@ def track(
     K: gain of the feedback, (m, n), by default that of the solution
     duration: time over which means are computed, s
 
-    Raises BadInputError for an unknown state, another text, or a duration that is not positive.
+    Raises BadInputError for an unknown state, another text, a duration that is not positive, or a
+    K with which A - B K is not Hurwitz.
 
     >>> import hfa, numpy as np
     >>> linear = hfa.paper.level_model(hfa.aircraft(), np.radians(15.0))
@@ -253,25 +264,45 @@ def tracked(
 
     P: (n, n), of the exact value z'P z
     K: (m, n)
+
+    Raises BadInputError unless A - B K is Hurwitz.
     """
+    abscissa = loop_abscissa(game, K)
+    if abscissa >= 0.0:
+        raise BadInputError(
+            f"tracking: A - B K has abscissa {abscissa:+.4g} 1/s; give a K that stabilizes the game"
+        )
     exact = feedforward(game, P, reference)
-    return Tracking(exact, K, duration, _commanded_trims(linear, reference))
+    return Tracking(exact, K, duration, _commanded_trims(linear, reference, duration))
 
 
-def _steady(states: Sequence[str], reference: Waveform) -> dict[str, float]:
-    """Return the commands that do not change with time, state -> deviation."""
-    rows = zip(states, reference.constant.tolist(), reference.moving, strict=True)
-    return {name: value for name, value, moves in rows if value and not moves}
+def loop_abscissa(game: Game, K: np.ndarray) -> float:
+    """Return the largest real part of the eigenvalues of A - B K, 1/s.
+
+    K: (m, n)
+    """
+    return float(np.linalg.eigvals(game.A - game.B @ K).real.max())
 
 
-def _commanded_trims(linear: LinearModel, reference: Waveform) -> tuple[CommandedTrim, ...]:
-    """Return the trims at each command, at the constant commands together, and at all together."""
+def _steady(states: Sequence[str], reference: Waveform, duration: float) -> dict[str, float]:
+    """Return the commands without sines, state -> deviation; that of a ramp at the duration."""
+    still = ~reference.waving
+    values = (reference.constant + reference.slope * duration).tolist()
+    rows = zip(states, values, still, strict=True)
+    return {name: value for name, value, is_still in rows if value and is_still}
+
+
+def _commanded_trims(
+    linear: LinearModel, reference: Waveform, duration: float
+) -> tuple[CommandedTrim, ...]:
+    """Return the trims at each command, at those without sines together, and at all together."""
     point = linear.point
     if point is None or point.problem is None:
         return ()
-    rows = zip(linear.states, reference.constant.tolist(), reference.moving, strict=True)
+    values = (reference.constant + reference.slope * duration).tolist()
+    rows = zip(linear.states, values, reference.moving, strict=True)
     commands = {name: value for name, value, moves in rows if value or moves}
-    steady = _steady(linear.states, reference)
+    steady = _steady(linear.states, reference, duration)
     groups = [{name: value} for name, value in commands.items()]
     for together in (steady, commands):
         if together and together not in groups:

@@ -96,10 +96,15 @@ class Waveform(Result, Reported):
     @property
     def moving(self) -> np.ndarray:
         """Whether each channel changes with time, (n,)."""
-        moves = self.slope != 0.0
+        return np.asarray((self.slope != 0.0) | self.waving)
+
+    @property
+    def waving(self) -> np.ndarray:
+        """Whether each channel has a sine or cosine, (n,)."""
+        waves = np.zeros(self.size, dtype=bool)
         for h in self.harmonics:
-            moves = moves | (h.sine != 0.0) | (h.cosine != 0.0)
-        return np.asarray(moves)
+            waves |= (h.sine != 0.0) | (h.cosine != 0.0)
+        return waves
 
     def __add__(self, other: Waveform) -> Waveform:
         """Return the sum of two waveforms of equal length. Equal frequencies are one harmonic."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.tracking import Tracking, tracked
+from controller.tracking import Tracking, loop_abscissa, tracked
 from hfa.options.argument_types import linear_state
 from hfa.options.part import OfModel, option
 from hfa_aircraft.model import Model
@@ -62,6 +62,10 @@ def with_tracking(
         return report
     if named.linear is None:
         raise BadInputError("--reference requires an aircraft; remove --model and --design")
+    abscissa = loop_abscissa(named.game, K)
+    if abscissa >= 0.0:
+        said = f"Tracking: no late errors, A - B K has abscissa {abscissa:+.4g} 1/s"
+        return replace(report, parts=(*report.parts, said))
     commands = stacked(reference, named.linear.states)
     tracking = tracked(named.linear, named.game, P, K, commands)
     section = tracking.report()

@@ -54,6 +54,25 @@ def test_a_reachable_command_is_said_to_be_reachable() -> None:
     plant = hfa.LinearModel.of([[-1.0]], [[1.0]])
     solution = hfa.solve(hfa.Game(plant.A, plant.B, np.eye(1), np.eye(1), np.eye(1), 10.0))
     assert track(plant, solution, {"x1": 1.0}).reachable is None
+    assert tracking(15.0, {"pitch": 0.02}).reachable is None  # no variable of the HFA's trims
+
+
+def test_a_ramp_is_judged_at_its_end() -> None:
+    """A dihedral that rises by 0.3 deg/s reaches 6 deg after 20 s, and 115 deg after 400 s."""
+    linear = hfa.paper.level_model(hfa.aircraft(), math.radians(15.0))
+    solution = hfa.solve(hfa.paper.published_game(linear))
+    command = {"dihedral": "0.005t"}
+    assert track(linear, solution, command).reachable
+    far = track(linear, solution, command, duration=400.0)
+    assert not far.reachable
+    assert far.trims[0].command == {"dihedral": pytest.approx(2.0)}
+
+
+def test_a_gain_that_does_not_stabilize_has_no_late_errors() -> None:
+    linear = hfa.paper.level_model(hfa.aircraft(), math.radians(15.0))
+    solution = hfa.solve(hfa.paper.published_game(linear))
+    with pytest.raises(hfa.BadInputError, match="A - B K"):
+        track(linear, solution, {"dihedral": 0.1}, K=-solution.K)
 
 
 def test_late_errors_solve_the_loop_and_give_the_means() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, given
 from trim.point.condition import release
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, trim
@@ -24,6 +24,7 @@ class CommandedTrim(Result):
     beyond: free variable outside its limits -> the limit that it exceeds
     model: model of the aircraft
     reason: why no values were found, or ""
+    unheld: commanded state that is no variable of a trim, or ""
     """
 
     command: Mapping[str, float]
@@ -31,11 +32,12 @@ class CommandedTrim(Result):
     beyond: Mapping[str, float]
     model: Model
     reason: str = ""
+    unheld: str = ""
 
     @property
-    def is_reachable(self) -> bool:
-        """Whether the aircraft has a trim at the command, within all limits."""
-        return not (self.beyond or self.reason)
+    def is_reachable(self) -> bool | None:
+        """Whether the aircraft has a trim at the command, within all limits; None if unknown."""
+        return None if self.unheld else not (self.beyond or self.reason)
 
     def excess(self, name: str) -> float:
         """Return by how much a free variable exceeds its limit, relative to its range."""
@@ -51,7 +53,7 @@ class CommandedTrim(Result):
             "needed": self.needed,
             "beyond": self.beyond,
             "reason": self.reason,
-        }
+        } | given(unheld=self.unheld or None)
 
 
 def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> CommandedTrim:
@@ -64,6 +66,9 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
     command: state -> deviation from the trim, in the units of the model
     """
     assert point.problem is not None  # required by the docstring
+    for name in command:
+        if name not in point.model.holdable:
+            return CommandedTrim(command, {}, {}, point.model, unheld=name)
     held = {name: point[name] + value for name, value in command.items()}
     unlimited = (-math.inf, math.inf)
     try:
