@@ -19,9 +19,9 @@ GROUPS = {
 }
 
 
-def _group(name: str, entries: Mapping[str, CommandEntry]) -> str:
+def _group(name: str, entries: Mapping[str, CommandEntry], width: int) -> str:
     """Return one group of commands as text for the overview, one line for each command."""
-    lines = [f"  {each:<11} {entry.about}" for each, entry in entries.items()]
+    lines = [f"  {each:<{width}}  {entry.about}" for each, entry in entries.items()]
     return "\n".join([GROUPS.get(name, name), *lines])
 
 
@@ -36,10 +36,13 @@ def overview() -> Parser:
         if name.partition(" ")[0] in listed and " " in name:
             continue  # the help of the first word lists the second words
         by_group.setdefault(entry.group, {})[name] = entry
+    width = max(len(name) for entries in by_group.values() for name in entries)
     parser = Parser(
         prog="hfa",
         usage="hfa [--version] command ...  (with examples: hfa command --help)",
-        epilog="\n".join(_group(name, entries) for name, entries in by_group.items() if entries),
+        epilog="\n".join(
+            _group(name, entries, width) for name, entries in by_group.items() if entries
+        ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)

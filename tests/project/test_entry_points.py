@@ -116,7 +116,7 @@ def test_a_package_adds_an_aircraft_and_a_command(results: list[Result]) -> None
     lift = json.loads(trimmed.out)["operating_point"]["inputs"]["lift_coefficient"]
     assert lift == pytest.approx(1200 * 9.80665 / (0.5 * 1.225 * 55**2 * 16.2))
     assert "\npoint mass" in overview.out
-    assert "\n  level thrust    thrust and lift-to-drag ratio" in overview.out
+    assert "\n  level thrust  thrust and lift-to-drag ratio" in overview.out
     assert (unknown.code, unknown.out) == (2, "")
     assert "unknown word 'speed' after `hfa level`" in unknown.err
     assert "FILE.pm" in trim_help.out
