@@ -16,6 +16,7 @@ from hfa_jsbsim.parts import Parts
 Solve = Callable[[Mapping[str, float], tuple[str, ...]], Mapping[str, float] | None]
 #: Angles of attack at which the greatest lift is searched.
 _ANGLES = np.radians(np.arange(-4.0, 40.5, 0.5))
+_AIRSPEEDS = {"speed", "mach", "kcas"}
 #: Least unbalanced force that is reported, relative to the weight, and least angular acceleration,
 #: rad/s².
 _SOME = 1e-6
@@ -43,7 +44,7 @@ def explain(
     if not steered:
         return "; ".join(["no input of the pilot changes a force or a moment", *advice])
     reasons = [*_of_engines(parts, imposed, solve), *of_files(parts)]
-    reasons = reasons or [*_of_lift(solve)] or [*_of_moments(solve)]
+    reasons = reasons or [*_of_lift(imposed, solve)] or [*_of_moments(solve)]
     return "; ".join([*reasons, *advice])
 
 
@@ -76,19 +77,30 @@ def _is_power(name: str) -> bool:
     return name.startswith("power") and name.removeprefix("power").isdigit()
 
 
-def _of_lift(solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the greatest lift if it is less than the weight."""
-    greatest: tuple[float, float] | None = None
+def _of_lift(imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
+    """Yield a sentence on the greatest lift at an imposed airspeed if it is below the weight."""
+    if not _AIRSPEEDS & set(imposed):
+        return
+    balanced = _greatest_lift(solve, ("alpha_dot", "speed_dot"))
+    if balanced is None or balanced[0] >= 1.0:
+        return
+    any_moment = _greatest_lift(solve, ("alpha_dot", "speed_dot", "pitch_rate_dot"))
+    share, alpha = greatest = max(balanced, any_moment or balanced)
+    what = "the greatest lift is"
+    if greatest[0] >= 1.0:
+        share, alpha = balanced
+        what = "the elevator balances the pitching moment only up to a lift of"
+    yield f"{what} {100.0 * share:.0f} % of the weight, at alpha {math.degrees(alpha):.1f} deg"
+
+
+def _greatest_lift(solve: Solve, free: tuple[str, ...]) -> tuple[float, float] | None:
+    """Return the greatest lift relative to the weight, and its alpha, rad, or None."""
+    found = []
     for alpha in _ANGLES.tolist():
-        values = solve({"alpha": alpha, "throttle": 0.5}, ("alpha_dot", "speed_dot"))
-        if values is not None and (greatest is None or values["lift_to_weight"] > greatest[0]):
-            greatest = values["lift_to_weight"], alpha
-    if greatest is not None and greatest[0] < 1.0:
-        share, alpha = greatest
-        yield (
-            f"the greatest lift is {100.0 * share:.0f} % of the weight, at alpha "
-            f"{math.degrees(alpha):.1f} deg"
-        )
+        values = solve({"alpha": alpha, "throttle": 0.5}, free)
+        if values is not None:
+            found.append((values["lift_to_weight"], alpha))
+    return max(found, default=None)
 
 
 def _of_moments(solve: Solve) -> Iterator[str]:
@@ -117,7 +129,10 @@ def _of_engine(file: EngineFile) -> Iterator[str]:
     # propeller diameter.
     name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
     if file.dry_of:
-        yield f"the {file.dry_of} tank of {name} is empty; the trim is a glide"
+        yield (
+            f"the file leaves the {file.dry_of} tank of {name} empty: unless --hold fills it, "
+            "the trim is a glide"
+        )
     solid = file.engine.find("thrust_table")
     if solid is not None:
         yield f"{solid.where}: {name} burns solid fuel and is not ignited"
