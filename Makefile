@@ -34,7 +34,6 @@ pictures: .venv/ready
 	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results
 	cp report/regeneration.png report/root_locus.png docs/pictures
 	$(BIN)/python -c "$(ILLUSTRATE)"
-	$(BIN)/python -c "from benchmarks.report import draw, stored; draw(stored())"
 	chromium --headless --no-sandbox --hide-scrollbars --window-size=1400,900 --virtual-time-budget=10000 \
 		--screenshot=docs/pictures/page.png file://$(CURDIR)/report/report.html
 

@@ -122,9 +122,8 @@ def test_pictures_of_the_documents_are_current() -> None:
 
     folder = ROOT / "docs" / "pictures"
     drawn = ["regeneration.png", "root_locus.png"]
-    # `make bench` draws benchmarks.png anew on every machine, a browser page.png; test_docs.py
-    # looks at the folders, and studies.best_flights draws best_flights.png.
-    others = ["benchmarks.png", "best_flights.png", "page.png"]
+    # A browser draws page.png, and studies.best_flights best_flights.png.
+    others = ["best_flights.png", "page.png"]
     assert sorted(path.name for path in folder.glob("*.png")) == sorted([*drawn, *others])
     for name in drawn:
         one = imread(folder / name)

@@ -1,0 +1,319 @@
+"""The timed jobs: name -> function of `quick`, which returns comparisons."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import io
+import os
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import hfa
+from benchmarks.report import Comparison, in_turn
+from hfa.main import main
+from hfa.paper import level_flight, published_game
+from hfa_support.native.bound import BoundFunction
+
+# python-control counts imposed states as constraints and warns of too many.
+warnings.filterwarnings("ignore", "number of constraints", UserWarning)
+
+ROOT = Path(__file__).parents[1]
+CONTROL = "python-control find_operating_point + linearize, same compiled equations"
+#: Imposed in the straight flight of the F-16. Five unknowns remain of the 12 in a turn.
+_AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rudder")
+
+
+def start(quick: bool) -> list[Comparison]:
+    """Return comparisons of commands, in new processes, with `import control`."""
+    variables = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    run = partial(subprocess.run, check=True, stdout=subprocess.DEVNULL, env=variables)
+    command = str(Path(sys.executable).with_name("hfa"))
+    gain = Path(tempfile.mkdtemp()) / "K.npz"
+    run((command, "solve", "--dihedral", "15", "-o", str(gain)))
+    return [
+        in_turn(
+            f"`hfa {' '.join(words).replace(str(gain), gain.name)}`, new process",
+            '`python -c "import control"`',
+            goal,
+            partial(run, (command, *words)),
+            partial(run, (sys.executable, "-c", "import control")),
+            rounds=1 if quick else 5,
+        )
+        for words, goal in (
+            (("--help",), 1.0),
+            (("trim", "--dihedral", "15"), 1.0),
+            (("linearize", "--dihedral", "15"), 1.0),
+            (("verify", "--dihedral", "15", "--weights", str(gain)), 1.0),
+        )
+    ]
+
+
+def control_points(condition: hfa.TrimCondition) -> Callable[[str, Sequence[float]], list[Any]]:
+    """Return a function that trims and linearizes an aircraft with python-control.
+
+    The function (name, values of this variable) returns (operating point, linear model) at each
+    value. Each search starts from the preceding operating point. CasADi evaluates the equations.
+
+    condition: trim condition of the aircraft
+    """
+    import control
+
+    model = condition.model
+    states, inputs = list(model.states), list(model.inputs)
+    imposed_outputs = [name for name in condition.imposed if name in model.outputs]
+    unknowns = len(states) + len(inputs) + len(imposed_outputs) - len(condition.imposed)
+    is_square = unknowns == len(condition.rates) + len(imposed_outputs)
+    first = hfa.trim(model, condition)
+    system = control.nlsys(
+        _evaluated(model, ()),
+        _evaluated(model, tuple(imposed_outputs)),
+        states=len(states),
+        inputs=len(inputs),
+        outputs=len(imposed_outputs),
+    )
+
+    def points(varied: str, values: Sequence[float]) -> list[Any]:
+        x, u = np.array(first.states), np.array(first.inputs)
+        found = []
+        for value in values:
+            imposed = {**condition.imposed, varied: value}
+            if varied in states:
+                x[states.index(varied)] = value
+            point = control.find_operating_point(
+                system,
+                x,
+                u,
+                [imposed[name] for name in imposed_outputs],
+                state_indices=[states.index(name) for name in imposed if name in states],
+                input_indices=[inputs.index(name) for name in imposed if name in inputs],
+                deriv_indices=[states.index(name) for name in states if name in condition.rates],
+                root_method="hybr" if is_square else "lm",
+            )
+            x, u = np.array(point.states), np.array(point.inputs)
+            found.append((point, control.linearize(system, x, u)))
+        return found
+
+    return points
+
+
+def _evaluated(model: hfa.Model, outputs: tuple[str, ...]) -> Callable[..., np.ndarray]:
+    """Return the rates of a model, or these outputs, as a function (t, x, u, params)."""
+    vectors = model.layout.symbols("x", "u", "p")
+    parts = model.layout.expressions([ca.vertsplit(each) for each in vectors], outputs)
+    function = BoundFunction(ca.Function("peer", vectors, [parts[len(outputs) > 0]]))
+    function.inputs[2][:] = model.p
+
+    def at(t: float, x: np.ndarray, u: np.ndarray, params: Any) -> np.ndarray:
+        function.inputs[0][:], function.inputs[1][:] = x, u
+        function()
+        return function.results[0].copy()
+
+    return at
+
+
+def one_trim(quick: bool) -> list[Comparison]:
+    """Return the comparison of one trim and its linear model with python-control."""
+    condition = level_flight(np.radians(10.0))
+    model, peer = condition.model, control_points(condition)
+
+    def ours() -> None:
+        for _ in range(100):
+            hfa.linearize(model, hfa.trim(model, condition))
+
+    job = "one trim and its exact A, B, from Python"
+    theirs = partial(peer, "dihedral", [np.radians(10.0)] * 20)
+    return [in_turn(job, CONTROL, 4.0, ours, theirs, (100, 20), 1 if quick else 7)]
+
+
+def sweeps(quick: bool) -> list[Comparison]:
+    """Return comparisons of trims and linear models at many points with python-control."""
+    f16 = hfa.load_model(f"{ROOT}/examples/f16.py:F16")
+    usual = hfa.TrimCondition(f16, f16.trim)
+    kept = {n: v for n, v in usual.imposed.items() if n in f16.variables or n == "gamma"}
+    steady = dict.fromkeys(("speed", "alpha", "pitch_rate", "power"), 0.0)
+    ahead = hfa.TrimCondition(f16, kept | dict.fromkeys(_AHEAD, 0.0), steady)
+    degrees = np.pi / 180.0
+    cases = [
+        ("dihedral angles of the HFA", level_flight(0.0), "dihedral", 0.0, 20.0 * degrees, 20.0),
+        ("points of an F-16 with 5 unknowns", ahead, "speed", 300.0, 700.0, 30.0),
+        ("points of an F-16 with 12 unknowns", usual, "turn_rate", 0.0, 0.2, 12.0),
+    ]
+    if importlib.util.find_spec("jsbsim") is not None:
+        boeing = hfa.load_model("jsbsim:737")
+        condition = hfa.TrimCondition(boeing, boeing.trim)
+        cases.append(("speeds of the 737 of JSBSim", condition, "speed", 460.0, 640.0, 20.0))
+    return [_sweep(quick, *case) for case in cases]
+
+
+def _sweep(
+    quick: bool,
+    job: str,
+    condition: hfa.TrimCondition,
+    name: str,
+    low: float,
+    high: float,
+    goal: float,
+) -> Comparison:
+    count, peer_count = (500, 2) if quick else (10_000, 50)
+    values = np.linspace(low, high, count)
+
+    def ours() -> None:
+        swept = hfa.sweep(condition.model, {name: values}, condition=condition)
+        assert swept.trimmed.all()
+
+    theirs = partial(control_points(condition), name, np.linspace(low, high, peer_count).tolist())
+    rounds = 1 if quick else 5
+    return in_turn(f"{count} {job}", CONTROL, goal, ours, theirs, (count, peer_count), rounds)
+
+
+def random_game(states: int, seed: int) -> hfa.Game:
+    """Return a game with random stable A and delta 10 times the scale of B."""
+    random = np.random.default_rng(seed)
+    A = random.standard_normal((states, states)) / np.sqrt(states) - np.eye(states)
+    B = random.standard_normal((states, 2))
+    E = random.standard_normal((states, 2))
+    return hfa.Game(A=A, B=B, E=E, Q=np.eye(states), R=np.eye(2), delta=20.0 * np.sqrt(states))
+
+
+def schur(game: hfa.Game) -> np.ndarray:
+    """Return P (n, n) of a game by SciPy's ordered Schur form, without a certificate."""
+    from scipy.linalg import schur as ordered
+
+    n = len(game.A)
+    S = game.B @ np.linalg.solve(game.R, game.B.T) - game.E @ game.E.T / game.delta**2
+    Z = ordered(np.block([[game.A, -S], [-game.Q, -game.A.T]]), "real", sort="lhp")[1]
+    return np.asarray(np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T)
+
+
+def games(quick: bool) -> list[Comparison]:
+    """Return comparisons of certified solutions of games with SciPy's Schur form alone."""
+    found = []
+    for states, slower in (
+        ((6, 25.0),) if quick else ((6, 25.0), (24, 20.0), (48, 15.0), (96, 15.0))
+    ):
+        drawn = [random_game(states, seed) for seed in range(2 if quick else 480 // states)]
+        np.testing.assert_allclose(hfa.solve(drawn[0]).P, schur(drawn[0]), rtol=1e-6, atol=1e-8)
+        found.append(
+            in_turn(
+                f"one certified game of {states} states",
+                "SciPy schur of the Hamiltonian, no certificate",
+                1.0 / slower,
+                lambda drawn=drawn: [hfa.solve(game) for game in drawn],  # type: ignore[misc]
+                lambda drawn=drawn: [schur(game) for game in drawn],  # type: ignore[misc]
+                (len(drawn), len(drawn)),
+                1 if quick else 5,
+            )
+        )
+    return found
+
+
+def environment(quick: bool) -> list[Comparison]:
+    """Return the comparison of an environment of JSBSim's c172p with JSBSim."""
+    if importlib.util.find_spec("jsbsim") is None:
+        return []
+    import jsbsim
+
+    model, frames, steps = hfa.load_model("jsbsim:c172p"), 6, 5 if quick else 100
+    simulator = jsbsim.FGFDMExec(str(Path(jsbsim.__file__).parent))
+    simulator.set_debug_level(0)
+    simulator.load_model("c172p")
+    simulator.set_dt(1.0 / 120.0)
+    for name, value in {"h-sl-ft": 5000.0, "vc-kts": 80.0}.items():
+        simulator[f"ic/{name}"] = value
+    simulator.run_ic()
+
+    def theirs() -> None:
+        simulator.reset_to_initial_conditions(0)
+        for _ in range(20 * steps * frames):
+            simulator.run()
+
+    episodes = hfa.environment(model, dt=frames / 120.0)
+    still = np.zeros(episodes.action_space.shape)
+
+    def ours() -> None:
+        for _ in range(5):
+            episodes.reset()
+            for _ in range(steps):
+                episodes.step(still)
+
+    job = "a step of 50 ms of an environment of the c172p"
+    peer = "FGFDMExec.run of JSBSim, 6 a step"
+    units = (5.0 * steps, 20.0 * steps)
+    return [in_turn(job, peer, 2.0, ours, theirs, units, 1 if quick else 5)]
+
+
+def flight(quick: bool) -> list[Comparison]:
+    """Return the comparison of a flight of the HFA under its exact policy with SciPy."""
+    from scipy.integrate import solve_ivp
+
+    model = hfa.aircraft()
+    point = hfa.trim(model)
+    solution = hfa.solve(published_game(hfa.linearize(model, point)))
+    K = np.pad(solution.K, ((0, 0), (0, len(model.states) - solution.K.shape[1])))
+    seconds = 0.2 if quick else 2.0
+    rates = _evaluated(model, ())
+    rest, still = np.array(point.states), np.array(point.inputs)
+    start = rest.copy()
+    start[list(model.states).index("speed")] += 3.0
+
+    def theirs() -> None:
+        def closed(t: float, x: np.ndarray) -> np.ndarray:
+            return rates(t, x, still - K @ (x - rest), None)
+
+        assert solve_ivp(closed, (0.0, seconds), start, max_step=0.01, rtol=1e-6).success
+
+    ours = partial(hfa.fly, model, point, solution, seconds=seconds, initial={"speed": 3.0})
+    job = f"{seconds:g} s of flight of the HFA under its exact policy"
+    peer = "SciPy solve_ivp (RK45), same compiled equations"
+    return [in_turn(job, peer, 1.0, ours, theirs, rounds=1 if quick else 5)]
+
+
+def predictive(quick: bool) -> list[Comparison]:
+    """Return the time of a sample of the predictive policy of the HFA, and the sample time."""
+    model = hfa.aircraft()
+    point = hfa.trim(model)
+    policy = hfa.predictive(model, point)
+    states = np.array(point.states) + 0.02 * np.array([s.nominal for s in model.states.values()])
+
+    def ours() -> None:
+        policy.reset()
+        for k in range(2 if quick else 20):
+            policy(k * policy.dt, states)
+
+    units = (2.0 if quick else 20.0, 1.0)
+    rounds = 1 if quick else 5
+    job = "a sample of the predictive policy of the HFA"
+    return [in_turn(job, "its sample time", 1.0, ours, policy.dt, units, rounds)]
+
+
+def proof(quick: bool) -> list[Comparison]:
+    """Return the time of the proof of a region of attraction, and a goal."""
+    aircraft = ROOT / "examples" / ("pendulum.py:VAN_DER_POL" if quick else "gtm.py:GTM")
+
+    def ours() -> None:
+        with contextlib.redirect_stdout(io.StringIO()):
+            assert main(["prove", "region", "--aircraft", str(aircraft)]) == 0
+
+    return [in_turn("proved region of the GTM", "a goal of 30 s", 1.0, ours, 30.0, rounds=1)]
+
+
+JOBS = {
+    "start": start,
+    "trim": one_trim,
+    "sweeps": sweeps,
+    "games": games,
+    "environment": environment,
+    "flight": flight,
+    "predictive": predictive,
+    "proof": proof,
+}
