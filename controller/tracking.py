@@ -267,12 +267,12 @@ def tracked(
 
     Raises BadInputError unless A - B K is Hurwitz.
     """
+    exact = feedforward(game, P, reference)
     abscissa = loop_abscissa(game, K)
     if abscissa >= 0.0:
         raise BadInputError(
             f"tracking: A - B K has abscissa {abscissa:+.4g} 1/s; give a K that stabilizes the game"
         )
-    exact = feedforward(game, P, reference)
     return Tracking(exact, K, duration, _commanded_trims(linear, reference, duration))
 
 

@@ -62,6 +62,7 @@ def with_tracking(
         return report
     if named.linear is None:
         raise BadInputError("--reference requires an aircraft; remove --model and --design")
+    named.game.refuse_steps("--reference")
     abscissa = loop_abscissa(named.game, K)
     if abscissa >= 0.0:
         said = f"Tracking: no late errors, A - B K has abscissa {abscissa:+.4g} 1/s"
