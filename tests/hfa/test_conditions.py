@@ -10,9 +10,6 @@ import pytest
 import zarr
 from cli import answer, assert_refused, hfa
 
-from hfa import BadInputError, load_model
-from hfa.options.ranges import value_range
-
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
@@ -83,13 +80,15 @@ def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
 
 def test_ranges_and_lists_have_units() -> None:
     """Each number of a range or a list may have a unit. The three numbers have the same one."""
-    model = load_model(str(Path(__file__).parents[2] / "examples" / "uav.toml"))
+    words = ("sweep", "--aircraft", str(EXAMPLES / "uav.toml"), "--hold")
     knot = 1852.0 / 3600.0
-    steps = value_range(model, "speed", "60kt:80kt:10kt")
-    assert (steps.start, steps.step, steps.count) == pytest.approx((60 * knot, 10 * knot, 3))
-    assert value_range(model, "speed", "60kt,20") == pytest.approx((60 * knot, 20.0))
-    with pytest.raises(BadInputError, match="give all three numbers in the same unit"):
-        value_range(model, "speed", "60:80:10kt")
+    for typed, speeds in (
+        ("speed=60kt:80kt:10kt", [60 * knot, 70 * knot, 80 * knot]),
+        ("speed=60kt,35", [60 * knot, 35.0]),
+    ):
+        values = answer(*words, typed)["values"]
+        assert [row[0] for row in values] == pytest.approx(speeds)
+    assert_refused(hfa(*words, "speed=60:80:10kt"), 2, "all three numbers in the same unit")
 
 
 @pytest.mark.slow

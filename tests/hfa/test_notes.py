@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
+import time
 
 import pytest
 from cli import Terminal, hfa
 
 from hfa.extend import ProgressLine
-from hfa.options import output
 
 
 def test_quiet_suppresses_all_but_errors() -> None:
@@ -54,7 +54,7 @@ def test_a_run_of_a_minute_is_announced_once(
     """
     clock = iter(range(0, 1000, 2))
     # A simulated clock replaces minutes of waiting.
-    monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr(time, "monotonic", lambda: float(next(clock)))
     long = ProgressLine("fly")
     short = ProgressLine("fly")
     for done in range(1, 10):
