@@ -30,7 +30,6 @@ class SampledPolicy(Policy):
     delay: time from a sample until its command acts, s
     """
 
-    is_held = True
     predicts = False
 
     point: OperatingPoint
