@@ -127,8 +127,11 @@ class RungeKutta(_OneFlight):
         h = seconds / self._parts
         x = ca.DM(state[0])
         for part in range(self._parts):
-            t = time + part * h
-            x = rk4(lambda y, c, t=t: self._rate(t + c * h, y, held[0]), x, h)
+
+            def rate(y: Any, c: float, t: float = time + part * h) -> Any:
+                return self._rate(t + c * h, y, held[0])
+
+            x = rk4(rate, x, h)
         return np.array(x).reshape(1, -1)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -240,9 +241,9 @@ class Flights:
 
     def _figures(self, flight: SimulatedFlight) -> Figures:
         """Return the figures that must not depend on the integration step."""
-        figures = {}
+        figures: dict[str, tuple[float, float]] = {}
         if flight.converges:
-            figures["the cost"] = (flight.cost, np.finfo(float).tiny)
+            figures["the cost"] = (flight.cost, sys.float_info.min)
         if flight.departure is not None:
             figures["the time of the departure"] = (flight.departure.time, self.tick)
         return figures

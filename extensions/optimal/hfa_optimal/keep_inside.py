@@ -58,7 +58,8 @@ class KeptInside(Policy):
         acts, and its inputs.
         """
         problem, filtered = self.problem, self.filter
-        policy_held = self.policy.sampler() or (lambda tick, _: self.policy.held_inputs(tick))
+        own = self.policy
+        policy_held = own.sampler() or (lambda k, _: own.held_inputs(k, k * self.tick))
         command = BoundFunction(self._command())
         under_way = CommandsUnderWay(filtered.model)
         calm = np.zeros(filtered.model.disturbances)

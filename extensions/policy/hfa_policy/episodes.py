@@ -119,7 +119,7 @@ class Episodes:
             deployed,
             deployed.deployment.dt,
             deployed.deployment.delay,
-            parts_of_a_sample(self.points, deployed.deployment.dt, self._boxes),
+            parts_of_a_sample(self.points, deployed.deployment.dt, [*self._boxes]),
             moves=_moved_by_actions(deployed, self.low, self.high),
             winds=() if self._air is None else self._air.names,
         )

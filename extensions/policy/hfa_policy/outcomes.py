@@ -436,7 +436,7 @@ class PlacedFlights:
             if other is not None and not _is_same(other, place, self.linear):
                 there = other.states[self.linear]
                 at = np.all(np.abs(here - there[place.decisive]) <= ball, axis=1)
-            if at[0]:
+            if other is not None and at[0]:
                 count += int(at.sum())
                 if not first:
                     model = place.point.model
