@@ -1,6 +1,6 @@
 """The `unsteady` dynamics: the mechanics of `newton` with unsteady and finite-span air loads.
 
-The report of 2011 omits these loads. `docs/validity.md` describes them. Each effect has a
+The report of 2011 omits these loads. `docs/trim.md` describes them. Each effect has a
 parameter: 1 is the full effect, and 0 switches it off. With all effects at 0, the rates equal
 those of `newton`.
 

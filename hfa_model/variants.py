@@ -16,7 +16,7 @@ of one panel.
 | cos-term of the hinge inertia | +(m s²/6) cos(η²) | -(m s²/6) cos² η |
 
 The two terms in η' differ because `published` neglects the motion of the hinge
-(`docs/dynamics.md`).
+(`docs/trim.md`).
 """
 
 from __future__ import annotations

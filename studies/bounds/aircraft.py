@@ -9,7 +9,7 @@ from typing import Any
 
 import hfa
 
-_TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial.md"
+_TUTORIAL = Path(__file__).parents[2] / "docs" / "aircraft.md"
 
 
 def van_der_pol(x: Any, u: Any, p: Any, w: Any) -> Any:

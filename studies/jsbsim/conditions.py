@@ -1,7 +1,7 @@
 """Trims in climb, descent, turn, sideslip and glide, for three aircraft each, evaluated in JSBSim.
 
 A second table shows how JSBSim's rotating, flattened earth changes a level trim. The command
-`python -m studies.jsbsim.conditions` prints both as tables of docs/jsbsim.md.
+`python -m studies.jsbsim.conditions` prints both as tables of docs/aircraft.md.
 """
 
 from __future__ import annotations

@@ -149,7 +149,7 @@ def is_slow(path: Path) -> bool:
 
 
 #: Documents whose blocks run in the fast tests; those of the others take longer.
-FIRST = ("README", "tutorial", "python")
+FIRST = ("README", "aircraft", "python")
 CASES = [
     *(
         pytest.param(path, False, id=path.stem, marks=[pytest.mark.slow] * (path.stem not in FIRST))

@@ -81,7 +81,7 @@ def test_the_region_of_the_tutorials_navion_is_proved(tmp_path: Path) -> None:
     """The region of the tutorial's Navion is proved within its limits, and 1,000 flights from it
     converge.
     """
-    page = (ROOT / "docs" / "tutorial.md").read_text()
+    page = (ROOT / "docs" / "aircraft.md").read_text()
     (source,) = re.findall(r"```python\n(# navion\.py\n.*?)```", page, re.DOTALL)
     (tmp_path / "navion.py").write_text(source)
     aircraft = f"{tmp_path / 'navion.py'}:NAVION"
