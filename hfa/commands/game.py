@@ -11,11 +11,12 @@ from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import whole
 from hfa.options.game import CONTINUOUS, GameGiven, NamedGame
 from hfa.options.output import Output, ProgressLine, picture_option
-from hfa.options.part import OfModel, option, part
+from hfa.options.part import OfModel, is_installed, option, part
 from hfa.options.reference import reference_option, with_tracking
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
 from hfa_aircraft.waveform import Waveform
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.results import Matrix, Result, given
 
@@ -64,7 +65,7 @@ class GameRequest(Request):
 
     aircraft: Aircraft = part(Aircraft)
     trim: Trim = part(Trim)
-    game: DesignedGame = part(DesignedGame)
+    game: GameGiven = part(GameGiven)
 
     def named_game(self, read: dict[str, Any] | None = None) -> NamedGame:
         """Return the game that the options define, in continuous or discrete time.
@@ -78,6 +79,7 @@ class GameRequest(Request):
 class SolveRequest(GameRequest):
     """Options of `hfa solve`."""
 
+    game: DesignedGame = part(DesignedGame)
     output: Output = part(
         Output,
         picture=picture_option("with --order: errors of V2 to VD over the distance from the trim"),
@@ -124,14 +126,17 @@ def solve(request: SolveRequest) -> int:
                 ("Q", "R"),
                 "does not apply to a generalized plant; define the cost by C1 and D12",
             )
-            from controller.plant.plant_report import solved_plant
+            if not is_installed("hfa_design"):
+                raise BadInputError(
+                    f"{plant} is a generalized plant, which requires the package hfa_design; "
+                    "install this package"
+                )
+            from hfa_design.plant.plant_report import solved_plant
 
             report = solved_plant(plant, arrays, request.game.weights.delta)
             request.show(report, notes=report.data["warnings"])
             return 0
     named = request.named_game(arrays)
-    if named.game.is_discrete:
-        request.refuse(("draws",), CONTINUOUS)
     with named.asking_for_time():
         solution = gare.solve(named.game, ProgressLine("solve"))
         solved = solution.report()

@@ -14,7 +14,7 @@ from game_files import SMALL, stored
 from known_models import model_at
 
 import hfa
-from controller import GeneralizedPlant, basis
+from controller import basis
 from controller.critic.critic import from_parts, from_q_function, polynomial_policy
 from controller.critic.critic_file import critic_in
 from controller.critic.reading import Reading
@@ -35,12 +35,6 @@ pytestmark = pytest.mark.usefixtures("folder")
 GAME = Game(**SMALL)
 STEP = in_steps(replace(GAME, A=0.2 * GAME.A))
 CROSSED = replace(GAME, N=[[0.1], [0.2]])
-
-
-def plant(**changes: Any) -> GeneralizedPlant:
-    parts = {"A": [[1.0]], "B1": [[1.0, 0.0]], "B2": [[1.0]], "C1": [[1.0], [0.0]]}
-    parts |= {"D12": [[0.0], [1.0]], "C2": [[1.0]], "D21": [[0.0, 1.0]]}
-    return GeneralizedPlant(**(parts | changes))
 
 
 def of_file(**content: Any) -> Any:
@@ -84,10 +78,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "columns of steps": (
         lambda: learn_steps(STEP, steps=Steps(*(np.ones((9, k)) for k in (2, 1, 2, 2)))),
         "the steps have 5 columns of x, u and w, but the game requires 4",
-    ),
-    "no input": (
-        lambda: plant(B2=np.zeros((1, 0)), D12=np.zeros((2, 0))),
-        "the plant has no state or no input u",
     ),
 }  # fmt: skip
 

@@ -46,7 +46,6 @@ BREACHES = {
     },
     "Games:": {
         "controller/game/basis.py": "controller.riccati.gare",
-        "controller/riccati/cost.py": "controller.plant.generalized_plant",
     },
     "What learns knows critics": {"controller/game/weights.py": "controller.critic.critic"},
     "Nonlinear games": {"controller/riccati/meaning.py": "controller.expansion.series"},

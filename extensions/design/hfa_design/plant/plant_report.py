@@ -9,7 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from controller.plant.generalized_plant import (
+from controller.riccati.balancing import is_hurwitz, spectrum
+from controller.riccati.certificate import Certificate
+from controller.riccati.smallest_delta import DeltaMin
+from hfa_design.plant.generalized_plant import (
     GeneralizedPlant,
     OutputFeedback,
     StateFeedback,
@@ -17,9 +20,6 @@ from controller.plant.generalized_plant import (
     solve_plant,
     stored_plant,
 )
-from controller.riccati.balancing import is_hurwitz, spectrum
-from controller.riccati.certificate import Certificate
-from controller.riccati.smallest_delta import DeltaMin
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, Roots, given

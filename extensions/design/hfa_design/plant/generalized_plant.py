@@ -18,8 +18,6 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game, check_definite
-from controller.plant.plant_axes import Axes
-from controller.plant.plant_side import Side
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_solution
 from controller.riccati.delta_search import Answer, smallest_delta
@@ -33,6 +31,8 @@ from controller.riccati.frequency_response import (
 from controller.riccati.normal_form import RANK, NormalForm
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_aircraft.readers.matrices_file import entries_of, one_number
+from hfa_design.plant.plant_axes import Axes
+from hfa_design.plant.plant_side import Side
 from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import (

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.plant.feedthrough import without_feedthrough
 from controller.riccati.normal_form import RANK
+from hfa_design.plant.feedthrough import without_feedthrough
 
 
 class Reduced(NamedTuple):

@@ -25,19 +25,20 @@ from reference_riccati import reference_solution, relative_error
 from servo_cases import simvfa_design
 from tolerances import SAME_FORMULA, TWO_BRACKETS
 
-from controller import GeneralizedPlant, minimum_delta, solve_plant
-from controller.plant import generalized_plant
-from controller.plant.generalized_plant import (
+from controller import minimum_delta
+from controller.riccati.smallest_delta import DeltaMin
+from hfa import BadInputError, Game, NoSolutionError, solve
+from hfa_aircraft.model import Model
+from hfa_design import GeneralizedPlant, solve_plant
+from hfa_design.design_model import design_model
+from hfa_design.plant import generalized_plant
+from hfa_design.plant.generalized_plant import (
     _response_difference,
     central_controller,
     closed_plant,
     stored_plant,
 )
-from controller.plant.plant_report import solution_of_plant
-from controller.riccati.smallest_delta import DeltaMin
-from hfa import BadInputError, Game, NoSolutionError, solve
-from hfa_aircraft.model import Model
-from hfa_design.design_model import design_model
+from hfa_design.plant.plant_report import solution_of_plant
 from hfa_support.reporting.text import eigenvalue_text
 
 DOUBLE = {"A": [[0.0, 1.0], [0.0, 0.0]], "B1": [[0.0, 0.0], [1.0, 0.0]], "B2": [[0.0], [1.0]]}

@@ -11,10 +11,10 @@ from numpy.random import Generator
 from plant_references import gain_of, of_slycot
 from strategies import in_coordinates, turn
 
-from controller import solve_plant
-from controller.plant.generalized_plant import GeneralizedPlant
 from controller.riccati.smallest_delta import DeltaMin
 from hfa import NoSolutionError
+from hfa_design import solve_plant
+from hfa_design.plant.generalized_plant import GeneralizedPlant
 
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning")
 #: A search ends within 2.5e-7, and so does SB10AD's if its loop attains the gain that it reports.
