@@ -118,7 +118,7 @@ class Model(Reported):
     [[0.0], [0.5]]
     """
 
-    how_to_make: ClassVar[str] = "hfa.load_model(FILE)"
+    _how_to_make: ClassVar[str] = "hfa.load_model(FILE)"
 
     name: str
     states: Mapping[str, Signal]

@@ -39,10 +39,10 @@ def checks_arguments(public: Public) -> Public:
     """Return a function or class whose missing and unknown arguments raise BadInputError.
 
     The message names the arguments, the nearest one to an unknown name, and for a class with the
-    attribute `how_to_make` what to write instead.
+    attribute `_how_to_make` what to write instead.
     """
     if isinstance(public, type):
-        how = getattr(public, "how_to_make", "")
+        how = getattr(public, "_how_to_make", "")
         public.__init__ = _named(public.__init__, public.__name__, how)  # type: ignore[misc]  # of a class
         return public
     return cast(Public, _named(public, public.__name__))

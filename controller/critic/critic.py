@@ -61,7 +61,7 @@ class Critic(Reported):
     (True, [[2.5]])
     """
 
-    how_to_make: ClassVar[str] = (
+    _how_to_make: ClassVar[str] = (
         "from_gain(game, K), from_value(game, P), from_weights(game, W), from_network, run.critic"
     )
 
@@ -212,7 +212,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     >>> hfa.verify(game, hfa.from_gain(game, [[0.5]])).ok
     False
     """
-    need(game, Game, "from_gain: game", Game.how_to_make)
+    need(game, Game, "from_gain: game", Game._how_to_make)
     return Critic(game.checked_gain(K))
 
 
@@ -232,7 +232,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     >>> hfa.from_value(game, [[3.0]]).K.tolist()
     [[3.0]]
     """
-    need(game, Game, "from_value: game", Game.how_to_make)
+    need(game, Game, "from_value: game", Game._how_to_make)
     P = numbers_in("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
@@ -439,7 +439,7 @@ def from_weights(
     >>> hfa.from_weights(game, [3.0]).K.tolist()
     [[3.0]]
     """
-    need(game, Game, "from_weights: game", Game.how_to_make)
+    need(game, Game, "from_weights: game", Game._how_to_make)
     weights = numbers_in("W", weights)
     n = len(game.A)
     if not is_finite(constant):

@@ -237,7 +237,7 @@ def expand(linear: LinearModel, solution: Solution, order: int, share: float = S
     >>> expansion.weights.shape, expansion.residual < 1e-12
     ((77,), True)
     """
-    need(linear, LinearModel, "expand: linear", LinearModel.how_to_make)
+    need(linear, LinearModel, "expand: linear", LinearModel._how_to_make)
     need(solution, Solution, "expand: solution", "a solution: hfa.solve(game)")
     _check_order(len(solution.P), order)
     if not (is_finite(share) and 0.0 < share < 1.0):

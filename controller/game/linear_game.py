@@ -48,7 +48,7 @@ def game(
     >>> hfa.game(linear, Q={"speed": 0.01}, R=np.ones(5)).Q.diagonal().tolist()
     [0.01, 0.0, 0.0, 0.0, 0.0, 0.0]
     """
-    need(linear, LinearModel, "game: linear", LinearModel.how_to_make)
+    need(linear, LinearModel, "game: linear", LinearModel._how_to_make)
     if Q is None or R is None:
         raise BadInputError("game: Q or R is None; give weights: hfa.game(linear, Q, R, delta)")
     if E is None:

@@ -66,7 +66,7 @@ class Game(ByValue, Reported):
     [[0.75]]
     """
 
-    how_to_make: ClassVar[str] = (
+    _how_to_make: ClassVar[str] = (
         "hfa.game(linear, Q, R, delta) or hfa.Game(A=A, B=B, Q=Q, R=R, delta=delta)"
     )
 

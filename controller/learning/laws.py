@@ -65,7 +65,7 @@ def learn(
         run, H = learn_steps(game, seed, progress=progress)
         return replace(run, H=H)
     if pool is not None:
-        need(pool, Stack, "learn: pool", Stack.how_to_make)
+        need(pool, Stack, "learn: pool", Stack._how_to_make)
     if not game.without_cross_weights.Q.any():
         weight = "Q - N R^-1 N'" if game.N.any() else "Q"
         raise BadInputError(

@@ -33,7 +33,7 @@ class Stack(Reported):
     Raises BadInputError if the shapes differ or a number is not finite or too large.
     """
 
-    how_to_make: ClassVar[str] = "record(game, states) or random_pool(game, count, seed)"
+    _how_to_make: ClassVar[str] = "record(game, states) or random_pool(game, count, seed)"
 
     states: np.ndarray
     drifts: np.ndarray

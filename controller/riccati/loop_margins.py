@@ -96,7 +96,7 @@ def margins(linear: LinearModel, K: ArrayLike) -> dict[str, LoopMargin]:
     >>> round(hfa.margins(linear, [[2.0]])["u1"].phase, 4)
     90.0
     """
-    need(linear, LinearModel, "margins: linear", LinearModel.how_to_make)
+    need(linear, LinearModel, "margins: linear", LinearModel._how_to_make)
     n = len(linear.states)
     m = len(linear.inputs)
     plant = Game(A=linear.A, B=linear.B, Q=np.eye(n), R=np.eye(m))

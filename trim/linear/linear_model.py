@@ -68,7 +68,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     (True, (6, 6), (6, 5))
     """
 
-    how_to_make: ClassVar[str] = (
+    _how_to_make: ClassVar[str] = (
         "hfa.linearize(model, point), or of matrices hfa.LinearModel.of(A, B, C, D)"
     )
     schema = "hfa.linear-model/1"

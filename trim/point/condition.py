@@ -48,7 +48,7 @@ class TrimCondition:
     ('throttle', 'aileron_outer', 'elevator_center', 'elevator_outer')
     """
 
-    how_to_make: ClassVar[str] = "TrimCondition(model, {name: value}), or say hold={name: value}"
+    _how_to_make: ClassVar[str] = "TrimCondition(model, {name: value}), or say hold={name: value}"
 
     model: Model = field(compare=False)
     imposed: Mapping[str, Any]
@@ -63,7 +63,7 @@ class TrimCondition:
         Raises BadInputError for a faulty field.
         """
         model = self.model
-        need(model, Model, "TrimCondition: model", Model.how_to_make)
+        need(model, Model, "TrimCondition: model", Model._how_to_make)
         need(self.imposed, Mapping, "TrimCondition: imposed", "{name: value}")
         if self.rates is None:
             vars(self)["rates"] = dict.fromkeys(model.steady, 0.0)
@@ -283,7 +283,7 @@ def release(
     Raises BadInputError for an unknown name, for a name that is both set free and held, and as
     `TrimCondition` does.
     """
-    need(condition, TrimCondition, "release: condition", TrimCondition.how_to_make)
+    need(condition, TrimCondition, "release: condition", TrimCondition._how_to_make)
     hold = hold or {}
     need(hold, Mapping, "release: hold", "{name: value}")
     need(free, (tuple, list), "release: free", "a tuple of names")

@@ -43,7 +43,7 @@ def linearize(
     >>> hfa.linearize(hfa.aircraft(), point).A.shape
     (6, 6)
     """
-    need(model, Model, "linearize: model", Model.how_to_make)
+    need(model, Model, "linearize: model", Model._how_to_make)
     need(point, OperatingPoint, "linearize: point", "a trim: hfa.trim(model)")
     for what, names in (("outputs", outputs), ("disturbances", disturbances)):
         if names is not None:

@@ -62,7 +62,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     (True, 'trimmed')
     """
 
-    how_to_make: ClassVar[str] = "trim(model)"
+    _how_to_make: ClassVar[str] = "trim(model)"
     schema = SCHEMA
 
     states: Record

@@ -98,9 +98,9 @@ def trim(
     >>> round(point["throttle"], 2)
     40.27
     """
-    need(model, Model, "trim: model", Model.how_to_make)
+    need(model, Model, "trim: model", Model._how_to_make)
     if condition is not None:
-        need(condition, TrimCondition, "trim: condition", TrimCondition.how_to_make)
+        need(condition, TrimCondition, "trim: condition", TrimCondition._how_to_make)
     if start is not None:
         need(start, OperatingPoint, "trim: start", "a trim: hfa.trim(model)")
     condition = condition or usual_condition(model)
@@ -189,6 +189,6 @@ def level_model(model: Model, scheduled: float) -> LinearModel:
     >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states
     ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
     """
-    need(model, Model, "level_model: model", Model.how_to_make)
+    need(model, Model, "level_model: model", Model._how_to_make)
     condition = usual_condition(model).at(hold={model.schedule: scheduled})
     return trim(model, condition).linearize()

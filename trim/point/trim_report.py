@@ -206,8 +206,8 @@ def trim_report(
         all outputs
     airplane: class and flight phase category for the levels; by default class I, category B
     """
-    need(model, Model, "trim_report: model", Model.how_to_make)
-    need(condition, TrimCondition, "trim_report: condition", TrimCondition.how_to_make)
+    need(model, Model, "trim_report: model", Model._how_to_make)
+    need(condition, TrimCondition, "trim_report: condition", TrimCondition._how_to_make)
     need(point, OperatingPoint, "trim_report: point", "a trim: hfa.trim(model)")
     margins = point.margins_under(condition)
     # Variables whose limits matter: free ones, and held inputs.

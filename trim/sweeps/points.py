@@ -89,9 +89,9 @@ def trim_points(
 
     Raises BadInputError for values of a wrong shape, and for an unknown name.
     """
-    need(model, Model, "trim_points: model", Model.how_to_make)
+    need(model, Model, "trim_points: model", Model._how_to_make)
     if condition is not None:
-        need(condition, TrimCondition, "trim_points: condition", TrimCondition.how_to_make)
+        need(condition, TrimCondition, "trim_points: condition", TrimCondition._how_to_make)
     if start is not None:
         need(start, OperatingPoint, "trim_points: start", "a trim: hfa.trim(model)")
     values = numbers_in("values", values)

@@ -574,11 +574,11 @@ def sweep(
     >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape
     (4, 6, 6)
     """
-    need(model, Model, "sweep: model", Model.how_to_make)
+    need(model, Model, "sweep: model", Model._how_to_make)
     if grid is not None:
         need(grid, Mapping, "sweep: grid", "{name: values}")
     if condition is not None:
-        need(condition, TrimCondition, "sweep: condition", TrimCondition.how_to_make)
+        need(condition, TrimCondition, "sweep: condition", TrimCondition._how_to_make)
     if start is not None:
         need(start, OperatingPoint, "sweep: start", "a trim: hfa.trim(model)")
     grid = {**(grid or {}), **columns}

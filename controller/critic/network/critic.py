@@ -63,7 +63,7 @@ def from_network(
     >>> hfa.from_network(game, V).P.diagonal().tolist()
     [3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
     """
-    need(game, Game, "from_network: game", Game.how_to_make)
+    need(game, Game, "from_network: game", Game._how_to_make)
     n, m = game.B.shape
     scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
     if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):

@@ -125,7 +125,7 @@ def fly(
     >>> hfa.fly(model, point, solution, 1.0, initial={"alpha": 0.01}).states.shape
     (1001, 7)
     """
-    need(model, Model, "fly: model", Model.how_to_make)
+    need(model, Model, "fly: model", Model._how_to_make)
     need(point, OperatingPoint, "fly: point", "a trim: hfa.trim(model)")
     happens = _scenario_of_flight(
         model, Scenario() if scenario is None else scenario, seconds, initial

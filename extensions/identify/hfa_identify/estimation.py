@@ -85,7 +85,7 @@ def identify(
     >>> import hfa
     >>> found = hfa.identify(model, "flight.csv", ["Cm_q"])  # doctest: +SKIP
     """
-    need(model, Model, "identify: model", Model.how_to_make)
+    need(model, Model, "identify: model", Model._how_to_make)
     held = dict(hold or {})
     for name in held:
         refuse_unknown(

@@ -97,7 +97,7 @@ def optimize(
     >>> round(hfa.optimize(cart, point, {"position": 4.0}, minimize="time").seconds, 1)  # 2 sqrt(4)
     4.0
     """
-    need(model, Model, "optimize: model", Model.how_to_make)
+    need(model, Model, "optimize: model", Model._how_to_make)
     need(point, OperatingPoint, "optimize: point", "a trim: hfa.trim(model)")
     starts = (Mapping, OperatingPoint)
     need(initial, starts, "optimize: initial", "deviations {state: value}, or a trim")

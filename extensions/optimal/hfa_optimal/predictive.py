@@ -163,7 +163,7 @@ def predictive(
     >>> policy(0.0, [3.0]).round(3).tolist(), policy.dt  # as fast as the force permits
     ([-1.0], 0.1)
     """
-    need(model, Model, "predictive: model", Model.how_to_make)
+    need(model, Model, "predictive: model", Model._how_to_make)
     need(point, OperatingPoint, "predictive: point", "a trim: hfa.trim(model)")
     if dt is not None:
         refuse_unless_positive("dt", dt, " s")

@@ -225,7 +225,7 @@ def state_dependent(
     >>> bool(abs(policy.K - hfa.solve(game).K).max() < 1e-8)
     True
     """
-    need(model, Model, "state_dependent: model", Model.how_to_make)
+    need(model, Model, "state_dependent: model", Model._how_to_make)
     need(point, OperatingPoint, "state_dependent: point", "a trim: hfa.trim(model)")
     if dt is not None:
         refuse_unless_positive("dt", dt, " s")

@@ -84,7 +84,7 @@ def assess(
     >>> hfa.assess(hfa.aircraft(), deployment, [0.1], samples=0).points[0].holds
     True
     """
-    need(model, Model, "assess: model", Model.how_to_make)
+    need(model, Model, "assess: model", Model._how_to_make)
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
     if best is not None:

@@ -75,7 +75,7 @@ def environment(
     >>> observation.shape, flights.action_space.shape
     ((2,), (1,))
     """
-    need(model, Model, "environment: model", Model.how_to_make)
+    need(model, Model, "environment: model", Model._how_to_make)
     deployed = _deployment(model, deployment, dt, Q, R)
     episodes = _episodes(model, deployed, points, 1, seconds, turbulence, vary)
     make = _made(
@@ -112,7 +112,7 @@ def vector_environment(
     >>> flights = hfa.vector_environment(model, deployment, count=16)  # doctest: +SKIP
     >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
-    need(model, Model, "vector_environment: model", Model.how_to_make)
+    need(model, Model, "vector_environment: model", Model._how_to_make)
     deployed = _deployment(model, deployment, dt, Q, R)
     episodes = _episodes(model, deployed, points, count, seconds, turbulence, vary)
     module = "hfa_policy.vector_environment"

@@ -54,7 +54,7 @@ def prove_region(
     >>> import hfa
     >>> region = hfa.prove_region(model, point, K, seconds=60.0)  # doctest: +SKIP
     """
-    need(model, Model, "prove_region: model", Model.how_to_make)
+    need(model, Model, "prove_region: model", Model._how_to_make)
     need(point, OperatingPoint, "prove_region: point", "a trim: hfa.trim(model)")
     linear = point.linearize()
     point._refuse_other(model)

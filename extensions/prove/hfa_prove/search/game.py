@@ -425,7 +425,7 @@ def prove_critic(
     True
     """
     need(game, Game, "prove_critic: game", "a game: hfa.game(linear, Q, R, delta)")
-    need(critic, Critic, "prove_critic: critic", Critic.how_to_make)
+    need(critic, Critic, "prove_critic: critic", Critic._how_to_make)
     if critic.network:
         raise BadInputError(
             "the critic is a network, which a proof of a game does not support; give W, P or K"

@@ -54,7 +54,7 @@ class Deployed:
 
     def __post_init__(self) -> None:
         """Check every name of the deployment, its formulas and its cost."""
-        need(self.model, Model, "Deployed: model", Model.how_to_make)
+        need(self.model, Model, "Deployed: model", Model._how_to_make)
         with prefix_errors(self.deployment.origin):
             _ = self.observed
             for name in self.deployment.action:

@@ -96,7 +96,7 @@ class Deployment(Reported):
     (0.02, 0.0)
     """
 
-    how_to_make: ClassVar[str] = (
+    _how_to_make: ClassVar[str] = (
         "hfa.Deployment.load(FILE) or hfa.Deployment(policy, observation, action, timing)"
     )
 
