@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfa_optimal.holds import Hold
+from hfa_flight.hold import Hold
 from hfa_optimal.planner import Target
 from hfa_optimal.scaled import ScaledProblem
 
@@ -62,6 +62,21 @@ class EndLaw:
         most = np.maximum(above, _LEAST)
         least = np.minimum(below, -_LEAST)
         return bool(((moved <= most) & (moved >= least)).all())
+
+    def normalized_rows(self) -> np.ndarray:
+        """Return rows g such that the linear loop from z keeps the limits about the trim if
+        g z <= 1 for all of them, (rows, k).
+        """
+        k = len(self.K.T)
+        below, above = (
+            _WITHIN * np.concatenate([z_limit[:k], v_limit])
+            for z_limit, v_limit in zip(
+                self._scaled.state_limits, self._scaled.input_limits, strict=True
+            )
+        )
+        upper = self._rows / np.maximum(above, _LEAST)[:, None]
+        lower = self._rows / np.minimum(below, -_LEAST)[:, None]
+        return np.concatenate([upper, lower]).reshape(-1, k)
 
     def inputs(self, z: np.ndarray, target: Target) -> np.ndarray:
         """Return the inputs v, (m,), within their limits."""

@@ -165,6 +165,10 @@ class Flights:
         calm = self.scenario(self.tick)
         return self.compiled(policy, sampled_scenario(policy, calm, self.problem.point))
 
+    def of_policy(self, policy: Policy) -> CompiledLoop:
+        """Return the compiled loop of a policy with a timing of its own."""
+        return self.compiled(*policy.in_scenario(self.scenario(self.tick)))
+
     def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:
         """Return the compiled closed loop of a policy and the aircraft at the trim.
 

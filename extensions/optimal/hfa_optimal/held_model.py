@@ -115,7 +115,7 @@ class HeldModel:
 
     @cached_property
     def _slopes(self) -> BoundFunction:
-        """Machine code of (z (n, N), v (m, N), d) -> derivatives over each hold, (n, N (n + m))."""
+        """Machine code of (z (n, N), v (m, N), d) -> [z, S] after each hold, (n, N (1 + n + m))."""
         _, n, m = self.scaled.sizes
         _, _, d, _ = self._symbols()
         before = ca.MX.sym("before", n, len(self._parts))
@@ -130,12 +130,12 @@ class HeldModel:
         return BoundFunction(machine_code(function))
 
     def _held_slopes(self, parts: int) -> ca.Function:
-        """Return the function (z, v, d, seconds) -> S (n, n + m) after a hold."""
+        """Return the function (z, v, d, seconds) -> [z, S] (n, 1 + n + m) after a hold."""
         z, v, d, seconds = self._symbols()
         _, n, m = self.scaled.sizes
         begin = ca.horzcat(z, ca.DM.eye(n), ca.DM.zeros(n, m))
         after = self._held(self._step_slopes, parts)(begin, v, d, seconds)
-        return ca.Function(f"slopes_{parts}", [z, v, d, seconds], [ca.densify(after[:, 1:])])
+        return ca.Function(f"slopes_{parts}", [z, v, d, seconds], [ca.densify(after)])
 
     def _groups(self) -> list[tuple[int, int, int]]:
         """Return the number of steps, the first hold and the end of each run of equal numbers."""
@@ -178,12 +178,15 @@ class HeldModel:
             z = np.array(held[parts](z, inputs[-1], d, seconds)).ravel()
         return np.array(inputs)
 
-    def slopes_along(self, z: np.ndarray, v: np.ndarray, d: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the states after each hold by those before it and by the
-        inputs, (N, n, n + m).
+    def moved_along(
+        self, z: np.ndarray, v: np.ndarray, d: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states after each hold, (N, n), and their derivatives by those before it and
+        by the inputs, (N, n, n + m).
 
         z: states before each hold, (N, n)
         v: inputs during the holds, (N, m)
         """
-        (slopes,) = self._slopes.at(z.ravel(), v.ravel(), d)
-        return slopes.reshape(len(v), -1, z.shape[1]).transpose(0, 2, 1)
+        (columns,) = self._slopes.at(z.ravel(), v.ravel(), d)
+        both = columns.reshape(len(v), -1, z.shape[1]).transpose(0, 2, 1)
+        return both[:, :, 0], both[:, :, 1:]

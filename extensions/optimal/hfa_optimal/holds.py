@@ -1,9 +1,4 @@
-"""Linear-quadratic problems with held inputs, and the rule for the holds of a plan.
-
-Inputs are constant during a hold. z and v are deviations from the trim.
-
-Source: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395.
-"""
+"""Holds of a plan, chosen from the linear model, and the linear optimum over them."""
 
 from __future__ import annotations
 
@@ -13,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfa_flight.hold import Hold, hold_of
 from hfa_optimal.scaled import ScaledProblem
 from hfa_support.errors import BadInputError, NoSolutionError
 
@@ -31,73 +27,8 @@ _LAST = 4.0
 #: fastest growing pole of the aircraft. A plan is an open-loop flight, and errors grow with it.
 _LONG = 4.0
 _GROWING = 10.0
-#: Norm above which the exponential of a longer hold is computed by doubling a shorter hold.
-_SHORT = 0.5
 #: Sample times, s, the longest first.
 _SAMPLE_TIMES = tuple(a * 10.0**e for e in (0, -1, -2, -3, -4) for a in (5, 2, 1))
-
-
-class Hold(NamedTuple):
-    """Linear model and cost over one hold.
-
-      z⁺ = A z + B v,    ∫ z'Qz + v'Rv dt = [z; v]' W [z; v]
-
-    A: (n, n)
-    B: (n, m)
-    W: (n + m, n + m)
-    """
-
-    A: np.ndarray
-    B: np.ndarray
-    W: np.ndarray
-
-    def back(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the optimal gain K of the hold, v = -K z, and P before the hold.
-
-        P: matrix of the least cost z'Pz after the hold, (n, n)
-        """
-        n = len(self.A)
-        price = self.W[n:, n:] + self.B.T @ P @ self.B
-        K = np.linalg.solve(price, self.B.T @ P @ self.A + self.W[n:, :n])
-        before = self.W[:n, :n] + self.A.T @ P @ self.A - K.T @ price @ K
-        return K, 0.5 * (before + before.T)
-
-    def forever(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gain K and the matrix P of the optimum with equal holds for ever.
-
-        Raises NoSolutionError if the held model cannot be stabilized.
-        """
-        from scipy.linalg import LinAlgError, solve_discrete_are
-
-        n = len(self.A)
-        Q, N, R = self.W[:n, :n], self.W[:n, n:], self.W[n:, n:]
-        try:
-            P = solve_discrete_are(self.A, self.B, Q, R, s=N)
-        except (LinAlgError, ValueError) as error:
-            raise NoSolutionError(f"no linear optimum with held inputs: {error}") from error
-        return self.back(P)
-
-
-def hold_of(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, seconds: float) -> Hold:
-    """Return z' = A z + B v and ∫ z'Qz + v'Rv dt over a hold.
-
-    seconds: duration of the hold, s
-    """
-    from scipy.linalg import block_diag, expm
-
-    n, m = B.shape
-    rates = np.zeros((n + m, n + m))
-    rates[:n] = np.hstack([A, B])
-    size = float(np.abs(rates).sum(axis=1).max()) * seconds
-    doublings = max(0, math.ceil(math.log2(max(size, 1e-300) / _SHORT)))
-    of_both = np.block([[-rates.T, block_diag(Q, R)], [np.zeros_like(rates), rates]])
-    moved = expm(of_both * seconds / 2**doublings)
-    over = moved[n + m :, n + m :]
-    W = over.T @ moved[: n + m, n + m :]
-    for _ in range(doublings):
-        W = W + over.T @ W @ over
-        over = over @ over
-    return Hold(over[:n, :n], over[:n, n:], 0.5 * (W + W.T))
 
 
 class Grid(NamedTuple):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hfa_flight.hold import hold_of
 from hfa_optimal.held_model import HeldModel
-from hfa_optimal.holds import hold_of
 from hfa_optimal.scaled import ScaledProblem
 
 #: Fraction of the distance from trim to limit within which the next state must stay.
@@ -55,13 +55,14 @@ class OneSampleFilter:
         lowest, highest = self.model.scaled.input_limits
         n = len(z)
         for _ in range(_STEPS):
-            after = self.model.flown(z, v[None], self._no_disturbance)[1]
+            after, slopes = (
+                each[0] for each in self.model.moved_along(z[None], v[None], self._no_disturbance)
+            )
             excess = after[self._kept] - np.clip(after[self._kept], *self._limits)
             if not np.any(excess):
                 return v
             v = np.clip(v, lowest, highest)
-            by_inputs = self.model.slopes_along(z[None], v[None], self._no_disturbance)[0][:, n:]
-            for row, much in zip(by_inputs[self._kept], excess, strict=True):
+            for row, much in zip(slopes[self._kept, n:], excess, strict=True):
                 can_move = np.where(much * row > 0.0, v > lowest, v < highest)
                 move = self._squares * row * can_move
                 if move @ row > 0.0:

@@ -151,7 +151,7 @@ class Planner:
             plan.z - target.z,
             plan.v - target.v,
             self.P,
-            self.model.slopes_along(before, plan.v, d),
+            self.model.moved_along(before, plan.v, d)[1],
             (self._room[0] - soft, self._room[1] - soft),
             (lowest - plan.v, highest - plan.v),
         )

@@ -13,10 +13,11 @@ from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
+from hfa_flight.hold import hold_of
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_optimal.end_law import EndLaw
-from hfa_optimal.holds import grid_of, hold_of
+from hfa_optimal.holds import grid_of
 from hfa_optimal.planner import Planner
 from hfa_optimal.receding import RecedingHorizon, Samples
 from hfa_optimal.scaled import ScaledProblem
@@ -167,12 +168,6 @@ def predictive(
     need(point, OperatingPoint, "predictive: point", "a trim: hfa.trim(model)")
     if dt is not None:
         refuse_unless_positive("dt", dt, " s")
-    if not 0.0 <= margin < 1.0:
-        raise BadInputError(f"margin is {shown(margin)}; give a fraction from 0 to less than 1")
-    own = "" if estimate in (RATES, NOTHING) else estimate
-    if own and own not in model.disturbances:
-        names = ", ".join([RATES, NOTHING, *model.disturbances])
-        raise BadInputError(f"estimate is {shown(estimate)}; give one of {names}")
     problem = flight_problem(model, point, Q, R, inputs, limits)
     at_end = game(problem.linear, problem.Q, problem.R, delta=delta)
     return policy_of(problem, at_end, dt, horizon, margin, estimate)
@@ -189,8 +184,16 @@ def policy_of(
     """Return the predictive policy of a problem. The arguments are those of `predictive`.
 
     at_end: game whose P and K are at the end of a plan
+
+    Raises BadInputError for a wrong margin, estimate or horizon, and NoSolutionError if the game
+    has no solution.
     """
+    if not 0.0 <= margin < 1.0:
+        raise BadInputError(f"margin is {shown(margin)}; give a fraction from 0 to less than 1")
     own = "" if estimate in (RATES, NOTHING) else estimate
+    if own and own not in problem.model.disturbances:
+        names = ", ".join([RATES, NOTHING, *problem.model.disturbances])
+        raise BadInputError(f"estimate is {shown(estimate)}; give one of {names}")
     scaled = ScaledProblem(problem)
     grid = grid_of(scaled, dt, horizon)
     P, K = _end_of(scaled, grid.dt, at_end)

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfa_flight.hold import hold_of
 from hfa_optimal.commands_under_way import CommandsUnderWay
 from hfa_optimal.disturbance_estimate import DisturbanceEstimate
 from hfa_optimal.end_law import EndLaw
-from hfa_optimal.holds import hold_of
 from hfa_optimal.planner import Plan, Planner
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
@@ -78,6 +78,11 @@ class RecedingHorizon:
         self._seconds: list[float] = []
         self._refused = self._linear = 0
         self._radius: float | None = None
+
+    @property
+    def nominal_end(self) -> EndLaw:
+        """Linear policy near the trim."""
+        return self._nominal[1]
 
     @property
     def nominal_gain(self) -> np.ndarray:

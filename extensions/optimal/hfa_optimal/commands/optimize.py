@@ -26,6 +26,7 @@ from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
 from hfa_flight.needs import ALL, SHARE, needed_share
+from hfa_flight.policies.laws import LAWS, LawSettings, loaded
 from hfa_support.errors import BadInputError, prefix_errors
 from trim.point.linearize import linearize
 
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 
 _MOST_STARTS = 10_000
 #: Options that do not apply to the quickest flight.
-_OF_COST = ("starts", "need", "weights", "policy", "seconds", "bound")
+_OF_COST = ("starts", "need", "law", "weights", "policy", "seconds", "bound")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,12 +79,18 @@ class OptimizeRequest(Request):
     )
     need: Mapping[str, float] = option(
         "share of the initial conditions of --starts from which a flight is found and the "
-        "policies of --weights and --policy converge within limits, for exit code 0; default 1, "
-        "all",
+        "policies of --law, --weights and --policy converge within limits, for exit code 0; "
+        "default 1, all",
         f"{SHARE}=X",
         needed_share,
         named=True,
         rare=True,
+    )
+    law: str = option(
+        f"compare with a law that plans on the nonlinear model: {' or '.join(LAWS)}",
+        "NAME",
+        one_of(*LAWS),
+        default="",
     )
     weights: Path | None = option(
         "compare with the policy of this gain K, critic (W or P) or network", "FILE", critic_path
@@ -153,6 +160,7 @@ class OptimizeRequest(Request):
         """Return the loops of the policies to compare with the best flight.
 
         - the exact game policy, unless δ is infinite
+        - the policy of --law
         - the policy of the critic in --weights
         - the policy of the deployment file --policy
 
@@ -169,6 +177,9 @@ class OptimizeRequest(Request):
         if np.isfinite(game.delta):
             exact = unconfirmed_solution(game).K
             loops.append(flights.of_gain("exact game policy, saturated", exact))
+        if self.law:
+            planned = loaded(LAWS[self.law])(search.problem, game, LawSettings())
+            loops.append(flights.of_policy(planned))
         if self.weights is not None:
             with prefix_errors(self.weights):
                 critic = critic_in(self.weights, game, Reading())
@@ -187,7 +198,7 @@ def optimize(request: OptimizeRequest) -> int:
     The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Collocation proposes
     flights within the limits. A simulation of each proposal yields the reported cost. A cheaper
     flight may exist. The policies are the linear optimum and the exact game policy, both saturated
-    at the limits of the inputs, and the policies of --weights and --policy. --starts N prints a
+    at the limits of the inputs, and those of --law, --weights and --policy. --starts N prints a
     table for many initial conditions. --to NAME=VALUE searches for flights from one trim to
     another, and --minimize time for the quickest flight. Exit code 1 if no flight was found, or if
     the simulation refutes the flight. With --starts, a flight must be found and the policies of
