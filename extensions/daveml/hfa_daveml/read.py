@@ -31,7 +31,7 @@ from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import GRAVITY, Motion, rigid_aircraft
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
-from hfa_aircraft.rigid.motion import STATES, inertia_matrix, wind_axes
+from hfa_aircraft.rigid.motion import STATES, inertia_doubt, inertia_matrix, wind_axes
 from hfa_aircraft.rigid.tables import Interpolator
 from hfa_aircraft.signals import Signal
 from hfa_daveml.check_cases import refuse_wrong
@@ -161,6 +161,7 @@ class _Files:
             source=source,
             about=About(
                 notes=("read from DAVE-ML over a flat Earth in standard air",),
+                doubts=self._doubts(constants),
                 configuration=self._configuration,
             ),
             domain=Domain(self._table_ranges()),
@@ -175,6 +176,15 @@ class _Files:
                 raise document.error(
                     f"variable {variable.key}", f"{name} is {size:g}; give a positive number"
                 )
+
+    def _doubts(self, constants: Callable[[str], Any]) -> tuple[str, ...]:
+        """Return a sentence if no rigid body has the inertias of the files."""
+        inertia = inertia_matrix(
+            [_number(constants(name)) for name in names.INERTIA],
+            [_number(self._vector(constants, (name,))) for name in names.PRODUCTS],
+        )
+        doubt = inertia_doubt(ca.DM(inertia).full())
+        return (doubt,) if doubt else ()
 
     def _usual_speed(self, constants: Callable[[str], Any]) -> float:
         """Return the speed, ft/s, of level flight at sea level and alpha = `_ALPHA`."""

@@ -462,11 +462,16 @@ QUALITIES = (
     *("short period damping", "phugoid damping", "dutch roll damping", "dutch roll frequency"),
     *(DAMPING, "roll time constant"),
 )
-#: Published modes of three aircraft, Cessna 182 (Roskam), Navion (Nelson) and Boeing 747 (Etkin and
-#: Reid), in the order of `QUALITIES`; their levels other than 1 by hand from the standard.
+#: Published modes of four aircraft, Cessna 182 and Learjet 24 (Roskam), Navion (Nelson) and Boeing
+#: 747 (Etkin and Reid), in the order of `QUALITIES`; their levels other than 1 by hand from the standard.
 PUBLISHED: dict[str, tuple[Airplane, tuple[float, ...], dict[str, int]]] = {
     "Cessna 182": (Airplane("I", "B"), (0.844, 0.129, 0.207, 3.25, 0.673, 0.077), {}),
     "Navion, tracking": (Airplane("IV", "A"), (0.694, 0.080, 0.204, 2.39, 0.487, 0.119), {}),
+    "Learjet 24": (
+        Airplane("II-L", "B"),
+        (0.355, 0.074, 0.036, 1.69, 0.0608, 0.503),
+        {"dutch roll damping": 2, DAMPING: 2},
+    ),
     "Boeing 747": (
         Airplane("III", "B"),
         (0.387, 0.0489, 0.0349, 0.947, 0.0330, 1.78),
@@ -477,7 +482,7 @@ PUBLISHED: dict[str, tuple[Airplane, tuple[float, ...], dict[str, int]]] = {
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_levels_of_published_modes(name: str) -> None:
-    """All modes are of level 1, but for the bare Dutch roll and roll of the Boeing 747."""
+    """All modes are of level 1, but for the bare Dutch rolls of the jets and a slow roll."""
     airplane, values, others = PUBLISHED[name]
     found = levels(airplane, dict(zip(QUALITIES, values, strict=True)))
     assert found == dict.fromkeys(found, 1) | others
