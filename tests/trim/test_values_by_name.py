@@ -13,7 +13,6 @@ from matplotlib import pyplot
 
 import hfa
 from hfa import BadInputError, LinearModel, NoSolutionError, linearize, sweep, trim
-from hfa_support.reporting.report import Reported
 
 MODEL = hfa.aircraft()
 
@@ -88,7 +87,7 @@ def test_modes_that_inputs_or_outputs_miss_are_zeros() -> None:
     )
 
 
-class Broken(Reported):
+class Broken(hfa.Model):
     """Result with a property that raises AttributeError."""
 
     @property
@@ -100,7 +99,7 @@ class Broken(Reported):
 def test_a_property_that_fails_keeps_its_error() -> None:
     """An AttributeError inside a property is not replaced by a suggestion."""
     with pytest.raises(AttributeError, match="'NoneType' object has no attribute 'missing'"):
-        Broken().value  # noqa: B018
+        Broken("x", {"x": hfa.Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {})).value  # noqa: B018
 
 
 def test_names_index_values_and_modes() -> None:

@@ -11,10 +11,24 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from ambiance import Atmosphere
+from project import ROOT
 
 import hfa
 from hfa import from_derivatives, linearize, trim
-from hfa_aircraft.rigid.atmosphere import air_at
+
+#: kg/m³ in a slug/ft³.
+SLUG_PER_FT3 = 515.3788183931961
+
+
+def density(altitude: float) -> float:
+    """Return the density at an altitude in m, kg/m³, from q = ρ/2 at 1 m/s."""
+    model = from_derivatives(f"{ROOT}/examples/uav.toml")
+    state = [1.0, *[0.0] * 8, altitude]
+    found = 2.0 * model.outputs_at(state, [0.0] * 4, ("dynamic_pressure",))["dynamic_pressure"]
+    assert found == pytest.approx(float(Atmosphere(altitude).density[0]), rel=5e-5)
+    return found
+
 
 #: R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1, without C_Lq and
 #: with C_nbeta 0.0701, as in examples 4.3 and 5.2.
@@ -253,7 +267,7 @@ def test_slope_and_coefficient_of_the_thrust_are_equivalent():
     table = tomllib.loads(text)
     del table["longitudinal"]["CT_u"]
     point = linear_model("examples/cessna182.toml").point
-    force = 0.5 * float(air_at(5000.0).density) * 220.1**2 * 174.0
+    force = 0.5 * density(5000.0 * 0.3048) / SLUG_PER_FT3 * 220.1**2 * 174.0
     slope = (-0.096 * force + 2.0 * point.inputs.thrust) / 220.1
     other = linear_model({**table, "thrust_slope": f"{slope} lbf/(ft/s)"})
     expected = np.sort_complex(np.linalg.eigvals(linear_model("examples/cessna182.toml").A))
@@ -328,7 +342,7 @@ def test_divided_moments_have_the_inertia_of_their_axes(axes):
         return 3100.0 * math.cos(angle) ** 2 + 1400.0 * math.sin(angle) ** 2 - product
 
     area, span, chord, speed = 15.0, 9.11, 1.6, 50.0
-    force = 0.5 * float(air_at(1468.0, "si").density) * speed**2 * area
+    force = 0.5 * density(1468.0) * speed**2 * area
     roll, yaw = inertia(alpha) / (force * span), inertia(alpha + math.pi / 2.0) / (force * span)
     rolled, pitched = 2.0 * speed / span, 2.0 * speed / chord
     pitch = 1700.0 / (force * chord)
