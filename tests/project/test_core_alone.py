@@ -25,6 +25,8 @@ LINES = (
     "trim --aircraft jsbsim:737",
     "fly --dihedral 15",
     "solve --dihedral 11 --design paper",
+    "solve --model generalized.json",
+    "trim --aircraft x.dml",
     "verify --dihedral 11 --flights 3",
     "prove region --dihedral 15",
 )
@@ -64,6 +66,8 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
         sys.path.remove(str(ROOT / "tests"))
     python = environment(tmp_path / "core")
     lines = [words.split() for words in LINES]
+    plant = {"A": [[1.0]], "B1": [[1.0]], "B2": [[1.0]], "C1": [[1.0]], "D12": [[1.0]]}
+    (tmp_path / "generalized.json").write_text(json.dumps(plant), encoding="utf-8")
     program = PROGRAM.format(lines=lines)
 
     def run_without_extensions(program: str, check: bool) -> subprocess.CompletedProcess[str]:
@@ -92,6 +96,8 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     assert "unknown command 'fly'" in output
     for line, message in (
         ("solve --dihedral 11 --design paper", "--design requires the package hfa_design"),
+        ("solve --model generalized.json", "requires the package hfa_design"),
+        ("trim --aircraft x.dml", "x.dml"),
         ("verify --dihedral 11 --flights 3", "--flights requires the package hfa_optimal"),
         ("prove region --dihedral 15", "unknown command 'prove'"),
     ):
