@@ -100,7 +100,7 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
 
     Raises BadInputError if K is not a real m x n matrix, and NoSolutionError as `system_gain` does.
     """
-    return loop_gain(game, K).high
+    return loop_gain(closed_loop(game, K), is_discrete=game.is_discrete).high
 
 
 class LoopGain(NamedTuple):
@@ -115,15 +115,12 @@ class LoopGain(NamedTuple):
     point: complex
 
 
-def loop_gain(game: Game, K: np.ndarray) -> LoopGain:
-    """Return the bounds of the L2 gain of the `closed_loop` of u = -K z.
+def loop_gain(loop: System, *, is_discrete: bool) -> LoopGain:
+    """Return the bounds of the L2 gain of a closed loop.
 
-    K: (m, n)
-
-    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError as `system_gain` does.
+    Raises NoSolutionError as `system_gain` does.
     """
-    loop = closed_loop(game, K)
-    if not game.is_discrete:
+    if not is_discrete:
         low, high, frequency = gain_bounds(*loop)
         return LoopGain(low, high, 1j * frequency)
     if not spectral_radius(loop.A) < 1.0:
@@ -184,7 +181,7 @@ def gain_bounds(
     if len(C) > len(A) and not D.any():
         C = np.linalg.qr(C).R  # the same gains by fewer outputs
         D = D[: len(C)]
-    typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A, 2))
+    typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
     through = float(np.linalg.norm(D, 2)) if D.size else 0.0
     if typical == 0.0:
         return through, through, 0.0

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from controller.game.zero_sum import Game
+from controller.riccati.axis_distance import axis_distance
 from controller.riccati.balancing import (
     hamiltonian,
     is_hurwitz,
@@ -89,6 +90,11 @@ class NormalForm(Form):
     def hamiltonian(self) -> np.ndarray:
         """Hamiltonian [[A, -S], [-Q, -A']], (2n, 2n)."""
         return hamiltonian(self.A, self.S, self.Q)
+
+    @cached_property
+    def eigenvalues(self) -> np.ndarray:
+        """Eigenvalues of the Hamiltonian, (2n,)."""
+        return np.linalg.eigvals(self.hamiltonian)
 
     def gains(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return K (m, n) and L (k, n) of v = -K y and d = L y, the policies of the value y'X y."""
@@ -186,7 +192,7 @@ class NormalForm(Form):
         """
         n = len(self.A)
         one = np.eye(n)
-        sizes = np.abs(np.linalg.eigvals(self.hamiltonian))
+        sizes = np.abs(self.eigenvalues)
         c = 0.9 * math.sqrt(sizes.max() * sizes.min())
         A = self.A - LAST * self.S
         Q = self.Q + LAST * (A + self.A.T)
@@ -220,9 +226,8 @@ class NormalForm(Form):
                 "the computation overflows, because the entries of the game differ too much in"
                 " size; check the scaling of A, B, E, Q and R"
             )
-        of_hamiltonian = spectrum(self.hamiltonian)
-        stable = int(np.sum(of_hamiltonian.eigenvalues.real < 0.0))
-        distance, frequency = of_hamiltonian.nearest_to_axis()
+        stable = int(np.sum(self.eigenvalues.real < 0.0))
+        distance, frequency = axis_distance(self.hamiltonian, self.eigenvalues)
         n = len(self.A)
         near = (
             f"a change of {distance:.2g} of the Hamiltonian, relative, puts an eigenvalue on the"
@@ -271,7 +276,7 @@ class NormalForm(Form):
             return Answer(True)
         if not self._is_finite:
             return Answer(False, "the entries of the game overflow")
-        distance, frequency = spectrum(self.hamiltonian).nearest_to_axis()
+        distance, frequency = axis_distance(self.hamiltonian, self.eigenvalues)
         basis = self._stable_basis() if distance >= AXIS_DISTANCE else None
         if basis is None:
             reason = (

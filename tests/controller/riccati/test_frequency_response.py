@@ -12,6 +12,7 @@ from tolerances import TWO_GAINS
 
 from controller import bounded_real_gain
 from controller.riccati.frequency_response import (
+    closed_loop,
     largest_gains,
     loop_gain,
     peak_gain,
@@ -34,7 +35,7 @@ def test_the_gain_of_a_resonance_equals_its_closed_form(damping: float) -> None:
     """The search finds the resonance gain 1 / (2 ζ sqrt(1 - ζ²)) at sqrt(1 - 2 ζ²) rad/s."""
     oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
     game = Game(oscillator, [[0.0], [1.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 10.0)
-    peak = loop_gain(game, np.zeros((1, 2)))
+    peak = loop_gain(closed_loop(game, np.zeros((1, 2))), is_discrete=False)
     exact = 1.0 / (2.0 * damping * math.sqrt(1.0 - damping**2))
     assert peak.low <= exact * (1.0 + 1e-12)
     assert exact <= peak.high <= exact * (1.0 + 2e-9)
@@ -93,7 +94,7 @@ def test_the_gain_of_a_stiff_loop_is_right(factor: float) -> None:
     """In a stiff loop, both bounds agree with the gain computed with 50 digits at the peak."""
     game = game_models()["published-15"]
     K = factor * solve(game).K
-    found = loop_gain(game, K)
+    found = loop_gain(closed_loop(game, K), is_discrete=False)
     with mpmath.workdps(50):
         A, B, E, Q, R, gain = (
             mpmath.matrix(matrix.tolist()) for matrix in (game.A, game.B, game.E, game.Q, game.R, K)
