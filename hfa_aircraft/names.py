@@ -16,6 +16,7 @@ class PlantNames(NamedTuple):
     state_units: n units, with "" for an unknown unit
     input_units: m units, with "" for an unknown unit
     origin: name of the plant in the title of a report
+    disturbances: names of the columns of a game's E, where they are winds of the model
     """
 
     states: tuple[str, ...] = ()
@@ -23,6 +24,7 @@ class PlantNames(NamedTuple):
     state_units: tuple[str, ...] = ()
     input_units: tuple[str, ...] = ()
     origin: str = "the plant"
+    disturbances: tuple[str, ...] = ()
 
     def completed(self, n: int, m: int) -> PlantNames:
         """Return names and units for n states and m inputs.
@@ -38,6 +40,7 @@ class PlantNames(NamedTuple):
             _as_many("state_units", self.state_units, ("",) * n),
             _as_many("input_units", self.input_units, ("",) * m),
             self.origin,
+            self.disturbances,
         )
 
 

@@ -33,8 +33,8 @@ def game(
     Q: (n, n), or its diagonal, (n,), or state -> weight, with 0 for all other states
     R: (m, m), or its diagonal, (m,), or input -> weight, for every input
     delta: > 0; inf for LQR, without a disturbance
-    E: (n, k), disturbance matrix; by default the matrix of the model's disturbances, or the
-        identity if it has none
+    E: (n, k), disturbance matrix; by default the identity. E=linear.E is the matrix of the model's
+        winds.
     N: (n, m), cross weights; by default 0
 
     Rows and columns of tables of pandas are put into the order of the states and inputs.
@@ -51,8 +51,9 @@ def game(
     need(linear, LinearModel, "game: linear", LinearModel._how_to_make)
     if Q is None or R is None:
         raise BadInputError("game: Q or R is None; give weights: hfa.game(linear, Q, R, delta)")
-    if E is None:
-        E = linear.E if linear.disturbances else np.eye(len(linear.A))
+    names = names_of_linear(linear)
+    if E is not None and linear.disturbances and np.array_equal(E, linear.E):
+        names = names._replace(disturbances=linear.disturbances)
     return Game(
         A=linear.A,
         B=linear.B,
@@ -61,7 +62,7 @@ def game(
         R=_weights("R", R, linear.inputs),
         delta=delta,
         N=in_order("N", N, linear.states, linear.inputs),
-        names=names_of_linear(linear),
+        names=names,
         half_widths=widths_within_limits(linear),
     )
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
 
 #: Matrices with more entries are summarized.
@@ -20,26 +21,28 @@ def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
     return np.diag([model.signals[name].nominal ** -2.0 for name in names])
 
 
-def weights_line(
-    Q: np.ndarray,
-    R: np.ndarray,
-    delta: float,
-    whose: Mapping[str, str] | None = None,
-    N: np.ndarray | None = None,
-) -> str:
-    """Return Q, R and delta, and N unless it is 0, as one line of text.
+def weights_line(game: Game, whose: Mapping[str, str] | None = None) -> str:
+    """Return Q, R and delta, N unless it is 0, and E as one line of text.
 
-    The text is, for example, "Q diag(1, 2) (given), R diag(1) (default), delta inf (default)".
+    The text is, for example, "Q diag(1, 2) (given), R diag(1) (default), delta inf (default), E
+    identity".
 
     whose: "Q", "R", "delta" and "N" -> source of the weight; None if all weights are those of a
         given game
-    N: cross weights, (n, m), or None for 0
     """
-    texts = {"Q": matrix_text(Q), "R": matrix_text(R), "delta": f"{delta:g}"}
-    if N is not None and N.any():
-        texts["N"] = matrix_text(N)
+    texts = {"Q": matrix_text(game.Q), "R": matrix_text(game.R), "delta": f"{game.delta:g}"}
+    if game.N.any():
+        texts["N"] = matrix_text(game.N)
     whose = whose or dict.fromkeys(texts, "of the game")
-    return ", ".join(f"{name} {text} ({whose[name]})" for name, text in texts.items())
+    weights = [f"{name} {text} ({whose[name]})" for name, text in texts.items()]
+    return ", ".join([*weights, disturbance_text(game)])
+
+
+def disturbance_text(game: Game) -> str:
+    """Return the disturbance matrix of a game as text: "E identity", "E gust" or "E [0; 1]"."""
+    if np.array_equal(game.E, np.eye(len(game.A))):
+        return "E identity"
+    return f"E {', '.join(game.names.disturbances) or matrix_text(game.E)}"
 
 
 def cost_text(model: Model, names: Sequence[str], Q: np.ndarray, R: np.ndarray) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.game.weights import matrix_text
+from controller.game.weights import disturbance_text, matrix_text
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import stability
 from hfa_support.reporting.checks import checks_block
@@ -99,8 +99,9 @@ def _margins_table(solution: Solution) -> Table:
 
 
 def _weights(solution: Solution) -> Iterator[str]:
-    """Yield a line for each weight matrix of the game."""
+    """Yield a line for each weight matrix of the game, and for E."""
     yield f"Q {matrix_text(solution.game.Q)}"
     yield f"R {matrix_text(solution.game.R)}"
     if solution.game.N.any():
         yield f"N {matrix_text(solution.game.N)}"
+    yield disturbance_text(solution.game)

@@ -218,7 +218,12 @@ def _show_learned(
 
     judged: list[Any] = [LearnedChecks(verdict.checks, verdict.ok, H)]
     report = run.report()
-    parts = (verdict.headline(), *report.parts, checks_block(verdict.checks))
+    parts = (
+        verdict.headline(),
+        named.weights_line(),
+        *report.parts,
+        checks_block(verdict.checks),
+    )
     title = report.title
     if not verdict.ok:
         title = f"{verdict.grade.upper()}: K is off by {100.0 * verdict.K_rel_error:.2g} %\n{title}"

@@ -247,9 +247,8 @@ class NamedGame(Result):
         return Weights(self.game.Q, self.game.R, N, self.weights_from)
 
     def weights_line(self) -> str:
-        """Return one line of text with Q, R, delta, N unless it is 0, and the source of each."""
-        game = self.game
-        return weights_line(game.Q, game.R, game.delta, self.weights_from, game.N)
+        """Return one line of text with Q, R, delta, N unless it is 0, the source of each, and E."""
+        return weights_line(self.game, self.weights_from)
 
     @contextmanager
     def asking_for_time(self) -> Iterator[None]:

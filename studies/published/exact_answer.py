@@ -75,8 +75,8 @@ class Plant:
         E = self.E
         if not E.shape[1]:
             E = np.zeros((len(self.A), 1))
-        game = Game(self.A, self.B, E, self.Q, self.R, self.gamma, self.N)
-        return replace(game, dt=True, discount=self.discount) if self.is_discrete else game
+        time = {"dt": True, "discount": self.discount} if self.is_discrete else {}
+        return Game(self.A, self.B, E, self.Q, self.R, self.gamma, self.N, **time)
 
     def with_entry(self, name: str, row: int, column: int, value: float) -> Plant:
         """Return the plant with one entry changed.

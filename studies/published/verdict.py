@@ -98,7 +98,7 @@ class PrintedVerdict(Result, Reported):
             shown.append((position, f"{printed:.12g}", f"{exact:.12g}", f"{off:.3g}"))
         parts: list[Any] = [f"{self.file.title}: consistent with its digits is at most 1 half unit"]
         plant = self.file.plant
-        parts.append(weights_line(plant.Q, plant.R, plant.gamma, self.weights_from, plant.N))
+        parts.append(weights_line(plant.game(), self.weights_from))
         if self.file.assumption:
             parts.append(self.file.assumption)
         if self.classified.not_searched:

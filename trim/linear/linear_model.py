@@ -350,6 +350,10 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         values, vectors = np.linalg.eig(self.A)
         return vectors[:, order_fastest_first(values)]
 
+    def poles(self) -> np.ndarray:
+        """Return the eigenvalues of A, (n,) complex, as python-control does (`eigenvalues`)."""
+        return self.eigenvalues
+
     @property
     def is_stable(self) -> bool:
         """True if every mode of A is stable."""

@@ -135,7 +135,7 @@ def verify(
         loop.cost_lost if found is None else found.flown.cost_lost_flown_percent,
         judged.name,
         judged.solution,
-        weights_line(judged.game.Q, judged.game.R, judged.game.delta, N=judged.game.N),
+        weights_line(judged.game),
         box,
         flights=None if found is None else found.flown.flights,
         searched=0 if found is None else found.states,
