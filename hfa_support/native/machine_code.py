@@ -43,8 +43,11 @@ Loaded = TypeVar("Loaded")
 def machine_code(function: ca.Function) -> ca.Function:
     """Return the function compiled to machine code.
 
-    Without a working compiler, a note is printed once and the function is returned unchanged.
+    Without a working compiler, a note is printed once and the function is returned unchanged. A
+    function that calls an FMU is returned unchanged: it is compiled already.
     """
+    if any(each.class_name() == "FmuFunction" for each in function.find_functions()):
+        return function
     loaded = compiled(
         lambda symbol: _c_text(function, symbol),
         lambda symbol, library: ca.external(symbol, str(library)),

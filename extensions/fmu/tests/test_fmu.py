@@ -159,6 +159,7 @@ def test_an_fmu_flies_and_its_game_is_solved() -> None:
     P = np.load("K.npz")["P"]
     expected = math.radians(0.05) ** 2 * P[0, 0]
     assert json.loads(flight.out)["cost"] == pytest.approx(expected, rel=1e-4)
+    assert flight.err == ""  # nothing is compiled again
     assert run("sweep", *given[:2], "--hold", "length=1:3:1").code == 0
 
 
