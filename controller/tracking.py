@@ -246,6 +246,7 @@ def track(
         channels = {}
         for name, value in reference.items():
             refuse_unknown("unknown state", name, linear.states)
+            need(value, (int, float, str), f"track: {name}", "a number or a text of t")
             channels[name] = channel(value if isinstance(value, str) else f"{value:.17g}")
         reference = stacked(channels, linear.states)
     gain = solution.K if K is None else solution.game.checked_gain(K)

@@ -196,7 +196,8 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
                 f"{text}: the suffix {path.suffix!r} is unknown; use {', '.join(suffixes)}"
             )
         if not path.is_file():
-            raise BadInputError(f"{text}: no such file; give an existing file")
+            fault = "not a regular file" if path.exists() else "no such file"
+            raise BadInputError(f"{text}: {fault}; give an existing file")
         note_read(path)
         return path
 

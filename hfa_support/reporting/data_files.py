@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hfa_support.errors import BadInputError
 from hfa_support.files import write_text, written_whole
 from hfa_support.reporting.text import Table
 
@@ -79,7 +80,7 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
         origin = {name: data[name] for name in ("schema", "provenance") if name in data}
         write_text(target, _csv(records, json.dumps(jsonable(origin))))
     else:
-        raise ValueError(
+        raise BadInputError(
             f"{target}: the suffix {suffix!r} is unknown; use .json, .npz, .mat or .csv"
         )
 

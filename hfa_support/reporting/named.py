@@ -42,6 +42,10 @@ class NamedArray(np.ndarray):
             numbers.append(key)
         return values[..., *numbers][()]  # converts an array without axes to a number
 
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        """Return a computed array, or a number instead of an array without axes."""
+        return array[()] if array.ndim == 0 else super().__array_wrap__(array, context)
+
     def _ipython_key_completions_(self) -> list[Any]:
         named = [names for names in self.names if names]
         return list(product(*named)) if len(named) > 1 else [*chain(*named)]

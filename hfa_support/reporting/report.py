@@ -120,7 +120,7 @@ class Report:
 
         return json_text(self.data).rstrip()
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the data of the report to a file, completely or not at all, in full precision.
 
         - .json, .npz, .mat: `data`
@@ -128,7 +128,7 @@ class Report:
         """
         from hfa_support.reporting.data_files import save_data
 
-        save_data(path, self.data, self.records)
+        save_data(Path(path), self.data, self.records)
 
     def pictures(self) -> Iterator[Picture]:
         """Yield all pictures of this report and of nested reports."""
@@ -149,11 +149,11 @@ class Reported:
         """Return a report of the result: class summary, fields, small matrices and checks."""
         return _of_fields(self)
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the result to a data file: the report's data (.json, .npz, .mat) or its records
         (.csv).
         """
-        self.report().save(Path(path))
+        self.report().save(path)
 
     def to_pandas(self) -> Any:
         """Return the records of the report as a `pandas.DataFrame`. Requires pandas."""

@@ -114,6 +114,23 @@ def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[s
     return found
 
 
+@pytest.mark.parametrize(
+    ("name", "argument"),
+    [
+        *(("trim", "hold"), ("trim", "condition"), ("trim", "start"), ("trim", "free")),
+        *(("fly", "scenario"), ("fly", "seconds"), ("fly", "initial"), ("verify", "scope")),
+        *(("track", "K"), ("track", "duration"), ("sweep", "grid"), ("sweep", "condition")),
+    ],
+)
+def test_a_wrong_optional_argument_is_named(name: str, argument: str) -> None:
+    """So is an optional argument of a kind that fits nowhere."""
+    function = functions()[name]
+    arguments = {each: valid_arguments()[each] for each in main_arguments(function)}
+    for value in (object(), [object()], 1j):
+        with pytest.raises(BadInputError, match=r"^[^\n]+$"):
+            function(**arguments, **{argument: value})
+
+
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", sorted(functions()))
 def test_a_wrong_main_argument_is_named(name: str) -> None:

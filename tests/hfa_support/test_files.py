@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from pathlib import Path
@@ -27,6 +28,8 @@ UNREADABLE: dict[str, Any] = {
     "missing": lambda path: None,
     "nested": lambda path: Path(path).write_bytes(b"[" * 100_000),
     "long number": lambda path: Path(path).write_bytes(b"9" * 5000),
+    "many dots": lambda path: Path(path).write_bytes(b"a" + b".a" * 40_000 + b" = 1"),
+    "a device": lambda path: os.symlink("/dev/zero", path),
     "not UTF-8": lambda path: Path(path).write_bytes(b"\xff\xfe\xff"),
 }
 
@@ -40,6 +43,17 @@ def test_an_unreadable_file_is_refused(fault: str, words: str) -> None:
     name = words.split()[-1]
     UNREADABLE[fault](name)
     assert_refused(run(*words.split()), 2, name)
+
+
+def test_a_full_disk_is_told_with_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An output that the disk cannot hold is refused by its name, and nothing remains."""
+
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "replace", full)
+    assert_refused(run("trim", *AT_15.split(), "-o", "trim.json"), 2, "trim.json")
+    assert os.listdir() == []
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from dataclasses import replace
 from functools import cache
@@ -46,6 +47,9 @@ def test_names_index_matrices() -> None:
     assert np.array_equal(linear.B["pitch_rate", :], linear.B[3])
     assert np.array_equal(linear.B["throttle"], linear.B[:, 0])
     assert repr(linear.A).startswith("array(")
+    assert json.dumps([linear.A.sum(), round(abs(linear.A).max(), 3)]) == json.dumps(
+        [float(np.sum(np.array(linear.A))), round(float(np.abs(np.array(linear.A)).max()), 3)]
+    )
     again = pickle.loads(pickle.dumps(linear.A))
     assert again["pitch_rate", "alpha"] == linear.A[3, 1]
     with pytest.raises(BadInputError, match="'theta'; did you mean pitch"):

@@ -91,6 +91,7 @@ def verify(
     need(game, Game, "verify: game", "a game: hfa.game(linear, Q, R, delta)")
     refuse_unless_positive("limit", limit)
     scope = scope or Scope()
+    need(scope, Scope, "verify: scope", "verification.Scope(...)")
     critics = _critics(game, critic)
     judged = JudgedGame(game)
     last = critics[-1]

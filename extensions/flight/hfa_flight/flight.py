@@ -48,7 +48,13 @@ from hfa_flight.policies.policy import GainPolicy
 from hfa_flight.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, warn
+from hfa_support.errors import (
+    BadInputError,
+    numbers_in,
+    refuse_unknown,
+    refuse_unless_positive,
+    warn,
+)
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.named import with_names
@@ -179,11 +185,14 @@ def _scenario_of_flight(
     model: Model, given: Scenario, seconds: float | None, initial: Any
 ) -> Scenario:
     """Return the scenario for a flight of a model, with its duration and initial condition."""
+    need(given, Scenario, "fly: scenario", "hfa_flight.Scenario(...)")
     if given.uncertainty != Uncertainty():
         raise BadInputError(
             "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
             "member, point)"
         )
+    if seconds is not None:
+        refuse_unless_positive("fly: seconds", seconds, " s")
     scenario = given if seconds is None else replace(given, duration=float(seconds))
     if isinstance(initial, Mapping):
         for name in initial:
