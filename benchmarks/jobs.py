@@ -177,12 +177,12 @@ def _sweep(
 
 
 def random_game(states: int, seed: int) -> hfa.Game:
-    """Return a random game with one input for every four states, E = I and delta 1000."""
+    """Return a random stable game with one input for every four states, E = I and delta 50."""
     random = np.random.default_rng(seed)
     inputs = max(1, states // 4)
-    A = random.standard_normal((states, states)) / np.sqrt(states)
+    A = random.standard_normal((states, states)) / np.sqrt(states) - 2.0 * np.eye(states)
     B = random.standard_normal((states, inputs))
-    return hfa.Game(A, B, Q=np.eye(states), R=np.eye(inputs), delta=1000.0)
+    return hfa.Game(A, B, Q=np.eye(states), R=np.eye(inputs), delta=50.0)
 
 
 def schur_value(game: hfa.Game) -> np.ndarray:

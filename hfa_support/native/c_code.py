@@ -52,6 +52,18 @@ OPERATIONS = {
     ca.OP_LOG: "log({0})",
     ca.OP_ACOS: "acos({0})",
     ca.OP_TANH: "tanh({0})",
+    ca.OP_SINH: "sinh({0})",
+    ca.OP_COSH: "cosh({0})",
+    ca.OP_ASINH: "asinh({0})",
+    ca.OP_ACOSH: "acosh({0})",
+    ca.OP_ATANH: "atanh({0})",
+    ca.OP_EXPM1: "expm1({0})",
+    ca.OP_LOG1P: "log1p({0})",
+    ca.OP_ERF: "erf({0})",
+    ca.OP_HYPOT: "hypot({0}, {1})",
+    ca.OP_FMOD: "fmod({0}, {1})",
+    ca.OP_REMAINDER: "remainder({0}, {1})",
+    ca.OP_COPYSIGN: "copysign({0}, {1})",
     ca.OP_IF_ELSE_ZERO: "{0} != 0.0 ? {1} : 0.0",
 }
 

@@ -22,8 +22,11 @@ from hfa_support.native.machine_code import compiled, machine_code
 _LANES = 2
 _LANES_OF_AVX2 = 4
 _EXACT = ("sqrt", "fabs", "floor", "ceil")
-_OF_ONE = (*_EXACT, "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "tanh")
-_OF_TWO = ("pow", "atan2")
+_OF_ONE = (
+    *(*_EXACT, "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "tanh"),
+    *("sinh", "cosh", "asinh", "acosh", "atanh", "expm1", "log1p", "erf"),
+)
+_OF_TWO = ("pow", "atan2", "hypot", "fmod", "remainder", "copysign")
 #: Operation -> C expression for operands with one number for each row. A condition is 1.0 or 0.0.
 _ON_LANES = {
     ca.OP_CONST: "(real){{}} + {0}",

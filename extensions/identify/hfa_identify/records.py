@@ -15,6 +15,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
+from hfa_identify.jsbsim_log import TIME, log_columns
 from hfa_identify.ulog import ulog_columns
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
@@ -177,8 +178,9 @@ def read_record(
 
     The first row of a CSV file contains names with or without units, such as "alpha [deg]". Cells
     are separated by commas, tabs or semicolons; with semicolons, the decimal may be a comma. An
-    empty cell is a missing sample. Columns without a unit are in the model's units, with angles in
-    radians.
+    empty cell is a missing sample. A CSV log of JSBSim begins with the column Time, and its columns
+    that the model lacks are left out. Columns without a unit are in the model's units, with angles
+    in radians.
 
     held: input without a column -> its constant value
     table: TOML file that maps fields of a .ulg file to columns
@@ -219,6 +221,8 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
         raise BadInputError(f"{path} is empty; give a row of names, then rows of samples")
     if rows[0][-1] == "about":  # the provenance in a file of `hfa fly`
         rows = [row[:-1] for row in rows]
+    if rows[0][0].strip() == TIME:
+        return _of_log(path, rows, model)
     heads = [_head(path, cell, model) for cell in rows[0]]
     names = [name for name, _ in heads]
     if len(set(names)) < len(names):
@@ -226,6 +230,26 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
         raise BadInputError(
             f"{path}: two columns are named {repeated}; rename or remove one column"
         )
+    table = _table(path, rows, names)
+    factors = [factor for _, factor in heads]
+    return {name: table[:, place] * factors[place] for place, name in enumerate(names)}
+
+
+def _of_log(path: Path, rows: list[list[str]], model: Model) -> dict[str, np.ndarray]:
+    """Return the columns of a CSV log of JSBSim by name, without those that the model lacks."""
+    # Without noise, a state that does not move is no frozen sensor, and is left out.
+    table = _table(path, rows, rows[0])
+    found = {}
+    for column, values in zip(log_columns(rows[0], model), table.T, strict=True):
+        if column is not None and (column[0] in model.inputs or np.ptp(values) > 0.0):
+            name, factor = column
+            is_angle = name != "time" and model.unit(name) == "rad"
+            found[name] = np.unwrap(factor * values) if is_angle else factor * values
+    return found
+
+
+def _table(path: Path, rows: list[list[str]], names: Sequence[str]) -> np.ndarray:
+    """Return the numbers below the first row of a CSV file, (N, columns)."""
     table = np.empty((len(rows) - 1, len(names)))
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(names):
@@ -237,8 +261,7 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
         table[number - 2] = [
             _cell(path, number, name, cell) for name, cell in zip(names, row, strict=True)
         ]
-    factors = [factor for _, factor in heads]
-    return {name: table[:, place] * factors[place] for place, name in enumerate(names)}
+    return table
 
 
 def _with_decimal_points(path: Path, text: str) -> str:

@@ -51,6 +51,30 @@ def test_units_and_separators(
     np.testing.assert_allclose(read.measured["speed"], SPEED, rtol=1e-6)
 
 
+def test_a_log_of_jsbsim_is_a_record(tmp_path: Path) -> None:
+    """Labels and properties are named as in the model, in its units; what it lacks is left out.
+
+    A heading that passes north is continuous. A state that does not move is left out.
+    """
+    labels = (
+        "Time,Elevator Command (norm),Elevator Position (deg),V_{Total} (ft/s),Alpha (deg),"
+        "Psi (deg),Phi (deg),L/D"
+    )
+    rows = [
+        f"{t:g},1,{10 * t:g},{v / 0.3048},{np.degrees(a)},{(359.95 + t) % 360:.9g},0,{t}"
+        for t, v, a in zip(TIME, SPEED, ALPHA, strict=True)
+    ]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([labels, *rows]))
+    read = read_record(str(path), AIRCRAFT, dict.fromkeys(AIRCRAFT.inputs, 0.0))
+    assert set(read.measured) == {"speed", "alpha", "yaw"}
+    np.testing.assert_allclose(read.measured["speed"], SPEED)
+    np.testing.assert_allclose(read.measured["alpha"], ALPHA)
+    np.testing.assert_allclose(read.measured["yaw"], np.radians(359.95 + TIME))
+    place = list(AIRCRAFT.inputs).index("elevator")
+    np.testing.assert_allclose(read.inputs[:, place], np.radians(10 * TIME))
+
+
 def clipped(values: np.ndarray) -> np.ndarray:
     """Return a column of a sensor that covers 70 % of the range of its values."""
     middle, half = 0.5 * (values.max() + values.min()), 0.35 * np.ptp(values)

@@ -24,15 +24,14 @@ def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
-def of_every_operation(compiled: bool) -> ca.Function:
+def of_every_operation() -> ca.Function:
     """Return a Function of two numbers with elementary functions, arithmetic and logic."""
     a, b = ca.SX.sym("a"), ca.SX.sym("b")
     of_one = [ca.sqrt, ca.exp, ca.log, ca.sin, ca.cos, ca.tan, ca.asin, ca.acos, ca.atan, ca.tanh]
     of_one += [ca.fabs, ca.floor, ca.ceil, ca.sign, ca.logic_not]
     of_two = [ca.atan2, ca.fmin, ca.fmax]
-    if not compiled:
-        of_one += [ca.log1p, ca.expm1, ca.erf, ca.sinh, ca.cosh, ca.asinh, ca.acosh, ca.atanh]
-        of_two += [ca.hypot, ca.fmod, ca.copysign, ca.remainder]
+    of_one += [ca.log1p, ca.expm1, ca.erf, ca.sinh, ca.cosh, ca.asinh, ca.acosh, ca.atanh]
+    of_two += [ca.hypot, ca.fmod, ca.copysign, ca.remainder]
     entries = [operation(a) for operation in of_one] + [operation(a, b) for operation in of_two]
     entries += [a + b, a - b, a * b, a / b, -a, 1 / a, 2 * a, a**b, a**2, a**2.5, 0.1 - a]
     entries += [a < b, a <= b, a == b, a != b, ca.logic_and(a, b), ca.logic_or(a, b)]
@@ -46,7 +45,7 @@ def test_every_operation_has_the_numbers_of_casadi(way: str) -> None:
 
     Special values, an incomplete last block, few rows and a pickled copy are included.
     """
-    function = of_every_operation(way == "compiled")
+    function = of_every_operation()
     pairs = [(a, b) for a in _SPECIAL for b in _SPECIAL]
     pairs += np.random.default_rng(0).normal(0.0, 3.0, (2000, 2)).tolist()
     tables = [np.array(column)[:, None] for column in zip(*pairs, strict=True)]
@@ -98,6 +97,6 @@ def test_compiled_code_supports_rows_and_nested_functions(count: int) -> None:
 def test_unsupported_operations_are_evaluated_by_casadi() -> None:
     """A function with an operation that the generated code lacks is evaluated by CasADi."""
     x = ca.SX.sym("x")
-    code = row_code(ca.Function("error", [x], [ca.erf(x)]))
+    code = row_code(ca.Function("error", [x], [ca.erfinv(x)]))
     assert isinstance(code, RowFunction)
-    assert code([[0.5]])[0][0, 0] == pytest.approx(0.5204998778130465, rel=1e-15)
+    assert code([[0.5]])[0][0, 0] == pytest.approx(0.4769362762044699, rel=1e-15)
