@@ -258,7 +258,8 @@ class Trim(Part):
         """Return the error of a failed trim, with its reason, doubts, and options that help."""
         error = explained(failure, self.aircraft, self.condition)
         doubts = [f"check: {doubt}" for doubt in self.aircraft.about.doubts]
-        said = "; ".join(filter(None, (str(error), *doubts, self._advice())))
+        advice = self._advice() if error is failure else ""  # the aircraft explains it
+        said = "; ".join(filter(None, (str(error), *doubts, advice)))
         return TrimError(said, error.attempt)
 
     def _advice(self) -> str:
@@ -269,7 +270,8 @@ class Trim(Part):
         imposed = sorted(self.condition.imposed, key=lambda name: name in self.hold)
         found = []
         for name in imposed:
-            if name == self.model.schedule:
+            is_swept = name == self.model.schedule and self.model.about.names_schedule
+            if is_swept or len(found) == _MOST_ADVICE:
                 continue
             with suppress(NoSolutionError, BadInputError):
                 freed = release(self.condition, free=(name,))
@@ -280,7 +282,7 @@ class Trim(Part):
                     found.append(f"{instead or f'--free {name}'} ({name} {value})")
         if not found:
             return ""
-        return f"a trim exists with {' or '.join(found[:_MOST_ADVICE])}"
+        return f"a trim exists with {' or '.join(found)}"
 
     def origin(self) -> dict[str, Any]:
         """Return the provenance of the trim condition."""

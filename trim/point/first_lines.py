@@ -32,7 +32,9 @@ def first_line(point: OperatingPoint, done: str, modes: Iterable[Mode] | None) -
     modes: modes of the linear model at the point, or None for a point that is not a trim
     """
     model = point.model
-    subject = model.subject + f" ({model.about.equations})" * bool(model.about.equations)
+    subject, equations = model.subject, model.about.equations
+    if equations and equations not in subject:
+        subject += f" ({equations})"
     condition = ", ".join(condition_words(point))
     lines = [f"{subject} {done}" + f": {condition}" * bool(condition)]
     if modes is not None:
