@@ -1,7 +1,7 @@
 """Small systems whose regions of attraction are known or easy to draw. Units: m, kg, s, N m.
 
     hfa prove region --aircraft examples/pendulum.py:PENDULUM -o pendulum.json
-    hfa prove region --aircraft examples/pendulum.py:PENDULUM --check pendulum.json
+    hfa prove --aircraft examples/pendulum.py:PENDULUM --check pendulum.json
     hfa prove region --aircraft examples/pendulum.py:VAN_DER_POL --degree 6
 
 The pendulum is inverted, and the torque limit is too low to lift the pendulum from the horizontal.

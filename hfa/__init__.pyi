@@ -38,7 +38,6 @@ from hfa_policy.environment import (
     vector_environment as vector_environment,
 )
 from hfa_prove.prove_region import prove_region as prove_region
-from hfa_prove.search.game import prove_critic as prove_critic, prove_solution as prove_solution
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
 from trim.linear.linear_model import LinearModel as LinearModel
 from trim.point.condition import TrimCondition as TrimCondition

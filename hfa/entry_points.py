@@ -150,13 +150,6 @@ COMMANDS = {
         example="hfa prove cost --aircraft examples/pendulum.py:PENDULUM",
         install=("python-flint",),
     ),
-    "prove critic": CommandEntry(
-        "proof",
-        "distance of a critic from the exact solution",
-        "hfa_prove.commands.games:critic",
-        example="hfa prove critic learned.npz --dihedral 15",
-        install=("python-flint",),
-    ),
     "prove region": CommandEntry(
         "proof",
         "region of attraction of a loop with saturated inputs",
@@ -169,20 +162,6 @@ COMMANDS = {
         "stability of a gain schedule at every point of an interval",
         "hfa_prove.commands.schedule:schedule",
         example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
-        install=("python-flint", "cvxpy"),
-    ),
-    "prove solution": CommandEntry(
-        "proof",
-        "existence and uniqueness of a game's solution, near P",
-        "hfa_prove.commands.games:solution",
-        example="hfa prove solution --dihedral 15",
-        install=("python-flint",),
-    ),
-    "prove value": CommandEntry(
-        "proof",
-        "value and policy of the nonlinear game about a trim",
-        "hfa_prove.commands.value:value",
-        example="hfa prove value --aircraft examples/pendulum.py:PENDULUM",
         install=("python-flint",),
     ),
     "report": CommandEntry(

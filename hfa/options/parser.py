@@ -59,6 +59,8 @@ class Parser(argparse.ArgumentParser):
                     how["action"] = "append"
                 if option.count:
                     how["nargs"] = option.count
+                if option.alone is not None:
+                    how |= {"nargs": "?", "const": option.alone}
             else:
                 how["action"] = "store_true"
             self.add_argument(*names, **how)

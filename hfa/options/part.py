@@ -35,6 +35,7 @@ class Option:
     named: whether the words are NAME=VALUE[,NAME=VALUE...]
     repeated: whether the option is repeatable and the field contains all values
     count: number of words, as argparse's nargs, or None for one word
+    alone: value if no word follows the option, or None if a word is required
     required: whether the option is mandatory
     aliases: alias -> name in the model, for a `named` option
     rare: whether only `--help more` explains the option, and `--help` lists its name
@@ -52,6 +53,7 @@ class Option:
     named: bool = False
     repeated: bool = False
     count: str | None = None
+    alone: Any = None
     required: bool | Callable[[Model], bool] = False
     rare: bool = False
     package: str = ""

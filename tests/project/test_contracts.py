@@ -25,7 +25,7 @@ BREACHES = {
     "Packages import only those below": {
         "controller/game/zero_sum.py": "hfa_flight.scenario",
         "extensions/design/hfa_design/controllers.py": "hfa_identify.records",
-        f"{PROVE}/search/loops.py": "hfa_optimal.search",
+        f"{PROVE}/problem.py": "hfa_optimal.search",
         "hfa/options/output.py": "hfa.commands.trim",
     },
     "The core imports no extension": {"verification/error_table.py": "hfa_prove.certificate"},
@@ -77,13 +77,13 @@ BREACHES = {
         "hfa/options/game.py": "controller.learning.policy_iteration",
         "verification/regeneration.py": "controller.learning.policy_iteration",
         "extensions/policy/hfa_policy/assess.py": "controller.learning.policy_iteration",
-        f"{PROVE}/search/lines.py": "controller.learning.recording",
-        f"{PROVE}/check/loop_on_ball.py": "controller.learning.recording",
+        f"{PROVE}/search/schedule.py": "controller.learning.recording",
+        f"{PROVE}/check/trims.py": "controller.learning.recording",
         f"{PROVE}/search/region_boxes.py": "controller.learning.q_learning",
     },
     # A learner that another module imports.
     "Only commands reach what learns": {
-        f"{PROVE}/results.py": "hfa.learning",
+        f"{PROVE}/report.py": "hfa.learning",
     },
     "A critic is what was learned": {
         "controller/critic/critic.py": "controller.learning.policy_iteration",
@@ -95,8 +95,8 @@ BREACHES = {
     },
     "Checkers and statements": {
         f"{PROVE}/check/schedule.py": "hfa_prove.search.family",
-        f"{PROVE}/check/game.py": "hfa_prove.search.lines",
-        f"{PROVE}/check/region_squares.py": "hfa_prove.search.region_squares",
+        f"{PROVE}/check/piece.py": "hfa_prove.search.schedule",
+        f"{PROVE}/statements/region.py": "hfa_prove.search.region",
         f"{PROVE}/check/region_boxes.py": "controller.critic.network.critic",
     },
     "Only these import the flexible aircraft": {

@@ -238,7 +238,16 @@ def looks_like(picture: Path, other: Path) -> bool:
 
 #: Examples that print nothing: aircraft (tests/trim/test_own_models.py), and a training script
 #: (tests/verification/reasons/test_diagnosis.py).
-SILENT = ("f16", "f16_constant", "gtm", "navion", "pendulum", "train_a_network")
+SILENT = (
+    "f16",
+    "f16_constant",
+    "flexible_constant_altitude",
+    "flying_wings",
+    "gtm",
+    "navion",
+    "pendulum",
+    "train_a_network",
+)
 SCRIPTS = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.stem not in SILENT]
 
 

@@ -16,7 +16,6 @@ import hfa_model
 import hfa_prove
 import trim
 import verification
-from hfa_flight import GainSchedule
 
 #: Results with arrays, which are compared value by value.
 COMPARED = {
@@ -40,7 +39,6 @@ def results() -> dict[str, Any]:
     game = hfa.paper.published_game(model)
     family = hfa_prove.Family(aircraft)
     gain = hfa.solve(game).K
-    gains = GainSchedule(np.radians([15.0, 15.25]), np.stack([gain, gain]), hfa.aircraft())
     regeneration = verification.regenerate_all(aircraft)
     names = (
         aircraft,
@@ -57,7 +55,9 @@ def results() -> dict[str, Any]:
         game,
         hfa.from_gain(game, gain),
         hfa_model.published_models()[0],
-        hfa_prove.prove_schedule(family, gains, 15.0, 15.25),
+        hfa_prove.prove_schedule(
+            family, hfa_prove.Gains(np.array([15.0]), gain[None]), 15.0, 15.25
+        ),
         hfa_flight.GainPolicy("mine", gain),
         hfa_flight.Scenario(gust=hfa_flight.OneMinusCosine(100.0, 3.0, 68.0)),
     )

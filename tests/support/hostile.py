@@ -62,7 +62,7 @@ LINES = (
         "fly --dihedral 15 --samples 3 --duration 0.02 --error panel_mass=0.1 --noise alpha=0.1 -o"
         " a.zarr"
     ),
-    "prove solution --dihedral 15",
+    "prove schedule --dihedral 15:15.25 --decay 0.2 --rate 1",
     "prove --check a.json",
     "design --design paper --dihedral 10 -o a.npz",
     "export --dihedral 15 -o folder",

@@ -1,5 +1,10 @@
-"""Proofs and their checkers."""
-
-from .check import check_certificate as check_certificate
-from .search.family import Family as Family
-from .search.schedule import prove_schedule as prove_schedule
+from hfa_prove.bound import lower_bound as lower_bound
+from hfa_prove.check import check_certificate as check_certificate
+from hfa_prove.prove_region import prove_region as prove_region
+from hfa_prove.search.family import (
+    Family as Family,
+    breakpoints_of as breakpoints_of,
+    exact_gains as exact_gains,
+)
+from hfa_prove.search.schedule import prove_schedule as prove_schedule
+from hfa_prove.statements.schedule import Gains as Gains

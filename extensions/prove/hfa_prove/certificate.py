@@ -14,17 +14,15 @@ from flint import ctx
 
 from hfa_prove.fields import Fields, Statement, Witness, naming, require
 from hfa_prove.statements.cost import CostStatement, CostWitness
-from hfa_prove.statements.game import GameStatement, GameWitness
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region import RegionStatement, read_region_witness
+from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
-from hfa_prove.statements.value import ValueStatement, ValueWitness
 from hfa_support.errors import BadInputError, file_faults, on_one_line
 from hfa_support.files import regular_file, write_text
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.version import VERSION
 
-SCHEMA = "hfa.certificate/10"
+SCHEMA = "hfa.certificate/11"
 #: Entries of a file besides the statement and the witness. They are not part of the claim.
 _CLOSING = ("digest", "provenance", "checksum")
 #: Bits of the balls that enclose decimal numbers of a file.
@@ -33,10 +31,8 @@ _PRECISION = 256
 #: witness.
 KINDS: Mapping[str, tuple[type[Statement], Callable[[Fields, Any], Witness]]] = {
     "schedule": (ScheduleStatement, ScheduleWitness.read),
-    "game": (GameStatement, GameWitness.read),
-    "region": (RegionStatement, read_region_witness),
+    "region": (RegionStatement, RegionWitness.read),
     "cost": (CostStatement, CostWitness.read),
-    "value": (ValueStatement, ValueWitness.read),
 }
 
 

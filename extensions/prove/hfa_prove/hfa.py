@@ -7,8 +7,8 @@ from functools import cache
 
 from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
-from hfa_model.parameters import NAMED, Parameters, ParameterSet, load_parameters
-from hfa_model.variants import DYNAMICS, VARIANTS
+from hfa_model.parameters import NAMED, Parameters, load_parameters
+from hfa_model.variants import DYNAMICS
 from hfa_support.provenance import parameter_hash
 
 
@@ -16,16 +16,6 @@ from hfa_support.provenance import parameter_hash
 def aircraft_of(dynamics: str) -> Model | None:
     """Return the flexible aircraft with the given dynamics, or None if their name is unknown."""
     return aircraft(dynamics) if dynamics in DYNAMICS else None
-
-
-def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, float]:
-    """Return parameter -> standard error of the aircraft with the given dynamics.
-
-    The result is {} for the unsteady dynamics.
-
-    parameters: parameter set that stores the standard errors
-    """
-    return parameters.standard_errors if dynamics in VARIANTS else {}
 
 
 def identity_of(parameters: Mapping[str, float]) -> tuple[str, str] | None:

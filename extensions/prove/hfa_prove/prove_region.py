@@ -23,7 +23,7 @@ class ReportedRegion(Reported, Region):
 
     def report(self) -> Report:
         """Return the report that `hfa prove region` prints."""
-        from hfa_prove.report_region import region_report
+        from hfa_prove.report_search import region_report
 
         return region_report(self)
 

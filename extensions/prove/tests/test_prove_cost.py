@@ -44,18 +44,18 @@ def statement(certificate: Path) -> CostStatement:
 def test_a_bound_is_proved_and_checked(
     certificate: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A certificate is verified by `hfa prove` and by `hfa prove cost`.
+    """A certificate is verified by `hfa prove`.
 
     The first line names the weights if only the certificate contains them.
     """
     assert main(["prove", *AIRCRAFT, "--check", str(certificate)]) == 0
     out = " ".join(capsys.readouterr().out.split())
-    assert "flights of pendulum, of the weights in the certificate" in out
-    words = ["prove", "cost", *AIRCRAFT, "--Q", "1,1", "--R", "1", "--check", str(certificate)]
+    assert "of the weights in the certificate" in out
+    words = ["prove", *AIRCRAFT, "--Q", "1,1", "--R", "1", "--check", str(certificate)]
     assert main([*words, "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["proved"]
-    assert data["pieces"][0]["c"] < data["pieces"][-1]["c"]
+    assert data["levels"][0] < data["levels"][-1]
 
 
 @pytest.mark.parametrize(
@@ -85,8 +85,8 @@ def test_a_run_is_resumed_from_its_certificate(
     assert "R in the certificate differs" in capsys.readouterr().err
     before = json.loads(certificate.read_text())["statement"]["pieces"]
     assert main([*words, "--seconds", "0.05", "--json"]) == 0
-    pieces = json.loads(capsys.readouterr().out)["pieces"]
-    assert [piece["c"] for piece in pieces][: len(before)] == [piece["c"] for piece in before]
+    pieces = json.loads(capsys.readouterr().out)["levels"]
+    assert pieces[: len(before)] == [piece["c"] for piece in before]
 
 
 def test_a_hidden_state_that_changes_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

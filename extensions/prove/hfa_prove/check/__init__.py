@@ -19,11 +19,9 @@ from hfa_aircraft.model import Model
 from hfa_prove.certificate import Certificate, read_certificate
 from hfa_prove.fields import naming
 from hfa_prove.statements.cost import CostWitness
-from hfa_prove.statements.game import GameWitness
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region import BoxWitness, SquaresWitness
+from hfa_prove.statements.region import RegionWitness
 from hfa_prove.statements.schedule import ScheduleWitness
-from hfa_prove.statements.value import ValueWitness
 from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 
@@ -33,8 +31,7 @@ class Proved:
     """A statement that the checker has proved.
 
     certificate: the certificate that proves it
-    sizes: number of boxes of the proof, for each piece of a bound of the cost, or number of parts
-        of a set proved by sums of squares
+    sizes: number of boxes of the proof, for each piece of a bound of the cost
     """
 
     certificate: Certificate
@@ -57,14 +54,14 @@ class Proved:
 
     @property
     def size(self) -> int:
-        """Number of boxes or parts of the whole proof."""
+        """Number of boxes of the whole proof."""
         return sum(self.sizes)
 
 
 def check(certificate: Certificate, progress: Progress | None = None) -> Proved:
     """Prove the statement of a certificate.
 
-    progress: called with the number of checked boxes or parts, or None
+    progress: called with the number of checked boxes, or None
 
     Raises Rejected if the statement is not proved. Raises BadInputError if the equations contain an
     operation that is not supported.
@@ -74,7 +71,7 @@ def check(certificate: Certificate, progress: Progress | None = None) -> Proved:
 
 
 def _sizes(statement: Any, witness: Any, progress: Progress | None) -> tuple[int, ...]:
-    """Prove a statement, and return the numbers of boxes or parts of the proof.
+    """Prove a statement, and return the numbers of boxes of the proof.
 
     Only the modules of this kind of proof are loaded.
     """
@@ -82,22 +79,10 @@ def _sizes(statement: Any, witness: Any, progress: Progress | None) -> tuple[int
         from hfa_prove.check.schedule import check_schedule
 
         return (check_schedule(statement, witness, progress),)
-    if isinstance(witness, GameWitness):
-        from hfa_prove.check.game import check_game
-
-        return (check_game(statement, witness),)
-    if isinstance(witness, SquaresWitness):
-        from hfa_prove.check.region_squares import check_region
+    if isinstance(witness, RegionWitness):
+        from hfa_prove.check.region_boxes import check_region
 
         return (check_region(statement, witness, progress),)
-    if isinstance(witness, BoxWitness):
-        from hfa_prove.check.region_boxes import check_region as check_on_boxes
-
-        return (check_on_boxes(statement, witness, progress),)
-    if isinstance(witness, ValueWitness):
-        from hfa_prove.check.value import check_value
-
-        return (check_value(statement, witness),)
     assert isinstance(witness, CostWitness)  # the only other kind
     from hfa_prove.check.cost import check_cost
 
@@ -114,7 +99,7 @@ def check_certificate(
     """Return the statement that a certificate proves.
 
     path: file of the certificate
-    progress: called with the number of checked boxes or parts, or None
+    progress: called with the number of checked boxes, or None
     model: the user's aircraft, or None if the certificate concerns a built-in model
     policy: the user's policy, state deviations -> input deviations, or None if the certificate
         contains the coefficients of the policy

@@ -280,29 +280,27 @@ class CostInequality(OnPiece):
     def _loss(self, boxes: Boxes, guess: Guess) -> np.ndarray:
         """Return an upper bound (boxes,) of g(guess) - min g(v) over all v within the limits.
 
-        The bound is the largest decrease of g that the following inequality allows:
+        With d = v - guess, the gradient b of g in v at the guess, and lower bounds λ_i of the
+        curvature between the guess and all inputs within the limits,
 
-            g(guess + d) >= g(guess) + Σ (b_i d_i + λ_i d_i² / 2)
+            g(guess + d) - g(guess) >= Σ_i (b_i d_i + λ_i d_i² / 2)
 
-        b is the gradient of g in v at the guess. λ_i are lower bounds of the curvature between the
-        guess and all inputs within the limits.
+        Each term is least for the lowest b_i if d_i >= 0, and for the highest b_i if d_i <= 0. The
+        bound is minus the sum of the least terms.
         """
-        m = self.m
-        if not m or not len(boxes.centres):
+        if not self.m or not len(boxes.centres):
             return np.zeros(len(boxes.centres))
-        reach = np.abs(guess.slopes).sum(axis=2) * (1.0 + ROUNDING)
         low, high = self.ends.T
-        least = np.minimum(low, guess.value - reach)
-        most = np.maximum(high, guess.value + reach)
-        curvature = self._curvature(boxes, least, most)
-        slopes = self._slopes.of(*self._inputs(boxes, guess))
-        b_low = lowest(slopes, self.n).T
-        b_high = highest(slopes, self.n).T
-        from_guess = (low - guess.value - reach, high - guess.value + reach)
-        above = _least(b_low, curvature, np.maximum(from_guess[0], 0.0), from_guess[1])
-        below = _least(-b_high, curvature, np.maximum(-from_guess[1], 0.0), -from_guess[0])
-        loss = -np.minimum(np.minimum(above, below), 0.0).sum(axis=1)
-        return np.asarray(loss * (1.0 + ROUNDING) + TINY)
+        reach = np.abs(guess.slopes).sum(axis=2) * (1.0 + ROUNDING)
+        guess_low, guess_high = guess.value - reach, guess.value + reach
+        curvature = self._curvature(boxes, np.minimum(low, guess_low), np.maximum(high, guess_high))
+        gradient = self._slopes.of(*self._inputs(boxes, guess))
+        b_low, b_high = lowest(gradient, self.n).T, highest(gradient, self.n).T
+        d_low, d_high = low - guess_high, high - guess_low
+        rising = _least(b_low, curvature, np.maximum(d_low, 0.0), d_high)
+        falling = _least(-b_high, curvature, np.maximum(-d_high, 0.0), -d_low)
+        least = np.minimum(np.minimum(rising, falling), 0.0)
+        return np.asarray(-least.sum(axis=1) * (1.0 + ROUNDING) + TINY)
 
     def _curvature(self, boxes: Boxes, least: np.ndarray, most: np.ndarray) -> np.ndarray:
         """Return bounds λ, (boxes, m), with Σ λ_i d_i² <= d'H d for every d.

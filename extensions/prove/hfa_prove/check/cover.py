@@ -8,8 +8,7 @@ fixed. The proof can therefore be repeated without a stored tree.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -188,84 +187,3 @@ def _joined(first: Boxes, last: Boxes) -> Boxes:
     return Boxes(
         np.concatenate([first.centres, last.centres]), np.concatenate([first.depths, last.depths])
     )
-
-
-#: Lowest and highest value of each coordinate of a closed box.
-Box = Sequence[tuple[float, float]]
-
-
-def check_covered(what: str, stated: Box, boxes: Sequence[Box]) -> None:
-    """Raise Rejected unless the boxes of some evidence cover the stated box.
-
-    what: name of the evidence in a message, such as "the cells"
-    stated: box of the claim, (low, high) of each coordinate, with low = high for a claim at one
-        value
-    boxes: boxes in any order, which may overlap and extend beyond the stated box
-
-    Raises Rejected in these cases:
-    - The boxes do not cover the stated box.
-    - An endpoint of a box is not finite, or low > high.
-    - The stated box has no coordinates.
-    - A box and the stated box have different numbers of coordinates.
-    """
-    _check_ends(f"where {what} are needed", stated, len(stated))
-    for box in boxes:
-        _check_ends(what, box, len(stated))
-    waiting = [(stated, list(boxes))]
-    while waiting:
-        part, all_boxes = waiting.pop()
-        near = [box for box in all_boxes if _meets(box, part)]
-        if not near:
-            raise Rejected(
-                f"{what} do not cover {_text(stated)}: nothing is proved at {_text(part)}"
-            )
-        if not any(_holds(box, part) for box in near):
-            waiting += [(half, near) for half in _halves(part, near)]
-
-
-def _check_ends(what: str, box: Box, coordinates: int) -> None:
-    ordered = all(math.isfinite(low) and math.isfinite(high) and low <= high for low, high in box)
-    if not (ordered and len(box) == coordinates > 0):
-        raise Rejected(
-            f"{what}: each coordinate requires one finite interval, low <= high, but {_text(box)} "
-            "is given"
-        )
-
-
-def _meets(box: Box, part: Box) -> bool:
-    """Return whether a box and a part of the stated box have more in common than a face."""
-    for (low, high), (least, most) in zip(box, part, strict=True):
-        if least == most and not low <= least <= high:
-            return False
-        if least < most and not (low < most and high > least):
-            return False
-    return True
-
-
-def _holds(box: Box, part: Box) -> bool:
-    """Return whether a box contains a part of the stated box."""
-    pairs = zip(box, part, strict=True)
-    return all(low <= least and most <= high for (low, high), (least, most) in pairs)
-
-
-def _halves(part: Box, boxes: Sequence[Box]) -> list[Box]:
-    """Return the two parts of a box that is cut at an endpoint of another box.
-
-    part: the box that is cut
-    boxes: boxes that overlap `part` and do not contain it
-    """
-    cuts = []
-    for i, (least, most) in enumerate(part):
-        ends = {end for box in boxes for end in box[i] if least < end < most}
-        cuts.append(sorted(ends))
-    i = max(range(len(part)), key=lambda coordinate: len(cuts[coordinate]))
-    cut = cuts[i][len(cuts[i]) // 2]
-    least, most = part[i]
-    return [[*part[:i], ends, *part[i + 1 :]] for ends in ((least, cut), (cut, most))]
-
-
-def _text(box: Box) -> str:
-    sides = []
-    for low, high in box:
-        sides.append(f"{low:.10g}" if low == high else f"{low:.10g} to {high:.10g}")
-    return " by ".join(sides) or "nothing"

@@ -1,10 +1,16 @@
 """Checker of a region of attraction, by subdivision into boxes.
 
-Theorem. Let z be the deviation from the equilibrium, y = M z, and S = {V <= rho} within the cube
-|y_i| <= 1. Suppose that S meets no face of the cube, that V' < 0 in S except at the equilibrium,
-and that all limits hold in S. Then every trajectory that begins in S exists for all time, stays in
-S and converges to the equilibrium (LaSalle). Where the equations switch, trajectories are Filippov
-solutions.
+Let z be the deviation from the equilibrium without disturbances, y = M z, and S = {V <= rho} within
+the cube |y_i| <= 1. Suppose that S meets no face of the cube and that all limits hold in S.
+
+Theorem. If V' < 0 in S except at the equilibrium, every trajectory that begins in S exists for all
+time, stays in S and converges to the equilibrium (LaSalle).
+
+Theorem. If V' < 0 where V = rho, for every combination of the extreme values of the disturbances,
+every trajectory that begins in S exists for all time and stays in S. The rates are affine in the
+disturbances, so V' < 0 follows for all values between.
+
+Where the equations switch, trajectories are Filippov solutions.
 
 Of the search, the checker uses the multipliers of the extents and the number of boxes after which
 the checker stops.
@@ -12,6 +18,8 @@ the checker stops.
 
 from __future__ import annotations
 
+import itertools
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,44 +27,77 @@ import casadi as ca
 import numpy as np
 
 from hfa_prove.check.cover import Boxes, refute
-from hfa_prove.check.equilibrium import check_near, equilibrium_near
+from hfa_prove.check.equilibrium import Equilibrium, check_near, equilibrium_near
 from hfa_prove.check.piece import ROUNDING, OnPiece
 from hfa_prove.enclosure.balls import hull, is_positive_definite, matrix
 from hfa_prove.enclosure.slopes import Intervals, jacobian
-from hfa_prove.enclosure.taylor import TaylorProgram, lowest
+from hfa_prove.enclosure.taylor import TaylorProgram, highest, lowest
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.loop import Loop
-from hfa_prove.statements.region import BoxWitness, RegionStatement
+from hfa_prove.statements.piece import Piece
+from hfa_prove.statements.region import RegionStatement, RegionWitness
+from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 
 #: Largest k for which the hole |y_i| <= 2^-k is tried.
 _SMALLEST_HOLE = 30
+#: Exponent of a hole without a point besides the equilibrium.
+_NO_HOLE = 2000
 
 
 def check_region(
-    statement: RegionStatement, witness: BoxWitness, progress: Progress | None = None
+    statement: RegionStatement, witness: RegionWitness, progress: Progress | None = None
 ) -> int:
     """Prove a statement about a region and return the number of boxes that the proof evaluated.
 
     Raises Rejected if the statement is not proved.
     """
     loop = statement.loop
-    if loop.disturbances or statement.piece.whole:
-        raise Rejected("boxes prove sets in |y_i| < 1 without disturbances only")
     stated = statement.equilibrium
     equilibrium = equilibrium_near(loop, np.array(list(stated.values())))
     check_near(equilibrium, loop, stated, "the stated one")
     extents = np.array([statement.extents[name] for name in loop.states])
-    decrease = Decrease(loop, equilibrium, statement.piece, extents, witness.multipliers)
-    return decrease.proved(witness.boxes, progress)
+    claims = claims_of(loop, equilibrium, statement.piece, extents, witness.multipliers)
+    return sum(claim.proved(witness.boxes, progress) for claim in claims)
+
+
+def claims_of(
+    loop: Loop, equilibrium: Equilibrium, piece: Piece, extents: np.ndarray, multipliers: np.ndarray
+) -> tuple[OnSet, ...]:
+    """Return the properties that together prove a region, or an invariant set with disturbances.
+
+    extents: (n, 2), lowest and highest state deviations z in the set
+    multipliers: (n, 2), nonnegative factors of c - W in the proofs of the extents
+
+    Raises BadInputError if a rate is not affine in the disturbances.
+    """
+    of_set = (loop, equilibrium, piece, extents, multipliers)
+    if not loop.disturbances:
+        return (Decrease(*of_set),)
+    refuse_curved(loop)
+    return (DecreaseAtEdge(*of_set), Limits(*of_set))
+
+
+def refuse_curved(loop: Loop) -> None:
+    """Raise BadInputError if a rate is not affine in the disturbances.
+
+    Otherwise the worst value of a disturbance might not be an end of its range.
+    """
+    x = ca.SX.sym("x", len(loop.states))
+    w = ca.SX.sym("w", len(loop.disturbances))
+    rates, outputs = loop.disturbed_rates(x, ca.vertsplit(w))
+    curved = ca.which_depends(ca.densify(ca.vertcat(rates, outputs)), w, 2)
+    for name, is_curved in zip(loop.disturbances, curved, strict=True):
+        if is_curved:
+            raise BadInputError(
+                f"{loop.model.name}: the rates are not affine in {name}; such disturbances are not"
+                " supported"
+            )
 
 
 @dataclass(frozen=True, eq=False)
-class Decrease(OnPiece):
-    """Claims about a closed loop on the set of a piece, as a property that `cover` proves.
-
-    The claims are W' < 0 except at the equilibrium, deviations within the extents, and states and
-    outputs within the limits.
+class OnSet(OnPiece):
+    """Functions that are positive on the set of a piece, as a property that `cover` proves.
 
     plant: the loop
     extents: (n, 2), lowest and highest state deviations z in the set
@@ -104,33 +145,62 @@ class Decrease(OnPiece):
         edges[proved.all(axis=0) & is_inside] = -1
         return edges
 
-    @cached_property
-    def _rates(self) -> tuple[ca.SX, ca.SX]:
-        """Expressions of z' and of the outputs that have limits."""
-        return self.plant.rates(ca.DM(self.equilibrium.x) + self.symbols.z + self.symbols.e)
+    @property
+    def hole(self) -> int:
+        """Exponent k of the hole |y_i| <= 2^-k, in which the first function may be 0: no hole."""
+        return _NO_HOLE
 
     @cached_property
     def _functions(self) -> TaylorProgram:
-        """Program of the functions that must be positive in the set {W <= c}.
+        """Program of the functions that must be positive."""
+        return self.taylor(self.functions())
 
-        The functions are -W', the distances of the outputs from their limits, and one function for
-        each bound of a deviation z_i. If h - z_i > k (c - W) with k >= 0, the upper bound h of z_i
-        holds in the set. The lower bound is proved in the same way.
+    @abstractmethod
+    def functions(self) -> list[ca.SX]:
+        """Return the expressions that must be positive."""
+
+    @cached_property
+    def rates(self) -> list[tuple[ca.SX, ca.SX]]:
+        """Expressions of z' and of the outputs with limits, for all extreme disturbances."""
+        x = ca.DM(self.equilibrium.x) + self.symbols.z + self.symbols.e
+        sizes = self.plant.disturbances.values()
+        ends = itertools.product(*((-size, size) for size in sizes))
+        return [self.plant.disturbed_rates(x, each) for each in ends]
+
+    def decreases(self) -> list[ca.SX]:
+        """Return -W' for all extreme disturbances."""
+        _, slopes = self.piece.W.expressions(self.symbols.y)
+        M = ca.DM(self.piece.M)
+        return [-ca.dot(slopes, M @ rates) for rates, _ in self.rates]
+
+    def distances(self) -> list[ca.SX]:
+        """Return the distances of outputs from their limits, and one function for each extent.
+
+        If h - z_i > k (c - W) with k >= 0, the upper bound h of z_i holds in the set. The lower
+        bound is proved in the same way.
         """
-        rates, outputs = self._rates
-        W, slopes = self.piece.W.expressions(self.symbols.y)
-        functions = [-ca.dot(slopes, ca.DM(self.piece.M) @ rates)]
-        for name, output in zip(self.plant.limited_outputs, ca.vertsplit(outputs), strict=True):
-            low, high = self.plant.limits[name]
-            functions += [output - low] if np.isfinite(low) else []
-            functions += [high - output] if np.isfinite(high) else []
+        functions = []
+        for _, outputs in self.rates:
+            for name, output in zip(self.plant.limited_outputs, ca.vertsplit(outputs), strict=True):
+                low, high = self.plant.limits[name]
+                functions += [output - low] if np.isfinite(low) else []
+                functions += [high - output] if np.isfinite(high) else []
+        W, _ = self.piece.W.expressions(self.symbols.y)
         room = self.piece.c - W
         for i, ((low, high), (of_low, of_high)) in enumerate(
             zip(self.extents.tolist(), self.multipliers.tolist(), strict=True)
         ):
             z = self.symbols.z[i]
             functions += [z - low - of_low * room, high - z - of_high * room]
-        return self.taylor(functions)
+        return functions
+
+
+class Decrease(OnSet):
+    """Claims without disturbances: W' < 0 except at the equilibrium, and all limits hold."""
+
+    def functions(self) -> list[ca.SX]:
+        """Return -W', and the distances from the limits."""
+        return [*self.decreases(), *self.distances()]
 
     @cached_property
     def hole(self) -> int:
@@ -142,7 +212,7 @@ class Decrease(OnPiece):
         Raises Rejected if no k is found.
         """
         n = self.n
-        slopes = self.program([self.piece.W.expressions(self.symbols.y)[1], self._rates[0]])
+        slopes = self.program([self.piece.W.expressions(self.symbols.y)[1], self.rates[0][0]])
         M = matrix(self.piece.M)
         N, off = self.inverse
         for k in range(1, _SMALLEST_HOLE + 1):
@@ -159,3 +229,29 @@ class Decrease(OnPiece):
             "V' < 0 is not proved near the equilibrium: V is not a Lyapunov function of the "
             "linearization, or the rates have a kink at the equilibrium"
         )
+
+
+class DecreaseAtEdge(OnSet):
+    """Claim with disturbances: W' < 0 where W = c."""
+
+    def functions(self) -> list[ca.SX]:
+        """Return -W' for all extreme disturbances."""
+        return self.decreases()
+
+    def is_outside(self, boxes: Boxes) -> np.ndarray:
+        """Return the mask (N,) of the boxes on which W > c or W < c is proved."""
+        level = self._level.over(boxes.centres, boxes.half_widths)
+        is_below = highest(level, self.n)[0] < self.piece.c
+        return np.asarray(super().is_outside(boxes) | is_below)
+
+    def within(self, places: np.ndarray) -> np.ndarray:
+        """Return the mask (N,) of the points on the edge of the set, to rounding."""
+        return super().within(places) & (self.piece.W.at(places) >= self.piece.c * (1.0 - 1e-12))
+
+
+class Limits(OnSet):
+    """Claim with disturbances: all limits hold in the set."""
+
+    def functions(self) -> list[ca.SX]:
+        """Return the distances from the limits for all extreme disturbances."""
+        return self.distances()

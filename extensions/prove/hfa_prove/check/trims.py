@@ -1,428 +1,289 @@
-"""Trims and linear models on a box of scheduling values, with a proof that the trims exist.
+"""Trims of an aircraft on a piece of its scheduling variable, with a proof that they exist.
 
-The trims solve F(w, η) = 0. Let ŵ(s) be the stated polynomial, C ≈ F_w⁻¹ and e = w - ŵ. If
-|C F(ŵ)| + |I - C F_w| < 1 in units of the radii r, there is exactly one root with |e_i| <= r_i at
-every s, and the root is a smooth function of s (Krawczyk's test).
+The trims solve G(w, s) = 0 for the free variables w at the scheduling value s. On a piece
+s = s0 + t, |t| <= h, let ŵ(t) = v + v' t be an estimate of the trim, and E a box about 0. If
+
+    K = -Y (G(v, s0) + (G_s + G_w v') t) + (I - Y G_w) E
+
+lies in the interior of E, with G_w and G_s at all points ŵ(t) + E, then for every t exactly one
+root is in ŵ(t) + E, this root is in ŵ(t) + K, and it is a smooth function of t (Krawczyk's test).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
-from itertools import zip_longest
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from flint import arb, arb_mat
 
 from hfa_aircraft.model import Model
-from hfa_prove.check.cover import check_covered
-from hfa_prove.check.equilibrium import root_offsets
-from hfa_prove.enclosure.ball_function import BallFunction
-from hfa_prove.enclosure.balls import READING, symmetric
-from hfa_prove.enclosure.series import TaylorModel
+from hfa_prove.enclosure.ball_function import BallFunction, Undecided
+from hfa_prove.enclosure.balls import READING, exact, matrix, symmetric
 from hfa_prove.fields import Rejected
-from hfa_prove.statements.flight import Flight, StatedTrim, TrimBox
-from hfa_prove.statements.plant import SAME_TRIM
+from hfa_prove.statements.flight import Flight, unit_of_schedule
+from hfa_support.errors import BadInputError
 
-Rows = list[list[Any]]
+#: Steps of Newton's method for an estimate of a trim, and its largest last step relative to the
+#: nominal values.
+_STEPS = 20
+_LAST_STEP = 1e-9
+#: Half-width of the box E relative to the Krawczyk step of a thin box.
+_ROOM = 4.0
+#: Least half-width of E in nominal values.
+_LEAST = 1e-12
 
 
-class LinearParts(NamedTuple):
-    """Trim values, Jacobian of the trim equations and linear model, each as a list of rows.
+class Expressions(NamedTuple):
+    """Trim equations and linear model of an aircraft as expressions.
 
-    The linear model is x' = A x + B u, y = C x + D u.
-
-    values: (names, 1), values of the signals `SteadyFlight.names`
-    slopes: (equations, unknowns), Jacobian F_w
-    A: (n, n)
-    B: (n, m)
-    C: (k, n), rows of the measured outputs
-    D: (k, m)
+    w: free variables, (f,)
+    s: scheduling value, in the unit of the user
+    numbers: imposed values, parameters, and the unit of s in the unit of the model
+    G: left sides of the trim equations that depend on w, (f,)
+    kept: left sides of the other trim equations
+    limited: signals with limits besides imposed values and the scheduling variable
+    A, B: matrices of the linear model
     """
 
-    values: Rows
-    slopes: Rows
-    A: Rows
-    B: Rows
-    C: Rows
-    D: Rows
+    w: ca.SX
+    s: ca.SX
+    numbers: ca.SX
+    G: ca.SX
+    kept: ca.SX
+    limited: ca.SX
+    A: ca.SX
+    B: ca.SX
 
 
-@dataclass(frozen=True, eq=False)
-class SteadyFlight:
-    """Trim equations F(w; imposed, parameters) = 0 with unknowns w, and the linear model at a trim.
-
-    balanced: BallFunction (v, p) -> the rates that must be 0, then the imposed outputs
-    linear_parts: BallFunction (v, p) -> the parts of `LinearParts`
-    variables: names of v, the variables of the trim: imposed, scheduling and unknown
-    parameters: names of p
-    imposed_outputs: names of the outputs that the trim imposes
-    names: states, inputs and outputs with values in `LinearParts.values`
-    unknowns: names of w
-    moving_rows: indices of the equations that depend on an unknown
-    heights: number of rows of each part of `LinearParts`
-    """
-
-    balanced: BallFunction
-    linear_parts: BallFunction
-    variables: tuple[str, ...]
-    parameters: tuple[str, ...]
-    imposed_outputs: tuple[str, ...]
-    names: tuple[str, ...]
-    unknowns: tuple[str, ...]
-    moving_rows: tuple[int, ...]
-    heights: tuple[int, ...]
-
-    def residual(self, values: Mapping[str, Any]) -> list[Any]:
-        """Return the residuals of the trim equations F.
-
-        values: name -> ball, series or Taylor model, for every variable, parameter and imposed
-            output
-        """
-        results = self.balanced(*self._arguments(values))[0]
-        rates = len(results) - len(self.imposed_outputs)
-        outputs = zip(results[rates:], self.imposed_outputs, strict=True)
-        return results[:rates] + [output - values[name] for output, name in outputs]
-
-    def linear(self, values: Mapping[str, Any]) -> LinearParts:
-        """Return the trim values, the Jacobian of the trim equations and the linear model.
-
-        values: name -> ball, series or Taylor model, for every variable and parameter
-        """
-        columns = self.linear_parts(*self._arguments(values))
-        parts = []
-        for entries, height in zip(columns, self.heights, strict=True):
-            parts.append([entries[row::height] for row in range(height)])
-        return LinearParts(*parts)
-
-    def _arguments(self, values: Mapping[str, Any]) -> list[list[Any]]:
-        """Return two lists: the values of the variables and the values of the parameters.
-
-        values: name -> ball, series or Taylor model
-        """
-        return [[values[name] for name in names] for names in (self.variables, self.parameters)]
+def _limited(flight: Flight) -> tuple[str, ...]:
+    """Return the names of the signals whose limits are tested at every trim."""
+    kept = (flight.model.schedule, *flight.imposed)
+    return tuple(name for name in flight.limits if name not in kept)
 
 
-def steady_flight(
-    model: Model,
-    imposed: Mapping[str, float],
-    limited: Sequence[str] = (),
-    measured: Sequence[str] = (),
-) -> SteadyFlight:
-    """Return the trim equations and the linear model of an aircraft.
-
-    imposed: variables and outputs that the trim imposes, besides the scheduling variable
-    limited: names of signals with limits
-    measured: names of the outputs of the linear model
-
-    Raises BadInputError with the name of the operation if the equations contain an unsupported
-    operation.
-    """
-    imposed_outputs = tuple(name for name in imposed if name not in model.variables)
-    limited_outputs = [name for name in limited if name in model.outputs]
-    unknowns = tuple(
-        name for name in model.variables if name not in imposed and name != model.schedule
-    )
-    outputs = tuple(dict.fromkeys((*imposed_outputs, *limited_outputs)))
-    return _steady_flight(model, unknowns, imposed_outputs, outputs, tuple(measured))
-
-
-@lru_cache(maxsize=16)
-def _steady_flight(
-    model: Model,
-    unknowns: tuple[str, ...],
-    imposed_outputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    measured: tuple[str, ...],
-) -> SteadyFlight:
-    """Return the trim equations and the linear model of an aircraft, from hashable arguments.
-
-    unknowns: names of the unknowns of the trim
-    imposed_outputs: names of the outputs that the trim imposes
-    outputs: names of the imposed outputs, then of other outputs with required values
-    measured: names of the outputs of the linear model
-    """
+@lru_cache(maxsize=8)
+def _expressions(
+    model: Model, imposed: tuple[str, ...], unknowns: tuple[str, ...], limited: tuple[str, ...]
+) -> Expressions:
+    w = ca.SX.sym("w", len(unknowns))
+    s = ca.SX.sym("s")
+    numbers = ca.SX.sym("numbers", len(imposed) + len(model.parameters) + 1)
+    *known, unit = ca.vertsplit(numbers)
+    values = dict(zip((*imposed, *model.parameters), known, strict=True))
+    values |= dict(zip(unknowns, ca.vertsplit(w), strict=True))
+    values[model.schedule] = unit * s
+    p = ca.vertcat(*(values[name] for name in model.parameters))
+    outputs = tuple(name for name in imposed if name not in model.variables)
+    seen = tuple(dict.fromkeys((*outputs, *(name for name in limited if name in model.outputs))))
+    x, u, f, y_seen = model.layout.in_variables(values, p, seen)
+    y = dict(zip(seen, ca.vertsplit(y_seen) if seen else (), strict=True))
+    _, _, A, B, *_ = model.functions(())(x, u, p)
     states = list(model.states)
-    variables = model.variables
-    v = ca.SX.sym("v", len(variables))
-    (p,) = model.layout.symbols("p")
-    values = dict(zip(variables, ca.vertsplit(v), strict=True))
-    x, u, f, y = model.layout.in_variables(values, p, outputs)
-    y = ca.vec(y)
-    _, _, A, B, C, D, *_ = model.functions(measured)(x, u, p)
-    balanced = [states.index(name) for name in model.steady]
+    balanced = [f[states.index(name)] for name in model.steady]
+    balanced += [y[name] - values[name] for name in outputs]
+    G = ca.densify(ca.vertcat(*balanced))
+    moved = np.array(ca.DM(ca.jacobian_sparsity(G, w), 1)).any(axis=1)
+    signals = dict(zip((*states, *model.inputs), ca.vertsplit(ca.vertcat(x, u)), strict=True)) | y
     linear = [states.index(name) for name in model.linear]
-
-    F = ca.densify(ca.vertcat(f[balanced], y[: len(imposed_outputs), :]))
-    w = ca.vertcat(*(values[name] for name in unknowns))
-    rate_slopes = ca.mtimes(A[balanced, :], ca.jacobian(x, w))
-    rate_slopes += ca.mtimes(B[balanced, :], ca.jacobian(u, w))
-    output_slopes = ca.jacobian(y[: len(imposed_outputs), :], w)
-    parts = [
-        ca.vertcat(x, u, y),
-        ca.vertcat(rate_slopes, output_slopes),
+    return Expressions(
+        w,
+        s,
+        numbers,
+        G[np.flatnonzero(moved).tolist()],
+        G[np.flatnonzero(~moved).tolist()],
+        ca.vertcat(*(signals[name] for name in limited)),
         A[linear, linear],
         B[linear, :],
-        C[:, linear],
-        D,
-    ]
-    moves = np.array(ca.DM(ca.jacobian_sparsity(F, w), 1)).any(axis=1)
-    linear_parts = ca.Function("linear", [v, p], [ca.densify(part) for part in parts])
-    return SteadyFlight(
-        balanced=BallFunction(ca.Function("balanced", [v, p], [F]), model.name),
-        linear_parts=BallFunction(linear_parts, model.name),
-        variables=tuple(variables),
-        parameters=tuple(model.parameters),
-        imposed_outputs=imposed_outputs,
-        names=(*states, *model.inputs, *outputs),
-        unknowns=unknowns,
-        moving_rows=tuple(np.flatnonzero(moves).tolist()),
-        heights=tuple(part.shape[0] for part in parts),
     )
 
 
 @dataclass(frozen=True, eq=False)
-class LinearModelBox:
-    """Linear model x' = A x + B u, y = C x + D u on a box of scheduling values.
+class TrimPiece:
+    """The trims at all scheduling values from `low` to `high`.
 
-    The matrices are Taylor models.
+    At s = middle + t, exactly one trim is in estimate + slope t + box, and it is in
+    estimate + slope t + offset.
 
-    trim: enclosure of the trims on the box
-    A: (n, n)
-    B: (n, m)
-    C: (k, n), rows of the measured outputs
-    D: (k, m)
-    offsets: unknown -> enclosure of the trim minus its polynomial
+    low, high: ends of the piece
+    estimate, slope: (f,), doubles
+    box, offset: balls, f each
     """
 
-    trim: TrimBox
-    A: TaylorModel
-    B: TaylorModel
-    C: TaylorModel
-    D: TaylorModel
-    offsets: Mapping[str, arb]
+    low: float
+    high: float
+    estimate: np.ndarray
+    slope: np.ndarray
+    box: Sequence[arb]
+    offset: Sequence[arb]
 
+    @property
+    def middle(self) -> arb:
+        """Center of the piece."""
+        return (arb(self.low) + arb(self.high)) / 2
 
-def linear_model_on(
-    flight: Flight, trim: TrimBox, measured: Sequence[str] = (), *, decimals: bool = True
-) -> LinearModelBox:
-    """Return the linear model on a box of scheduling values.
+    @property
+    def half_width(self) -> arb:
+        """Half of the length of the piece."""
+        return (arb(self.high) - arb(self.low)) / 2
 
-    trim: stated enclosure of the trims on the box
-    measured: names of the outputs of the linear model
-    decimals: whether the model covers all decimal numbers that round to the stored parameters and
-        imposed values, instead of the doubles alone
+    def at(self, s: float, around: Sequence[arb]) -> list[arb]:
+        """Return the enclosures estimate + slope t + around at a scheduling value."""
+        t = arb(s) - self.middle
+        return self._plus(t, around)
 
-    Raises Rejected unless the box is proved to contain a trim within all limits.
-    """
-    model = flight.model
-    equations = equations_of(flight, measured)
-    imposed = known_values(flight, trim, decimals=decimals)
-    along = dict(imposed)
-    around = dict(imposed)
-    for name, polynomial in trim.polynomials.items():
-        along[name] = polynomial
-        around[name] = polynomial + TaylorModel(0, 0, 0, symmetric(trim.radii[name]))
-    linear = equations.linear(around)
-    offsets = _root_offsets(equations.residual(along), linear, [*trim.radii.values()])
-    values = dict(zip(equations.names, (value for (value,) in linear.values), strict=True)) | around
-    _check_limits(flight, values)
-    return LinearModelBox(
-        trim,
-        stacked(linear.A),
-        stacked(linear.B),
-        stacked(linear.C, columns=len(model.linear)),
-        stacked(linear.D, columns=len(model.inputs)),
-        dict(zip(trim.radii, offsets, strict=True)),
-    )
+    def along(self, around: Sequence[arb]) -> list[arb]:
+        """Return the enclosures estimate + slope t + around for all scheduling values."""
+        return self._plus(symmetric(self.half_width), around)
 
+    def _plus(self, t: arb, around: Sequence[arb]) -> list[arb]:
+        pairs = zip(self.estimate.tolist(), self.slope.tolist(), around, strict=True)
+        return [exact(value) + exact(slope) * t + ball for value, slope, ball in pairs]
 
-def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dict[str, Any]:
-    """Return name -> Taylor model of the known values of the trims on a box.
+    def continues(self, before: TrimPiece) -> bool:
+        """Return whether the trims of the piece before are proved to be on one branch with these.
 
-    The known values are the parameters, the imposed values and the scheduling variable.
-
-    decimals: whether to cover all decimal numbers that round to the stored doubles
-    """
-    reading = READING if decimals else 0.0
-    values: dict[str, Any] = {}
-    for name, number in (dict(flight.imposed) | dict(flight.parameters)).items():
-        ball = arb(number, abs(number) * reading)
-        errors = [arb(width if name == owner else 0.0) for owner, width in flight.spread.items()]
-        values[name] = TaylorModel(ball, arb(0), arb(0), arb(0), *errors)
-    low = arb(trim.low)
-    high = arb(trim.high)
-    middle = flight.value((low + high) / 2)
-    radius = flight.value((high - low) / 2)
-    values[flight.model.schedule] = TaylorModel(middle, radius)
-    return values
-
-
-def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]) -> list[arb]:
-    """Return the trim minus the polynomials of a box, one ball for each unknown.
-
-    residual: residual of the trim equations at the polynomials
-    linear: Jacobian of the equations on the box
-    radii: radii of the unknowns about the polynomials
-
-    Raises Rejected unless exactly one trim within the radii is proved. An equation that depends on
-    no unknown must be satisfied exactly.
-    """
-    moved = []
-    for row, slopes in enumerate(linear.slopes):
-        if not _is_zero([*slopes, residual[row]]):
-            moved.append(row)
-    if len(moved) != len(radii):
-        raise Rejected(
-            f"the numbers of trim equations ({len(moved)}) and of unknowns ({len(radii)}) differ"
+        At the common end, the trim of one piece is in the box of the other, which has one trim.
+        """
+        s = self.low
+        return _inside(before.at(s, before.offset), self.at(s, self.box)) or _inside(
+            self.at(s, self.offset), before.at(s, before.box)
         )
-    column = stacked([[residual[row]] for row in moved])
-    derivative = stacked([linear.slopes[row] for row in moved])
-    offsets: list[arb] = root_offsets(column.range(), derivative.range(), radii).entries()
-    return offsets
 
 
-def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
-    """Raise Rejected unless every value of the trim on a box is proved to be within its limits.
+def _inside(inner: Sequence[arb], outer: Sequence[arb]) -> bool:
+    return all(ball.contains_interior(each) for each, ball in zip(inner, outer, strict=True))
 
-    Imposed values and the scheduling variable are not compared here.
 
-    values: name -> value on the box
+class SteadyFlight:
+    """The trim equations of a flight and its linear model, in balls and in doubles.
+
+    flight: aircraft, imposed values and limits
+
+    Raises BadInputError if an operation is not supported in balls, or if the numbers of equations
+    and of free variables differ.
     """
-    for name, (least, most) in flight.limits.items():
-        if name == flight.model.schedule or name in flight.imposed:
-            continue
-        value = TaylorModel.of(values[name]).range()
-        if not (arb(least) <= value and value <= arb(most)):
-            raise Rejected(f"{name} is not proved to be within its limits")
 
+    def __init__(self, flight: Flight) -> None:
+        self.flight = flight
+        self.limited = _limited(flight)
+        model = flight.model
+        self.expressions = _expressions(model, tuple(flight.imposed), flight.unknowns, self.limited)
+        w, s, numbers, G, kept, limited, *_ = self.expressions
+        if G.numel() != w.numel():
+            raise BadInputError(
+                f"a proof requires as many trim equations as free variables, but {G.numel()} "
+                f"equations depend on {', '.join(flight.unknowns)}; change --hold and --free"
+            )
+        given = [w, s, numbers]
+        slopes = [ca.jacobian(G, w), ca.jacobian(G, s)]
+        self._doubles = ca.Function("trim", given, [G, *slopes])
+        self._balanced = self.balls("balanced", [G, kept])
+        self._slopes = self.balls("slopes", slopes)
+        self._limits = self.balls("limits", [limited])
 
-def _is_zero(values: Iterable[Any]) -> bool:
-    """Return whether all parts of all given Taylor models, balls and numbers are exactly 0."""
-    return all(part == 0 for value in values for part in TaylorModel.of(value).parts)
-
-
-def stacked(rows: list[list[Any]], columns: int = 1) -> TaylorModel:
-    """Return the Taylor model of a matrix whose entries are Taylor models of scalars.
-
-    rows: entries of the matrix
-    columns: number of columns if there are no rows
-    """
-    if not rows:
-        return TaylorModel(arb_mat(0, columns))
-    parts = [TaylorModel.of(entry).parts for row in rows for entry in row]
-    together = zip_longest(*parts, fillvalue=arb(0))
-    return TaylorModel(*(arb_mat(len(rows), len(rows[0]), list(part)) for part in together))
-
-
-def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
-    """Raise Rejected unless the trims of all boxes are proved to be on the stated branches.
-
-    A branch extends from its stated trim to the next stated trim. Two boxes are on one branch if,
-    at a common scheduling value, the trim of one box is in the enclosure of the other box, which
-    contains only one trim.
-    """
-    starts = [trim.breakpoint for trim in flight.trims]
-    ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
-    if ascending and not (starts and starts[0] <= ascending[0].trim.low):
-        raise Rejected(
-            "a box begins below the first trim in the certificate, so the branch of this box is "
-            "unknown"
+    def balls(self, name: str, outputs: Sequence[ca.SX], *more: ca.SX) -> BallFunction:
+        """Return the function (w, s, numbers, *more) -> outputs on balls, column by column."""
+        w, s, numbers, *_ = self.expressions
+        dense = [ca.densify(ca.vec(each)) for each in outputs]
+        return BallFunction(
+            ca.Function(name, [w, s, numbers, *more], dense), self.flight.model.name
         )
-    for stated, following in zip(flight.trims, [*starts[1:], math.inf], strict=True):
-        own = [box for box in ascending if stated.breakpoint <= box.trim.low < following]
-        _check_branch(_stated_trim(flight, stated), own, following)
 
+    @cached_property
+    def nominal(self) -> np.ndarray:
+        """Nominal values of the free variables, (f,)."""
+        signals = self.flight.model.signals
+        return np.array([signals[name].nominal for name in self.flight.unknowns])
 
-def _check_branch(
-    stated: LinearModelBox, boxes: Sequence[LinearModelBox], following: float
-) -> None:
-    """Raise Rejected unless a branch of trims is proved to begin at a stated trim.
+    @cached_property
+    def doubles(self) -> list[float]:
+        """Imposed values, parameters and the unit of the schedule as doubles."""
+        flight = self.flight
+        return [
+            *flight.imposed.values(),
+            *flight.parameters.values(),
+            float(unit_of_schedule(flight.model).mid()),
+        ]
 
-    The boxes must contain the stated trim, be connected, and end below the next stated trim.
+    @cached_property
+    def numbers(self) -> list[arb]:
+        """Balls of the same numbers, which contain every decimal that is read as the double."""
+        known = [arb(value, abs(value) * READING) for value in self.doubles[:-1]]
+        return [*known, unit_of_schedule(self.flight.model)]
 
-    stated: linear model at the stated trim
-    boxes: linear models on the boxes of the branch, in ascending order
-    following: scheduling value of the next stated trim, or inf
-    """
-    start = stated.trim.low
-    ends = [[(box.trim.low, box.trim.high)] for box in boxes]
-    check_covered("the trims of the boxes", [(start, start)], ends)
-    connected = [stated]
-    for box in boxes:
-        connected = [before for before in connected if before.trim.high >= box.trim.low]
-        if not any(_is_same(box, before) for before in connected):
-            raise Rejected(
-                f"the trims from {box.trim.low} to {box.trim.high} are not proved to be on the "
-                f"branch of the trim stated at {start}"
-            )
-        if box.trim.high >= following:
-            raise Rejected(
-                f"a box of this branch contains {following}, where another branch is stated"
-            )
-        connected.append(box)
+    def estimate(self, guess: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the trim w near a guess, its derivative in s, and the inverse of G_w, in doubles.
 
+        Raises Undecided if Newton's method does not converge.
+        """
+        w = np.array(guess, dtype=float)
+        for _ in range(_STEPS):
+            G, Gw, Gs = (np.array(each) for each in self._doubles(w, s, self.doubles))
+            try:
+                inverse = np.linalg.inv(Gw)
+            except np.linalg.LinAlgError as error:
+                raise Undecided("the trim equations are singular") from error
+            step = (inverse @ G)[:, 0]
+            w -= step
+            if np.all(np.abs(step) <= 1e-4 * _LAST_STEP * self.nominal):
+                break
+        if not np.all(np.abs(step) <= _LAST_STEP * self.nominal):
+            raise Undecided("Newton's method for the trim does not converge")
+        return w, -(inverse @ Gs)[:, 0], inverse
 
-def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
-    """Return the linear model at the only trim within `SAME_TRIM` nominal values of a stated trim.
+    def trims(self, low: float, high: float, guess: np.ndarray) -> TrimPiece:
+        """Return the proved trims from `low` to `high`, all within their limits.
 
-    The errors of the parameters (`spread`) are not included.
-    """
-    polynomials = {name: TaylorModel(arb(x)) for name, x in trim.unknowns.items()}
-    radii = {name: arb(SAME_TRIM * flight.model.signals[name].nominal) for name in trim.unknowns}
-    box = TrimBox(trim.breakpoint, trim.breakpoint, polynomials, radii)
-    return linear_model_on(replace(flight, spread={}), box)
+        guess: estimate of the trim at the center, (f,)
 
+        Raises Undecided or Rejected if the trims are not proved.
+        """
+        s = 0.5 * (low + high)
+        w, slope, Y = self.estimate(guess, s)
+        thin = [exact(0.0)] * len(w)
+        piece = TrimPiece(low, high, w, slope, thin, thin)
+        least = [symmetric(_LEAST * nominal) for nominal in self.nominal]
+        first = self._krawczyk(piece, Y, least)
+        box = [
+            symmetric(_ROOM * abs(ball).upper() + small.rad())
+            for ball, small in zip(first, least, strict=True)
+        ]
+        offset = self._krawczyk(piece, Y, box)
+        if not _inside(offset, box):
+            raise Rejected("a trim is not proved to exist")
+        found = TrimPiece(low, high, w, slope, box, offset)
+        self._check_limits(found)
+        return found
 
-def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
-    """Return whether two boxes are proved to have one trim at a common scheduling value.
+    def _krawczyk(self, piece: TrimPiece, Y: np.ndarray, box: Sequence[arb]) -> list[arb]:
+        """Return the Krawczyk step K of a box E.
 
-    The scheduling value is the lowest common one.
-    """
-    at = max(box.trim.low, other.trim.low)
-    if at > min(box.trim.high, other.trim.high):
-        return False
-    return _holds_root(other, box, at) or _holds_root(box, other, at)
+        Raises Rejected if an equation that depends on no free variable is not satisfied exactly.
+        """
+        f = len(box)
+        at = [exact(value) for value in piece.estimate.tolist()]
+        G, _ = self._balanced(at, [piece.middle], self.numbers)
+        s = piece.middle + symmetric(piece.half_width)
+        around = piece.along(box)
+        if any(value != 0 for value in self._balanced(around, [s], self.numbers)[1]):
+            raise Rejected("no values of the free variables satisfy an equation of the trim")
+        Gw, Gs = self._slopes(around, [s], self.numbers)
+        slopes = arb_mat(f, f, Gw).transpose()
+        along = arb_mat(f, 1, Gs) + slopes * matrix(piece.slope[:, None])
+        inverse = matrix(Y)
+        step = inverse * (arb_mat(f, 1, G) + along * symmetric(piece.half_width))
+        rest = (matrix(np.eye(f)) - inverse * slopes) * arb_mat(f, 1, list(box))
+        return list((rest - step).entries())
 
-
-def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: float) -> bool:
-    """Return whether the trim of `other` is in the enclosure of `box`, which contains one trim.
-
-    If both boxes include errors of the parameters, the condition must hold for all errors.
-    Otherwise the errors are omitted.
-
-    scheduling_value: a scheduling value in both boxes
-    """
-    for name, offset in other.offsets.items():
-        here = _polynomial_at(box.trim, name, scheduling_value)
-        there = _polynomial_at(other.trim, name, scheduling_value)
-        between = there.center - here.center
-        if here.errors and there.errors:
-            between = (there - here).range()
-        if not symmetric(box.trim.radii[name]).contains_interior(offset + between):
-            return False
-    return True
-
-
-def _polynomial_at(trim: TrimBox, name: str, scheduling_value: float) -> TaylorModel:
-    """Return the polynomial of an unknown at a scheduling value, a model in the errors alone.
-
-    name: name of the unknown
-    """
-    if trim.low == trim.high:
-        return trim.polynomials[name]
-    low = arb(trim.low)
-    high = arb(trim.high)
-    return trim.polynomials[name].at((2 * arb(scheduling_value) - low - high) / (high - low))
-
-
-def equations_of(flight: Flight, measured: Sequence[str] = ()) -> SteadyFlight:
-    """Return the trim equations and the linear model of an aircraft.
-
-    measured: names of the outputs of the linear model
-    """
-    return steady_flight(flight.model, flight.imposed, tuple(flight.limits), measured)
+    def _check_limits(self, piece: TrimPiece) -> None:
+        """Raise Rejected unless every signal is proved to be within its limits on a piece."""
+        s = piece.middle + symmetric(piece.half_width)
+        (values,) = self._limits(piece.along(piece.offset), [s], self.numbers)
+        for name, value in zip(self.limited, values, strict=True):
+            low, high = self.flight.limits[name]
+            if not (arb(low) <= value and value <= arb(high)):
+                raise Rejected(f"{name} is not proved to be within its limits")

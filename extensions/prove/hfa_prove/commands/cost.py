@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from hfa.options.output import ProgressLine
 from hfa.options.request import command
-from hfa_prove.commands.check import check
 from hfa_prove.commands.options import refuse_no_certificate
 from hfa_prove.commands.request import CostRequest
 from hfa_support.files import forget_read
@@ -24,22 +23,20 @@ def cost(request: CostRequest) -> int:
     The cost is the integral of x'Qx + u'Ru, in deviations from the trim. The bound consists of a
     polynomial W in the initial condition and a level. Every flight that ends at the trim, within
     the envelope and the limits of the inputs, costs at least the smaller of W and the level. -o
-    FILE.json writes a certificate, also if the run is interrupted. --check FILE verifies a
-    certificate. `hfa optimize --bound FILE` compares flights with the bound. Exit code 0 if the
-    bound is proved. The command requires the package python-flint.
+    FILE.json writes a certificate, also if the run is interrupted. `hfa optimize --bound FILE`
+    compares flights with the bound. Exit code 0 if the bound is proved. The command requires the
+    package python-flint.
     """
     from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
-    if request.check is not None:
-        return check(request, request.check, "cost")
     refuse_no_certificate(request.output.file, resume=request.resume)
     return _prove(request)
 
 
 def _prove(request: CostRequest) -> int:
     from hfa_prove.certificate import write_certificate
-    from hfa_prove.report_cost import found_bound_report
+    from hfa_prove.report_search import bound_report
     from hfa_prove.search.cost import bound_search
     from hfa_support.interruption import interruptible
 
@@ -61,7 +58,7 @@ def _prove(request: CostRequest) -> int:
             save=save,
         )
         found = search.found(earlier)
-    request.print(found_bound_report(found))
+    request.print(bound_report(found))
     return 0
 
 

@@ -3,45 +3,73 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from hfa.options.request import Request
 from hfa.options.trim import OF_THE_TRIM, called_at
-from hfa_aircraft.names import UNNAMED, PlantNames
-from hfa_prove.commands.options import family_of, loop_of_file
-from hfa_prove.statements.flight import Flight
-from hfa_prove.statements.game import GameStatement
-from hfa_prove.statements.schedule import (
-    ScheduleStatement,
-    UncertainActuators,
-)
-from hfa_prove.subject import Given
-from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
+from hfa_prove.certificate import kind_of
+from hfa_prove.commands.policies import GivenPolicy, given_policy
+from hfa_prove.commands.request import CheckRequest
+from hfa_prove.fields import rows_of
+from hfa_prove.problem import given_of, given_plant, plant_at
+from hfa_prove.statements.cost import CostStatement
+from hfa_prove.statements.loop import SAME_GAIN, Gain
+from hfa_prove.statements.plant import limits_hold, model_limits
+from hfa_prove.statements.region import RegionStatement
+from hfa_prove.statements.schedule import ScheduleStatement
+from hfa_prove.subject import Given, close_to
+from hfa_support.errors import BadInputError
 
-if TYPE_CHECKING:
-    from hfa_prove.commands.request import CheckRequest, CostRequest, RegionRequest
-    from hfa_prove.search.loops import Intervals
-    from hfa_prove.statements.cost import CostStatement
-    from hfa_prove.statements.value import ValueStatement
-
-#: Options that name an aircraft.
+#: Options that name an aircraft or its trim.
 _OF_THE_AIRCRAFT = (
     "aircraft.source",
     "aircraft.dynamics",
     "aircraft.parameters",
     *(f"trim.{name}" for name in OF_THE_TRIM),
 )
+#: Kind of a certificate -> its subject, and paths of options that do not apply to it.
+_OTHERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "schedule": ("a schedule", ("policy", "reading.", "disturbance", "game.plant")),
+    "region": ("a region", ("game.plant",)),
+    "cost": (
+        "a bound of the cost",
+        (
+            *("policy", "weights", "reading.", "disturbance"),
+            *("game.plant", "game.weights.N", "game.weights.delta"),
+        ),
+    ),
+}
+#: Beginnings of the paths of options that define a policy or gains.
+_OF_THE_POLICY = ("weights", "policy", "reading.", "game.")
 
 
-def names_aircraft(request: Request) -> bool:
+def _typed(request: CheckRequest, paths: tuple[str, ...]) -> list[str]:
+    """Return the given options: with one of these paths, or inside one that ends in a dot."""
+    return [
+        name
+        for name in request.typed
+        if any(name == path or (path.endswith(".") and name.startswith(path)) for path in paths)
+    ]
+
+
+def refuse_other_kinds(request: CheckRequest, kind: str) -> None:
+    """Raise BadInputError for an option that does not apply to certificates of a kind."""
+    about, paths = _OTHERS.get(kind, ("another kind", ()))
+    request.refuse(
+        _typed(request, paths),
+        f"does not apply to the certificate of {about}; remove this option",
+    )
+
+
+def names_aircraft(request: CheckRequest) -> bool:
     """Return whether an option that defines the aircraft or its trim is given."""
     return any(name in request.typed for name in _OF_THE_AIRCRAFT)
 
 
-def aircraft_option(request: Request) -> str:
+def aircraft_option(request: CheckRequest) -> str:
     """Return the first given option that defines the aircraft or its trim, for messages.
 
     If there is no such option, return the option of the scheduling value.
@@ -50,15 +78,12 @@ def aircraft_option(request: Request) -> str:
     return request.typed[named[0]] if named else f"--{called_at(request.model)}"
 
 
-def at_one_value(request: CheckRequest | RegionRequest) -> Any:
+def at_one_value(request: CheckRequest) -> CheckRequest:
     """Return the request with its one scheduling value in the unit of the model.
-
-    The scheduling values of a `CheckRequest` are a tuple as typed. Other requests are returned
-    unchanged.
 
     Raises BadInputError if several values are given.
     """
-    if not isinstance(request.trim.at, tuple):
+    if request.trim.at is None:
         return request
     if len(request.trim.at) != 1:
         raise BadInputError(f"--{called_at(request.model)} is an interval; give one value")
@@ -68,219 +93,142 @@ def at_one_value(request: CheckRequest | RegionRequest) -> Any:
     return replace(request, trim=replace(request.trim, at=at))
 
 
-def given_for(
-    statement: ScheduleStatement | GameStatement, request: CheckRequest
-) -> dict[str, Given]:
+def given_for(statement: Any, request: CheckRequest, own: GivenPolicy | None) -> dict[str, Given]:
     """Return path of an entry of the statement -> the value that the user's options give.
 
-    statement: the proved statement
-    request: options of the command
+    own: the user's policy, if it is a network or a deployed policy
 
-    Raises BadInputError if an option does not apply to the statement. Raises NoSolutionError if the
-    critic has no K and the statement does not determine K from the critic's P or W.
+    Raises BadInputError or NoSolutionError if the options do not define the subject.
     """
-    flight = getattr(statement, "flight", getattr(statement, "plant", None))
-    if not isinstance(flight, Flight):
-        assert isinstance(statement, GameStatement)  # the only kind without a flight
-        return _given_plant(statement, request)
-    if request.game.plant is not None:
-        raise BadInputError(
-            "--model is a linear plant, but the certificate is about an aircraft; remove --model"
-        )
-    of_game = isinstance(statement, GameStatement)
-    given = _given_flight(flight, request, "plant" if of_game else "flight")
-    given |= _given_weights(flight, request)
-    if isinstance(statement, GameStatement):
-        return given | _given_critic(statement, request)
-    if request.weights is None:
-        request.refuse(
-            ("design",),
-            "requires a controller; add --weights FILE with the controller, or remove this option",
-        )
-        return given
-    return given | _given_controller(statement, request)
+    of_kind: Mapping[str, Callable[..., dict[str, Given]]] = {
+        "schedule": _of_schedule,
+        "region": _of_region,
+        "cost": _of_cost,
+    }
+    return of_kind[kind_of(statement)](statement, request, own)
 
 
-def _given_flight(flight: Flight, request: CheckRequest, name: str) -> dict[str, Given]:
-    """Return the entries on the aircraft and its trims from the options.
+def _of_schedule(statement: ScheduleStatement, request: CheckRequest, _: Any) -> dict[str, Given]:
+    from hfa_prove.commands.schedule import gains_of_file
+    from hfa_prove.search.family import Family, exact_gains
 
-    The entries are the scheduling values, and the model with its parameters, imposed values and
-    limits.
-
-    name: entry of the statement that contains the aircraft
-    """
+    flight = statement.flight
     given = {}
     if request.trim.at:
         option = f"--{called_at(request.model)}"
-        given[f"{name}.range"] = Given([request.trim.at[0], request.trim.at[-1]], option)
-    if not names_aircraft(request):
-        return given
-    own = family_of(request.aircraft, request.trim).flight(flight.low, flight.high)
-    option = aircraft_option(request)
-    content = own.content()
-    of_options = ("model", "parameters", "imposed", "limits")
-    return given | {f"{name}.{each}": Given(content[each], option) for each in of_options}
-
-
-def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries Q, R and delta from the options.
-
-    If one of them and an aircraft are given, the entry E of the default game is also returned.
-    """
-    given = {
-        f"weights.{name}": Given(value, f"--{name}")
-        for name, value in request.game.weights.changed.items()
-    }
-    if names_aircraft(request) and given:
-        n = len(flight.model.linear)
-        m = len(flight.model.inputs)
-        from controller.hfa_game import usual_game
-
-        usual = usual_game(flight.model, np.eye(n), np.ones((n, m)))
-        given["weights.E"] = Given(usual.E, aircraft_option(request))
-    return given
-
-
-def given_bound(statement: CostStatement, request: CheckRequest | CostRequest) -> dict[str, Given]:
-    """Return path of an entry of a bound of the cost -> the value that the user's options give.
-
-    Raises BadInputError or NoSolutionError if the options do not define a trim.
-    """
-    from hfa_flight.problem import flight_problem
-    from hfa_prove.problem import given_of
-
-    weights = request.game.weights.changed
-    given = {name: Given(value, f"--{name}") for name, value in weights.items()}
-    limits = getattr(request, "limits", None)
-    problem = flight_problem(request.trim.aircraft, request.trim.point(), limits=limits)
-    return given | given_of(problem, aircraft_option(request), {})
-
-
-def given_value(statement: ValueStatement, request: CheckRequest) -> dict[str, Given]:
-    """Return path of an entry of a value -> the value that the user's options give.
-
-    Raises BadInputError if the file of --weights contains no value.
-    """
-    from controller.critic.critic_file import entries_in
-    from hfa_prove.problem import given_plant, plant_at
-
-    given = {
-        f"weights.{name}": Given(value, f"--{name}")
-        for name, value in request.game.weights.changed.items()
-    }
-    if request.trim.at or names_aircraft(request):
-        own = plant_at(at_one_value(request).trim.point())
-        given |= given_plant(own, aircraft_option(request), "plant.")
-    given["plant.limits"] = Given({}, "a value, which has no limits,")
+        given["flight.range"] = Given([request.trim.at[0], request.trim.at[-1]], option)
+    family = Family(request.trim.aircraft, request.trim.common_condition)
+    if names_aircraft(request):
+        content = family.flight(flight.low, flight.high).content()
+        for name in ("model", "parameters", "imposed", "limits"):
+            given[f"flight.{name}"] = Given(content[name], aircraft_option(request))
+    policy = _typed(request, _OF_THE_POLICY)
     if request.weights is not None:
-        option_named = f"--weights {request.weights}"
-        entries = entries_in(request.weights)
-        for entry, stated in (("V", "W"), ("u", "policy_weights")):
-            if stated not in entries:
-                raise BadInputError(
-                    f"{request.weights} contains no {stated}; give a file written by `hfa solve "
-                    "--order`"
-                )
-            given[entry] = Given(entries[stated], option_named)
+        request.game.weights.refuse(
+            ("delta", "Q", "R", "N"),
+            "cannot be combined with --weights, which gives the gains; remove this option",
+        )
+        gains, same = gains_of_file(request.weights, request.model), close_to(0.0)
+    elif policy:
+        weights = request.game.weights.changed
+        gains = exact_gains(family, statement.gains.breakpoints, **weights)
+        same = close_to(SAME_GAIN)
+    else:
+        return given
+    option = request.typed[policy[0]]
+    given["gains.breakpoints"] = Given(gains.breakpoints, option)
+    given["gains.K"] = Given(gains.K, option, same)
     return given
 
 
-def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries on the plant, its weights and the critic from the options.
-
-    Raises BadInputError if an option defines an aircraft.
-    """
-    request.refuse(
-        (*_OF_THE_AIRCRAFT, "trim.at"),
-        "gives an aircraft, but the certificate is about a plant; remove this option",
-    )
-    given = {
-        f"weights.{name}": Given(value, f"--{name}")
-        for name, value in request.game.weights.changed.items()
-    }
-    if request.game.plant is not None:
-        game = request.game.game(request.aircraft, request.trim).game
-        game.refuse_cross_weights("a certificate of hfa prove")
-        option = f"--model {request.game.plant}"
-        given |= {"plant.A": Given(game.A, option), "plant.B": Given(game.B, option)}
-        weights = {name: getattr(game, name) for name in ("Q", "R", "E", "delta")}
-        given |= {f"weights.{name}": Given(value, option) for name, value in weights.items()}
-    return given | _given_critic(statement, request)
-
-
-def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries K, P and W of the critic file that is given, or {} if no file is given.
-
-    Raises BadInputError if an option does not apply to a critic.
-    Raises NoSolutionError if the file has no K and the statement does not claim that K is the gain
-    of the critic's P or W.
-    """
-    if request.weights is None:
-        request.refuse(
-            ("reading.basis",),
-            "applies only to W in --weights; add --weights FILE, or remove this option",
-        )
-        return {}
-    option = f"--weights {request.weights}"
-    names = UNNAMED
-    if isinstance(statement.plant, Flight):
-        model = statement.plant.model
-        names = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
-    states = len(statement.weights.Q)
-    from controller.critic.critic_file import entries_in, single_parts
-    from controller.game.basis import basis
-    from hfa_prove.check.game import matrix_of_weights
-
-    entries = entries_in(request.weights)
-    with prefix_errors(request.weights):
-        parts = single_parts(entries, names, basis(request.reading.basis or "quadratic", states))
-    if "W" in parts:
-        if "P" in statement.critic and "P" not in parts:
-            parts["P"] = matrix_of_weights(parts["W"], states)
-        parts["W"] = parts["W"][:, None]
-    given = {f"critic.{name}": Given(value, option) for name, value in parts.items()}
-    if "K" not in parts:
-        if not statement.gain_of_value:
-            raise NoSolutionError(
-                f"{request.weights} contains no K, and the certificate's K is not the gain of the "
-                "certificate's P or W; give a file with K"
+def _of_region(
+    statement: RegionStatement, request: CheckRequest, own: GivenPolicy | None
+) -> dict[str, Given]:
+    loop = statement.loop
+    request = at_one_value(request)
+    given: dict[str, Given] = {}
+    if own is not None:
+        if isinstance(loop.policy, Gain):
+            raise BadInputError(
+                "the certificate is about a polynomial policy, not a network or a deployed policy; "
+                "give the file of the proved gain or critic as --weights"
             )
-        given["critic.K"] = Given(statement.critic["K"], option)
+        given = given_plant(own.problem.loop, "the user", "loop.")
+    else:
+        request.refuse(
+            ("policy", "reading.network", "reading.set"),
+            "applies to a policy in a file, but the certificate is about a polynomial policy; "
+            "remove this option",
+        )
+        if names_aircraft(request) or request.trim.at is not None:
+            plant = plant_at(request.trim.point())
+            option = aircraft_option(request)
+            given = given_plant(plant, option, "loop.")
+            limits = model_limits(plant.model, {**loop.trim, **loop.held}, plant.parameters)
+            same = _not_wider(tuple(plant.model.inputs))
+            given["loop.limits"] = Given(limits, option, same)
+        typed = _typed(request, _OF_THE_POLICY)
+        if typed or (given and not loop.inputs):
+            given |= _given_policy(request, request.typed[typed[0]] if typed else "the aircraft")
+    if request.disturbance:
+        given["loop.disturbances"] = Given(dict(request.disturbance), "--disturbance")
     return given
 
 
-def _given_controller(statement: ScheduleStatement, request: CheckRequest) -> dict[str, Given]:
-    """Return the entries on the controller and the actuators from the options.
+def _not_wider(inputs: tuple[str, ...]) -> Callable[[Any, Any], bool]:
+    """Return a comparison of (limits in the certificate, user's limits) by `limits_hold`."""
 
-    The options are --weights and --design.
+    def same(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+        pairs = {
+            name: (-np.inf if low is None else low, np.inf if high is None else high)
+            for name, (low, high) in stated.items()
+        }
+        return limits_hold(pairs, own, inputs) is None
 
-    Raises BadInputError if either the given loop or the statement has no actuators, but not both.
-    """
-    assert request.weights is not None  # the caller found it
-    option = f"--weights {request.weights}"
-    model = statement.flight.model
-    loop = loop_of_file(request.weights, request.design, model, _stated_intervals(statement))
-    if loop.actuators is None and statement.actuators is not None:
-        raise BadInputError(
-            f"{option} gives no actuators, but the certificate has actuators; add --design"
-        )
-    if loop.actuators is not None and statement.actuators is None:
-        raise BadInputError(
-            "--design gives actuators, but the certificate has no actuators; remove --design"
-        )
-    own = replace(statement, controller=loop.controller, actuators=loop.actuators)
+    return same
+
+
+def _given_policy(request: CheckRequest, option: str) -> dict[str, Given]:
+    """Return the entries `policy.K` and `policy.terms`, of the user's policy."""
+    gain = given_policy(request).gain
+    assert gain is not None  # the caller found no function
+    rows = {name: rows_of(terms) for name, terms in gain.terms.items()}
     return {
-        path: Given(value, option)
-        for path, _, value in own.entries()
-        if path.startswith(("controller.", "actuators."))
+        "loop.policy.K": Given(gain.K.tolist(), option, close_to(SAME_GAIN)),
+        "loop.policy.terms": Given(rows, option, _same_policy),
     }
 
 
-def _stated_intervals(statement: ScheduleStatement) -> Intervals | None:
-    """Return the intervals of the statement's uncertain actuators, or None if there are none."""
-    actuators = statement.actuators
-    if not isinstance(actuators, UncertainActuators):
-        return None
-    from hfa_prove.search.loops import Intervals
+def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+    """Return whether two polynomial policies agree.
 
-    return Intervals(actuators.bandwidth, actuators.effectiveness, actuators.delay)
+    For each input, the monomials must be equal and the coefficients must agree within `SAME_GAIN`.
+
+    stated: policy in the certificate, input -> terms
+    own: the user's policy, input -> terms
+    """
+    if set(stated) != set(own):
+        return False
+    for name, rows in own.items():
+        found = {tuple(powers): coefficient for coefficient, powers in stated[name]}
+        wanted = {tuple(powers): coefficient for coefficient, powers in rows}
+        if set(found) != set(wanted):
+            return False
+        pairs = [[found[powers], wanted[powers]] for powers in wanted]
+        first, second = np.array(pairs).T
+        if not close_to(SAME_GAIN)(first, second):
+            return False
+    return True
+
+
+def _of_cost(statement: CostStatement, request: CheckRequest, _: Any) -> dict[str, Given]:
+    from hfa_flight.problem import flight_problem
+
+    given = {
+        name: Given(value, f"--{name}") for name, value in request.game.weights.changed.items()
+    }
+    if not (names_aircraft(request) or request.trim.at):
+        return given
+    trim = at_one_value(request).trim
+    problem = flight_problem(trim.aircraft, trim.point(), limits=trim.limit)
+    return given | given_of(problem, aircraft_option(request), {})

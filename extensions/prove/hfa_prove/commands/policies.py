@@ -39,7 +39,6 @@ class GivenPolicy:
     gain: coefficients of the policy if it is a polynomial, otherwise None
     words: description of the policy
     known: pairs of a description and a matrix P, each of which gives a candidate V = z'P z
-    timing: effects other than disturbances that a proof neglects
     """
 
     linear: LinearModel
@@ -47,7 +46,6 @@ class GivenPolicy:
     gain: Gain | None
     words: str
     known: Sequence[tuple[str, np.ndarray]]
-    timing: str = "sampling, delay, actuators"
 
     @classmethod
     def of_gain(
@@ -126,9 +124,11 @@ def _deployment(
     """Return the policy of a deployment file, applied in continuous time."""
     deployment = Deployment.load(path)
     function = continuous(Deployed(deployment, linear.point.model))
-    words = f"{path}, applied continuously"
-    timing = f"sampling ({deployment.dt:g} s), delay ({deployment.delay:g} s), actuators"
-    return GivenPolicy(linear, function, None, words, known, timing)
+    words = (
+        f"{path}, applied continuously, without its sampling ({deployment.dt:g} s) and delay "
+        f"({deployment.delay:g} s)"
+    )
+    return GivenPolicy(linear, function, None, words, known)
 
 
 def scalars(policy: ca.Function) -> ca.Function:

@@ -9,7 +9,6 @@ import numpy as np
 
 from hfa.options.output import ProgressLine
 from hfa.options.request import command
-from hfa_prove.commands.check import check
 from hfa_prove.commands.options import refuse_no_certificate
 from hfa_prove.commands.request import RegionRequest
 from hfa_support.errors import BadInputError
@@ -35,9 +34,8 @@ def region(request: RegionRequest) -> int:
     with K of the exact game, or the gain, polynomial or network in the file of --weights. With
     --disturbance NAME=SIZE, the set is proved invariant under every disturbance up to SIZE, and
     convergence is not claimed. The report also names a state with V' >= 0, an initial condition
-    that does not converge, and the active limits. -o FILE.json writes a certificate, and --check
-    FILE verifies a certificate. To verify the region of a network or of a deployment file, give
-    --weights or --policy again.
+    that does not converge, and the active limits. -o FILE.json writes a certificate for
+    `hfa prove --check FILE`.
     Not covered: sampling, actuators, delays, and a linearization that is not Hurwitz. Exit code 0:
     the set is proved. The command requires the package python-flint."""
     from hfa_prove.enclosure.precision import flint_or_refusal
@@ -47,40 +45,34 @@ def region(request: RegionRequest) -> int:
         ("game.plant",),
         "is a linear plant, but a region requires nonlinear equations; give --aircraft instead",
     )
-    if request.check is not None:
-        return check(request, request.check, "region")
     refuse_no_certificate(request.output.file, resume=request.resume)
     return _prove(request)
 
 
 def _prove(request: RegionRequest) -> int:
     from hfa_prove.certificate import write_certificate
-    from hfa_prove.commands.policies import given_policy, is_function
-    from hfa_prove.report_region import region_report
+    from hfa_prove.commands.policies import given_policy
+    from hfa_prove.report_search import region_report
     from hfa_prove.search.region import proved_region
     from hfa_support.interruption import interruptible
 
-    if is_function(request):
-        request.refuse(
-            ("disturbance",), "cannot be combined with a network or --policy; remove this option"
-        )
     given = given_policy(request)
     problem = given.problem
     problem = replace(problem, loop=replace(problem.loop, disturbances=request.disturbance))
     degree = request.degree
     if given.gain is None and "degree" not in request.typed:
         degree = _DEGREE_OF_FUNCTIONS
-    provers = _provers(request, problem)
     origin = request.provenance.to_dict()
 
     def save(proved: Region) -> None:
         if request.output.file is not None:
-            write_certificate(request.output.file, proved.statement, proved.witness, origin)
+            write_certificate(
+                request.output.file, proved.statement, proved.witness.content(), origin
+            )
 
     with interruptible(ProgressLine("region")) as progress:
         found = proved_region(
             problem,
-            provers,
             degree=degree,
             seconds=request.seconds,
             progress=progress,
@@ -93,27 +85,9 @@ def _prove(request: RegionRequest) -> int:
 
         return region_figure(found, _box(given.linear))
 
-    report = region_report(found, given.words, given.timing)
+    report = region_report(found, given.words)
     request.show(report, figure=figure, write=lambda _: save(found))
     return 0
-
-
-def _provers(request: RegionRequest, problem: RegionProblem) -> tuple[str, ...]:
-    """Return the provers to try: that of --prover, or all that apply.
-
-    Raises BadInputError if the given prover does not apply.
-    """
-    from hfa_prove.search.region import provers_of
-
-    applicable = provers_of(problem)
-    if request.prover is None:
-        return applicable
-    if request.prover not in applicable:
-        what = "a disturbance" if problem.loop.disturbances else "a network or deployment file"
-        raise BadInputError(
-            f"--prover {request.prover} does not support {what}; use --prover {applicable[0]}"
-        )
-    return (request.prover,)
 
 
 def _box(linear: LinearModel) -> np.ndarray | None:
@@ -135,11 +109,11 @@ def _box(linear: LinearModel) -> np.ndarray | None:
 def _earlier(request: RegionRequest, problem: RegionProblem) -> Region | None:
     """Return the region of an earlier run's certificate, or None without --resume.
 
-    Raises BadInputError if the certificate concerns another loop or the prover is another one.
+    Raises BadInputError if the certificate concerns another loop.
     """
-    from hfa_prove.certificate import read_sealed
     from hfa_prove.check import check_certificate
     from hfa_prove.search.region import region_of_certificate
+    from hfa_prove.statements.region import RegionStatement
 
     if not request.resume:
         return None
@@ -148,16 +122,12 @@ def _earlier(request: RegionRequest, problem: RegionProblem) -> Region | None:
     policy = problem.loop.function
     own = request.model if request.aircraft.own else None
     proved = check_certificate(path, ProgressLine("check"), own, policy)
-    witness = read_sealed(path)[0]["witness"]
     forget_read(path)
-    if not _same_loop(proved.statement.loop, problem.loop):
+    if not isinstance(proved.statement, RegionStatement) or not _same_loop(
+        proved.statement.loop, problem.loop
+    ):
         raise BadInputError(f"{path} is the certificate of another loop; give another path with -o")
-    earlier = region_of_certificate(proved, witness)
-    if request.prover not in (None, earlier.prover):
-        raise BadInputError(
-            f"{path} is proved by {earlier.prover}; remove --prover, or give another path with -o"
-        )
-    return earlier
+    return region_of_certificate(proved)
 
 
 def _same_loop(first: Loop, second: Loop) -> bool:

@@ -16,12 +16,24 @@ from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request
 from hfa.options.trim import Trim, scheduled
 from hfa_aircraft.model import Model
-from hfa_design.options import design_option
 from hfa_prove.commands.options import interval_of
 from hfa_support.errors import BadInputError, refuse_unknown
 
 if TYPE_CHECKING:
     from hfa_flight.problem import FlightProblem
+
+
+def disturbance_size(model: Model, name: str, text: str) -> float:
+    """Return the largest absolute value of a disturbance, in the unit of the model.
+
+    name: name of the disturbance
+    text: the value of the option, with or without a unit
+
+    Raises BadInputError if the model has no such disturbance or the value is not positive.
+    """
+    refuse_unknown(f"{model.name} declares no disturbance", name, tuple(model.disturbances))
+    positive(text)
+    return quantity(model, name, text)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,24 +60,16 @@ class CheckRequest(Request):
         "DEPLOYMENT.toml",
         input_file(".toml"),
     )
-    design: Any = design_option("design that defines the actuators of the controller in --weights")
+    disturbance: Mapping[str, float] = option(
+        "largest disturbance that the certificate must be about; repeatable",
+        "NAME=SIZE",
+        OfModel(disturbance_size),
+        named=True,
+    )
 
     def origin(self) -> Mapping[str, Any]:
         """Return the provenance of the user's aircraft file, or {} if no file is given."""
         return self.aircraft.origin({}) if self.aircraft.own else {}
-
-
-def _size(model: Model, name: str, text: str) -> float:
-    """Return the largest absolute value of a disturbance, in the unit of the model.
-
-    name: name of the disturbance
-    text: the value of the option, with or without a unit
-
-    Raises BadInputError if the model has no such disturbance or the value is not positive.
-    """
-    refuse_unknown(f"{model.name} declares no disturbance", name, tuple(model.disturbances))
-    positive(text)
-    return quantity(model, name, text)
 
 
 def _degree(text: str) -> int:
@@ -87,19 +91,14 @@ class RegionRequest(Request):
         ),
     )
     weights: Path | None = option(
-        "file with a policy: K, P, W, or a network (the region is proved with boxes); default: "
-        "policy of the exact game",
+        "file with a policy: K, P, W, or a network; default: policy of the exact game",
         "FILE",
         critic_path,
     )
     policy: Path | None = option(
-        "deployment file of a policy, which is evaluated in continuous time; the region is proved "
-        "with boxes",
+        "deployment file of a policy, which is evaluated in continuous time",
         "DEPLOYMENT.toml",
         input_file(".toml"),
-    )
-    check: Path | None = option(
-        "verify this certificate instead of proving a region", "FILE", input_file(".json")
     )
     degree: int = option("highest degree of V: 2, 4 or 6; default 4", "N", _degree, default=4)
     seconds: float = option(
@@ -108,17 +107,11 @@ class RegionRequest(Request):
         positive,
         default=60.0,
     )
-    prover: str | None = option(
-        "method of proof: squares (sums of squares) or boxes (branch and bound); default: both, "
-        "each in half of the time",
-        "NAME",
-        one_of("squares", "boxes"),
-    )
     disturbance: Mapping[str, float] = option(
         "instead of a region of attraction, prove a set that is invariant under every "
         "disturbance NAME up to SIZE; repeatable",
         "NAME=SIZE",
-        OfModel(_size),
+        OfModel(disturbance_size),
         named=True,
     )
     resume: bool = option(
@@ -177,9 +170,6 @@ class CostRequest(Request):
         named=True,
     )
     resume: bool = option("resume the proof of the unfinished certificate given by -o", rare=True)
-    check: Path | None = option(
-        "verify this certificate instead of proving a bound", "FILE", input_file(".json")
-    )
 
     def problem(self) -> FlightProblem:
         """Return the optimal control problem of the flights to the trim."""

@@ -1,4 +1,4 @@
-"""Evaluation of CasADi functions on balls, series and Taylor models, one instruction at a time."""
+"""Evaluation of CasADi functions on balls, one instruction at a time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
-from flint import arb, arb_series, fmpq
+from flint import arb, fmpq
 
 import hfa_prove.enclosure.precision  # noqa: F401  # sets the precision of balls
 from hfa_prove.enclosure.program import Arithmetic, Reading
@@ -23,10 +23,9 @@ class Undecided(NoSolutionError):
 
 
 class BallFunction:
-    """A CasADi function, evaluated on `flint.arb`, `flint.arb_series` and Taylor models.
+    """A CasADi function, evaluated on balls (`flint.arb`).
 
-    An `arb_series` is a Taylor polynomial in one variable. Its evaluation also computes
-    derivatives. Constants of the function are the doubles that CasADi stores.
+    Constants of the function are the doubles that CasADi stores.
 
     function: the function
     name: name of the function for messages, or "" for the name in `function`
@@ -59,37 +58,13 @@ class BallFunction:
             ) from error
 
 
-def constant_part(value: Any) -> Any:
-    """Return a ball for a value.
-
-    - ball: the ball itself
-    - series: the constant term
-    - Taylor model: the range
-    """
-    if isinstance(value, arb):
-        return value
-    if isinstance(value, arb_series):
-        return value[0]
-    return value.range()
-
-
-def tanh_of_series(a: arb_series) -> arb_series:
-    """Return tanh a, from the coefficients of T(c + x) = tanh(c + x) with T' = 1 - T²."""
-    coefficients = [a[0].tanh()]
-    for k in range(a.prec - 1):
-        products = (coefficients[i] * coefficients[k - i] for i in range(k + 1))
-        coefficients.append((int(k == 0) - sum(products, arb(0))) / (k + 1))
-    deviation = arb_series([0, *(a[k] for k in range(1, a.prec))], a.prec)
-    return arb_series(coefficients, a.prec)(deviation)
-
-
 def _method(name: str) -> Callable[[Any, Any], Any]:
     """Return the operation that calls a method of a ball."""
     return lambda balls, value: getattr(value, name)()
 
 
 class Balls(Arithmetic):
-    """Arithmetic of balls, series of balls and Taylor models.
+    """Arithmetic of balls.
 
     A comparison raises Undecided unless the order of the values is proved.
     """
@@ -128,7 +103,7 @@ class Balls(Arithmetic):
 
     def tanh(self, a: Any) -> Any:
         """Return tanh a."""
-        return tanh_of_series(a) if isinstance(a, arb_series) else a.tanh()
+        return a.tanh()
 
     def maximum(self, a: Any, b: Any) -> Any:
         """Return the larger value."""
@@ -147,21 +122,19 @@ class Balls(Arithmetic):
 
         Raises Undecided unless the order of the balls is proved.
         """
-        first = constant_part(a)
-        second = constant_part(b)
-        if not (first < second or first >= second):
+        if not (a < b or a >= b):
             raise Undecided(
                 "fmin, fmax or another comparison switches within a box; use smooth equations, or "
                 "a trim away from the switch"
             )
-        return bool(first < second)
+        return bool(a < b)
 
     def atan2(self, a: Any, b: Any) -> Any:
         """Return atan2(a, b) = atan(a / b) for b > 0.
 
         Raises Undecided unless b is proved positive.
         """
-        if not constant_part(b) > 0:
+        if not b > 0:
             raise Undecided("atan2(y, x) is undecided, because x is not proved positive")
         return (a / b).atan()
 
@@ -170,7 +143,7 @@ class Balls(Arithmetic):
 
         Raises Undecided unless a is proved positive.
         """
-        if not constant_part(a) > 0:
+        if not a > 0:
             raise Undecided("x^y is undecided, because x is not proved positive")
         return (b * a.log()).exp()
 
@@ -179,7 +152,7 @@ class Balls(Arithmetic):
 
         Raises Undecided unless one piece is proved to contain it, without an end with a jump.
         """
-        ball = constant_part(a)
+        ball = a
         ends = [-arb("inf"), *map(arb, spline.knots), arb("inf")]
         is_jump = [False, *(spline.smoothness < 0).tolist(), False]
         for k, piece in enumerate(spline.pieces):

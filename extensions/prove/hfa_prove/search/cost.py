@@ -91,6 +91,7 @@ class CostBound:
     seconds: processor times of the fit and of the proof of each piece, s
     covered: share of the initial conditions at which each W is below its level
     over_linear: median of W / z'P z at these initial conditions, nan if there is none
+    of_box: highest level, relative to the largest linear cost of the initial conditions
     stopped: reason why a further level is not proved, or "" if every level that was tried is proved
     """
 
@@ -100,6 +101,7 @@ class CostBound:
     seconds: tuple[tuple[float, float], ...]
     covered: tuple[float, ...]
     over_linear: tuple[float, ...]
+    of_box: float
     stopped: str
 
 
@@ -352,6 +354,7 @@ class CostSearch:
             seconds,
             tuple(covered),
             tuple(over_linear),
+            statement.level / float(linear.max()),
             self._stopped,
         )
 

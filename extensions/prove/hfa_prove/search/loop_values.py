@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from functools import cached_property
 
 import casadi as ca
@@ -122,3 +124,34 @@ class LoopValues:
         Deviations that are not finite are included.
         """
         return self.beyond(z) | ~np.all(np.abs(z) <= FAR * self.nominal, axis=1)
+
+
+class DisturbedValues(LoopValues):
+    """A closed loop under the extreme disturbance that increases V fastest at each state.
+
+    loop: the closed loop with its disturbances
+    x: states at the equilibrium without disturbance, (n,)
+    gradients: deviations z (N, n) -> ∂V/∂z (N, n)
+    """
+
+    def __init__(
+        self, loop: Loop, x: np.ndarray, gradients: Callable[[np.ndarray], np.ndarray]
+    ) -> None:
+        super().__init__(loop, x)
+        self._gradients = gradients
+
+    @cached_property
+    def _disturbed(self) -> RowFunction:
+        """Function x -> rates for every combination of extreme disturbances, one after another."""
+        x = ca.SX.sym("x", len(self._x))
+        ends = itertools.product(*((-size, size) for size in self.loop.disturbances.values()))
+        rates = [self.loop.disturbed_rates(x, each)[0] for each in ends]
+        return RowFunction(ca.Function("disturbed", [x], [ca.densify(ca.vertcat(*rates))]))
+
+    def rates(self, z: np.ndarray) -> np.ndarray:
+        """Return z' (N, n) at state deviations z (N, n) under the worst extreme disturbance."""
+        if self.clock is not None:
+            self.clock(0.0, 1.0, "samples of V'")
+        each = self._disturbed(z + self._x)[0].reshape(len(z), -1, z.shape[1])
+        rises = np.einsum("kvn,kn->kv", each, self._gradients(z))
+        return np.asarray(each[np.arange(len(z)), np.argmax(rises, axis=1)])

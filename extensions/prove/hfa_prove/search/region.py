@@ -1,98 +1,64 @@
-"""Search for a region of attraction by every prover that applies."""
+"""Search for a region of attraction, or for a set that is invariant under disturbances."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, NoReturn
 
 import numpy as np
 
 from hfa_prove.check import Proved
+from hfa_prove.check.cover import OpenBoxError
 from hfa_prove.check.equilibrium import equilibrium_near
-from hfa_prove.check.loop_on_ball import refuse_curved
-from hfa_prove.search.clock import Clock
-from hfa_prove.search.invariant import invariant_region
-from hfa_prove.search.level import ProvedLevel
-from hfa_prove.search.loop_values import LoopValues
+from hfa_prove.check.region_boxes import refuse_curved
+from hfa_prove.fields import Rejected
+from hfa_prove.search.clock import Clock, OutOfTimeError
+from hfa_prove.search.loop_values import DisturbedValues, LoopValues
 from hfa_prove.search.obstacles import LevelSet, first_obstacle, obstacles_around, rises
 from hfa_prove.search.region_boxes import BoxesSearch
 from hfa_prove.search.region_search import Region, RegionProblem, Settings
-from hfa_prove.search.region_squares import SquaresSearch, region_of
 from hfa_prove.search.shape_boxes import Shape
-from hfa_prove.statements.loop import Gain
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
-
-def _by_squares(problem: RegionProblem, settings: Settings) -> Region:
-    """Return the largest region, or invariant set under disturbances, proved by sums of squares.
-
-    Raises NoSolutionError if no region is proved. Raises BadInputError if the policy is not a
-    polynomial or the equations have no Taylor polynomials.
-    """
-    loop = problem.loop
-    if not isinstance(loop.policy, Gain):
-        raise BadInputError("sums of squares require a polynomial policy; use --prover boxes")
-    if not loop.disturbances:
-        return SquaresSearch(loop, problem.known, settings).found()
-    refuse_curved(loop)
-    undisturbed = replace(loop, disturbances={})
-    with settings.clock.step(_OF_UNDISTURBED):
-        found = SquaresSearch(undisturbed, problem.known, replace(settings, save=None)).found()
-    return invariant_region(found, loop, settings.clock)
-
-
-def _on_boxes(problem: RegionProblem, settings: Settings) -> Region:
-    """Return the largest region that is proved on boxes.
-
-    Raises NoSolutionError if no region is proved. Raises BadInputError if an operation of the
-    equations is not enclosed.
-    """
-    return BoxesSearch(problem, settings).found()
-
-
-#: Part of the time in which the set without disturbances is searched.
+#: Part of the time in which V is searched without disturbances.
 _OF_UNDISTURBED = 0.6
+#: Number of V with the largest sampled sets under disturbances for which a proof is tried, and the
+#: part of the time left for one proof.
+_TRIED = 3
+_OF_ONE = 0.5
+#: Sampled levels of a V, relative to its level without disturbances, and points on each.
+_LEVELS = np.geomspace(1.0, 1e-3, 120)
+_POINTS = 3000
+#: Shares of the sampled level that are tried until one is proved.
+_SHARES = (0.99, 0.96, 0.92, 0.85, 0.7, 0.5, 0.3)
 #: Part of the time limit in which the obstacles around the proved set are simulated at least.
 _OF_OBSTACLES = 0.1
-#: Name of a prover -> search for the largest region that it proves.
-PROVERS: Mapping[str, Callable[[RegionProblem, Settings], Region]] = {
-    "squares": _by_squares,
-    "boxes": _on_boxes,
-}
 
 
-def provers_of(problem: RegionProblem) -> tuple[str, ...]:
-    """Return the names of the provers that apply to a problem."""
-    if problem.loop.disturbances:
-        return ("squares",)
-    return tuple(PROVERS) if isinstance(problem.loop.policy, Gain) else ("boxes",)
-
-
-def region_of_certificate(proved: Proved, witness: Mapping[str, Any]) -> Region:
-    """Return the region of a verified certificate.
-
-    witness: data for the proof, as stored in the certificate
-    """
+def region_of_certificate(proved: Proved) -> Region:
+    """Return the region of a verified certificate."""
     statement = proved.statement
-    origin = "V of the certificate"
-    if witness["prover"] == "squares":
-        level = ProvedLevel(statement, dict(witness), proved.size)
-        return region_of(level, LoopValues(statement.loop), origin)
     loop = statement.loop
     at = equilibrium_near(loop, np.array(list(loop.trim.values())))
-    samples = LoopValues(loop, at.x)
     shape = Shape.of_piece(statement.piece, statement.degree)
     unit = shape.level_set()
-    proved_set = LevelSet(unit.V.scaled(statement.rho), statement.rho, unit.T)
-    extents = statement.extents
-    return Region(statement, witness, proved.size, proved_set, extents, origin, samples)
+    values = LoopValues(loop, at.x)
+    if loop.disturbances:
+        values = DisturbedValues(loop, at.x, shape.gradients)
+    return Region(
+        statement,
+        proved.witness,
+        proved.size,
+        LevelSet(unit.V.scaled(statement.rho), statement.rho, unit.T),
+        statement.extents,
+        "V of the certificate",
+        values,
+    )
 
 
 def proved_region(
     problem: RegionProblem,
-    provers: Sequence[str] = (),
     *,
     degree: int,
     seconds: float,
@@ -102,60 +68,107 @@ def proved_region(
 ) -> Region:
     """Return the largest region that is proved within the time limit.
 
-    Each prover gets an equal part of the time that is left. After an interruption, the largest
-    region proved so far is returned.
+    With disturbances, the result is a set that is invariant under them. After an interruption, the
+    largest set proved so far is returned.
 
-    provers: names in `PROVERS`, by default all that apply (`provers_of`)
     degree: highest degree of V
     seconds: limit of the processor time, s
     progress: called with the current step, or None
     save: called with each region that is larger than those proved before, or None
-    earlier: region of an earlier run, from which its prover continues, or None
+    earlier: region of an earlier run, whose V begins the search, or None
 
-    Raises NoSolutionError if no region is proved. The message contains the reason of each prover.
-    Raises BadInputError if no prover supports the equations.
+    Raises NoSolutionError if no region is proved. Raises BadInputError if an operation of the
+    equations is not enclosed, or the rates are not affine in the disturbances.
     """
     clock = Clock(seconds, progress)
-    names = provers or provers_of(problem)
-    if earlier is not None:
-        names = (earlier.prover,)
-    found: dict[str, Region] = {}
-    refused: dict[str, NoSolutionError | BadInputError] = {}
+    settings = Settings(degree, clock, save, earlier)
+    try:
+        if problem.loop.disturbances:
+            region = _invariant_set(problem, settings)
+        else:
+            region = BoxesSearch(problem, settings).found()
+    except NoSolutionError as error:
+        raise NoSolutionError(f"no region was proved: {error}") from error
+    return _with_obstacles(region, seconds, clock)
 
-    def keep(region: Region) -> None:
-        largest = max((each.set.size for each in found.values()), default=0.0)
-        if region.set.size > largest and save is not None:
-            save(region)
 
-    for number, name in enumerate(names):
-        try:
-            with clock.step(1.0 / (len(names) - number)):
-                found[name] = PROVERS[name](problem, Settings(degree, clock, keep, earlier))
-        except (NoSolutionError, BadInputError) as error:
-            refused[name] = error
-        if clock.interrupted:
-            break
-    if not found:
-        _refuse(refused)
-    name = max(found, key=lambda name: found[name].set.size)
-    region = found[name]
-    others = {each: str(error) for each, error in refused.items()}
-    for each in found.keys() - {name}:
-        others[each] = (
-            f"proves a set of {found[each].set.size / region.set.size:.3g} times the size"
+def _invariant_set(problem: RegionProblem, settings: Settings) -> Region:
+    """Return the largest proved set that is invariant under the disturbances of a loop.
+
+    V is one of those that the search without disturbances tried.
+
+    Raises NoSolutionError if no set is proved.
+    """
+    refuse_curved(problem.loop)
+    clock = settings.clock
+    still: list[Region] = []
+    search = BoxesSearch(problem, replace(settings, save=still.append))
+    with clock.step(_OF_UNDISTURBED):
+        search.found()
+    shapes = [
+        (region.origin, Shape.of_piece(region.statement.piece, settings.degree))
+        for region in reversed(still)
+    ]
+    best = settings.earlier
+    stopped = ""
+    sampled = sorted(_sampled(search, problem, shapes + search.firsts), key=lambda each: -each[0])
+    try:
+        for _, origin, shape in sampled[:_TRIED]:
+            for share in _SHARES:
+                part = search.part(shape, float(np.sqrt(share)))
+                if best is not None and part.size() <= best.set.size:
+                    break
+                try:
+                    with clock.step(_OF_ONE):
+                        best = search.proved(problem.loop, part, origin)
+                except (OpenBoxError, Rejected, OutOfTimeError) as error:
+                    stopped = f"{share:g} of the level by samples: {error}"
+                    continue
+                if settings.save is not None:
+                    settings.save(best)
+                break
+    except KeyboardInterrupt:
+        stopped = "interrupted"
+    if best is None:
+        raise NoSolutionError(
+            stopped or "for every V tried, V' >= 0 somewhere on each level; reduce the disturbance"
         )
-    return _with_obstacles(replace(region, others=others), seconds, clock)
+    return replace(best, stopped=stopped, rise=_rise_beyond(best))
 
 
-def _refuse(refused: Mapping[str, NoSolutionError | BadInputError]) -> NoReturn:
-    """Raise the error of a search in which no prover proves a region."""
-    *_, last = refused.values()
-    if all(isinstance(error, BadInputError) for error in refused.values()):
-        raise last
-    if len(refused) == 1:
-        raise NoSolutionError(f"no region was proved: {last}")
-    reasons = "; ".join(f"{name}: {error}" for name, error in refused.items())
-    raise NoSolutionError(f"no region was proved by {' or '.join(refused)}: {reasons}")
+def _rise_beyond(region: Region) -> tuple[float, np.ndarray | None]:
+    """Return the lowest level above a set at which a sample has V' >= 0, and the sample.
+
+    The result is (inf, None) if no such sample is found.
+    """
+    shape = Shape.of_piece(region.statement.piece, region.statement.degree)
+    for level in np.linspace(1.0, 2.0, 51)[1:].tolist():
+        z = shape.of_level(level).edge_points(_POINTS) @ shape.N.T
+        with np.errstate(all="ignore"):
+            slopes = np.sum(shape.gradients(z) * region.loop.rates(z), axis=1)
+        highest = int(np.argmax(slopes))
+        if not slopes[highest] < 0.0:
+            return level * region.rho, z[highest]
+    return np.inf, None
+
+
+def _sampled(
+    search: BoxesSearch, problem: RegionProblem, shapes: list[tuple[str, Shape]]
+) -> Iterator[tuple[float, str, Shape]]:
+    """Yield size, description and V of the largest level with V' < 0 at all samples of the level.
+
+    V is scaled to level 1. A V without such a level is omitted.
+    """
+    for origin, shape in shapes:
+        values = DisturbedValues(problem.loop, search.equilibrium.x, shape.gradients)
+        for level in _LEVELS.tolist():
+            at_level = shape.of_level(level)
+            z = at_level.edge_points(_POINTS) @ shape.N.T
+            with np.errstate(all="ignore"):
+                slopes = np.sum(shape.gradients(z) * values.rates(z), axis=1)
+            if np.all(slopes < 0.0) and not np.any(values.away(z)):
+                yield at_level.size(), origin, at_level
+                break
 
 
 def _with_obstacles(region: Region, seconds: float, clock: Clock) -> Region:

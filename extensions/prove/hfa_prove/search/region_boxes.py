@@ -13,11 +13,11 @@ import numpy as np
 
 from hfa_prove.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_prove.check.equilibrium import equilibrium_near
-from hfa_prove.check.region_boxes import Decrease
+from hfa_prove.check.region_boxes import claims_of
 from hfa_prove.fields import Rejected
 from hfa_prove.search.clock import OutOfTimeError
 from hfa_prove.search.kinks import kink_at
-from hfa_prove.search.loop_values import LoopValues
+from hfa_prove.search.loop_values import DisturbedValues, LoopValues
 from hfa_prove.search.region_search import (
     Region,
     RegionProblem,
@@ -26,7 +26,8 @@ from hfa_prove.search.region_search import (
     refuse_unstable,
 )
 from hfa_prove.search.shape_boxes import Growth, Shape
-from hfa_prove.statements.region import BoxWitness, RegionStatement
+from hfa_prove.statements.loop import Loop
+from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_prove.words import place_in_words
 from hfa_support.errors import NoSolutionError
 
@@ -64,7 +65,7 @@ _WIDEST = 100.0
 class BoxesSearch:
     """Search for a region of attraction on boxes.
 
-    problem: the closed loop
+    problem: the closed loop. Its disturbances are neglected while V is searched.
     settings: degree, time limit and what is saved
 
     Raises Rejected if no equilibrium near the trim is proved.
@@ -72,7 +73,7 @@ class BoxesSearch:
 
     def __init__(self, problem: RegionProblem, settings: Settings) -> None:
         self._problem = problem
-        self.loop = problem.loop
+        self.loop = replace(problem.loop, disturbances={})
         self._settings = settings
         self._clock = settings.clock
         self._degree = settings.degree
@@ -82,6 +83,8 @@ class BoxesSearch:
         self._best = settings.earlier
         self._largest = 0.0 if self._best is None else self._best.set.size
         self._stopped = ""
+        #: Descriptions and first V of the search, the largest sampled set first.
+        self.firsts: list[tuple[str, Shape]] = []
 
     def found(self) -> Region:
         """Return the largest proved region.
@@ -112,6 +115,7 @@ class BoxesSearch:
         if self._best is not None:
             shape = Shape.of_piece(self._best.statement.piece, self._degree)
             firsts.insert(0, (self._best.origin, shape))
+        self.firsts = firsts
         for origin, shape in firsts:
             growth = Growth(self.samples, shape, self._report)
             if self._best is None:
@@ -199,7 +203,7 @@ class BoxesSearch:
         """
         try:
             for _ in range(_REFUTED):
-                part = self._part(growth.shape, share)
+                part = self.part(growth.shape, share)
                 try:
                     with self._clock.step(time_share):
                         self._prove(part, origin)
@@ -218,7 +222,7 @@ class BoxesSearch:
             self._stopped = f"at {share:.3g} of the set by samples, linearly: {error}"
         return False
 
-    def _part(self, shape: Shape, share: float) -> Shape:
+    def part(self, shape: Shape, share: float) -> Shape:
         """Return the set of a V, scaled in length by a share and reduced to the state limits."""
         part = shape.of_level(share**2).diagonal(self.J).in_cube()
         limits = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
@@ -235,28 +239,37 @@ class BoxesSearch:
 
         Raises OpenBoxError, Rejected or OutOfTimeError if the set is not proved.
         """
-        extents = shape.extents()
-        decrease = Decrease(
-            self.loop, self.equilibrium, shape.piece(), extents.ends, extents.multipliers
-        )
-        boxes = decrease.proved(_ENDLESS, self._clock)
-        size = shape.size()
-        if size <= self._largest:
+        region = self.proved(self.loop, shape, origin)
+        if region.set.size <= self._largest:
             return
-        states = self.loop.states
+        self._best = region
+        self._largest = region.set.size
+        if self._settings.save is not None:
+            self._settings.save(region)
+
+    def proved(self, loop: Loop, shape: Shape, origin: str) -> Region:
+        """Return the proved region of a loop, or its invariant set if it has disturbances.
+
+        shape: V, whose set {V <= 1} is proved
+
+        Raises OpenBoxError, Rejected or OutOfTimeError if the set is not proved.
+        """
+        extents = shape.extents()
+        piece = shape.piece()
+        claims = claims_of(loop, self.equilibrium, piece, extents.ends, extents.multipliers)
+        boxes = sum(claim.proved(_ENDLESS, self._clock) for claim in claims)
+        states = loop.states
         at = dict(zip(states, self.equilibrium.x.tolist(), strict=True))
         ends = {
             name: (low, high)
             for name, (low, high) in zip(states, extents.ends.tolist(), strict=True)
         }
-        statement = RegionStatement(self.loop, at, decrease.piece, ends)
-        witness = BoxWitness(extents.multipliers, 2 * boxes)
-        self._best = Region(
-            statement, witness.content(), boxes, shape.level_set(), ends, origin, self.samples
-        )
-        self._largest = size
-        if self._settings.save is not None:
-            self._settings.save(self._best)
+        statement = RegionStatement(loop, at, piece, ends)
+        witness = RegionWitness(extents.multipliers, 2 * boxes)
+        values = self.samples
+        if loop.disturbances:
+            values = DisturbedValues(loop, self.equilibrium.x, shape.gradients)
+        return Region(statement, witness, boxes, shape.level_set(), ends, origin, values)
 
     def _report(self, what: str) -> None:
         self._clock(0.0, 1.0, what)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 
-from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.obstacles import LevelSet, Obstacles
 from hfa_prove.statements.loop import Loop
-from hfa_prove.statements.region import RegionStatement
+from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_support.errors import NoSolutionError
 
 
@@ -35,8 +33,8 @@ class Region:
     """A proved region of attraction or invariant set.
 
     statement: the proved statement
-    witness: data for the proof, as stored in a certificate
-    size: number of boxes, or of parts of the set, on which V' < 0 is proved
+    witness: data for the proof
+    size: number of boxes of the proof
     set: the set in double precision
     extents: state -> lowest and highest deviation in the set
     origin: description of V
@@ -45,12 +43,10 @@ class Region:
         or None before it is searched
     obstacles: obstacles to a larger set, None before they are searched
     stopped: reason why no larger set is proved, or ""
-    others: other prover -> what it proved, or why it proved nothing
-    tried: further V, each with level 1 proved in double precision
     """
 
     statement: RegionStatement
-    witness: Mapping[str, Any]
+    witness: RegionWitness
     size: int
     set: LevelSet
     extents: Mapping[str, tuple[float, float]]
@@ -59,18 +55,11 @@ class Region:
     rise: tuple[float, np.ndarray | None] | None = None
     obstacles: Obstacles | None = None
     stopped: str = ""
-    others: Mapping[str, str] = field(default_factory=dict)
-    tried: Sequence[PolynomialFunction] = ()
 
     @property
     def rho(self) -> float:
         """Proved level of V."""
         return self.statement.rho
-
-    @property
-    def prover(self) -> str:
-        """Name of the prover."""
-        return str(self.witness["prover"])
 
 
 @dataclass(frozen=True, eq=False)

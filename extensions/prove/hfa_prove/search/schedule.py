@@ -1,444 +1,250 @@
-"""Search for a proof that the trim exists and the loop is stable at every scheduling value.
+"""Search for the proof of a gain schedule: its decay rate, and V for a moving scheduling variable.
 
-The unstable modes are counted on boxes. For a moving scheduling value, a Lyapunov function that
-depends on this value is proved to decrease.
+No proof depends on the samples; `check_schedule` proves the statement.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import partial
-from itertools import pairwise
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
-from flint import arb
+import scipy.linalg
 
-from hfa_flight.schedule.gain_schedule import GainSchedule
-from hfa_prove.check.linear_loop import between, closed_loop
-from hfa_prove.check.modes import check_motion, eigenvalue_signs, least_and_most
-from hfa_prove.check.trims import LinearModelBox, Rejected
+from hfa_prove.check.schedule import ScheduleProof, check_schedule, real_basis
 from hfa_prove.enclosure.ball_function import Undecided
-from hfa_prove.enclosure.balls import doubles, is_positive_definite, matrix
-from hfa_prove.enclosure.series import TaylorModel
-from hfa_prove.results import breakpoint_data, schedule_data
-from hfa_prove.search.family import Box, Family, TrimSearch, bisected
-from hfa_prove.search.lines import find_line, lines_near_axis
-from hfa_prove.search.loops import Loop, loop_of_schedule
-from hfa_prove.search.proof import CertificateFile, Content, Proof
-from hfa_prove.search.uncertain_loop import find_pieces
-from hfa_prove.statements.flight import StatedTrim, trim_content
-from hfa_prove.statements.schedule import Run, ScheduleStatement, UncertainActuators, loop_size
+from hfa_prove.fields import Rejected
+from hfa_prove.search.family import Family
+from hfa_prove.statements.schedule import Gains, ScheduleStatement, ScheduleWitness
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError
-from hfa_support.progress import Progress, with_progress
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report, Reported
 
-Found = TypeVar("Found")
-#: Widths of the narrowest boxes, in steps of the family; narrower parts remain open. They are
-#: larger with errors of parameters or actuators, which do not decrease with the box.
-NARROWEST = 2.0**-10
-NARROWEST_WITH_ERRORS = 2.0**-5
-NARROWEST_WITH_ACTUATORS = 2.0**-3
-#: Width of the widest box with errors of the parameters, in steps of the family.
-_WIDEST_WITH_ERRORS = 0.25
-#: Decay rate that is claimed for a box, relative to the decay rate at its center.
-RATE_SHARE = 0.9
-#: Largest distance between two breakpoints of P, in steps of the family.
-_STEP = 0.125
-#: Parts of the rate that the points suggest, tried until one is proved on the whole interval.
-_SHARES = (0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
-#: Width of the narrowest box of the motion, in steps of the family.
-_NARROWEST_MOVING = 2.0**-6
-#: Number of steps of the search for W, and stride between the points that it uses.
-_TRIES = 16
-_STRIDE = 8
-#: Power that gives the points with the lowest admissible rates the most weight.
-_POWER = 8
+#: Number of samples of the loop in the interval.
+_SAMPLES = 161
+#: Share of the sampled decay rate that is stated by default.
+_SHARE = 0.99
+#: Numbers of intervals between breakpoints of P, for each interval of the gains, and the least gain
+#: of the sampled rate for which a finer P is preferred.
+_FINENESS = (1, 2, 4, 8, 16, 32)
+_FASTER = 1.05
+#: Shares of the sampled rate of the scheduling variable that are tried.
+_RATES = (0.95, 0.85, 0.7, 0.5)
+#: Steps of the search for the weight of P, and the power in its norm over the samples.
+_TRIES = 40
+_POWER = 6.0
+#: Number of pieces after which a search stops.
+_MOST = 1_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class ProvedBox:
-    """A box of scheduling values with its proved number of unstable modes.
+class Sample(NamedTuple):
+    """The closed loop C (n, n) at a scheduling value s, and its derivative in s."""
 
-    box: the box
-    least, most: lowest and highest number of unstable modes
-    rate: proved decay rate, 1/s
-    content: data for the proof, as stored in a certificate
+    s: float
+    C: np.ndarray
+    slope: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScheduleFound(Reported):
+    """A proved statement about a gain schedule.
+
+    statement: the claim
+    witness: numbers for the checker
+    size: number of pieces of the proof
     """
 
-    box: Box
-    least: int
-    most: int
-    rate: float
-    content: Content
+    statement: ScheduleStatement
+    witness: ScheduleWitness
+    size: int
 
-    @property
-    def run(self) -> Run:
-        """The proved numbers of unstable modes over the box."""
-        return Run(self.box.low, self.box.high, self.least, self.most)
+    def report(self) -> Report:
+        """Return the report that `hfa prove schedule` prints."""
+        from hfa_prove.report import found_report
+
+        return found_report(self.statement, (self.size,))
 
 
 @checks_arguments
 def prove_schedule(
     family: Family,
-    loop: Loop | GainSchedule,
+    gains: Gains,
     low: float,
     high: float,
     *,
+    decay_rate: float | None = None,
+    scheduled_rate: float | None = None,
     moving: bool = False,
-    file: CertificateFile | None = None,
     progress: Progress | None = None,
-) -> Proof:
-    """Return a proof of the numbers of unstable modes of the loop and of the aircraft, on boxes.
+) -> ScheduleFound:
+    """Return a proved statement about a gain schedule at every scheduling value from `low` to
+    `high`.
 
     family: aircraft and its trims
-    loop: controller and actuators, or gains u = -K x
-    low, high: ends of the interval of the scheduling value
-    moving: whether to prove stability for a moving scheduling value too
-    file: file of the certificate, which is written during the proof, or None
+    gains: the gains, over scheduling values in the user's unit
+    decay_rate: decay rate to prove, 1/s, or None for 99 % of the lowest of samples
+    scheduled_rate: rate of the scheduling variable to prove, per s
+    moving: whether to find and prove a rate of the scheduling variable
 
-    Raises NoSolutionError if no trim exists at a scheduling value. Raises BadInputError if the
-    controller or the model does not cover the interval.
+    Raises BadInputError if proofs do not support the trims. Raises NoSolutionError if the statement
+    is not proved; the message states the place and the open claim.
     """
-    if isinstance(loop, GainSchedule):
-        loop = loop_of_schedule(loop)
-    search = ScheduleSearch(family, loop, low, high)
-    if file is not None:
-        search.resume(file.known(search.statement(), family.model))
-    for index, name in enumerate(("loop", "modes")):
-        for box in search.prove(name):
-            if file is not None:
-                file.save(search.proof())
-            if progress is not None:
-                progress(round(500 * (index + (box.high - low) / (high - low))), 1000)
-    search.bound_crossings()
-    if moving:
-        search.prove_motion(progress)
-    proof = search.proof()
-    if file is not None:
-        file.save(proof, finished=True)
-    data = schedule_data(search.statement(), moving)
-    for name, boxes in search.boxes.items():
-        data[name]["boxes"] = len(boxes)
-    return replace(proof, data=data | search.data())
-
-
-class ScheduleSearch:
-    """Search for the proof of a loop on an interval of scheduling values.
-
-    family: aircraft and its trims
-    loop: controller and actuators
-    low, high: ends of the interval
-    """
-
-    def __init__(self, family: Family, loop: Loop, low: float, high: float) -> None:
-        self.family = family
-        self.loop = loop
-        self.segments = loop.segments(low, high)
-        self.low = low
-        self.high = high
-        measured = loop.controller.outputs(family.model)
-        self.trims = TrimSearch(family, low, high, measured)
-        self.size = loop_size(family.model, loop.controller, loop.actuators)
-        self.boxes: dict[str, list[ProvedBox]] = {"loop": [], "modes": []}
-        self.scheduled_rate: float | None = None
-        self.motion: Content | None = None
-
-    def prove(self, name: str) -> Iterator[Box]:
-        """Prove the number of unstable modes on boxes, and yield each box, in ascending order.
-
-        A box that is not proved is also yielded. The boxes of an earlier run are not repeated.
-
-        name: "loop" for the closed loop, "modes" for the aircraft
-        """
-        prove = self._prove_loop if name == "loop" else self._prove_modes
-        narrowest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
-        if name == "loop" and isinstance(self.loop.actuators, UncertainActuators):
-            narrowest = NARROWEST_WITH_ACTUATORS
-        start = max([self.low, *(proved.box.high for proved in self.boxes[name])])
-        for box, proved in bisected(self.segments, prove, narrowest * self.family.step, start):
-            if proved is not None:
-                self.boxes[name].append(proved)
-            yield box
-
-    def _prove_loop(self, box: Box) -> ProvedBox | None:
-        """Return a box with the proved number of unstable modes of the loop, or None.
-
-        The result is None if no number is proved. A stable loop is proved with a decay rate, or
-        with Lyapunov functions if the actuators are uncertain.
-
-        Raises BadInputError if the matrix of the loop overflows.
-        """
-        linear = self.linear_model(box)
-        if isinstance(self.loop.actuators, UncertainActuators):
-            pieces = find_pieces(linear, self.family.model, self.loop)
-            if not pieces:
-                return None
-            proof = {"pieces": [vars(piece) for piece in pieces]}
-            return ProvedBox(box, 0, 0, 0.0, trim_content(linear.trim) | proof)
-        form = self.closed_loop(box)
-        middle = doubles(form.center)
-        if not np.isfinite(middle).all():
-            raise BadInputError("the matrix of the loop overflows; check the gains in the table")
-        rate = RATE_SHARE * max(0.0, -float(np.linalg.eigvals(middle).real.max()))
-        return self._counted(box, form, rate)
-
-    def _prove_modes(self, box: Box) -> ProvedBox | None:
-        return self._counted(box, self.linear_model(box).A, 0.0)
-
-    def _counted(self, box: Box, A: TaylorModel, rate: float) -> ProvedBox | None:
-        """Return a box with the proved number of eigenvalues with Re λ > -rate, or None.
-
-        The result is None if no number is proved.
-
-        A: Taylor model of the matrix on the box
-        rate: 1/s
-        """
-        proof = find_line(A, rate)
-        if proof is None:
-            return None
-        count, line = proof
-        content = trim_content(self.linear_model(box).trim) | vars(line)
-        return ProvedBox(box, count, count, rate, content)
-
-    def bound_crossings(self) -> None:
-        """Prove bounds on the aircraft's number of unstable modes where the number is open."""
-        widest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
-        counted = [proved.run for proved in self.boxes["modes"]]
-        for low, high in _gaps(counted, self.low, self.high):
-            pieces = math.ceil((high - low) / (widest * self.family.step))
-            for ends in pairwise(np.linspace(low, high, pieces + 1).tolist()):
-                self._bound(Box(*ends))
-
-    def _bound(self, box: Box) -> None:
-        with suppress(Undecided, Rejected):
-            linear = self.linear_model(box)
-            for line in lines_near_axis(linear.A):
-                least, most = least_and_most(linear.A, line)
-                content = trim_content(linear.trim) | vars(line)
-                self.boxes["modes"].append(ProvedBox(box, least, most, line.rate, content))
-
-    def prove_motion(self, progress: Progress | None) -> None:
-        """Store the largest rate at which stability is proved, with the proof.
-
-        The rate is that of the scheduling value. Nothing is stored if no rate is proved.
-        """
-        search = MotionSearch(self)
-        for rate in search.suggested_rates():
-            boxes = search.boxes(rate, progress)
-            if boxes:
-                self.scheduled_rate = rate
-                self.motion = {"breakpoints": search.breakpoints, "P": search.P, "boxes": boxes}
-                return
-
-    def resume(self, witness: Content) -> None:
-        """Append the boxes that an earlier run has proved.
-
-        Boxes on which only bounds of the aircraft's number of unstable modes are proved are
-        omitted.
-
-        witness: verified witness of the earlier run
-        """
-        for name, boxes in self.boxes.items():
-            for content in witness.get(name, []):
-                box = Box(*content["range"])
-                if "pieces" in content:
-                    boxes.append(ProvedBox(box, 0, 0, 0.0, content))
-                elif name == "loop" or content["rate"] == 0.0:
-                    signs = eigenvalue_signs(matrix(content["H"]), matrix(content["turn"]))
-                    count = signs.count(-1)
-                    boxes.append(ProvedBox(box, count, count, content["rate"], content))
-
-    def statement(self) -> ScheduleStatement:
-        """Return the statement that the present boxes prove."""
-        decays = [box.rate for box in self.boxes["loop"] if box.most == 0]
-        runs = {
-            "loop": self._runs("loop", self.size),
-            "modes": self._runs("modes", len(self.family.model.linear)),
-        }
-        return ScheduleStatement(
-            replace(self.trims.flight, trims=self._stated_trims()),
-            self.loop.controller,
-            self.loop.actuators,
-            runs["loop"],
-            runs["modes"],
-            min(decays, default=0.0),
-            self.scheduled_rate,
+    family.check(low, high)
+    flight = family.flight(low, high)
+    if len(gains.breakpoints) > 1:
+        first, last = float(gains.breakpoints[0]), float(gains.breakpoints[-1])
+        if low < first or high > last:
+            raise BadInputError(
+                f"the table of gains covers {first:g} to {last:g}, not {low:g} to {high:g}; choose "
+                "an interval within the table"
+            )
+    n = len(flight.model.linear)
+    still = ScheduleWitness(_MOST, np.zeros(0), np.zeros((0, n, n)))
+    samples = _samples(ScheduleProof(ScheduleStatement(flight, gains, 0.0), still))
+    slowest = min(samples, key=lambda sample: -_largest_real_part(sample.C))
+    sampled = -_largest_real_part(slowest.C)
+    if decay_rate is None and not sampled > 0.0:
+        raise NoSolutionError(
+            f"A - B K has an eigenvalue with the real part {-sampled:.6g} 1/s at "
+            f"{flight.model.schedule} {slowest.s:.6g} {flight.model.schedule_unit}, so the loop is "
+            "not stable"
         )
-
-    def proof(self) -> Proof:
-        """Return the statement that the present boxes prove, with its witness."""
-        witness: Content = {
-            name: [proved.content for proved in boxes] for name, boxes in self.boxes.items()
-        }
-        if self.motion is not None:
-            witness["motion"] = self.motion
-        return Proof(self.statement(), witness)
-
-    def data(self) -> Content:
-        """Return the ranges of A and B on each box, and V for a moving scheduling value."""
-        boxes = []
-        for proved in self.boxes["loop"]:
-            linear = self.linear_model(proved.box)
-            entries = {name: _ends(getattr(linear, name)) for name in "AB"}
-            boxes.append(breakpoint_data(self.family.model, list(proved.box)) | entries)
-        data: Content = {"boxes": boxes}
-        if self.motion is not None:
-            breakpoints = breakpoint_data(self.family.model, self.motion["breakpoints"])
-            data["lyapunov"] = breakpoints | {"P": self.motion["P"]}
-        return data
-
-    def linear_model(self, box: Box) -> LinearModelBox:
-        """Return the linear model on a box.
-
-        Raises Undecided or Rejected if the box is too wide or a trim may exceed its limits. Raises
-        TrimError if no trim exists at the center.
-        """
-        if self.family.spread and box.high - box.low > _WIDEST_WITH_ERRORS * self.family.step:
-            raise Rejected("the parameter errors are enclosed only on narrower boxes")
-        return self.trims.linear_model(box)
-
-    def closed_loop(self, box: Box) -> TaylorModel:
-        """Return F of the closed loop ζ' = F ζ on a box."""
-        linear = self.linear_model(box)
-        return closed_loop(linear, self.family.model, self.loop.controller, self.loop.actuators)
-
-    def _runs(self, name: str, size: int) -> tuple[Run, ...]:
-        """Return the numbers of unstable modes over the whole interval.
-
-        Where nothing is proved, the bounds are 0 and `size`.
-
-        name: "loop" or "modes"
-        size: number of eigenvalues
-        """
-        proved = [box.run for box in self.boxes[name]]
-        ends = {self.low, self.high}
-        ends |= {run.low for run in proved} | {run.high for run in proved}
-        runs = []
-        for low, high in pairwise(sorted(ends)):
-            here = [run for run in proved if run.low <= low and high <= run.high]
-            least = max((run.least for run in here), default=0)
-            most = min((run.most for run in here), default=size)
-            runs.append((low, high, (least, most)))
-        return tuple(Run(low, high, *bounds) for low, high, bounds in _joined(runs))
-
-    def _stated_trims(self) -> tuple[StatedTrim, ...]:
-        """Return the trim at the beginning of each contiguous set of boxes, for the statement."""
-        boxes = sorted(proved.box for name in self.boxes for proved in self.boxes[name])
-        starts = []
-        reached = -math.inf
-        for low, high in boxes:
-            if low > reached:
-                starts.append(low)
-            reached = max(reached, high)
-        return tuple(self.trims.stated_trim(start) for start in starts)
+    rate = _SHARE * sampled if decay_rate is None else decay_rate
+    wanted = [(ScheduleStatement(flight, gains, rate), still)]
+    if moving or scheduled_rate is not None:
+        wanted = list(_motions(wanted[0][0], samples, scheduled_rate))
+    for number, (statement, witness) in enumerate(wanted, 1):
+        try:
+            size = check_schedule(statement, witness, progress)
+        except Rejected as error:
+            if number == len(wanted):
+                raise NoSolutionError(str(error)) from error
+            continue
+        kept = ScheduleWitness(2 * size + 100, witness.breakpoints, witness.P)
+        return ScheduleFound(statement, kept, size)
+    raise NoSolutionError(
+        "no Lyapunov function was found for a motion of the scheduling variable"
+        + (f" at {scheduled_rate:g} per s" if scheduled_rate is not None else "")
+    )
 
 
-class MotionSearch:
-    """Search for V = ζ'P(η)ζ that decreases on every motion with |η'| up to a limit.
+def _samples(proof: ScheduleProof) -> list[Sample]:
+    """Return samples of the closed loop along the interval.
 
-    V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 is proved for η' at both limits, and therefore holds for all
-    rates between them. P solves F'P + P F = -W at every breakpoint, with the same W, and is linear
-    between breakpoints. V is therefore continuous, and P is as smooth as F even where modes of F
-    coincide.
-
-    search: search for the proof of the loop
+    Raises NoSolutionError if no trim is found at a sample.
     """
-
-    def __init__(self, search: ScheduleSearch) -> None:
-        self._search = search
-        breakpoints = []
-        for segment in search.segments:
-            pieces = math.ceil((segment.high - segment.low) / (_STEP * search.family.step))
-            breakpoints += np.linspace(segment.low, segment.high, pieces + 1)[:-1].tolist()
-        self.breakpoints = [*breakpoints, search.high]
-        self._boxes = [Box(*ends) for ends in pairwise(self.breakpoints)]
-        self.P = np.zeros((0, 0, 0))
-
-    def suggested_rates(self) -> list[float]:
-        """Return rates of the scheduling variable to try, the largest first.
-
-        The rates are fractions of the largest rate that a Lyapunov function allows at the centers
-        of the boxes. `self.P` stores the P of this function at the ends of the boxes.
-
-        The list is empty in these cases:
-        - The loop on a box cannot be enclosed.
-        - The loop is not stable at the center of a box.
-        - P is not positive definite at an end of a box.
-        """
+    low, high = proof.statement.flight.range
+    guess = np.array(list(proof.statement.flight.first.values()))
+    slope = np.zeros_like(guess)
+    places = np.linspace(low, high, _SAMPLES)
+    step = places[1] - places[0]
+    samples = []
+    last = low
+    for s in places.tolist():
         try:
-            loops = [self._search.closed_loop(box) for box in self._boxes]
-        except (Undecided, Rejected):
-            return []
-        points = []
-        for box, loop in zip(self._boxes, loops, strict=True):
-            slope = doubles(loop.slope) * 2.0 / (box.high - box.low)
-            points.append((doubles(loop.center), slope))
-        if max(np.linalg.eigvals(A).real.max() for A, _ in points) >= 0.0:
-            return []
-        fastest, W = _weight([*points[::_STRIDE], points[-1]])
-        ends = []
-        for loop in loops:
-            c0, c1, c2 = (doubles(part) for part in (loop.center, loop.slope, loop.bend))
-            ends.append(c0 - c1 + c2)
-        ends.append(c0 + c1 + c2)
-        self.P = np.array([_lyapunov(A, W) for A in ends])
-        if not all(is_positive_definite(matrix(P)) for P in self.P):
-            return []
-        rates = []
-        for share in _SHARES:
-            unit = math.floor(math.log10(share * fastest)) - 1  # two digits, rounded down
-            rates.append(float(f"{math.floor(share * fastest / 10.0**unit)}e{unit}"))
-        return rates
+            guess, slope, _ = proof.flight.estimate(guess + slope * (s - last), s)
+        except Undecided as error:
+            raise NoSolutionError(
+                f"{error} at {proof.statement.flight.model.schedule} {s:.6g}"
+            ) from error
+        last = s
+        near = s + 1e-5 * step * (1.0 if s < high else -1.0)
+        C = proof.loop_at(guess, s)
+        beside = proof.loop_at(guess + slope * (near - s), near)
+        samples.append(Sample(s, C, (beside - C) / (near - s)))
+    return samples
 
-    def boxes(self, rate: float, progress: Progress | None) -> list[Content]:
-        """Return the boxes that together prove a rate, as stored in a certificate.
 
-        The list is empty if the rate is not proved on every box.
-        """
-        narrowest = _NARROWEST_MOVING * self._search.family.step
-        proved: list[Content] = []
-        for whole in with_progress(self._boxes, progress):
-            for _, content in bisected([whole], partial(self._prove, rate), narrowest):
-                if content is None:
-                    return []
-                proved.append(content)
-        return proved
+def _largest_real_part(C: np.ndarray) -> float:
+    return float(np.linalg.eigvals(C).real.max())
 
-    def _prove(self, rate: float, box: Box) -> Content | None:
-        loop = self._search.closed_loop(box)
-        P = between(np.array(self.breakpoints), self.P, box.low, box.high)
-        slope = P.slope * (2 / (arb(box.high) - arb(box.low)))
-        half = doubles(-(loop.center.transpose() * P.center))
-        try:
-            turn = np.linalg.inv(np.linalg.cholesky(half + half.T)).T
-        except np.linalg.LinAlgError:
-            return None
-        check_motion(loop, P, slope * arb(rate), turn)
-        return trim_content(self._search.linear_model(box).trim) | {"turn": turn}
+
+def _motions(
+    statement: ScheduleStatement, samples: Sequence[Sample], wanted: float | None
+) -> Iterator[tuple[ScheduleStatement, ScheduleWitness]]:
+    """Yield statements about a moving scheduling variable with P, the strongest first.
+
+    A constant P proves any rate. Otherwise P is linear between breakpoints.
+
+    samples: samples of the closed loop
+    wanted: rate to prove, or None for any that is found
+    """
+    flight, gains, rate = statement.flight, statement.gains, statement.decay_rate
+
+    def motion(speed: float, nodes: Any, P: Any) -> tuple[ScheduleStatement, ScheduleWitness]:
+        moving = ScheduleStatement(flight, gains, rate, speed)
+        return moving, ScheduleWitness(_MOST, np.array(nodes, dtype=float), np.array(P))
+
+    _, W = _weight(samples[:: max(1, len(samples) // 16)])
+    middle = samples[len(samples) // 2]
+    for weight in (W, _first_weight(middle.C)):
+        P = _lyapunov(middle.C, weight)
+        if all(_is_positive(-(each.C.T @ P + P @ each.C)) for each in samples):
+            yield motion(math.inf if wanted is None else wanted, [middle.s], [P])
+    best = 0.0
+    kept: list[tuple[float, np.ndarray, np.ndarray]] = []
+    for fineness in _FINENESS:
+        cuts = [np.linspace(*part, fineness + 1)[:-1] for part in gains.pieces(*flight.range)]
+        nodes = np.append(np.concatenate(cuts), flight.high)
+        P = np.array([_lyapunov(_loop_near(samples, node), W) for node in nodes.tolist()])
+        found = _sampled_rate(samples, nodes, P)
+        if found > _FASTER * best:
+            kept.append((found, nodes, P))
+            best = found
+        if wanted is not None and wanted <= found:
+            yield motion(wanted, nodes, P)
+    if wanted is None:
+        for found, nodes, P in reversed(kept):
+            for share in _RATES:
+                yield motion(float(f"{share * found:.2g}"), nodes, P)
+
+
+def _loop_near(samples: Sequence[Sample], s: float) -> np.ndarray:
+    """Return the closed loop at a scheduling value, from the nearest sample."""
+    near = min(samples, key=lambda sample: abs(sample.s - s))
+    return near.C + near.slope * (s - near.s)
+
+
+def _sampled_rate(samples: Sequence[Sample], nodes: np.ndarray, P: np.ndarray) -> float:
+    """Return the largest rate at which V decreases at all samples, 0 if at none.
+
+    nodes: breakpoints of P
+    P: (l, n, n)
+    """
+    least = math.inf
+    for sample in samples:
+        k = max(0, min(int(np.searchsorted(nodes, sample.s, "right")) - 1, len(nodes) - 2))
+        slope = (P[k + 1] - P[k]) / (nodes[k + 1] - nodes[k])
+        product = sample.C.T @ (P[k] + slope * (sample.s - nodes[k]))
+        S = -(product + product.T)
+        if not _is_positive(S):
+            return 0.0
+        growth = scipy.linalg.eigh(slope, S, eigvals_only=True)
+        least = min(least, 1.0 / float(np.abs(growth).max()))
+    return least
+
+
+def _is_positive(S: np.ndarray) -> bool:
+    return bool(np.linalg.eigvalsh(0.5 * (S + S.T))[0] > 0.0)
 
 
 def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
     """Return the solution P of A'P + P A = -W."""
-    from scipy.linalg import solve_continuous_lyapunov
-
-    P = solve_continuous_lyapunov(A.T, -W)
+    P = scipy.linalg.solve_continuous_lyapunov(A.T, -W)
     return np.asarray((P + P.T) / 2)
 
 
-def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray]:
+def _weight(samples: Sequence[Sample]) -> tuple[float, np.ndarray]:
     """Return the largest rate of the scheduling variable that was found, and its W > 0.
 
-    A rate η' requires W ± η' dP/dη > 0 at all points (A, dA/dη). For the first W, P is a multiple
-    of the identity in the modes of the center point. W is then moved, step by step, toward the
-    p-norm of |dP/dη| over the points, in units of W. The largest terms have the most weight.
-
-    points: pairs (A, dA/dη) of matrices (n, n)
+    P(s) solves C'P + P C = -W at every s. A rate r requires W ± r dP/ds > 0 at all samples. For the
+    first W, P is a multiple of the identity in the modes of the middle sample. W is then moved,
+    step by step, toward the p-norm of |dP/ds| over the samples, in units of W.
     """
-    W = _first_weight(points[len(points) // 2][0])
+    W = _first_weight(samples[len(samples) // 2].C)
     best = (0.0, np.eye(len(W)))
     for _ in range(_TRIES):
         try:
@@ -448,13 +254,13 @@ def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.
         inverse = np.linalg.inv(root)
         total = np.zeros_like(W)
         largest = 0.0
-        for A, slope in points:
-            half = _lyapunov(A, W) @ slope
-            growth = inverse @ _lyapunov(A, half + half.T) @ inverse.T
+        for _, C, slope in samples:
+            half = _lyapunov(C, W) @ slope
+            growth = inverse @ _lyapunov(C, half + half.T) @ inverse.T
             sizes, axes = np.linalg.eigh(growth)
             largest = max(largest, float(np.abs(sizes).max()))
             total += (axes * np.abs(sizes) ** _POWER) @ axes.T
-        if 1.0 / largest > best[0]:
+        if largest > 0.0 and 1.0 / largest > best[0]:
             best = (1.0 / largest, W)
         sizes, axes = np.linalg.eigh(total)
         sizes = (sizes / sizes.max()).clip(0.0) ** (1.0 / _POWER)
@@ -462,61 +268,16 @@ def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.
     return best
 
 
-def _first_weight(A: np.ndarray) -> np.ndarray:
-    """Return W (n, n) for which P is a multiple of the identity in the modes of A.
+def _first_weight(C: np.ndarray) -> np.ndarray:
+    """Return W (n, n) for which P is T⁻'T⁻¹, with T a real basis of the modes of C.
 
     If the modes are nearly dependent, W is the identity.
     """
-    values, vectors = np.linalg.eig(A)
     try:
-        inverse = np.linalg.inv(vectors)
-        W = (inverse.conj().T @ (-values.real[:, None] * inverse)).real
+        back = np.linalg.inv(real_basis(*np.linalg.eig(C)))
+        P = back.T @ back
+        W = -(C.T @ P + P @ C)
         np.linalg.cholesky(W)
     except np.linalg.LinAlgError:
-        return np.eye(len(A))
+        return np.eye(len(C))
     return np.asarray(W)
-
-
-def _ends(entries: TaylorModel) -> list[list[list[float]]]:
-    """Return [lowest, highest] of each entry of a matrix on a box, rounded outward."""
-    rows = []
-    for row in entries.range().tolist():
-        ends = [(float(entry.lower()), float(entry.upper())) for entry in row]
-        outward = [
-            [float(np.nextafter(low, -np.inf)), float(np.nextafter(high, np.inf))]
-            for low, high in ends
-        ]
-        rows.append(outward)
-    return rows
-
-
-def _joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
-    """Return consecutive intervals with results, in which neighbors with equal results are merged.
-
-    runs: (low, high, result), in ascending order
-    """
-    together: list[tuple[float, float, Found]] = []
-    for low, high, result in runs:
-        if together:
-            begin, end, last = together[-1]
-            if (end, last) == (low, result):
-                together[-1] = (begin, high, result)
-                continue
-        together.append((low, high, result))
-    return together
-
-
-def _gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
-    """Return the intervals (low, high) between `low` and `high` that no run covers, ascending.
-
-    runs: intervals with results, in any order, which may overlap
-    """
-    empty = []
-    reached = low
-    for run in sorted(runs):
-        if run.low > reached:
-            empty.append((reached, run.low))
-        reached = max(reached, run.high)
-    if reached < high:
-        empty.append((reached, high))
-    return empty

@@ -60,7 +60,6 @@ class CostStatement(Statement):
         require(lowest_sign(self.Q) >= 0, "statement: Q: not positive semidefinite")
         require(lowest_sign(self.R) >= 0, "statement: R: not positive semidefinite")
         require(bool(self.pieces), "statement: pieces")
-        require(not any(piece.whole for piece in self.pieces), "statement: pieces: whole")
         limits = self.plant.limits
         for name, signal in self.plant.model.inputs.items():
             stated = limits.get(name, (-np.inf, np.inf))

@@ -11,18 +11,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_prove.fields import Fields, Rejected, Stated, Terms, entry, require, rows_of
+from hfa_prove.fields import Fields, Stated, Terms, entry, require, rows_of
 from hfa_prove.statements.plant import Plant, digest_of
 from hfa_support.errors import BadInputError
 
+#: Largest difference of two policies that are called equal, relative to the largest entry.
+SAME_GAIN = 1e-9
 #: Highest degree of a polynomial policy.
 HIGHEST_POLICY = 12
-#: Entry of an input that is not saturated.
-FREE = "free"
-#: Entry of an input or a disturbance at its lowest value.
-LOWEST = "low"
-#: Entry of an input or a disturbance at its highest value.
-HIGHEST = "high"
 
 
 def _read_terms(file: Fields, name: str, known: Any) -> dict[str, Terms]:
@@ -133,22 +129,6 @@ class Loop(Plant):
     policy: Gain | ca.Function = entry(_read_policy, store=stored_policy, subject="policy")
     disturbances: Mapping[str, float] = entry(_read_disturbances, default_factory=dict)
 
-    @property
-    def acting(self) -> tuple[str, ...]:
-        """Names of the inputs and disturbances, in the order used in a certificate.
-
-        A part of the set is defined by one condition for each input (free, at its lowest or at its
-        highest value) and one extreme value for each disturbance.
-        """
-        return (*self.inputs, *self.disturbances)
-
-    @property
-    def gain(self) -> Gain:
-        """Coefficients of the policy. Raises Rejected if the policy is not a polynomial."""
-        if not isinstance(self.policy, Gain):
-            raise Rejected("sums of squares prove regions of polynomial policies only")
-        return self.policy
-
     @cached_property
     def function(self) -> ca.Function:
         """The policy as a function."""
@@ -161,6 +141,16 @@ class Loop(Plant):
         x: values of the moving states, (n,)
         """
         return self.rates_at(x, self.commands(x))
+
+    def disturbed_rates(self, x: ca.SX, w: Sequence[Any]) -> tuple[ca.SX, ca.SX]:
+        """Return the rates of the moving states in the loop, and the outputs that have limits.
+
+        x: values of the moving states, (n,)
+        w: values of `disturbances`; all others are 0
+        """
+        acting = dict(zip(self.disturbances, w, strict=True))
+        every = [acting.get(name, 0.0) for name in self.model.disturbances]
+        return self.rates_at(x, self.commands(x), every if acting else None)
 
     def commands(self, x: ca.SX) -> ca.SX:
         """Return the saturated inputs (m,) at the states x (n,)."""

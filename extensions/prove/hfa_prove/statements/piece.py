@@ -72,14 +72,13 @@ class Piece(NamedTuple):
     M: (n, n)
     W: polynomial in y without terms of degree 0 and 1
     c: level
-    whole: whether the set is {W(y) <= c} without the condition |y_i| < 1. Otherwise products of
-        coefficients and powers of W are exact in double precision.
+
+    Products of coefficients and powers of W are exact in double precision.
     """
 
     M: np.ndarray
     W: Polynomial
     c: float
-    whole: bool = False
 
     @classmethod
     def read(cls, entries: Fields, n: int) -> Piece:
@@ -93,16 +92,15 @@ class Piece(NamedTuple):
         M = entries.array("M", n, n)
         terms = entries.terms("W", n, HIGHEST)
         c = entries.number("c", above=0.0)
-        whole = entries.flag("whole")
         for number, (value, powers) in enumerate(terms):
-            require(whole or is_exact(value, powers), f"{entries.where}: W {number}", value)
+            require(is_exact(value, powers), f"{entries.where}: W {number}", value)
         entries.close()
-        return cls(M, Polynomial(n, terms), c, whole)
+        return cls(M, Polynomial(n, terms), c)
 
     def content(self) -> dict[str, Any]:
         """Return the piece as stored in a file, in the form that `read` accepts."""
         rows = rows_of(self.W.terms)
-        return {"M": self.M.tolist(), "W": rows, "c": self.c, "whole": self.whole}
+        return {"M": self.M.tolist(), "W": rows, "c": self.c}
 
     def bound(self, z: np.ndarray) -> np.ndarray:
         """Return lower bounds (N,) of the cost from state deviations z (N, n), in double precision.

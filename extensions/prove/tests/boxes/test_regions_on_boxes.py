@@ -7,7 +7,7 @@ import json
 import os
 import signal
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +15,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.linalg import solve_continuous_lyapunov
 from small_networks import imitation
 
 from controller.critic.critic_file import critic_in
@@ -39,15 +38,14 @@ from hfa_prove.check.region_boxes import check_region
 from hfa_prove.commands.policies import scalars
 from hfa_prove.enclosure.program import Program
 from hfa_prove.enclosure.taylor import TaylorProgram, lowest
-from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.region_boxes import BoxesSearch
 from hfa_prove.search.region_search import RegionProblem, Settings
-from hfa_prove.search.shape_boxes import Growth, Shape
+from hfa_prove.search.shape_boxes import Shape
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region import BoxWitness, RegionStatement
+from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.interruption import interruptible
 
@@ -166,14 +164,10 @@ def proved(
 
 
 def test_a_region_of_a_network_is_verified(proved: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    """The region of a network is checked by `hfa prove region` and by `hfa prove`."""
+    """The region of a network is checked by `hfa prove`."""
     _, words = proved
-    for command in (["prove", "region"], ["prove"]):
-        assert main([*command, *words]) == 0
-        out = " ".join(capsys.readouterr().out.split())
-        assert out.startswith(
-            "Verified, proved: region of attraction of pendulum, without sampling, delay, actuators"
-        )
+    assert main(["prove", *words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["proved"]
 
 
 def test_another_network_is_refused(proved: Any, tmp_path: Path) -> None:
@@ -181,7 +175,6 @@ def test_another_network_is_refused(proved: Any, tmp_path: Path) -> None:
     _, words = proved
     other = imitation(tmp_path / "other.npz", K, np.array([1.0, 4.0]), hidden=(8,), seed=1)
     swapped = [str(other) if word.endswith("network.npz") else word for word in words]
-    assert main(["prove", "region", *swapped]) == 2
     assert main(["prove", *swapped]) == 2
     relu = [word.replace("activation=tanh", "activation=relu") for word in words]
     assert main(["prove", *relu]) == 2
@@ -217,7 +210,7 @@ def test_the_checker_needs_the_users_network(proved: Any) -> None:
     assert main(["prove", *words[-2:]]) == 2
 
 
-def statement_of(policy: ca.Function, rho: float = 0.05) -> tuple[RegionStatement, BoxWitness]:
+def statement_of(policy: ca.Function, rho: float = 0.05) -> tuple[RegionStatement, RegionWitness]:
     """Return the statement that {z'P z <= rho} is a region of the pendulum, and its witness."""
     P = np.array([[2.0, 0.3], [0.3, 0.1]])
     names = ("angle", "rate")
@@ -234,7 +227,7 @@ def statement_of(policy: ca.Function, rho: float = 0.05) -> tuple[RegionStatemen
     )
     extents = {name: (low, high) for name, (low, high) in zip(names, ends.tolist(), strict=True)}
     statement = RegionStatement(loop, dict.fromkeys(names, 0.0), shape.piece(), extents)
-    return statement, BoxWitness(multipliers, 10**5)
+    return statement, RegionWitness(multipliers, 10**5)
 
 
 def linear(gain: np.ndarray) -> ca.Function:
@@ -265,9 +258,6 @@ def test_the_hole_applies_to_the_first_function_only() -> None:
         cover(inequality(ca.vertcat(ca.sumsqr(y), bump - 1e-4), y, hole=2), 10**5)
 
 
-SINK = Model("sink", {"x": Signal("m")}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
-
-
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
     """A region of a network is proved if the margin of V' is 1e-13, and refused if it is -1e-13.
@@ -287,7 +277,7 @@ def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
     loop = Loop(model, {}, {"level": 0.0}, {"valve": 0.0}, {}, {}, network)
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.81)
     statement = RegionStatement(loop, {"level": 0.0}, piece, {"level": (-0.91, 0.91)})
-    witness = BoxWitness(np.full((1, 2), 0.55), 10**6)
+    witness = RegionWitness(np.full((1, 2), 0.55), 10**6)
     if margin > 0.0:
         assert check_region(statement, witness) > 0
     else:
@@ -360,7 +350,7 @@ def test_increase_within_the_hole_is_refused() -> None:
     for reach, rho in ((0.19, 0.03), (1.0, 0.9)):
         piece = Piece(np.eye(1) / reach, Polynomial(1, ((reach**2, (2,)),)), rho)
         statement = RegionStatement(loop, {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
-        witness = BoxWitness(np.zeros((1, 2)), 10**4)
+        witness = RegionWitness(np.zeros((1, 2)), 10**4)
         if rho == 0.9:
             with pytest.raises(NoSolutionError, match="inequality"):
                 check_region(statement, witness)
@@ -383,80 +373,3 @@ def test_a_kink_at_the_equilibrium_is_named() -> None:
     loop = Loop(model, {}, dict.fromkeys(names, 0.0), {}, {}, {}, none)
     with pytest.raises(NoSolutionError, match="rate of rate has a kink in rate at the equil"):
         BoxesSearch(RegionProblem(loop), Settings(2, Clock(0.2))).found()
-
-
-def test_an_obstacle_in_a_slow_direction_is_found() -> None:
-    """The search finds that V = |x|² increases at |a| > 0.5.
-
-    The increase occurs only where the fast states b, c and d are below 0.01.
-    """
-    rates = {"a": -0.05, "b": -300.0, "c": -1000.0, "d": -3000.0}
-
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
-        found = {name: rate * getattr(x, name) for name, rate in rates.items()}
-        return {**found, "a": rates["a"] * x.a * (1.0 - 4.0 * x.a**2)}, {}
-
-    model = Model("needle", {name: Signal("m") for name in rates}, {}, equations, trim={})
-    none = ca.Function("u", [ca.SX.sym("z", 4)], [ca.SX(0, 1)])
-    loop = Loop(model, {}, dict.fromkeys(rates, 0.0), {}, {}, {}, none)
-    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(60.0)))
-    bound = Shape.of_matrix(np.eye(4), search.J, 2).bound(search.samples, 1.0)
-    assert bound.rises
-    assert bound.level == pytest.approx(0.25, rel=0.02)
-
-
-def test_coinciding_modes_have_a_positive_decay() -> None:
-    """The decay matrix is positive definite for coinciding modes.
-
-    For the modes -1 and -4 the matrix is diag(1, 4).
-    """
-    ball = Shape.of_matrix(np.eye(2), np.diag([-1.0, -4.0]), 2)
-    assert ball.modal_decay(np.diag([-1.0, -4.0])) == pytest.approx(np.diag([1.0, 4.0]), abs=0.01)
-    coinciding = np.array([[-1.0, 1.0], [0.0, -1.0]])
-    assert np.all(np.linalg.eigvalsh(ball.modal_decay(coinciding)) > 0.0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("weight", [1e3, 1e-3])
-def test_a_set_grows_from_any_initial_v(weight: float) -> None:
-    """From two different initial V, a set within limits grows from a size below 1 to more than 2.9.
-
-    The size of a set is the n-th root of its volume.
-    """
-
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
-        return {"slow": x.fast - 0.1 * x.slow, "fast": -x.slow - 20.0 * x.fast}, {}
-
-    states = {"slow": Signal("m", min=-1.0, max=1.0), "fast": Signal("m", min=-10.0, max=10.0)}
-    model = Model("needle", states, {}, equations, trim={})
-    none = ca.Function("u", [ca.SX.sym("z", 2)], [ca.SX(0, 1)])
-    limits = {"slow": (-1.0, 1.0), "fast": (-10.0, 10.0)}
-    loop = Loop(model, {}, dict.fromkeys(states, 0.0), {}, {}, limits, none)
-    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(60.0)))
-    P = solve_continuous_lyapunov(search.J.T, -np.diag([1.0, weight]))
-    shape = Shape.of_matrix(P * np.linalg.inv(P)[0, 0], search.J, 2)
-    first = search._good(shape, quick=True)
-    growth = Growth(search.samples, first, lambda text: None)
-    assert first.size() < 1.0
-    while growth.shape.size() < 2.9:
-        assert growth.grown() is not None
-
-
-def test_an_indefinite_v_leaves_the_coordinates_unchanged() -> None:
-    """If V is not positive definite, its coordinates are not changed."""
-    shape = Shape.of_matrix(np.eye(2), -np.eye(2), 4)
-    saddle = replace(shape, V=PolynomialFunction.quadratic(np.diag([1.0, -1.0])))
-    assert saddle.diagonal(-np.eye(2)) is saddle
-
-
-def test_a_maximum_of_v_bounds_the_level() -> None:
-    """The local maximum of V between the origin and an obstacle bounds the level of the set.
-
-    V = x² - 0.3 x⁴ has the maximum 0.83. The obstacle is the limit x = 2, where V is negative.
-    """
-    none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
-    loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-2.0, 2.0)}, none)
-    search = BoxesSearch(RegionProblem(loop), Settings(2, Clock(60.0)))
-    shape = Shape.of_matrix(np.eye(1), search.J, 4)
-    crested = shape.with_coefficients(np.array([1.0, 0.0, -0.3]))
-    assert crested.bound(search.samples, 1.5).level == pytest.approx(1.0 / 1.2, rel=0.01)

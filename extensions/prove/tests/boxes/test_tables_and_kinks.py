@@ -8,9 +8,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from first_proofs import first_region
 
 from hfa_aircraft.model import Model, Signal
+from hfa_prove.search.clock import Clock
+from hfa_prove.search.region_boxes import BoxesSearch
+from hfa_prove.search.region_search import Region, RegionProblem, Settings
 from hfa_prove.statements.loop import Gain, Loop
 
 KNOTS = [[-4.0, -1.0, 0.0, 1.0, 4.0]]
@@ -43,4 +45,11 @@ def test_a_region_about_the_trim_is_proved(name: str) -> None:
     model = Model(name, states, {"torque": torque}, equations, trim=at)
     limits = {"torque": (-0.7, 0.7)}
     loop = Loop(model, {}, at, {"torque": 0.0}, {}, limits, Gain(np.array([[2.0, 1.5]])))
-    assert first_region(loop, "boxes").size > 0
+    found: list[Region] = []
+
+    def stop(region: Region) -> None:
+        found.append(region)
+        raise KeyboardInterrupt
+
+    BoxesSearch(RegionProblem(loop), Settings(2, Clock(60.0), stop)).found()
+    assert found[0].size > 0

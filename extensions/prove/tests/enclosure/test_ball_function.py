@@ -12,10 +12,11 @@ import pytest
 
 pytest.importorskip("hfa_prove")
 
-from flint import arb, arb_series
-from proof_cases import family, model_at
+from flint import arb
+from known_models import model_at
 from random_points import rates_function
 
+import hfa
 import hfa_model
 from hfa import BadInputError
 from hfa_model import VARIANTS
@@ -38,7 +39,7 @@ def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
     middle = [
         np.array(point.states),
         np.array(point.inputs),
-        np.array(hfa_model.parameters_of(family(dynamics).model)),
+        np.array(hfa_model.parameters_of(hfa.aircraft(dynamics))),
     ]
     sizes = [radius * (0.01 + np.abs(values)) for values in middle]
     box = [
@@ -78,7 +79,7 @@ def test_enclosures_contain_a_hundred_thousand_random_points(dynamics: str) -> N
 def test_balls_equal_the_functions_in_doubles() -> None:
     """Rates and Jacobians in ball arithmetic equal those of the model in doubles."""
     model = model_at(15.0)
-    aircraft = family().model
+    aircraft = hfa.aircraft()
     functions = aircraft.functions(())
     arguments = (model.point.states, model.point.inputs, hfa_model.parameters_of(aircraft))
     found = BallFunction(functions)(*([exact(value) for value in values] for values in arguments))
@@ -103,14 +104,13 @@ def test_an_unknown_operation_is_refused_by_name() -> None:
         BallFunction(ca.Function("f", [x], [ca.erf(x)]))
 
 
-ABOUT_0 = arb_series([arb(0, 0.1), arb(1)], prec=2)
+ABOUT_0 = arb(0, 0.1)
 
 
 @pytest.mark.parametrize(
     ("expression", "at"),
     [
         (lambda x: ca.fmin(x, 0.0), ABOUT_0),
-        (lambda x: 1 / x, ABOUT_0),
         *((lambda x: ca.atan2(1.0, x), each) for each in (ABOUT_0, arb(0))),
         *((lambda x: x**0.3, each) for each in (ABOUT_0, arb(0))),
     ],

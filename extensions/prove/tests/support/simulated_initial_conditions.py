@@ -14,8 +14,7 @@ import numpy as np
 
 from hfa_prove.check import check_certificate
 from hfa_prove.monomials import PolynomialFunction
-from hfa_prove.search.invariant import DisturbedLoop
-from hfa_prove.search.loop_values import LoopValues
+from hfa_prove.search.loop_values import DisturbedValues, LoopValues
 from hfa_prove.statements.region import RegionStatement
 
 #: Steps per time constant of the fastest mode, and duration in time constants of the slowest mode.
@@ -43,7 +42,9 @@ def count_departures(
     in_y = PolynomialFunction.of_terms(statement.terms)
     V = in_y.substituted(statement.piece.M).scaled(1.0 / statement.rho)
     disturbed = bool(statement.loop.disturbances)
-    plant = DisturbedLoop(statement.loop, V) if disturbed else LoopValues(statement.loop)
+    loop = statement.loop
+    at = np.array(list(statement.equilibrium.values()))
+    plant = DisturbedValues(loop, at, V.slope) if disturbed else LoopValues(loop, at)
     generator = np.random.default_rng(seed)
     left = 0
     late = 0

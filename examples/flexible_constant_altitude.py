@@ -1,6 +1,6 @@
 """The paper's aircraft at 10 deg of dihedral, with six states and constant altitude.
 
-hfa prove cost --aircraft studies/bounds/flexible.py:FLEXIBLE --degree 2 --margin 0.1
+hfa prove cost --aircraft examples/flexible_constant_altitude.py:FLEXIBLE --degree 2 --margin 0.1
 """
 
 from __future__ import annotations

@@ -1,0 +1,305 @@
+"""Proofs of gain schedules: closed forms, forgeries of each clause, and what must stay open."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import answer, hfa
+from mutations import accepted_claims
+
+import hfa as package
+from hfa import BadInputError, Model, NoSolutionError, Signal
+from hfa_aircraft.about import Source
+from hfa_prove import Family, Gains, prove_schedule
+from hfa_prove.certificate import SCHEMA, read_content
+from hfa_prove.check.schedule import check_schedule
+from hfa_prove.statements.plant import Subject
+
+Content = dict[str, Any]
+
+
+def _float(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """Equations of a float: the lift u holds the depth, the heave rate v decays at p and p²."""
+    return {"depth": x.heave, "heave": u.lift - p.pull * x.depth - p.drag * x.heave}, {
+        "load": u.lift - 0.5 * p.pull
+    }
+
+
+#: At depth 1 the lift of the trim is the pull, and the load half of it. With K = (k, c) the
+#: eigenvalues of A - B K are those of s² + (drag + c) s + pull + k.
+FLOAT = Model(
+    "float",
+    {"depth": Signal("m"), "heave": Signal("m/s")},
+    {"lift": Signal("N", 1.0, -9.0, 4.0)},
+    _float,
+    outputs={"load": Signal("N", 1.0, -9.0, 9.0)},
+    parameters={"pull": Signal("N/m", start=1.0), "drag": Signal("N s/m", start=0.1)},
+    schedule="pull",
+    trim={"depth": 1.0, "heave": 0.0},
+    source=Source("float.py:FLOAT", "3" * 64),
+)
+CONSTANT = Gains(np.array([1.0]), np.array([[[1.0, 2.9]]]))
+
+
+def decay(low: float, high: float, k: float = 1.0, c: float = 2.9) -> float:
+    """Return the least decay rate of the float for pulls from low to high."""
+    pulls = np.linspace(low, high, 2001)
+    roots = [np.roots([1.0, 0.1 + c, pull + k]).real.max() for pull in pulls.tolist()]
+    return -max(roots)
+
+
+def proved(low: float, high: float, gains: Gains = CONSTANT, **more: Any) -> Any:
+    return prove_schedule(Family(FLOAT), gains, low, high, **more)
+
+
+def test_a_decay_rate_is_proved_to_its_closed_form() -> None:
+    """99.9 % of the exact decay rate is proved, and 100.1 % is refused at the worst pull."""
+    exact = decay(1.0, 2.0)
+    assert proved(1.0, 2.0, decay_rate=0.999 * exact).statement.decay_rate == 0.999 * exact
+    with pytest.raises(NoSolutionError, match="open at pull 1"):
+        proved(1.0, 2.0, decay_rate=1.001 * exact)
+    assert proved(1.0, 2.0).statement.decay_rate == pytest.approx(0.99 * exact, rel=1e-3)
+
+
+def test_gains_are_interpolated_linearly() -> None:
+    """With K linear from (1, 2) to (3, 4), the loop at the middle has K = (2, 3)."""
+    gains = Gains(np.array([1.0, 2.0]), np.array([[[1.0, 2.0]], [[3.0, 4.0]]]))
+    pulls = np.linspace(1.0, 2.0, 2001)
+    exact = -max(
+        np.roots([1.0, 0.1 + 1.0 + pull, pull + 2.0 * pull - 1.0]).real.max() for pull in pulls
+    )
+    assert proved(1.0, 2.0, gains, decay_rate=0.999 * exact).size > 1
+    with pytest.raises(NoSolutionError, match="not below"):
+        proved(1.0, 2.0, gains, decay_rate=1.001 * exact)
+    with pytest.raises(BadInputError, match="table of gains covers 1 to 2"):
+        proved(1.0, 2.5, gains)
+
+
+@pytest.mark.parametrize(("high", "reason"), [(3.99, None), (4.01, "lift is not proved")])
+def test_the_trim_is_within_its_limits(high: float, reason: str | None) -> None:
+    """The lift of the trim is the pull, and its limit 4 N."""
+    if reason is None:
+        assert proved(1.0, high).size > 0
+        return
+    with pytest.raises(NoSolutionError, match=reason):
+        proved(1.0, high, decay_rate=0.1)
+
+
+def test_branches_of_trims_are_told_apart() -> None:
+    """The trims u = ±√p of x' = u² - p are one branch each for p > 0, and meet at p = 0."""
+    model = Model(
+        "fold", {"x": Signal()}, {"u": Signal("1", 1.0, -9.0, 9.0)},
+        lambda x, u, p, w: ({"x": u.u * u.u - p.p - x.x}, {}),
+        parameters={"p": Signal(start=1.0)}, schedule="p", trim={"x": 0.0},
+    )  # fmt: skip
+    gains = Gains(np.array([1.0]), np.zeros((1, 1, 1)))
+    assert prove_schedule(Family(model), gains, 0.01, 1.0, decay_rate=0.9).size > 4
+    with pytest.raises(NoSolutionError):
+        prove_schedule(Family(model), gains, 0.0, 1.0, decay_rate=0.9)
+
+
+def turning() -> Family:
+    """Return Wu's loop x' = R(θ)'A0 R(θ) x with eigenvalues -1 and -10, unstable at 6 rad/s."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        c, s = ca.cos(p.angle), ca.sin(p.angle)
+        a = (-1 - 9 * c * c + 12 * s * c) * x.a + (12 * c * c + 9 * s * c) * x.b
+        b = (-12 * s * s + 9 * s * c) * x.a + (-1 - 9 * s * s - 12 * s * c) * x.b
+        return {"a": a + u.u, "b": b, "c": u.u - x.c}, {}
+
+    states = {name: Signal() for name in "abc"}
+    angle = Signal("rad", start=0.0)
+    inputs = {"u": Signal("1", 1.0, -1.0, 1.0)}
+    trim = dict.fromkeys("abc", 0.0)
+    more: Any = {"parameters": {"angle": angle}, "schedule": "angle", "trim": trim}
+    return Family(Model("Wu", states, inputs, equations, linear=("a", "b"), steady=("c",), **more))
+
+
+def test_a_motion_is_proved_only_at_a_stable_rate() -> None:
+    """Wu's loop is stable at each angle and unstable at 344 deg/s: no proof claims that rate."""
+    none = Gains(np.array([0.0]), np.zeros((1, 1, 2)))
+    found = prove_schedule(turning(), none, 0.0, 180.0, moving=True, decay_rate=0.5).statement
+    assert 1.0 < found.scheduled_rate < 343.0
+    with pytest.raises(NoSolutionError, match="no Lyapunov function"):
+        prove_schedule(turning(), none, 0.0, 180.0, scheduled_rate=344.0, decay_rate=0.5)
+
+
+@pytest.fixture(scope="module")
+def content() -> Content:
+    """Return the content of a certificate of the float, with V for a moving pull."""
+    found = proved(1.0, 2.0, moving=True)
+    assert found.statement.scheduled_rate == math.inf
+    closing = dict.fromkeys(("toolchain", "digest", "provenance", "checksum"), "")
+    return {
+        **closing, "schema": SCHEMA, "kind": "schedule",
+        "statement": found.statement.content(), "witness": found.witness.content(),
+    }  # fmt: skip
+
+
+def checked(content: Content) -> int:
+    return check_schedule(*read_content(content, Subject(FLOAT)))
+
+
+def _put(value: Any, *path: Any) -> Callable[[Content], None]:
+    def change(content: Content) -> None:
+        holder: Any = content
+        for key in path[:-1]:
+            holder = holder[key]
+        holder[path[-1]] = value(holder[path[-1]]) if callable(value) else value
+
+    return change
+
+
+_FLIGHT = ("statement", "flight")
+#: Name of a forgery -> change of the certificate, and message of the clause that refuses it.
+FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
+    "faster decay": (_put(1.01, "statement", "decay_rate"), "not below"),
+    "slightly faster decay": (_put(lambda a: a / 0.985, "statement", "decay_rate"), "not below"),
+    "no gain": (_put([[[0.0, -0.2]]], "statement", "gains", "K"), "not below"),
+    "gain of the other sign": (_put([[[1.0, -2.9]]], "statement", "gains", "K"), "not below"),
+    "drag": (_put(-2.0, *_FLIGHT, "parameters", "drag"), "not below"),
+    "wider interval": (_put([1.0, 4.5], *_FLIGHT, "range"), "open at pull"),
+    "lift below the trim": (_put([-9.0, 1.5], *_FLIGHT, "limits", "lift"), "lift is not proved"),
+    "lift above the trim": (_put([1.5, 4.0], *_FLIGHT, "limits", "lift"), "lift is not proved"),
+    "load below the trim": (_put([-9.0, 0.8], *_FLIGHT, "limits", "load"), "load is not proved"),
+    "limits wider": (_put([-9.0, 5.0], *_FLIGHT, "limits", "lift"), "beyond the model's"),
+    "another first trim": (_put(1.1, *_FLIGHT, "first", "lift"), "differs from the stated"),
+    "another depth": (_put(2.0, *_FLIGHT, "imposed", "depth"), "differs from the stated"),
+    "a moving trim": (_put(0.1, *_FLIGHT, "imposed", "heave"), "no values of the free"),
+    "an indefinite P": (_put([[[1.0, 0.0], [0.0, -1.0]]], "witness", "P"), "positive definite"),
+    "another P": (_put([[[1.0, 0.0], [0.0, 1.0]]], "witness", "P"), "motion"),
+    "asymmetric P": (_put([[[1.0, 0.1], [0.0, 1.0]]], "witness", "P"), "not symmetric"),
+    "no P": (_put([], "witness", "breakpoints"), "breakpoints"),
+    "few pieces": (_put(1, "witness", "pieces"), "open at pull"),
+    "breakpoints apart": (
+        lambda content: content["statement"]["gains"].update(
+            breakpoints=[1.0, 1.5], K=[[[1.0, 2.9]]] * 2
+        ),
+        "gains: breakpoints",
+    ),
+    "an unknown entry": (_put(1.0, "statement", "actuators"), "unknown entry"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_each_clause_refuses_its_forgery(name: str, content: Content) -> None:
+    """Each clause of the checker refuses the forgery that violates it."""
+    change, message = FORGED[name]
+    made = copy.deepcopy(content)
+    assert checked(copy.deepcopy(content)) > 0
+    change(made)
+    with pytest.raises((NoSolutionError, BadInputError), match=message):
+        checked(made)
+
+
+def test_a_linear_p_must_suit_the_rate(content: Content) -> None:
+    """With P linear, the stated rate is bounded; "inf" requires a constant P."""
+    made = copy.deepcopy(content)
+    (P,) = made["witness"]["P"]
+    grown = [[1.3 * entry for entry in row] for row in P]
+    made["witness"] |= {"breakpoints": [1.0, 2.0], "P": [P, grown]}
+    with pytest.raises(NoSolutionError, match="constant P"):
+        checked(copy.deepcopy(made))
+    for rate, is_proved in ((0.05, True), (50.0, False)):
+        made["statement"]["scheduled_rate"] = rate
+        if is_proved:
+            assert checked(copy.deepcopy(made)) > 0
+        else:
+            with pytest.raises(NoSolutionError, match="motion"):
+                checked(copy.deepcopy(made))
+    made["statement"]["scheduled_rate"] = 0.05
+    made["witness"]["breakpoints"] = [1.0, 1.9]
+    with pytest.raises(NoSolutionError, match="whole interval"):
+        checked(made)
+
+
+def is_true(statement: Any) -> bool:
+    """Return whether the claim holds at pulls of a grid, by roots of the characteristic equation."""
+    flight = statement.flight
+    depth = flight.imposed["depth"]
+    if flight.imposed["heave"] != 0.0:
+        return False
+    pulls = np.linspace(*flight.range, 301)
+    low, high = flight.limits["lift"]
+    least, most = flight.limits["load"]
+    lift = pulls * depth
+    holds = (low <= lift) & (lift <= high) & (least <= lift - 0.5 * pulls)
+    holds &= lift - 0.5 * pulls <= most
+    if not holds.all() or abs(flight.first["lift"] - lift[0]) > 2e-6:
+        return False
+    K = np.array([
+        [np.interp(pull, statement.gains.breakpoints, row) for row in statement.gains.K[:, 0].T]
+        for pull in pulls
+    ])  # fmt: skip
+    roots = [
+        np.roots([1.0, flight.parameters["drag"] + c, pull + k]).real.max()
+        for pull, (k, c) in zip(pulls, K, strict=True)
+    ]
+    return max(roots) < -statement.decay_rate
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.slow)])
+def test_no_false_schedule_is_accepted(count: int, content: Content) -> None:
+    """The claim of every changed certificate that is accepted is true."""
+    found = accepted_claims(content, Subject(FLOAT), check_schedule, is_true, count)
+    assert 0 < found < count
+
+
+def test_decimals_of_the_file_are_covered() -> None:
+    """The proof holds for the decimal 0.1 of the drag, not only for the double nearest to it.
+
+    With k = 1 and a pull of 1, c = 2.9 gives the double eigenvalue -√2 at a drag of 2 √2 - 2.9.
+    """
+    from hfa_prove.check.trims import SteadyFlight
+
+    flight = SteadyFlight(proved(1.0, 1.5).statement.flight)
+    from flint import arb
+
+    assert flight.numbers[-2].contains(arb("0.1"))
+    assert not flight.numbers[-2].contains(arb("0.1000000000000002"))
+
+
+def game_at(degrees: float) -> Any:
+    point = package.trim(package.aircraft(), dihedral=np.radians(degrees))
+    return package.paper.published_game(point.linearize())
+
+
+def test_the_command_proves_writes_and_checks(folder: Path) -> None:
+    """The paper's gains from 14 to 15 deg: any rate; a file of gains; exit codes of false claims."""
+    words = ("prove", "schedule", "--dihedral", "14:15")
+    found = answer(*words, "--rate", "-o", "proof.json")
+    assert (found["proved"], found["scheduled_rate"]) == (True, "inf")
+    assert found["decay_rate"] > 0.3575
+    Q = ",".join(f"{value:.17g}" for value in np.diag(game_at(14.0).Q))
+    again = answer(
+        "prove", "--check", "proof.json", "--dihedral", "14:15", "--dynamics", "published", "--Q", Q
+    )
+    assert again["not_given"] == []
+    assert again["claim"] == found["claim"]
+    claim = found["claim"]["gains"]
+    np.savez("table.npz", dihedral_deg=claim["breakpoints"], K=claim["K"])
+    own = answer(*words, "--weights", "table.npz", "--decay", "0.35", "-o", "own.json")
+    assert own["claim"]["gains"] == claim
+    assert answer("prove", "--check", "own.json", "--weights", "table.npz")["proved"]
+    np.savez("zero.npz", K=np.zeros((5, 6)))
+    np.savez("one.npz", K=claim["K"][0])
+    assert answer(*words, "--weights", "one.npz", "--decay", "0.3")["proved"]
+    for more, code in (
+        (("--decay", "0.37"), 1),
+        (("--weights", "zero.npz"), 1),
+        (("--weights", "table.npz", "--Q", "1,1,1,1,1,1"), 2),
+        (("--hold", "dihedral_rate=1"), 1),
+        (("-o", "proof.txt"), 2),
+    ):
+        refused = hfa(*words, *more)
+        assert (refused.code, len(refused.err.splitlines())) == (code, 1), refused.err
+    assert json.loads(Path("proof.json").read_text())["schema"] == SCHEMA
+    assert package.aircraft().schedule == "dihedral"

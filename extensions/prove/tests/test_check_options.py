@@ -1,0 +1,103 @@
+"""`hfa prove --check` compares every option of the subject with the statement."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import answer, hfa
+
+from hfa_prove.commands.request import CheckRequest
+
+ROOT = Path(__file__).resolve().parents[3]
+PENDULUM = ("--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM")
+#: Kind of a certificate -> options of its proof, and options that give the whole subject.
+PROOFS = {
+    "region": ((*PENDULUM, "--degree", "2", "--seconds", "4", "--R", "2"), (*PENDULUM, "--R", "2")),
+    "schedule": (("--dihedral", "14:14.25"), ("--dihedral", "14:14.25", "--dynamics", "published")),
+    "cost": (
+        (*PENDULUM, "--degree", "2", "--R", "2", "--limit", "angle=-60:60"),
+        (*PENDULUM, "--Q", "1,1", "--R", "2", "--limit", "angle=-60:60"),
+    ),
+}
+#: Options that change the subject: kind, path of the option, words.
+CHANGED = [
+    ("region", "game.weights.N", ("--N", "0;1")),
+    ("region", "game.weights.Q", ("--Q", "1,2")),
+    ("region", "game.weights.R", ("--R", "3")),
+    ("region", "game.weights.delta", ("--delta", "20")),
+    ("region", "weights", ("--weights", "K.npz")),
+    ("region", "reading.basis", ("--weights", "W.npz", "--basis", "x1**2, x1*x2, x2**2, x2**4")),
+    ("region", "reading.network", ("--network", "policy=")),
+    ("region", "reading.set", ("--set", "scale=1,2")),
+    ("region", "policy", ("--policy", "policy.toml")),
+    ("region", "disturbance", ("--disturbance", "push=0.1")),
+    ("region", "trim.hold", ("--hold", "angle=0.1")),
+    ("region", "trim.free", ("--free", "angle", "--hold", "torque=0.1")),
+    ("region", "aircraft.source", ("--aircraft", f"{ROOT}/examples/pendulum.py:VAN_DER_POL")),
+    ("region", "aircraft.mass", ("--mass", "5")),
+    ("region", "game.plant", ("--model", "plant.npz")),
+    ("schedule", "trim.at", ("--dihedral", "14:14.5")),
+    ("schedule", "trim.limit", ("--limit", "elevator_center=-20:20")),
+    ("schedule", "trim.hold", ("--hold", "speed=70")),
+    ("schedule", "aircraft.dynamics", ("--dynamics", "newton")),
+    ("schedule", "aircraft.parameters", ("--parameters", "published")),
+    ("schedule", "weights", ("--weights", "K6.npz")),
+    *(("schedule", f"game.weights.{name}", (f"--{name}", word)) for name, word in (
+        ("Q", "1,1,1,1,1,1"), ("R", "1,1,1,1,1"), ("delta", "150"), ("N", ";".join(["1,0,0,0,0"] * 6)),
+    )),
+    ("cost", "game.weights.Q", ("--Q", "1,2")),
+    ("cost", "game.weights.R", ("--R", "3")),
+    ("cost", "game.weights.N", ("--N", "0;1")),
+    ("cost", "game.weights.delta", ("--delta", "20")),
+    ("cost", "trim.limit", ("--limit", "angle=-80:80")),
+    ("cost", "trim.hold", ("--hold", "angle=0.1")),
+    ("cost", "weights", ("--weights", "K.npz")),
+    ("cost", "disturbance", ("--disturbance", "push=0.1")),
+]  # fmt: skip
+#: Options that do not change the subject: the search for the trim, and the run itself.
+OTHERS = {"check", "quiet", "trim.start", "trim.given"}
+
+
+@pytest.fixture(scope="module")
+def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("certificates")
+    for kind, (words, _) in PROOFS.items():
+        assert hfa("prove", kind, *words, "-o", str(folder / f"{kind}.json")).code == 0
+    return folder
+
+
+@pytest.mark.parametrize("kind", PROOFS)
+def test_the_options_of_the_proof_give_the_subject(kind: str, certificates: Path) -> None:
+    """With the subject of the proof, a certificate is verified; a part that is not given is named."""
+    found = answer("prove", "--check", str(certificates / f"{kind}.json"), *PROOFS[kind][1])
+    assert found["kind"] == kind
+    assert found["not_given"] == (["gains"] if kind == "schedule" else [])
+
+
+@pytest.mark.parametrize(("kind", "path", "words"), CHANGED)
+def test_an_option_that_changes_the_subject_is_refused(
+    kind: str, path: str, words: tuple[str, ...], certificates: Path, folder: Path
+) -> None:
+    """Each option that differs from the proof, or does not apply, is refused in one line."""
+    np.savez("K.npz", K=[[2.0, 1.5]])
+    np.savez("W.npz", W=[1.0, 2.0, 3.0, 0.5])
+    np.savez("K6.npz", K=np.ones((5, 6)))
+    np.savez("plant.npz", A=np.eye(2), B=np.ones((2, 1)), Q=np.eye(2), R=np.eye(1))
+    Path("policy.toml").write_text("")
+    subject = () if path == "aircraft.source" else PROOFS[kind][1]
+    subject = tuple(word for word in subject if word not in words[:1])
+    if kind == "schedule" and path != "trim.at":
+        subject = ()
+    if (path.startswith("game.weights") and kind != "schedule") or path == "trim.limit":
+        subject = PENDULUM if kind != "schedule" else ()
+    found = hfa("prove", "--check", str(certificates / f"{kind}.json"), *subject, *words)
+    assert (found.code in (1, 2), len(found.err.splitlines())) == (True, 1), found
+    assert found.out == ""
+
+
+def test_no_option_is_left_out() -> None:
+    """The table above has every option of the check, so that a new one is compared."""
+    declared = {path for path in CheckRequest.declared() if not path.startswith("output.")}
+    assert declared - OTHERS == {path for _, path, _ in CHANGED}

@@ -1,1 +1,0 @@
-"""Proved lower bounds on the cost, compared with simulated flights."""

@@ -1,1 +1,0 @@
-"""Study of the provers of regions of attraction."""
