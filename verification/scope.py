@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,7 +9,6 @@ import casadi as ca
 import numpy as np
 
 from controller.expansion.deviations import rates_about_trim
-from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
 from hfa_support.arguments import checks_arguments
@@ -54,30 +52,6 @@ LIMIT = 1e-6
 FLIGHTS = 100
 
 
-class Scheduled(NamedTuple):
-    """Games at different values of a model's scheduling variable.
-
-    says: value -> text, "at dihedral 12.0000 deg"
-    game_at: value -> game at this value
-    starts: initial values of a search; empty if the model does not depend on the variable
-    """
-
-    says: Callable[[float], str]
-    game_at: Callable[[float], Game]
-    starts: tuple[float, ...]
-
-
-class Nearby(NamedTuple):
-    """Other games, on one of which a critic may have been learned by mistake.
-
-    named: difference from the given game, such as "of the matrices printed for 5 deg" -> game
-    scheduled: games at different values of the scheduling variable, or None
-    """
-
-    named: Mapping[str, Game] = {}
-    scheduled: Scheduled | None = None
-
-
 @checks_arguments
 @dataclass(frozen=True)
 class Scope:
@@ -85,14 +59,11 @@ class Scope:
 
     box: box of states in which V, its gradient and the policies are compared; by default the
         `usual_box` of the game
-    nearby: function that returns other games, to recognize a critic that was learned on one of
-        them; None for no comparison
     plant: nonlinear plant about its trim, in which a critic that is not quadratic is also
         simulated, or None
     flights: number of initial conditions from which such a critic is simulated
     """
 
     box: Box | None = None
-    nearby: Callable[[], Nearby] | None = None
     plant: NonlinearPlant | None = None
     flights: int = FLIGHTS

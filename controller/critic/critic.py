@@ -6,7 +6,7 @@ In all three cases u and V are CasADi functions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from operator import mul
@@ -50,7 +50,6 @@ class Critic(Reported):
     time: time of this critic in a history, s, or None
     network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for each known function of a
         network or a list of functions; empty for all other critics
-    variants: possible misreading of the file -> function that returns the critic for this reading
     implies_policy: True if the policy in `network` is derived from V or ∂V/∂z of the network
     is_layer: True for a network with one layer on a basis
 
@@ -78,7 +77,6 @@ class Critic(Reported):
     H: Matrix | None = None
     time: float | None = None
     network: Mapping[str, ca.Function] = field(default_factory=dict)
-    variants: Mapping[str, Callable[[], Critic]] = field(default_factory=dict, repr=False)
     implies_policy: bool = False
     is_layer: bool = False
 
@@ -329,7 +327,6 @@ def from_functions(
     outputs: Mapping[str, ca.SX],
     origin: str,
     precision: str = "float64",
-    variants: Mapping[str, Callable[[], Critic]] | None = None,
 ) -> Critic:
     """Return the critic whose functions are given as expressions of the symbols z.
 
@@ -341,8 +338,6 @@ def from_functions(
     outputs: "V", "gradient" (∂V/∂z), "policy" -> expression, at least one of them
     origin: source of the critic
     precision: floating-point type of the numbers in the critic's file
-    variants: possible misreading of the file -> function that returns the critic for this reading;
-        None for none
     """
     V = outputs.get("V")
     u = outputs.get("policy")
@@ -368,7 +363,6 @@ def from_functions(
         feedback=_feedback(game) if u is None else None,
         F=game.F if u is None and game.N.any() else None,
         network=network,
-        variants=variants or {},
     )
     return critic if u is not None else _with_implied_policy(game, critic)
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,7 +25,7 @@ from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.progress import with_progress
 from verification.critic.critic_check import verify as judge
-from verification.scope import FLIGHTS, LIMIT, Nearby, Scheduled, Scope
+from verification.scope import FLIGHTS, LIMIT, Scope
 from verification.verdict import NEAR, Verdict
 
 if TYPE_CHECKING:
@@ -37,8 +36,6 @@ if TYPE_CHECKING:
 #: conditions.
 _MANY = 5
 _FEW_FLIGHTS = 10
-#: Dihedral angles, deg, where the search for the angle of a critic begins.
-_ANGLES = (1.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0)
 
 
 def _critics(text: str) -> list[Path]:
@@ -118,7 +115,6 @@ def verify(request: VerifyRequest) -> int:
         request.refuse(("discount", "dt", "flights", "reference"), CONTINUOUS)
     game = _judged_game(request, named)
     scope = Scope(
-        nearby=None if request.trim.at is None else partial(_nearby, request, named.game),
         flights=_FEW_FLIGHTS if len(paths) > _MANY else FLIGHTS,
     )
     verdicts = {}
@@ -172,25 +168,6 @@ def _about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list
     if limit_cost is None and verdict.grade == "near":
         lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
     return lines
-
-
-def _nearby(request: VerifyRequest, game: Game) -> Nearby:
-    """Return other games, to one of which a critic may belong by mistake."""
-    from hfa_model.published import published_models
-
-    @cache
-    def game_at(degrees: float) -> Game:
-        at = replace(request.trim, at=math.radians(degrees))
-        return request.game.game(request.aircraft, at).game
-
-    printed = {
-        f"of the matrices printed for {pair.dihedral_deg:g} deg": replace(game, A=pair.A, B=pair.B)
-        for pair in published_models()
-        if pair.B.shape == game.B.shape
-    }
-    return Nearby(
-        printed, Scheduled(lambda degrees: f"at dihedral {degrees:.4f} deg", game_at, _ANGLES)
-    )
 
 
 def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -20,8 +20,7 @@ from studies.published.changed_entry import (
 from studies.published.comparison import Comparison, Position, change, compare, compare_answer
 from studies.published.exact_answer import answer_of, certified_value
 from studies.published.printed_file import TIMES, PrintedFile
-from verification.reasons.diagnosis import named_with_noise
-from verification.reasons.hypotheses import Hypothesis, View
+from verification.critic_errors import relative_error
 
 Class = Literal[
     "as printed",
@@ -42,6 +41,14 @@ _FAR = 0.5
 #: Least evidence for a changed entry of the plant. Entries other than the worst must contribute to
 #: it.
 _EVIDENCE = 1.0
+#: Part of the error of a learned answer that may be left without a mistake; of a smaller error than
+#: `_SMALL_ERROR`, a smaller part.
+_LEFT, _LEFT_OF_SMALL, _SMALL_ERROR = 0.15, 1e-3, 0.03
+#: An earlier mistake is preferred if it leaves at most this many times the smallest error.
+_AS_GOOD = 10.0
+#: An entry above this fraction of its typical size is informative. A smaller entry than `_SMALL`
+#: of the largest counts as this size.
+_TOLD, _SMALL = 0.1, 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,19 +303,39 @@ def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> 
     question = fitting_time(file)
     if question:
         return question
-    hypotheses = []
+    undone = {}
     for mistake, answer in _mistaken_answers(file, P):
         mistaken = compare_answer(file, answer)
         if not mistaken.outside.any():
             return mistake
-        undone = comparison.exact + mistaken.printed - mistaken.exact
-        hypotheses.append(Hypothesis(mistake, undone[None, :]))
-    if not file.learned:
-        return ""
-    printed = comparison.printed[None, :]
-    exact = comparison.exact[None, :]
-    units = 1.0 / _sizes(comparison)
-    return named_with_noise(View("", printed, exact, np.ones_like(exact), units), hypotheses)
+        undone[mistake] = comparison.exact + mistaken.printed - mistaken.exact
+    return _named_with_noise(comparison, undone) if file.learned else ""
+
+
+def _named_with_noise(comparison: Comparison, undone: Mapping[str, np.ndarray]) -> str:
+    """Return the mistake that explains most of the error of a learned answer, or "".
+
+    The error is first measured relative to each entry, then to all entries. Each entry of at least
+    a tenth of its typical size must agree within half of this size without the mistake.
+
+    undone: mistake -> answer without it, (entries,)
+    """
+    printed, exact = comparison.printed, comparison.exact
+    sizes = _sizes(comparison) * np.linalg.norm(exact / _sizes(comparison))
+    relative = 1.0 / np.maximum(np.abs(exact), _SMALL * np.abs(exact).max())
+    for weights in (relative, np.ones_like(exact)):
+        before = min(relative_error(printed * weights, exact * weights), 1.0)
+        allowed = before * (_LEFT if before > _SMALL_ERROR else _LEFT_OF_SMALL)
+        left = {}
+        for mistake, answer in undone.items():
+            told = np.maximum(np.abs(answer), np.abs(exact)) > _TOLD * sizes
+            error = relative_error(answer * weights, exact * weights)
+            if error <= allowed and (np.abs(answer - exact) <= 0.5 * sizes)[told].all():
+                left[mistake] = error
+        for mistake, error in left.items():
+            if error <= _AS_GOOD * min(left.values()):
+                return f"{mistake}; an error of {error:.2g} is left"
+    return ""
 
 
 def _mistaken_answers(

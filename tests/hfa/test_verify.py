@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -102,3 +103,23 @@ def test_the_cost_limit_decides_the_exit_code(game: Game) -> None:
     assert "PASS on the linear game, typical box: 0.0015 % above the optimum\n" in printed
     assert "\ndecided by the cost limit 0.01 %\n" in printed
     assert "\n% above the optimum, worst case " in printed
+
+
+def test_several_critics_give_a_table_and_a_curve(game: Game) -> None:
+    """Several critics and a folder of checkpoints give one table and a learning curve."""
+    exact = solve(game)
+    Path("runs").mkdir()
+    for step, share in ((2, 3.0), (10, 1.5)):
+        np.savez(f"runs/step_{step}.npz", K=share * exact.K)
+    names = ["runs/step_2.npz", "runs/step_10.npz"]
+    names += [stored("right.npz", P=exact.P), stored("P.npz", P=2 * exact.P)]
+    words = ("verify", *AT_15, "--weights", "runs", *names[2:])
+    result = hfa(*words, "-o", "a.json", "--picture", "curve.png")
+    assert result.code == FAILED
+    data = json.loads(Path("a.json").read_text(encoding="utf-8"))["critics"]
+    assert list(data) == names
+    assert [each["ok"] for each in data.values()] == [False, False, True, False]
+    assert data[names[0]]["K_rel_error"] > data[names[1]]["K_rel_error"]
+    assert result.out.startswith("FAIL: 1 of 4 critics pass, on the aircraft at dihedral 15 deg")
+    assert "\nP.npz: the value is twice the exact one" in result.out
+    assert Path("curve.png").stat().st_size > 10_000

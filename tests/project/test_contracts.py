@@ -51,7 +51,7 @@ BREACHES = {
     "Nonlinear games": {"controller/riccati/meaning.py": "controller.expansion.series"},
     "Verdicts:": {
         "verification/scope.py": "verification.axis",
-        "verification/network/search.py": "verification.reasons.diagnosis",
+        "verification/network/search.py": "verification.reasons",
     },
     "Enclosures are arithmetic": {
         "extensions/prove/hfa_prove/enclosure/taylor.py": "hfa_aircraft.rigid.motion"
@@ -90,7 +90,7 @@ BREACHES = {
         "controller/critic/features.py": "verification.verdict",
     },
     "What judges critics": {
-        "verification/reasons/diagnosis.py": "hfa_flight.scenario",
+        "verification/reasons.py": "hfa_flight.scenario",
         "controller/riccati/reach.py": "hfa_design.design",
     },
     "Checkers and statements": {

@@ -237,7 +237,7 @@ def looks_like(picture: Path, other: Path) -> bool:
 
 
 #: Examples that print nothing: aircraft (tests/trim/test_own_models.py), and a training script
-#: (tests/verification/reasons/test_diagnosis.py).
+#: (tests/verification/network/test_trained.py).
 SILENT = (
     "f16",
     "f16_constant",

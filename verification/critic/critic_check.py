@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, TypeGuard
 
@@ -85,8 +84,8 @@ def verify(
     >>> import hfa
     >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))
     >>> K = hfa.solve(game).K
-    >>> hfa.verify(game, hfa.from_gain(game, 1.01 * K)).reason
-    'every entry of K is 1.01 times the exact one'
+    >>> hfa.verify(game, hfa.from_gain(game, -K)).reason
+    'the gain has the wrong sign: the policy is u = -K z'
     """
     need(game, Game, "verify: game", "a game: hfa.game(linear, Q, R, delta)")
     refuse_unless_positive("limit", limit)
@@ -126,7 +125,7 @@ def verify(
     sections += over_time.sections
     reason = over_time.reason
     if not reason and not all(check.ok for check in errors):
-        reason = _reason(game, judged, last, limit, scope, box.half_widths)
+        reason = _reason(judged, last, limit, found)
     return Verdict(
         last,
         judged.exact,
@@ -239,24 +238,12 @@ def _errors(judged: JudgedGame, box: np.ndarray, limit: float, critic: Critic) -
     return errors + judged.more_errors(critic, box, limit)
 
 
-def _reason(
-    game: Game,
-    judged: JudgedGame,
-    critic: Critic,
-    limit: float,
-    scope: Scope,
-    box: np.ndarray,
-) -> str:
+def _reason(judged: JudgedGame, critic: Critic, limit: float, found: Findings | None) -> str:
     """Return the mistake that explains a wrong critic, or "" if none is recognized."""
-    if not critic.finite:
-        return ""
-    from verification.reasons.diagnosis import diagnose
-    from verification.reasons.other_games import other_games
+    from verification.reasons import reason_for
 
-    with suppress(NoSolutionError):  # no solution of a nearby game for comparison
-        nearby = None if scope.nearby is None else scope.nearby()
-        return diagnose(judged, critic, limit, box, other_games(game, nearby))
-    return ""
+    searched = 0.0 if found is None else max(check.value for check in found.errors)
+    return reason_for(judged, critic, limit, searched) if critic.finite else ""
 
 
 def _polynomial_section(critic: Critic) -> Section:

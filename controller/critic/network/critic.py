@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ import numpy as np
 
 from controller.critic.critic import Critic, from_functions, from_weights
 from controller.critic.features import basis_of
-from controller.critic.network.activations import COMMON
 from controller.critic.network.network_file import NetworkFile, network_in, network_of_tensors
 from controller.critic.network.q_function import policy_of
 from controller.critic.network.torch_module import module_network, state_dict_of
@@ -74,7 +72,7 @@ def from_network(
     if isinstance(source, ca.Function):
         kind = network or (source.name() if source.name() in OUTPUTS else "")
         stored = NetworkFile({kind: source}, "a CasADi function", "float64")
-        return _of_states(game, stored, scales, "network", {})
+        return _of_states(game, stored, scales, "network")
     count = psi.size if isinstance(psi, Basis) else psi.numel_out(0)
     parts = _parts(network)
     tensors = None if isinstance(source, (str, Path)) else state_dict_of(source)
@@ -88,25 +86,11 @@ def from_network(
         origin = f"network {named}: {stored.chain}"
     else:
         stored = module_network(source, network, n, m)
-        return _of_states(game, stored, scales, f"network {stored.chain}", {})
+        return _of_states(game, stored, scales, f"network {stored.chain}")
     with prefix_errors(named):
         if stored.on_basis is not None:
             return _on_basis(game, stored, psi, scales, parts, origin)
-        variants: dict[str, Callable[[], Critic]] = {}
-        if activation:
-            read = partial(from_network, game, source, network=network, scale=scale)
-            for name in COMMON:
-                if name != activation.partition(",")[0]:
-                    mistake = f"the activation is {name}, not {activation}"
-                    variants[mistake] = partial(read, activation=name)
-        sizes = [function.numel_out(0) for function in stored.functions.values()]
-        if len(sizes) == 1 and is_taken_as_policy(next(iter(parts)), sizes[0], m):
-            value = f"V={parts[next(iter(parts))]}"
-            mistake = f'its output is V, not u; give network="{value}" (--network {value})'
-            variants[mistake] = partial(
-                from_network, game, source, network=value, activation=activation, scale=scale
-            )
-        return _of_states(game, stored, scales, origin, variants, ",".join(parts.values()))
+        return _of_states(game, stored, scales, origin, ",".join(parts.values()))
 
 
 def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
@@ -142,7 +126,6 @@ def _of_states(
     stored: NetworkFile,
     scales: np.ndarray,
     origin: str,
-    variants: Mapping[str, Callable[[], Critic]],
     asked: str = "",
 ) -> Critic:
     """Return the critic of a network whose inputs are the states, or states and inputs (a Q)."""
@@ -166,7 +149,7 @@ def _of_states(
             outputs["policy"] = numbers[1:]
         else:
             outputs[kinds[name]] = numbers
-    return from_functions(game, z, outputs, origin, stored.precision, variants)
+    return from_functions(game, z, outputs, origin, stored.precision)
 
 
 def _on_basis(

@@ -1,0 +1,133 @@
+"""Reasons of verdicts."""
+
+from __future__ import annotations
+
+import re
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import answer
+from game_files import AT_15, stored
+from game_samples import failed_names, game_models
+from planted_critics import gain, other_root, value, weights_of
+from planted_mistakes import NAMED, OF_ANY_GAME, UNNAMED, candidate_of, random_game
+
+from hfa import Critic, Game, from_gain, from_network, from_value, verify
+from hfa.main import DONE, FAILED
+from verification import Scope
+
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
+    """The reason of a verdict is in the JSON data and is a line of the report.
+
+    For another root of the Riccati equation, the reason names this root.
+    """
+    twice = verify(game, from_gain(game, 2.0 * gain(game)))
+    assert twice.reason == twice.to_dict()["diagnosis"]
+    assert f"Reason: {twice.reason}" in twice.report().text().splitlines()
+    root = verify(game, from_value(game, other_root(game)))
+    assert "another root of the Riccati equation" in root.reason
+
+
+def test_a_value_inaccurate_for_its_gain_is_named() -> None:
+    """The reason states that a P with eight right digits is not accurate enough for its gain.
+
+    The input moves both states equally. This motion costs almost nothing, and K = B'P is a small
+    difference of large numbers.
+    """
+    A = np.array([[-1.0, 0.1], [0.1, -1.0]])
+    Q = np.array([[1.0, -0.999], [-0.999, 1.0]])
+    game = Game(A, [[1.0], [1.0]], np.zeros((2, 1)), Q, [[1.0]], np.inf)
+    P = np.vectorize(lambda entry: float(f"{entry:.8g}"))(value(game))
+    verdict = verify(game, from_value(game, P))
+    failed = failed_names(verdict.checks)
+    assert failed == {"K_rel_error", "K_balanced_error", "K_entry_error", "policy_rel_error"}
+    assert verdict.reason.startswith(
+        "P is right within the limit; the K that follows from it is off by 5.5e-06"
+    )
+
+
+# Planted mistakes.
+
+
+@pytest.mark.parametrize("mistake", NAMED)
+def test_a_planted_mistake_fails_and_is_named(mistake: str) -> None:
+    """The mistake is named on both printed models of the aircraft, and on a random game."""
+    for index, game in enumerate(game_models().values()):
+        kind, plant, words = NAMED[mistake]
+        verdict = verify(game, candidate_of(game, kind, plant))
+        assert not verdict.ok
+        assert words in verdict.reason
+        if mistake in OF_ANY_GAME:
+            other = random_game(np.random.default_rng(index))
+            kind, plant, words = OF_ANY_GAME[mistake]
+            assert words in verify(other, candidate_of(other, kind, plant)).reason
+
+
+@pytest.mark.parametrize("mistake", UNNAMED)
+def test_another_mistake_fails_without_a_reason(game: Game, mistake: str) -> None:
+    verdict = verify(game, candidate_of(game, *UNNAMED[mistake]))
+    assert (verdict.ok, verdict.reason) == (False, "")
+
+
+def test_random_errors_have_no_reason(game: Game) -> None:
+    """Of a right P with random errors in K, at most the inconsistency is named."""
+    rng = np.random.default_rng(2)
+    for size in 10.0 ** rng.uniform(-4.0, -0.5, 8):
+        noise = size * rng.standard_normal((6, 6))
+        assert verify(game, from_value(game, value(game) * (1.0 + noise + noise.T))).reason == ""
+        wrong = gain(game) * (1.0 + size * rng.standard_normal(gain(game).shape))
+        assert verify(game, from_gain(game, wrong)).reason == ""
+        both = verify(game, Critic(wrong, value(game), "P and K")).reason
+        assert both == "" or "do not belong together" in both
+
+
+def test_a_transposed_gain_is_named() -> None:
+    plant = Game(
+        [[-1.0, 0.4], [0.1, -2.0]], np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 3.0]), 5.0
+    )
+    assert verify(plant, from_gain(plant, gain(plant).T)).reason == "K is transposed"
+
+
+def test_the_reason_of_a_network_is_where_it_is_wrong(game: Game) -> None:
+    """Of a saturating policy with random weights, only its errors are stated."""
+    z = ca.SX.sym("z", 6)
+    rng = np.random.default_rng(3)
+    for noise in (0.0, 1e-4):
+        K = gain(game) * (1.0 + noise * rng.standard_normal((5, 6)))
+        policy = ca.Function("policy", [z], [-10.0 * ca.DM(K) @ ca.tanh(0.1 * z)])
+        verdict = verify(game, from_network(game, policy), scope=Scope(flights=2))
+        at_origin, in_box = map(float, re.findall(r"by (\S+) (?:at|in)", verdict.reason))
+        assert at_origin == pytest.approx(verdict.K_rel_error, rel=0.05, abs=1e-12)
+        assert in_box == pytest.approx(verdict.value_of("searched_policy_error"), rel=0.05)
+        assert in_box > 0.1
+
+
+# A file that holds more than one of W, P and K: each is judged, none hides another.
+
+
+@pytest.mark.parametrize(
+    ("held", "factors", "said"),
+    [
+        ("WPK", {}, ""),
+        ("PK", {"K": -1.0}, "the gain has the wrong sign"),
+        ("WK", {"K": 2.0}, "the gain is twice the exact one"),
+        ("PK", {"P": 10.0}, "every entry of P is 10 times the exact one"),
+    ],
+)
+def test_each_part_of_a_file_is_checked(
+    game: Game, held: str, factors: dict[str, float], said: str
+) -> None:
+    """Each of W, P and K in a file is checked, and a wrong one is named."""
+    parts = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}
+    file = stored("all.npz", **{key: factors.get(key, 1.0) * parts[key] for key in held})
+    data = answer("verify", *AT_15, "--weights", file, code=FAILED if said else DONE)
+    assert data["diagnosis"].startswith(said)
+    assert bool(data["diagnosis"]) == bool(said)
+    for name in "PK":
+        assert data[f"{name}_rel_error"] == pytest.approx(
+            abs(factors.get(name, 1.0) - 1.0), rel=1e-6, abs=1e-12
+        )

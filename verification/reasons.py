@@ -1,0 +1,309 @@
+"""Search for the mistake in a wrong critic, by a table of exact transformations.
+
+A mistake is named only if the critic without it is right: each entry of P or K agrees with the
+exact one within `RIGHT`. Nothing is fitted, except which states or inputs have the mistake.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.critic.critic import Critic
+from controller.game.basis import Basis
+from controller.game.zero_sum import Game
+from controller.riccati.gare import solve
+from hfa_support.errors import NoSolutionError
+from verification.critic_errors import matrix_errors, relative_error
+from verification.judged_game import JudgedGame
+
+#: Largest error of an entry without the mistake, and largest part of the error with the mistake.
+RIGHT, SHARE = 1e-3, 0.03
+#: A factor within this relative distance from its nominal value may be that of a mistake.
+NEAR = 0.05
+#: Smallest size of an entry, relative to the largest, to which its error is relative.
+SMALL = 1e-5
+#: Smallest size of a column, in place of 0.
+TINY = 1e-300
+#: Largest error of an entry of the solution of the LQR problem, from which one of a large delta
+#: hardly differs.
+RIGHT_LQR = 1e-6
+#: A P with a smaller residual is a root of the Riccati equation, although possibly the wrong one.
+ROOT = 1e-9
+#: If K differs more from the gain that P implies, relatively, K and P do not belong together. A
+#: smaller difference may be rounding.
+APART = 0.05
+#: Factor on a slope per degree, and on the column of a state in degrees.
+DEGREE = math.pi / 180.0
+#: Factors of all entries, and their names.
+FACTORS = {-1.0: "has the wrong sign", 0.5: "is half the exact one", 2.0: "is twice the exact one"}
+
+
+class Mistake(NamedTuple):
+    """Mistake that a matrix of a critic may have.
+
+    says: sentence that names the mistake
+    undone: the matrix without the mistake
+    """
+
+    says: str
+    undone: np.ndarray
+
+
+def reason_for(judged: JudgedGame, critic: Critic, limit: float, searched: float) -> str:
+    """Return a sentence that names the mistake in a wrong critic, or "" if none is recognized.
+
+    Of a network, the sentence states its errors at the origin and in the box.
+
+    judged: the game and its exact solution
+    limit: largest relative error of a correct P
+    searched: largest error of a network that was found in the box
+    """
+    game, exact = judged.game, judged.exact
+    if critic.network:
+        P_error = 0.0 if critic.P is None else relative_error(critic.P, exact.P)
+        at_origin = max(P_error, relative_error(critic.K, exact.K))
+        return f"off by {at_origin:.2g} at the origin, and by {searched:.2g} in the box"
+    if critic.P is None:
+        return _named(critic.K, exact.K, _of_gain(game, critic.K, exact.K)) or _lqr(game, critic)
+    P_is_right = all(check.ok for check in matrix_errors(game, "P", critic.P, exact.P, limit))
+    if P_is_right and critic.feedback is not None and critic.is_quadratic:
+        error = relative_error(critic.K, exact.K)
+        return (
+            f"P is right within the limit; the K that follows from it is off by {error:.2g}: it "
+            "needs more digits of P"
+        )
+    if P_is_right:
+        mistakes = _of_gain(game, critic.K, exact.K)
+        named = _beyond_quadratic(critic) or _named(critic.K, exact.K, mistakes)
+    else:
+        mistakes = itertools.chain(_of_value(critic.P, exact.P), _of_weights(critic))
+        named = _named(critic.P, exact.P, mistakes) or _lqr(game, critic)
+    if named:
+        return named
+    if relative_error(critic.K - game.gain(critic.P) + exact.K, exact.K) > APART:
+        return (
+            "K is not the gain that P implies: the stored K and P do not belong together, or not "
+            "to this plant and R"
+        )
+    return "" if P_is_right else _another_root(judged, critic.P)
+
+
+def _named(given: np.ndarray, exact: np.ndarray, mistakes: Iterator[Mistake]) -> str:
+    """Return the sentence of the first mistake without which a matrix is right, or ""."""
+    sizes = _sizes(exact)
+    error = float(np.max(np.abs(given - exact) / sizes))
+    for mistake in mistakes:
+        if np.max(np.abs(mistake.undone - exact) / sizes) <= min(RIGHT, SHARE * error):
+            return mistake.says
+    return ""
+
+
+def _sizes(exact: np.ndarray) -> np.ndarray:
+    """Return the size of each entry of the exact P or K, in units in which entries compare.
+
+    The size of P_ij is √(P_ii P_jj), and that of K_ij is the length of row i with each column
+    divided by its length, times the length of column j.
+    """
+    if exact.shape[0] == exact.shape[1] and np.allclose(exact, exact.T):
+        diagonal = np.sqrt(np.abs(np.diag(exact)))
+        diagonal = np.maximum(diagonal, SMALL * diagonal.max())
+        return np.outer(diagonal, diagonal) if diagonal.any() else np.ones_like(exact)
+    columns = np.linalg.norm(exact, axis=0)
+    columns = np.maximum(columns, SMALL * columns.max()) if columns.any() else columns + 1.0
+    rows = np.linalg.norm(exact / columns, axis=1)
+    rows = np.maximum(rows, SMALL * rows.max()) if rows.any() else rows + 1.0
+    return np.outer(rows, columns)
+
+
+def _lqr(game: Game, critic: Critic) -> str:
+    """Return the sentence that a critic solves the LQR problem instead of the game, or ""."""
+    if not math.isfinite(game.delta):
+        return ""
+    without = f"(delta = inf), not the game's at delta = {game.delta:.6g}"
+    with suppress(NoSolutionError):
+        solution = solve(game.with_delta(math.inf))
+        if critic.P is None:
+            given, lqr, noun = critic.K, solution.K, "gain"
+        else:
+            given, lqr, noun = critic.P, solution.P, "solution"
+        if np.max(np.abs(given - lqr) / _sizes(lqr)) <= RIGHT_LQR:
+            return f"this is the LQR {noun} {without}"
+    return ""
+
+
+def _of_value(P: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
+    """Yield the mistakes of P: a missing triangle, factors, weights for entries, order, units."""
+    for half in (np.triu(P), np.tril(P)):
+        says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
+        yield Mistake(says, half + half.T - np.diag(np.diag(half)))
+    P = (P + P.T) / 2.0
+    yield from _factors("P", "value", "V is z'Pz, without a factor 1/2", P, exact)
+    beside = np.where(np.eye(len(P), dtype=bool), 1.0, 0.5)
+    says = "the entries of P off the diagonal are twice too large: they must be W / 2"
+    yield Mistake(says, beside * P)
+    with np.errstate(all="ignore"):
+        largest = int(np.argmax(np.diag(exact)))
+        signs = np.where(P[largest] * exact[largest] < 0.0, -1.0, 1.0)
+        if np.sum(signs) < 0.0:  # only products of two signs are known
+            signs = -signs
+        factors = signs * np.sqrt(np.abs(np.diag(P) / np.diag(exact)))
+        rows = np.sort(P)[:, None]
+        exact_rows = np.sort(exact)[None]
+        apart = np.abs(rows - exact_rows) / (np.abs(rows) + np.abs(exact_rows))
+    order = _assigned(np.nan_to_num(apart).sum(axis=-1))
+    yield Mistake(_order_text("state", order), P[np.ix_(np.argsort(order), np.argsort(order))])
+    for says, divisors in _units("state", factors, DEGREE):
+        yield Mistake(says, P / np.outer(divisors, divisors))
+    yield from _one_entry("P", P, exact)
+
+
+def _of_gain(game: Game, K: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
+    """Yield the mistakes of K: factors, shape, R⁻¹, order, units."""
+    yield from _factors("K", "gain", "the policy is u = -K z", K, exact)
+    if K.shape[0] == K.shape[1]:
+        yield Mistake("K is transposed", K.T)
+    with suppress(np.linalg.LinAlgError):  # a singular R in discrete time
+        yield Mistake("R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(game.R, K))
+    says = "K was read row by row, but its entries are stored column by column"
+    yield Mistake(says, K.reshape(K.shape[::-1]).T)
+    for noun, degree, side in (("input", 1.0 / DEGREE, 0), ("state", DEGREE, 1)):
+        given, right = (K, exact) if side == 0 else (K.T, exact.T)
+        scaled = right / np.maximum(np.abs(right).max(axis=0), TINY)
+        judged = given / np.maximum(np.abs(right).max(axis=0), TINY)
+        away = np.sum((judged[:, None] - scaled) ** 2, axis=-1)
+        order = _assigned(np.nan_to_num(away, nan=1e300, posinf=1e300))
+        undone = given[np.argsort(order)]
+        yield Mistake(_order_text(noun, order), undone if side == 0 else undone.T)
+        with np.errstate(all="ignore"):
+            factors = np.sum(judged * scaled, axis=1) / np.sum(scaled**2, axis=1)
+        for says, divisors in _units(noun, factors, degree):
+            undone = given / divisors[:, None]
+            yield Mistake(says, undone if side == 0 else undone.T)
+    yield from _one_entry("K", K, exact)
+
+
+def _factors(
+    kind: str, noun: str, meant: str, given: np.ndarray, exact: np.ndarray
+) -> Iterator[Mistake]:
+    """Yield that all entries have a wrong sign, half or twice the size, or a power of ten."""
+    for factor, wrong in FACTORS.items():
+        yield Mistake(f"the {noun} {wrong}: {meant}", given / factor)
+    power = _power_of_ten(float(np.sum(given * exact)) / (float(np.sum(exact**2)) or 1.0))
+    if power:
+        says = f"every entry of {kind} is {10.0**power:g} times the exact one"
+        yield Mistake(says, given / 10.0**power)
+
+
+def _power_of_ten(ratio: float) -> int:
+    """Return k with 10^k nearest to a ratio, or 0 if the ratio is not positive and finite."""
+    return round(math.log10(ratio)) if math.isfinite(ratio) and ratio > 0.0 else 0
+
+
+def _units(noun: str, factors: np.ndarray, degree: float) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield (sentence, divisors) for states or inputs with the wrong sign or in degrees."""
+    for wrong, factor in (("the wrong sign", -1.0), ("in degrees", degree)):
+        where = np.abs(factors / factor - 1.0) < NEAR
+        if where.any() and not where.all():
+            *numbers, last = (str(index + 1) for index in np.flatnonzero(where))
+            subject = f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"
+            verbs = ("has", "have") if factor == -1.0 else ("is", "are")
+            yield f"{subject} {verbs[bool(numbers)]} {wrong}", np.where(where, factor, 1.0)
+
+
+def _assigned(away: np.ndarray) -> np.ndarray:
+    """Return the permutation (n,) for which the sum of away[i, order[i]] is smallest."""
+    from scipy.optimize import linear_sum_assignment
+
+    return np.asarray(linear_sum_assignment(away)[1])
+
+
+def _order_text(noun: str, order: np.ndarray) -> str:
+    return f"the {noun}s are in the order {', '.join(str(index + 1) for index in order)}"
+
+
+def _one_entry(kind: str, given: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
+    """Yield a wrong sign or decimal point of the entry with the largest error."""
+    if np.count_nonzero(np.triu(exact) if kind == "P" else exact) < 3:
+        return  # a single number agrees with many mistakes
+    errors = np.abs(given - exact) / _sizes(exact)
+    row, column = np.unravel_index(int(np.argmax(errors)), errors.shape)
+    ratio = float(given[row, column] / exact[row, column]) if exact[row, column] else 0.0
+    factor = math.copysign(10.0 ** _power_of_ten(abs(ratio)), ratio)
+    if factor == 1.0 or not abs(ratio / factor - 1.0) < NEAR:
+        return
+    name = f"{kind}({row + 1}, {column + 1})"
+    says = f"{name} has the wrong sign"
+    if factor != -1.0:
+        says = f"{name} is {factor:g} times the exact one: a decimal slip"
+    undone = given.copy()
+    undone[row, column] /= factor
+    if kind == "P" and row != column:
+        undone[column, row] /= factor
+    yield Mistake(says, undone)
+
+
+def _of_weights(critic: Critic) -> Iterator[Mistake]:
+    """Yield that weights are in another order, lack the factor 2 or are of half the cost, or that
+    two weights are interchanged.
+    """
+    if critic.weights is None or critic.basis is None:
+        return
+    psi: Basis = critic.basis
+    weights = critic.weights[: psi.quadratic_size]
+    row, column = np.triu_indices(psi.states)
+    orders = {
+        "": np.arange(len(weights)),
+        "are stored with the squares first": np.argsort(row != column, kind="stable"),
+    }
+    if psi.states > 2:  # for two states, both orders are equal
+        orders["are stored column by column"] = np.lexsort((row, column))
+    factors = {
+        "": np.ones(len(weights)),
+        "lack the factor 2 of products z_i z_j": np.where(row == column, 1.0, 2.0),
+    }
+    costs = {"": 1.0, "are of half the cost": 2.0}
+    for order, factor, cost in itertools.product(orders, factors, costs):
+        mistakes = [mistake for mistake in (order, factor, cost) if mistake]
+        if mistakes:
+            placed = np.empty_like(weights)
+            placed[orders[order]] = weights
+            rule = "; the order must be row by row, i <= j" if order else ""
+            says = f"the weights {' and '.join(mistakes)}{rule}"
+            yield Mistake(says, psi.matrix(costs[cost] * factors[factor] * placed))
+    for first, second in itertools.combinations(range(len(weights)), 2):
+        swapped = weights.copy()
+        swapped[[first, second]] = weights[[second, first]]
+        says = f"weights {first + 1} and {second + 1} are interchanged"
+        yield Mistake(says, psi.matrix(swapped))
+
+
+def _beyond_quadratic(critic: Critic) -> str:
+    """Return a sentence on the largest weight of a basis function that is not quadratic, or ""."""
+    if critic.weights is None or critic.basis is None:
+        return ""
+    beyond = critic.basis.quadratic_size
+    if not critic.weights[beyond:].any():
+        return ""
+    index = beyond + int(np.argmax(np.abs(critic.weights[beyond:])))
+    return (
+        f"weight {index + 1} is {critic.weights[index]:.6g}: on a linear plant the value is "
+        "quadratic, and every weight beyond the quadratic ones must be 0"
+    )
+
+
+def _another_root(judged: JudgedGame, P: np.ndarray) -> str:
+    """Return a sentence that P is another root of the Riccati equation, or "" if P is not."""
+    residual = float(judged.residuals(P[None])[0])
+    loop = judged.game_loop(P)
+    if residual > ROOT or loop.ok:
+        return ""
+    return (
+        f"this is another root of the Riccati equation: its residual is {residual:.2g}, but "
+        f"{loop.reason}"
+    )
