@@ -71,7 +71,7 @@ def reason_for(judged: JudgedGame, critic: Critic, limit: float, searched: float
         return f"off by {at_origin:.2g} at the origin, and by {searched:.2g} in the box"
     if critic.P is None:
         return _named(critic.K, exact.K, _of_gain(game, critic.K, exact.K)) or _lqr(game, critic)
-    P_is_right = all(check.ok for check in matrix_errors(game, "P", critic.P, exact.P, limit))
+    P_is_right = all(check.ok for check in matrix_errors(game, "P", critic.P, exact, limit))
     if P_is_right and critic.feedback is not None and critic.is_quadratic:
         error = relative_error(critic.K, exact.K)
         return (

