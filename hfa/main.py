@@ -156,7 +156,8 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
     """Return the request of a command, with the values of the options in its command line."""
     from hfa_support.provenance import now
 
-    model = _model(command.request, program, words)
+    is_help = bool({"-h", "--help"} & {*words})
+    model = _model(command.request, program, [] if is_help else words)
     values = filled(Parser(prog=program), command, model).parse_words(words)
     line = shlex.join([*program.split(), *words])
     return command.request.parsed(model, values, line=line, date=now())
@@ -214,13 +215,12 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
 def filled(parser: Parser, command: Command, model: Model) -> Parser:
     """Return the parser with the help text and the options of a command.
 
-    The options have the names and units of the model.
+    Values of the options have the names and units of the model. The help is the same for all
+    aircraft, and is shown without loading one.
     """
-    from hfa.options.aircraft import is_own
-
     parser.description = inspect.cleandoc(command.run.__doc__ or "")
     parser.declare(command.request.options(model))
-    parser.example = "" if is_own(model) else command.example
+    parser.example = command.example
     if parser.prog.startswith("hfa "):
         parser.words = words_after(parser.prog.removeprefix("hfa "))
     return parser

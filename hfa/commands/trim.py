@@ -8,7 +8,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import hfa_model
-from hfa.options.aircraft import Aircraft, of_hfa
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import breakpoint_value, one_of
 from hfa.options.output import Output, output_option, picture_option
 from hfa.options.part import OfModel, option, part
@@ -60,8 +60,10 @@ def _failed(trim: Trim, error: TrimError) -> Report:
     return report.with_data(reason=str(error))
 
 
-#: Content of the picture: of the HFA, and of other aircraft.
-_shown = of_hfa("a front view of the aircraft with its loads", "each variable between its limits")
+#: Content of the picture.
+_SHOWN = (
+    "the HFA from the front with its loads, or the variables of another aircraft in their limits"
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,7 +134,7 @@ class TrimRequest(Request):
 
     aircraft: Aircraft = part(Aircraft)
     trim: ManyTrims = part(ManyTrims)
-    output: Output = part(Output, file=output_option(".pdf"), picture=picture_option(_shown))
+    output: Output = part(Output, file=output_option(".pdf"), picture=picture_option(_SHOWN))
     full: bool = option("print each equation, all near limits, outputs and participations")
     class_: str | None = option(
         f"airplane class of MIL-F-8785C: {', '.join(CLASSES)}; default I",

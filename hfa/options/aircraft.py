@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,21 +28,12 @@ def is_own(model: Model | None) -> bool:
     return model is not None and model.source.text != ""
 
 
-def of_hfa(about: str, otherwise: str = "") -> Callable[[Model | None], str]:
-    """Return a help text of an option that depends on the model, as a function of the model.
-
-    about: help for the paper's flexible aircraft
-    otherwise: help for an aircraft of the user, or "" to hide the option
-    """
-    return lambda model: otherwise if is_own(model) else about
-
-
-def aircraft_help(model: Model | None) -> str:
+def aircraft_help(_: Model | None) -> str:
     """Return the help of --aircraft, with the formats of the core and of installed packages."""
     from hfa_aircraft.loading import forms_of_packages
 
     forms = ("aircraft (Python and FMUs are executed): package.module:NAME", *forms_of_packages())
-    return ", ".join(forms) + of_hfa("; default: HFA")(model)
+    return ", ".join(forms) + "; default: HFA"
 
 
 def _parameters(model: Model | None, text: str) -> ParameterSet | Path:
@@ -55,10 +46,8 @@ class Aircraft(Part):
     """The aircraft: the HFA with its dynamics and parameters, or an aircraft of the user."""
 
     units: str = option(
-        of_hfa(
-            "units of input and output: english (ft, slug, lbf; default) or si (m, kg, N)",
-            "units of input and output: si (m, kg, N); default: units of the aircraft",
-        ),
+        "units of input and output: si (m, kg, N); default: units of the aircraft, of the HFA "
+        "english (ft, slug, lbf)",
         "UNITS",
         one_of(*SYSTEMS),
         default="english",
@@ -66,18 +55,14 @@ class Aircraft(Part):
     )
     source: str | None = option(aircraft_help, "FILE.py:NAME", names="--aircraft")
     dynamics: str = option(
-        of_hfa(
-            "equations of motion: published (regenerates the printed matrices; default), "
-            "newton (exact mechanics, the same air loads), unsteady"
-        ),
+        "equations of motion of the HFA: published (regenerates the printed matrices; default), "
+        "newton (exact mechanics, the same air loads), unsteady",
         "VARIANT",
         default="published",
     )
     parameters: ParameterSet | Path | None = option(
-        of_hfa(
-            f"parameters of the HFA: a file, {' or '.join(NAMED)} (default: identified)",
-            "new values of parameters: a file that hfa identify -o FILE.toml wrote",
-        ),
+        f"parameters of the HFA: a file, {' or '.join(NAMED)} (default: identified); of another "
+        "aircraft: a file that hfa identify -o FILE.toml wrote",
         "FILE",
         OfModel(_parameters),
         rare=True,

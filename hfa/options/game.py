@@ -16,7 +16,7 @@ from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names, usual_game
 from controller.riccati.smallest_delta import ModeError
-from hfa.options.aircraft import Aircraft, of_hfa
+from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import input_file, number
 from hfa.options.critics import listed_numbers
 from hfa.options.part import Part, option, part
@@ -59,9 +59,8 @@ def _rows(text: str) -> np.ndarray:
 
 def _diagonal_option(name: str) -> Any:
     """Return a request field whose option sets the diagonal of Q or R."""
-    about = f"diagonal of {name}; default"
-    help_text = of_hfa(f"{about}: values of the paper", f"{about} {USUAL_WEIGHTS[name]}")
-    return option(help_text, "a,b,...", diagonal, names=f"--{name}", rare=True)
+    about = f"diagonal of {name}; default: of the paper for the HFA, else {USUAL_WEIGHTS[name]}"
+    return option(about, "a,b,...", diagonal, names=f"--{name}", rare=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,10 +75,7 @@ class GameWeights(Part):
         rare=True,
     )
     delta: float | None = option(
-        of_hfa(
-            "disturbance weight; default: 200 for the paper's aircraft, else inf (LQR)",
-            "disturbance weight; default inf (LQR)",
-        ),
+        "disturbance weight; default: 200 for the HFA, else inf (LQR)",
         "NUMBER",
         _delta,
     )

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from hfa.options.aircraft import is_own, of_hfa
+from hfa.options.aircraft import is_own
 from hfa.options.argument_types import breakpoint_value, quantity, span
 from hfa.options.part import OfModel, Part, option
 from hfa_aircraft.model import Model
@@ -61,10 +61,11 @@ def scheduled(
         return model.schedule_unit if model.schedule else ""
 
     def words(model: Model) -> str:
-        name = model.schedule or "the scheduling variable"
         shown_unit = "degrees" if unit(model) == "deg" else unit(model)
         more = about(model) if callable(about) else about
-        return f"{name}, {shown_unit}".rstrip(", ") + f"; {more}".rstrip("; ")
+        return f"scheduling variable, of the HFA {model.schedule}, {shown_unit}; {more}".rstrip(
+            "; "
+        )
 
     return option(
         words,
@@ -73,17 +74,6 @@ def scheduled(
         names=lambda model: f"--at --{model.schedule}" if model.about.names_schedule else "--at",
         required=lambda model: required and model.about.names_schedule,
     )
-
-
-def _usual(model: Model) -> str:
-    """Return the help of --hold, with up to four variables that a trim holds by default."""
-    held = [
-        f"{name} {model.describe(name, value)}"
-        for name, value in model.trim.items()
-        if name != model.schedule
-    ]
-    usual = f"; default: {', '.join(held[:4])}" if held else ""
-    return f"hold a variable at a value (repeatable){usual}"
 
 
 def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
@@ -116,12 +106,11 @@ def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
     return values
 
 
-def condition_help(model: Model | None) -> str:
-    """Return the help of --condition, which lists the named conditions for the HFA."""
+def condition_help(_: Model | None) -> str:
+    """Return the help of --condition, with the named conditions of the HFA."""
     from trim.hfa.level_flight import CONDITIONS
 
-    names = of_hfa(f", or {', '.join(CONDITIONS)}")(model)
-    return f"trim condition that replaces the default: a file{names}"
+    return f"trim condition that replaces the default: a file, or {', '.join(CONDITIONS)}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,7 +128,9 @@ class Trim(Part):
         repeated=True,
         rare=True,
     )
-    hold: Mapping[str, Any] = option(_usual, "NAME=VALUE", OfModel(quantity), named=True)
+    hold: Mapping[str, Any] = option(
+        "hold a variable at a value (repeatable)", "NAME=VALUE", OfModel(quantity), named=True
+    )
     limit: Mapping[str, tuple[float, float]] = option(
         "limits of a free variable of the trim, degrees for angles; repeatable",
         "NAME=LOW:HIGH",
