@@ -55,8 +55,8 @@ class Aircraft(Part):
     )
     source: str | None = option(aircraft_help, "FILE.py:NAME", names="--aircraft")
     dynamics: str = option(
-        "equations of motion of the HFA: published (regenerates the printed matrices; default), "
-        "newton (exact mechanics, the same air loads), unsteady",
+        "equations of the HFA: published (of the printed matrices; default), newton (exact "
+        "mechanics), unsteady",
         "VARIANT",
         default="published",
     )
