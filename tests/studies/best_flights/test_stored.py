@@ -55,7 +55,7 @@ def test_a_new_search_gives_the_stored_costs(index: int) -> None:
 
 
 def test_the_page_shows_the_stored_flights() -> None:
-    """The table in docs/optimize.md follows from the stored flights of the examination.
+    """The table in docs/nonlinear.md follows from the stored flights of the examination.
 
     The stored flights meet its requirements. The costs by SciPy agree within 1 %, the costs on
     finer meshes within 0.5 %, and 95 % of the flights are found.
