@@ -1,5 +1,4 @@
 """Identification of model parameters from flight records."""
 
-from .estimation import identify as identify
 from .identified import Identified as Identified
 from .records import Record as Record, read_record as read_record

@@ -7,10 +7,8 @@ import pytest
 from cli import assert_refused, hfa as run
 from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, written
 
-from hfa import BadInputError, trim
-from hfa_aircraft.loading import load_model
+from hfa import BadInputError, load_model, trim
 from studies.jsbsim.constructs.jet import slope
-from trim.point.condition import release, usual_condition
 
 TABLE = "<table> <independentVar>aero/alpha-rad</independentVar> <tableData>{}</tableData> </table>"
 
@@ -22,7 +20,7 @@ def model_of(folder, text):
 def test_a_glider_is_read_by_path(tmp_path):
     """A glider outside JSBSim's folder has the glide angle of its analytical polar."""
     model = model_of(tmp_path, glider())
-    point = trim(model, release(usual_condition(model), hold={"speed": 120.0}))
+    point = trim(model, hold={"speed": 120.0})
     outputs = model.outputs_at(point.states, point.inputs)
     lift = 5.0 * point.states.alpha
     assert np.tan(outputs["gamma"]) == pytest.approx(-(0.03 + 0.05 * lift**2) / lift, rel=1e-10)
@@ -68,9 +66,9 @@ def test_declared_commands_become_inputs(tmp_path):
     assert not [note for note in model.about.notes if "fcs/elevon-cmd" in note]
     assert model.inputs["elevon_cmd"].start == -0.1
     assert model.about.aliases["fcs/elevon-cmd"] == "elevon_cmd"
-    point = trim(model, release(usual_condition(model), hold={"speed": 120.0}))
+    point = trim(model, hold={"speed": 120.0})
     usual = model_of(tmp_path, glider())
-    other = trim(usual, release(usual_condition(usual), hold={"speed": 120.0}))
+    other = trim(usual, hold={"speed": 120.0})
     assert point.inputs.elevon_cmd == pytest.approx(other.inputs.elevator, rel=1e-9)
     x = list(point.states)
     at_start = [-0.1 if name == "elevon_cmd" else 0.0 for name in model.inputs]
@@ -315,7 +313,7 @@ def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
     elevator = model.inputs["elevator"]
     assert (elevator.unit, elevator.min, elevator.max) == ("rad", -0.2, 0.3)
     assert any("the integrator has no steady-state value" in note for note in model.about.notes)
-    point = trim(model, release(usual_condition(model), hold={"speed": 120.0}))
+    point = trim(model, hold={"speed": 120.0})
     assert point.inputs.elevator == pytest.approx(-point.states.alpha, rel=1e-10)
 
 

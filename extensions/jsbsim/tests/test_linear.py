@@ -4,10 +4,8 @@ import importlib.util
 
 import pytest
 
-from hfa import linearize, trim
-from hfa_jsbsim.reader import read_model
+from hfa import linearize, load_model, trim
 from studies.jsbsim.reference import GRAVITY, RADIUS, measured
-from trim.point.condition import release, usual_condition
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
@@ -37,9 +35,9 @@ def differences(name, kcas):
     """
     altitude = 15000.0
     gravity = GRAVITY * (RADIUS / (RADIUS + altitude)) ** 2
-    model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity)
+    model = load_model(f"jsbsim:{name}").with_parameters(gravity=gravity)
     held = {"kcas": kcas, "altitude": altitude}
-    point = trim(model, release(usual_condition(model), hold=held))
+    point = trim(model, hold=held)
     linear = linearize(model, point)
     request = {
         "state": point.states._asdict(),

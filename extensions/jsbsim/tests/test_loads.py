@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 from small_aircraft import CONTROL, LIFT, REST, force, glider, written
 
-from hfa import BadInputError, linearize, trim
-from hfa_aircraft.loading import load_model
-from hfa_jsbsim.reader import read_model
+from hfa import BadInputError, linearize, load_model, trim
 from studies.jsbsim.constructs.jet import coefficient, jet, slope
 from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, responses
 from studies.jsbsim.study import positions
-from trim.point.condition import release, usual_condition
 
 needs_jsbsim = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
@@ -41,9 +38,8 @@ def residual(name, held, parameters, free=()):
     free: variables that are freed
     """
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
-    model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity, **parameters)
-    condition = release(usual_condition(model), hold=held, free=free)
-    point = trim(model, condition)
+    model = load_model(f"jsbsim:{name}").with_parameters(gravity=gravity, **parameters)
+    point = trim(model, hold=held, free=free)
     commands = point.inputs._asdict() | parameters
     held_there = positions(model, point.inputs._asdict())
     point_of_jsbsim = {"state": point.states._asdict(), "commands": commands, "held": held_there}
@@ -104,13 +100,13 @@ def test_trims_have_no_acceleration_in_jsbsim(name, held, parameters, free):
 @needs_jsbsim
 def test_engine_and_feather_parameters_are_bounded():
     """Values of engine, feather and fuel parameters outside their range are refused."""
-    model = read_model("jsbsim:c172p")
+    model = load_model("jsbsim:c172p")
     with pytest.raises(BadInputError, match=r"tank0 is 1e[+]06 lbf; give at most 185 lbf"):
         model.with_parameters(tank0=1e6)
     with pytest.raises(BadInputError, match=r"engine0 is 2; give at most 1$"):
         model.with_parameters(engine0=2.0)
     with pytest.raises(BadInputError, match=r"feather0 is -1; give at least 0$"):
-        read_model("jsbsim:c182").with_parameters(feather0=-1.0)
+        load_model("jsbsim:c182").with_parameters(feather0=-1.0)
 
 
 def test_downward_wind_changes_climb_rate_not_pitch_acceleration(tmp_path):
@@ -174,15 +170,14 @@ def test_a_washout_becomes_a_state_with_filters_option(tmp_path):
     )
     model = load_model(f"{path}?filters=states")
     assert list(model.states)[-1] == "yaw_damper"
-    condition = release(usual_condition(model), hold={"speed": 120.0})
-    linear = linearize(model, trim(model, condition))
+    linear = linearize(model, trim(model, speed=120.0))
     names = list(model.linear)
     state = names.index("yaw_damper")
     rate = names.index("yaw_rate")
     assert linear.A[state, rate] == pytest.approx(0.5)
     assert linear.A[state, state] == pytest.approx(-0.5)
     assert linear.A[rate, state] > 0.0
-    point = trim(steady, release(usual_condition(steady), hold={"speed": 120.0}))
+    point = trim(steady, hold={"speed": 120.0})
     at_once = linearize(steady, point).A[rate, rate] - linear.A[rate, state]
     assert linear.A[rate, rate] == pytest.approx(at_once)
 

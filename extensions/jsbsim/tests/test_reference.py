@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from hfa_jsbsim.reader import read_model
+from hfa import load_model
 from studies.jsbsim.reference import measured
 
 pytestmark = pytest.mark.skipif(
@@ -90,7 +90,7 @@ def misses(name, count):
     The first three are the relative differences of translational acceleration, angular acceleration
     and thrust. The last is the largest relative acceleration of a propeller, which is 0 in JSBSim.
     """
-    model = read_model(f"jsbsim:{name}")
+    model = load_model(f"jsbsim:{name}")
     points = random_points(model, count)
     worst = np.zeros(4)
     for point, answer in zip(points, measured(name, points), strict=True):
@@ -160,7 +160,7 @@ def test_pitch_acceleration_of_surface_inputs_agrees_with_jsbsim(name):
 
     The input is the elevator position in JSBSim.
     """
-    model = read_model(f"jsbsim:{name}")
+    model = load_model(f"jsbsim:{name}")
     points = random_points(model, 2)
     for point in points:
         point["commands"] |= {"aileron": 0.0, "rudder": 0.0}
@@ -173,7 +173,7 @@ def test_pitch_acceleration_of_surface_inputs_agrees_with_jsbsim(name):
 def test_reading_an_aircraft_loads_no_scipy():
     """Reading an aircraft does not import SciPy."""
     code = (
-        "import sys; from hfa_jsbsim.reader import read_model; read_model('jsbsim:737');"
+        "import sys; from hfa_jsbsim.reader import read_model; load_model('jsbsim:737');"
         " print('scipy' in sys.modules)"
     )
     answer = subprocess.run(
