@@ -33,7 +33,7 @@ TESTS = (
         "tests/trim/sweeps",
         "tests/controller/riccati/test_gare.py",
     ),
-    *("extensions/prove/tests/schedules/test_schedule.py", "extensions/flight/tests"),
+    *("extensions/prove/tests/schedules/test_clauses.py", "extensions/flight/tests"),
 )
 #: Largest difference, relative to the largest number of an array.
 TOLERANCE = 1e-10
