@@ -37,7 +37,7 @@ from verification.axis import (
 )
 from verification.critic_errors import disturbance_errors, error_check, relative_error
 from verification.scope import LIMIT, NonlinearPlant
-from verification.verdict import Details, Section
+from verification.verdict import ROUNDING, Details, Section
 
 
 class LinearLoop(NamedTuple):
@@ -145,8 +145,8 @@ class JudgedGame:
             checks.append(below("l2_gain", lost.gain, game.delta, reason, kind="gain"))
         learned, best = _disk_margin(game, K), _disk_margin(game, self.exact.K)
         rows = [
-            ("% above the optimum, worst case", f"{lost.worst:.3g}", "0"),
-            ("% above the optimum, mean over cases", f"{lost.mean:.3g}", "0"),
+            ("% above the optimum, worst case", _percent(lost.worst), "0"),
+            ("% above the optimum, mean over cases", _percent(lost.mean), "0"),
             ("L2 gain", f"{lost.gain:.4g}", f"{lost.exact_gain:.4g}"),
         ]
         if lost.distance is not None:
@@ -354,6 +354,11 @@ def _disk_margin(game: Game, K: np.ndarray) -> DiskMargin | None:
     with suppress(NoSolutionError):
         return disk_margin(game, K)
     return None
+
+
+def _percent(excess: float) -> str:
+    """Return an excess in percent as text, 0 if it is rounding."""
+    return "0" if excess < ROUNDING else f"{excess:.3g}"
 
 
 def _margin(margin: DiskMargin | None, name: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.riccati.cost import FlightCost
-from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
+from hfa_support.reporting.checks import Check, Checked, verdict_text
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.results import Result, given
 from hfa_support.reporting.text import Cell, Table, entry_rows
@@ -329,7 +329,7 @@ class Verdict(Checked, Result, Reported):
             "\n".join(self._first_lines(limit_cost)),
             [
                 tuple(heading),
-                checks_block(self.checks) if self._passes_checks else _failures(self.checks),
+                checks_part(self.checks),
                 *(section.part for section in self.sections),
                 self._farthest_entries(entries, names.states),
             ],
@@ -366,6 +366,8 @@ class Verdict(Checked, Result, Reported):
         ]
         sizes = np.nan_to_num(np.array(errors), nan=np.inf)
         sizes[sizes < ROUNDING] = 0.0  # rounding would determine the largest
+        if not sizes.any():
+            return ()
         most = _ENTRIES if self.ok else _ENTRIES_OF_A_FAILURE
         rows = []
         for index in sorted(np.argsort(-sizes, kind="stable")[:most]):
@@ -382,8 +384,6 @@ class Verdict(Checked, Result, Reported):
         if len(candidates) <= most:
             return (table,)
         which = f"the {most} of {len(candidates)} entries with the largest errors"
-        if not sizes.any():
-            which = f"the first {most} of {len(candidates)} entries; all differ by rounding only"
         return (table, f"{which}; -o FILE writes all")
 
 
@@ -403,20 +403,27 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
     return tuple(with_reason)
 
 
-def _failures(checks: Sequence[Check]) -> Part:
-    """Return a line for each failed check with its reason, and the number of passed checks."""
+def checks_part(checks: Sequence[Check]) -> Part:
+    """Return a line for each failed check with its reason, and the number of passed checks.
+
+    An error in balanced units or of an entry is left out if that of the whole matrix is named.
+    """
 
     def order(check: Check) -> tuple[bool, bool]:
         return check.kind == "error", check.name not in ("P_rel_error", "K_rel_error")
 
     failed = sorted((check for check in checks if not check.ok), key=order)
+    passed = len(checks) - len(failed)
+    for matrix in "PK":
+        if any(check.name == f"{matrix}_rel_error" for check in failed):
+            others = (f"{matrix}_balanced_error", f"{matrix}_entry_error")
+            failed = [check for check in failed if check.name not in others]
     lines = [
         f"FAIL {check.name}: {check.reason} (must be {check.relation} {check.limit:.3g})"
         for check in failed[:_FAILURES]
     ]
     if len(failed) > _FAILURES:
         lines.append(f"FAIL too: {', '.join(check.name for check in failed[_FAILURES:])}")
-    passed = len(checks) - len(failed)
     lines.append(f"{passed} check{'' if passed == 1 else 's'} passed")
     return tuple(lines)
 

@@ -214,7 +214,7 @@ def _show_learned(
     H: Any = None,
 ) -> int:
     """Print and save a learned critic with its checks, and return the exit code."""
-    from hfa_support.reporting.checks import checks_block
+    from verification.verdict import checks_part
 
     judged: list[Any] = [LearnedChecks(verdict.checks, verdict.ok, H)]
     report = run.report()
@@ -222,7 +222,7 @@ def _show_learned(
         verdict.headline(),
         named.weights_line(),
         *report.parts,
-        checks_block(verdict.checks),
+        checks_part(verdict.checks),
     )
     title = report.title
     if not verdict.ok:
