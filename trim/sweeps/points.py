@@ -179,7 +179,7 @@ def condition_at(
         for name, value in zip(variables, row.tolist(), strict=True)
         if name in imposable
     }
-    return condition.at(hold.get(condition.model.schedule), hold)
+    return condition.freed_for(hold).at(hold.get(condition.model.schedule), hold)
 
 
 def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
