@@ -24,6 +24,8 @@ class About:
     variants: names of other equations, which a design may treat differently
     equations: short name of the equations in the first lines of reports, unless `subject` has it
     atmosphere: name of the standard atmosphere of the equations, or ""
+    trained_at: value of the scheduling variable at which environments begin, or None for the
+        default trim
     configuration: function (x, u, p) of arrays -> name -> (value, unit) of mass, center of gravity,
         inertias and sizes (`trim.point.configuration`); None if only signals have them
     """
@@ -37,6 +39,7 @@ class About:
     variants: tuple[str, ...] = ()
     equations: str = ""
     atmosphere: str = ""
+    trained_at: float | None = None
     configuration: Callable[[Any, Any, Any], Mapping[str, tuple[float, str]]] | None = None
 
 

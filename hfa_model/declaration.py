@@ -123,6 +123,7 @@ def hfa_about(dynamics: str) -> About:
         variants=tuple(VARIANTS),
         equations="published" if subject == "HFA" else "",
         atmosphere="U.S. Standard 1976",
+        trained_at=math.radians(15.0),
         configuration=configuration,
     )
 

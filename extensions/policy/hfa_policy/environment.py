@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,11 +14,13 @@ from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.episodes import SECONDS, Episodes
+from hfa_policy.start_boxes import sample_time
 from hfa_policy.trims import trims_of
 from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.errors import BadInputError, missing_package, numbers_in, refuse_unless_whole, warn
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
+from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     import gymnasium
@@ -45,7 +47,8 @@ def environment(
     deployment: observations, actions, timing and cost, or the path of a deployment file. A policy
         is not required. Default: `Deployment.usual(model, dt)`
     points: operating points, one operating point, or values of the scheduling variable in the units
-        of the model. One is drawn at each reset. Default: the model's default trim
+        of the model. One is drawn at each reset. Default: the model's default trim, of the flexible
+        aircraft that at a dihedral angle of 15 deg
     seconds: duration after which an episode is truncated, s. An episode is terminated earlier if
         the aircraft leaves its limits
     render_mode: None or "rgb_array", the picture of the episode so far
@@ -53,8 +56,12 @@ def environment(
         warning
     vary: parameter -> (lowest, highest). At each reset, a value between both is drawn. The trim
         values remain those of the unchanged aircraft, as in `hfa.assess`
-    dt: sample time of the default deployment, s, 0.02 if not given
+    dt: sample time of the default deployment, s. Default: at most 0.02, and so short that the
+        fastest pole of the aircraft and of its LQR loop moves by less than 1 in a sample
     Q, R: diagonal weights of the default deployment's cost, as for `hfa.game`. Default: 1/nominal²
+
+    Each episode begins at a drawn state of a box about its trim: the box of `hfa.assess`, reduced
+    so that flights without action stay within the limits for a second (`start_box`).
 
     The reward is the negative cost of the states and of the inputs commanded at the sample, also if
     these act later because of a delay.
@@ -76,8 +83,9 @@ def environment(
     ((2,), (1,))
     """
     need(model, Model, "environment: model", Model._how_to_make)
-    deployed = _deployment(model, deployment, dt, Q, R)
-    episodes = _episodes(model, deployed, points, 1, seconds, turbulence, vary)
+    trims = training_trims(model, points)
+    deployed = _deployment(model, trims, deployment, dt, Q, R)
+    episodes = _episodes(model, deployed, trims, 1, seconds, turbulence, vary)
     make = _made(
         "gymnasium", "gymnasium", "hfa_policy.gymnasium_environment", "AircraftEnvironment"
     )
@@ -113,16 +121,29 @@ def vector_environment(
     >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
     need(model, Model, "vector_environment: model", Model._how_to_make)
-    deployed = _deployment(model, deployment, dt, Q, R)
-    episodes = _episodes(model, deployed, points, count, seconds, turbulence, vary)
+    trims = training_trims(model, points)
+    deployed = _deployment(model, trims, deployment, dt, Q, R)
+    episodes = _episodes(model, deployed, trims, count, seconds, turbulence, vary)
     module = "hfa_policy.vector_environment"
     make = _made("stable_baselines3", "stable-baselines3", module, "AircraftVectorEnvironment")
     made: VecEnv = make(episodes)
     return made
 
 
+def training_trims(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint, ...]:
+    """Return the trims of an environment, by default that at which the model is trained."""
+    if points is None and model.about.trained_at is not None:
+        points = [model.about.trained_at]
+    return trims_of(model, points)
+
+
 def _deployment(
-    model: Model, given: Deployment | str | Path | None, dt: float | None, Q: Any, R: Any
+    model: Model,
+    trims: Sequence[OperatingPoint],
+    given: Deployment | str | Path | None,
+    dt: float | None,
+    Q: Any,
+    R: Any,
 ) -> Deployment:
     """Return the given deployment, or the default deployment of a model."""
     if given is not None:
@@ -134,7 +155,7 @@ def _deployment(
                     "deployment instead"
                 )
         return Deployment.of(given)
-    usual = Deployment.usual(model) if dt is None else Deployment.usual(model, dt)
+    usual = Deployment.usual(model, sample_time(model, trims) if dt is None else dt)
     if Q is None and R is None:
         return usual
     cost = {"Q": _weights("Q", model, Q, model.linear), "R": _weights("R", model, R, model.inputs)}
@@ -161,14 +182,13 @@ def _weights(matrix: str, model: Model, given: Any, names: Iterable[str]) -> dic
 def _episodes(
     model: Model,
     deployment: Deployment,
-    points: Iterable[Any] | None,
+    trims: tuple[OperatingPoint, ...],
     count: int,
     seconds: float,
     turbulence: Turbulence | None,
     vary: Mapping[str, tuple[float, float]] | None,
 ) -> Episodes:
     refuse_unless_whole("count", count, 1)
-    trims = trims_of(model, points)
     if all("box" in entry for entry in deployment.action.values()):
         deployment = deployment.changed(policy={})  # its file may be what is trained here
     if turbulence is not None:

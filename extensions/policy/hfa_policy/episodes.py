@@ -22,6 +22,7 @@ from hfa_flight.initial_box import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_policy.flights import SampledFlight
 from hfa_policy.outcomes import departure_at, refuse_edges
+from hfa_policy.start_boxes import surviving_boxes
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.native.row_code import bound_rows, row_code
 from trim.point.operating_point import OperatingPoint
@@ -123,6 +124,8 @@ class Episodes:
             moves=_moved_by_actions(deployed, self.low, self.high),
             winds=() if self._air is None else self._air.names,
         )
+        nothing = np.clip(np.zeros(len(self.low)), self.low, self.high)
+        self._boxes = surviving_boxes(self._flight, self.points, self._boxes, nothing)
         self._envelopes = [flight_envelope(deployed.model, point) for point in points]
         self._trims = np.array([deployed.trim_vector(point) for point in points])
         self._linear = deployed.model.state_places(deployed.model.linear)
@@ -157,6 +160,13 @@ class Episodes:
         self._winds = self._held[:, push.stop - len(flight.winds) : push.stop]
         names = list(model.parameters)
         self._drawn = [n + m + names.index(name) for name in self.varied]
+
+    def start_box(self, number: int) -> dict[str, float]:
+        """Return linear state -> half-width of the initial conditions about a trim.
+
+        number: index of the trim
+        """
+        return dict(zip(self.deployed.model.linear, self._boxes[number].tolist(), strict=True))
 
     @property
     def done(self) -> np.ndarray:

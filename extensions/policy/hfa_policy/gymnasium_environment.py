@@ -59,6 +59,11 @@ class AircraftEnvironment(gymnasium.Env):
         return self.episodes.deployed.deployment.dt
 
     @property
+    def start_box(self) -> dict[str, float]:
+        """Half-widths of the initial conditions about the trim of the present episode, by name."""
+        return self.episodes.start_box(self._trim)
+
+    @property
     def point(self) -> OperatingPoint:
         """Trim of the present episode."""
         return self.episodes.points[self._trim]
