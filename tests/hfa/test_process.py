@@ -62,6 +62,17 @@ def test_a_full_standard_output_is_refused() -> None:
     assert re.fullmatch(rb"hfa: [^\n]*No space left on device\n", done.stderr)
 
 
+@pytest.mark.parametrize(
+    ("name", "code", "said"),
+    [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated"), ("SIGHUP", 143, "terminated")],
+)
+def test_a_signal_ends_the_run_in_one_line(tmp_path: Path, name: str, code: int, said: str) -> None:
+    """A run that is ended while it executes an aircraft's file prints one line."""
+    (tmp_path / "own.py").write_text(f"import os, signal\nos.kill(os.getpid(), signal.{name})\n")
+    ended = hfa_process("trim", "--aircraft", "own.py:X", folder=tmp_path)
+    assert ended == (code, "", f"hfa: {said}\n")
+
+
 @pytest.mark.slow
 def test_progress_is_erased_at_the_end(tmp_path: Path) -> None:
     """On a pseudo-terminal, the progress line is erased at the end."""
