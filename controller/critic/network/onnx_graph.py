@@ -16,7 +16,7 @@ from controller.critic.network.activations import ACTIVATIONS, on_entries
 from controller.critic.network.products import Products
 from controller.critic.network.row_network import RowNetwork
 from controller.critic.network.tensors import LARGEST_NETWORK, checked_tensors
-from hfa_support.errors import BadInputError, missing_package, prefix_errors, shortened
+from hfa_support.errors import BadInputError, missing_package, prefix_errors, shortened, warn
 from hfa_support.files import regular_file
 
 #: Oldest supported ONNX operator set.
@@ -246,6 +246,11 @@ def graph_functions(
         raise BadInputError(
             f"the graph uses ONNX operator set {opset}; export the network with operator set "
             f"{OLDEST_OPSET} or later"
+        )
+    if named := [each.key for each in model.metadata_props]:
+        warn(
+            f"{path.name}: the metadata {shortened(', '.join(named))} are not applied; scales and "
+            "the order of states and inputs are those of the graph"
         )
     graph = model.graph
     arrays: dict[str, Any]

@@ -330,3 +330,16 @@ def test_a_graph_with_huge_results_is_refused() -> None:
         graph = [*nodes, ("ReduceSum", "h", "y")]
         said = refusal(onnx_file("large.onnx", graph, {"P": np.eye(6)} | constants))
         assert "array elements, but at most" in said
+
+
+def test_metadata_of_a_file_are_named_as_not_applied() -> None:
+    """A scale of actions in the metadata changes no gain, and a warning says so."""
+    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
+    constants = {"P": np.diag(np.arange(1.0, 7.0)), "ones": ONES}
+    model = onnx.load(onnx_file("plain.onnx", QUADRATIC, constants))
+    entry = model.metadata_props.add()
+    entry.key, entry.value = "action_scale", "0.25"
+    onnx.save(model, "scaled.onnx")
+    with pytest.warns(UserWarning, match="action_scale"):
+        (read,) = network_in("scaled.onnx", 6).functions.values()
+    assert float(read(np.ones(6))) == 21.0
