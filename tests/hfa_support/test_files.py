@@ -42,7 +42,8 @@ def test_an_unreadable_file_is_refused(fault: str, words: str) -> None:
     """FIFOs, folders, large, missing and damaged files are refused in one line, without blocking."""
     name = words.split()[-1]
     UNREADABLE[fault](name)
-    said = [fault] if "MiB" in fault else []  # it is refused before it is read
+    # Such a file of weights is refused before it is read.
+    said = [fault] if "MiB" in fault and words.startswith("verify") else []
     assert_refused(run(*words.split()), 2, name, *said)
 
 
