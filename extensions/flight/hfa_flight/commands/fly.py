@@ -92,8 +92,7 @@ class FlyRequest(Request):
         picture=picture_option("the flight, or the flights of --draws"),
     )
     command: Mapping[str, list[tuple[float, float]]] = option(
-        f"step commands for a state, or with --law {NONE} for an input: time, s, and deviation "
-        "from the trim; repeatable",
+        f"steps of a state, or with --law {NONE} of an input: times, s, and deviations from the trim",
         _COMMAND,
         OfModel(_command),
         named=True,
@@ -219,16 +218,13 @@ def _steps_of(given: Mapping[str, list[tuple[float, float]]]) -> CommandSteps:
 def fly(request: FlyRequest) -> int:
     """Simulate a policy on the nonlinear aircraft, and compare the flight with the linear model.
 
-    `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy. With
-    scheduled gains, a --command of the scheduling variable moves the reference along the trims.
-    --reference adds the exact feedforward, and a flight without it. --samples N simulates N
-    flights, with --error and --noise as standard deviations and turbulence determined by --seed.
-    --draws N simulates N aircraft with random parameters and the nominal policy. --Q and --R add
-    the cost of the flight.
+    `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy. --reference
+    adds the exact feedforward, and a flight without it. --samples N simulates N flights, with
+    --error and --noise as standard deviations; --draws N simulates N aircraft with random
+    parameters. --Q and --R add the cost of the flight.
 
     Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
-    oscillation does not decay. With --samples or --draws, every flight must pass, or the share of
-    --need.
+    oscillation does not decay. Of several flights, every one must pass, or the share of --need.
     """
     if request.members is not None:
         return _fly_members(request)
