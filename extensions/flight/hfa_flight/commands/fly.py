@@ -92,7 +92,8 @@ class FlyRequest(Request):
         picture=picture_option("the flight, or the flights of --draws"),
     )
     command: Mapping[str, list[tuple[float, float]]] = option(
-        f"steps of a state, or with --law {NONE} of an input: times, s, and deviations from the trim",
+        f"steps of a state, or with --law {NONE} of an input: times, s, and deviations from the "
+        "trim",
         _COMMAND,
         OfModel(_command),
         named=True,
