@@ -131,8 +131,10 @@ class Verdict(Checked, Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if every check passes, or if the critic passes on the nonlinear game."""
-        return self._passes_checks or (self.nonlinear is not None and self.nonlinear.ok)
+        """True if every check passes, and the critic also passes on the nonlinear game, if it was
+        compared with it.
+        """
+        return self._passes_checks and (self.nonlinear is None or self.nonlinear.ok)
 
     @property
     def _passes_checks(self) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 
 import casadi as ca
 import numpy as np
@@ -11,7 +10,9 @@ import numpy as np
 from controller.critic.symbols import symbols_for
 from controller.game.zero_sum import Game
 
-#: Newton's method: largest number of steps, and largest permitted residual relative to the terms.
+#: Newton's method: largest number of steps, and largest permitted residual. The residual is
+#: relative to the terms, which vanish at the trim, but at least to those at the edge of the box, or
+#: at states with the value 1 if the box is unknown.
 _STEPS = 20
 _LEFT = 1e-9
 
@@ -55,7 +56,10 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
     units = ca.DM(np.abs(np.diag(price)) * sizes)
     slope = ca.densify((paid + crossed + valued) / units)
     terms = (ca.fabs(paid) + ca.fabs(crossed) + ca.fabs(valued)) / units
-    left = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), sys.float_info.min)
+    box = 1.0
+    if problem.half_widths is not None:
+        box = float(np.max(np.sqrt(np.diag(P).clip(0.0)) * problem.half_widths)) or 1.0
+    left = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), box)
     options = {"max_iter": _STEPS, "error_on_fail": False, "show_eval_warnings": False}
     root = ca.rootfinder("root", "newton", {"x": scaled, "p": x, "g": slope}, options)
     state = ca.MX.sym("x", n)

@@ -14,6 +14,7 @@ from project import ROOT
 import hfa
 from controller.critic.critic import from_functions
 from hfa import Expansion, Game, LinearModel, Model, Signal
+from hfa.main import FAILED
 from verification.nonlinear_game import compare_with_nonlinear
 from verification.scope import Scope
 
@@ -51,15 +52,18 @@ def case(order: int) -> tuple[LinearModel, Game, Expansion]:
 
 @pytest.mark.parametrize(("order", "basis"), [(3, "cubic"), (4, "quartic")])
 def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -> None:
-    """The exact value passes there and fails on the linear game; the first line says both."""
+    """The exact value passes there and fails on the linear game; the first line says both.
+
+    The verdict is that of both.
+    """
     linear, game, expansion = case(order)
     critic = hfa.from_weights(game, expansion.weights, basis=basis)
     verdict = hfa.verify(game, critic, scope=QUICK, linear=linear)
-    assert verdict.ok
-    assert verdict.grade == "fail"
+    assert (verdict.ok, verdict.grade) == (False, "fail")
     first = verdict.headline()
     assert first == "PASS on the nonlinear game near the trim, FAIL on the linear game"
     assert verdict.nonlinear is not None
+    assert verdict.nonlinear.ok
     assert str(verdict.nonlinear.part()[0]).endswith("within 5 %")
     assert verdict.nonlinear.radius.degree == order
     assert not hfa.verify(game, critic, scope=QUICK).ok
@@ -160,8 +164,8 @@ def test_the_policy_in_the_file_is_judged_and_flies() -> None:
     pytest.importorskip("hfa_flight")
     words = ("--aircraft", PENDULUM, "--Q", "1,0.1", "--R", "1", "--delta", "inf")
     answer("solve", *words, "--order", "4", "-o", "value.npz")
-    data = answer("verify", *words, "--weights", "value.npz")
-    assert (data["ok"], data["grade"], data["nonlinear"]["ok"]) == (True, "fail", True)
+    data = answer("verify", *words, "--weights", "value.npz", code=FAILED)
+    assert (data["ok"], data["grade"], data["nonlinear"]["ok"]) == (False, "fail", True)
     model = hfa.load_model(PENDULUM)
     point = hfa.trim(model)
     game = hfa.game(hfa.linearize(model, point), [1.0, 0.1], [1.0])

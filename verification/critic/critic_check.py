@@ -68,7 +68,7 @@ def verify(
     critic fails.
 
     With the linear model of an aircraft, a critic that is not quadratic is also compared with the
-    nonlinear game, coefficient by coefficient up to its degree. If it passes there, it passes.
+    nonlinear game, coefficient by coefficient up to its degree. It passes if it passes in both.
 
     game: the game, in continuous or in discrete time
     critic: the critic, from `hfa.from_gain`, `from_value`, `from_weights`, `from_network` or
@@ -242,7 +242,7 @@ def _reason(judged: JudgedGame, critic: Critic, limit: float, found: Findings | 
     """Return the mistake that explains a wrong critic, or "" if none is recognized."""
     from verification.reasons import reason_for
 
-    searched = 0.0 if found is None else max(check.value for check in found.errors)
+    searched = 0.0 if found is None else max((check.value for check in found.errors), default=0.0)
     return reason_for(judged, critic, limit, searched) if critic.finite else ""
 
 

@@ -238,3 +238,19 @@ def test_verify_reports_how_networks_are_read() -> None:
     wrong = answer(*words, shifted, code=FAILED)
     assert wrong["network"]["rest_point"][0] > 0.01
     assert wrong["schema"] == "hfa.critic-check/1"
+
+
+def test_rounding_of_an_accurate_value_at_the_trim_is_no_error() -> None:
+    """V = Σ log cosh(ε y) / ε² is y'y up to ε², with rounding errors of its slope of 1e-16/ε."""
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        A = rng.standard_normal((3, 3))
+        A *= 0.9 / np.abs(np.linalg.eigvals(A)).max()
+        game = Game(A, rng.standard_normal((3, 1)), Q=np.eye(3), R=np.eye(1), dt=0.1)
+        z = ca.SX.sym("z", 3)
+        y = 1e-3 * (ca.DM(np.linalg.cholesky(solve(game).P).T) @ z)
+        V = 2e6 * ca.sum1(ca.log((ca.exp(y) + ca.exp(-y)) / 2.0))
+        critic = from_network(game, ca.Function("V", [z], [V]))
+        verdict = verify(game, critic, scope=Scope(flights=5), limit=1e-3)
+        assert verdict.ok, verdict.headline()
+        assert verdict.cost_lost < 1e-3
