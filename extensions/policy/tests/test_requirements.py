@@ -1,0 +1,65 @@
+"""What a PASS of `hfa.assess` requires: every flight or a share, and an equilibrium within limits."""
+
+from __future__ import annotations
+
+import casadi as ca
+import pytest
+
+import hfa
+
+#: v' = v + f with |f| <= 0.5: flights from |v| > 0.5 leave the limits.
+UNSTABLE = hfa.Model(
+    "unstable",
+    {"v": hfa.Signal("m/s", min=-2.0, max=2.0, nominal=1.0)},
+    {"f": hfa.Signal("m/s^2", min=-0.5, max=0.5, nominal=1.0)},
+    lambda x, u, p, w: ({"v": x.v + u.f}, {}),
+    trim={"v": 0.0},
+)
+
+#: v' = f - 0.1 v.
+SLOW = hfa.Model(
+    "slow",
+    {"v": hfa.Signal("m/s", min=-2.0, max=2.0, nominal=1.0)},
+    {"f": hfa.Signal("m/s^2", min=-0.5, max=0.5, nominal=1.0)},
+    lambda x, u, p, w: ({"v": u.f - 0.1 * x.v}, {}),
+    trim={"v": 0.0},
+)
+
+
+def deployment(gain: float, offset: float = 0.0) -> hfa.Deployment:
+    """Return f = -gain v + offset at 20 Hz."""
+    o = ca.SX.sym("o")
+    return hfa.Deployment(
+        policy={"file": ca.Function("policy", [o], [-gain * o + offset])},
+        observation={"v": {"about": 0.0}},
+        action={"f": {}},
+        timing={"dt": 0.05},
+    )
+
+
+def test_every_flight_must_converge_or_the_required_share() -> None:
+    """About half of the starts of [-1, 1] can be held; the counts decide, not the linear loop."""
+    found = hfa.assess(UNSTABLE, deployment(4.0), samples=60, best=0)
+    (point,) = found.points
+    assert point.radius < 1.0
+    shares = [flown.returned / flown.starts for flown in (point.flights, point.disturbed)]
+    assert all(0.2 < share < 0.8 for share in shares)
+    assert not found.ok
+    least = min(shares)
+    for share, passes in ((least, True), (least + 0.02, False)):
+        needs = {"share": share}
+        again = hfa.assess(UNSTABLE, deployment(4.0), samples=60, best=0, needs=needs)
+        assert (again.ok, again.points[0].holds) == (passes, passes)
+    with pytest.raises(hfa.BadInputError):
+        hfa.assess(UNSTABLE, deployment(4.0), samples=0, needs={"share": 1.2})
+
+
+@pytest.mark.parametrize(("offset", "passes"), [(0.1, True), (0.46, False)])
+def test_an_equilibrium_beyond_the_limits_fails_without_flights(
+    offset: float, passes: bool
+) -> None:
+    """v = offset / 0.2 is 0.5 or 2.3, beyond the limit of 2, with a stable loop."""
+    (point,) = (found := hfa.assess(SLOW, deployment(0.1, offset), samples=0)).points
+    assert point.equilibrium.states[0] == pytest.approx(offset / 0.2, rel=1e-6)
+    assert point.radius < 1.0
+    assert (found.ok, point.holds, bool(point.beyond)) == (passes, passes, not passes)
