@@ -151,8 +151,9 @@ def network_of_tensors(
         name: layers_of(tensors, part, is_policy=name == "policy") for name, part in parts.items()
     }
     networks = {name: _layers(layers, is_ordered) for name, layers in chosen.items()}
-    first = next(iter(networks.values()))
-    if len(first) == 1 and first[0].inputs == basis_size:
+    kind, first = next(iter(networks.items()))
+    is_of_the_state = states == basis_size and kind != "V"  # of one state, unless V is asked for
+    if len(first) == 1 and first[0].inputs == basis_size and not is_of_the_state:
         return NetworkFile({}, f"{basis_size} functions -> 1", precision, first[0])
     read = {tensor for layers in chosen.values() for tensor in layers}
     others = {tensor: array for tensor, array in tensors.items() if tensor not in read}

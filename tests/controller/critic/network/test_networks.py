@@ -310,6 +310,19 @@ def test_the_name_of_a_function_decides_on_one_input(kind: str) -> None:
     assert "read as the policy" in str(verify(plant, unnamed, scope=scope))
 
 
+def test_one_layer_on_one_state_is_a_policy_unless_v_is_asked_for() -> None:
+    """u = -K x of a plant with one state and one input; with V=, the layer is W of x²."""
+    plant = Game([[-1.0]], [[1.0]], Q=[1.0], R=[1.0])
+    exact = solve(plant)
+    policy, value = (
+        torch_file(f"{name}.pt", {"weight": matrix})
+        for name, matrix in (("policy", -exact.K), ("value", exact.P))
+    )
+    for path, network in ((policy, ""), (policy, "policy="), (value, "V=")):
+        assert verify(plant, from_network(plant, path, network=network), scope=Scope(flights=2)).ok
+    assert not verify(plant, from_network(plant, policy, network="V=")).ok
+
+
 def test_the_policy_of_a_value_contains_the_cross_weights() -> None:
     """Networks of V and ∂V/∂z imply u = -R⁻¹(½ B'∂V/∂z + N'z)."""
     A = np.array([[0.0, 1.0], [2.0, -0.3]])
