@@ -152,7 +152,7 @@ def network_of_tensors(
     }
     networks = {name: _layers(layers, is_ordered) for name, layers in chosen.items()}
     kind, first = next(iter(networks.items()))
-    is_of_the_state = states == basis_size and kind != "V"  # of one state, unless V is asked for
+    is_of_the_state = states == basis_size == 1 and kind != "V"
     if len(first) == 1 and first[0].inputs == basis_size and not is_of_the_state:
         return NetworkFile({}, f"{basis_size} functions -> 1", precision, first[0])
     read = {tensor for layers in chosen.values() for tensor in layers}
