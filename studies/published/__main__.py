@@ -1,7 +1,7 @@
 """Compare each printed digit of published solutions with the exact solutions of their plants.
 
 python -m studies.published         checks all files in `sources/`, and writes results.csv and
-                                    docs/published.md
+                                    README.md
 python -m studies.published FILE    prints the report on one file
 """
 
@@ -26,7 +26,7 @@ from studies.published.verdict import check_printed
 
 SOURCES = Path(__file__).parent / "sources"
 RESULTS = Path(__file__).with_name("results.csv")
-PAGE = Path(__file__).parents[2] / "docs" / "published.md"
+PAGE = Path(__file__).with_name("README.md")
 
 _HEAD = """# Verdicts on published solutions
 
@@ -55,9 +55,8 @@ as printed: all 20 entries
 ...
 ```
 
-`python -m studies.published` checks all [files with published
-solutions](../studies/published/sources) and writes a [verdict for each
-file](../studies/published/results.csv). The table shows the number of files with each verdict.
+`python -m studies.published` checks all [files with published solutions](sources) and writes a
+[verdict for each file](results.csv). The table shows the number of files with each verdict.
 
 | verdict | exit code | condition |
 |---|---|---|
@@ -120,7 +119,7 @@ def load_results() -> list[Row]:
 
 
 def page_of(rows: list[Row]) -> str:
-    """Return the text of docs/published.md, with the number of solutions for each verdict."""
+    """Return the text of README.md, with the number of solutions for each verdict."""
     counts = Counter(row.verdict.partition(":")[0] for row in rows)
     parts = [
         _HEAD,
@@ -164,7 +163,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def check_all() -> None:
-    """Check all published solutions, write results.csv and docs/published.md, and print the
+    """Check all published solutions, write results.csv and README.md, and print the
     verdicts.
     """
     paths = sorted(SOURCES.glob("*.toml"))

@@ -32,7 +32,7 @@ def test_a_new_check_gives_the_stored_row(path: Path) -> None:
 
 
 def test_results_contain_every_file() -> None:
-    """results.csv contains every file, and docs/published.md shows its counts."""
+    """results.csv contains every file, and README.md shows its counts."""
     rows = load_results()
     assert results_of(rows) == RESULTS.read_text("utf-8"), STALE
     assert page_of(rows) == PAGE.read_text("utf-8"), STALE
