@@ -33,7 +33,8 @@ def solution_report(solution: Solution) -> Report:
     states = solution.names.states
     smallest = solution.smallest
     title = (
-        f"Exact game solution for {solution.names.origin}: certified\n"
+        f"Exact game solution{' in discrete time' * game.is_discrete} for"
+        f" {solution.names.origin}: certified\n"
         f"delta {solution.delta:.6g}, smallest possible {smallest.value:.7g}"
         f", margin {solution.delta_margin:.4g}"
     )
