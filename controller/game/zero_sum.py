@@ -55,7 +55,6 @@ class Game(ByValue, Reported):
     dt: None, or 0, for continuous time; in discrete time the sample time, s, or True if it is not
         known, as in python-control
     discount: α of one step, 0 < α <= 1; 1 in continuous time
-    continuous: game in continuous time that was sampled (`sampled`), or None
 
     Raises BadInputError if a matrix has a wrong shape, is not definite as required, or contains a
     number that is not finite or is too large.
@@ -81,7 +80,6 @@ class Game(ByValue, Reported):
     half_widths: np.ndarray | None = field(default=None, compare=False)
     dt: float | bool | None = None
     discount: float = 1.0
-    continuous: Game | None = field(default=None, compare=False)
 
     if TYPE_CHECKING:
 
@@ -98,7 +96,6 @@ class Game(ByValue, Reported):
             half_widths: np.ndarray | None = None,
             dt: float | bool | None = None,
             discount: float = 1.0,
-            continuous: Game | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -346,7 +343,6 @@ class Game(ByValue, Reported):
             delta=self.delta * math.sqrt(dt),
             dt=dt,
             discount=discount,
-            continuous=self,
         )
 
     def with_delta(self, delta: float) -> Game:

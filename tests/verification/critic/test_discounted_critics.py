@@ -10,7 +10,6 @@ from cli import answer, hfa
 from game_files import AT_15, stored
 from game_samples import failed_names
 from known_models import game_at
-from planted_critics import gain, value
 from tolerances import SAME_FORMULA
 
 from hfa import Game, from_gain, from_value, solve, verify
@@ -33,11 +32,6 @@ def test_exact_discounted_critic_passes_and_mistakes_are_named(game: Game) -> No
         (from_value(problem, exact.P / DT), "every entry of P is 100 times the exact one"),
         (from_value(problem, -exact.P), "the value has the wrong sign"),
         (from_gain(problem, -exact.K), "the gain has the wrong sign"),
-        (
-            from_value(problem, value(game)),
-            "this is the solution in continuous time, without discount",
-        ),
-        (from_gain(problem, gain(game)), "this is the gain in continuous time, without discount"),
     ):
         check = verify(problem, wrong)
         assert not check.ok
