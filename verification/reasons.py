@@ -176,7 +176,8 @@ def _of_gain(game: Game, K: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
         given, right = (K, exact) if side == 0 else (K.T, exact.T)
         scaled = right / np.maximum(np.abs(right).max(axis=0), TINY)
         judged = given / np.maximum(np.abs(right).max(axis=0), TINY)
-        away = np.sum((judged[:, None] - scaled) ** 2, axis=-1)
+        with np.errstate(over="ignore"):  # of a K with a zero column
+            away = np.sum((judged[:, None] - scaled) ** 2, axis=-1)
         order = _assigned(np.nan_to_num(away, nan=1e300, posinf=1e300))
         undone = given[np.argsort(order)]
         yield Mistake(_order_text(noun, order), undone if side == 0 else undone.T)
