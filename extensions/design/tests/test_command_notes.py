@@ -38,7 +38,7 @@ PLANT = Model(
     parameters={"gain": Signal(start=1.0)}, trim={"x": 1.0}, schedule="x",
 )
 """
-KINK = "kink: A(x, x) is -7.5, the mean of the slopes below and above, -3 and -12"
+KINK = "kink: A(x, x) is -3 below and -12 above the trim; the slope below is used"
 DESIGN = """
 inputs = ["u"]
 integrals = []

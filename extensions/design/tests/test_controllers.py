@@ -16,15 +16,22 @@ from servo_cases import A_Z, measured_servo, simvfa_design
 from tolerances import SAME_FORMULA
 
 import hfa
-from hfa import BadInputError, NoSolutionError, solve
+from hfa import BadInputError, Model, NoSolutionError, solve
 from hfa.paper import default_parameters
-from hfa_aircraft.model import Model
-from hfa_design import GeneralizedPlant, solve_plant
-from hfa_design.controllers import LinearController, controller_at, design_controller
-from hfa_design.design import Design
+from hfa_design import (
+    Design,
+    GeneralizedPlant,
+    LinearController,
+    ServoLoop,
+    check_margins,
+    closed_plant,
+    controller_at,
+    design_controller,
+    servo_plant,
+    solve_plant,
+)
 from hfa_design.design_model import design_model
-from hfa_design.plant.generalized_plant import closed_plant
-from hfa_design.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
+from hfa_design.servo_loop import servo_loop
 from hfa_flight import ScheduledController, load_controller, save_controller
 from hfa_support.reporting.text import Table
 

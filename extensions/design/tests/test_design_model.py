@@ -25,13 +25,12 @@ from tolerances import SAME_FORMULA
 
 import hfa
 import hfa_model
-from hfa import BadInputError, Game, linearize, solve, trim
+from hfa import BadInputError, Game, Model, linearize, solve, trim
 from hfa.paper import level_flight, published_game
-from hfa_aircraft.model import Model
 from hfa_aircraft.units import signal_unit
-from hfa_design import load_design
-from hfa_design.design import NAMED, Design
-from hfa_design.design_model import DesignModel, design_model
+from hfa_design import Design, DesignModel, load_design
+from hfa_design.design import NAMED
+from hfa_design.design_model import design_model
 from hfa_flight.actuators import Actuator
 from hfa_flight.policies.controller import MeasuredOutputs
 from hfa_model import LINEAR_STATES

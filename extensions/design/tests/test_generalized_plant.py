@@ -27,15 +27,13 @@ from tolerances import SAME_FORMULA, TWO_BRACKETS
 
 from controller import minimum_delta
 from controller.riccati.smallest_delta import DeltaMin
-from hfa import BadInputError, Game, NoSolutionError, solve
-from hfa_aircraft.model import Model
-from hfa_design import GeneralizedPlant, solve_plant
+from hfa import BadInputError, Game, Model, NoSolutionError, solve
+from hfa_design import GeneralizedPlant, closed_plant, solve_plant
 from hfa_design.design_model import design_model
 from hfa_design.plant import generalized_plant
 from hfa_design.plant.generalized_plant import (
     _response_difference,
     central_controller,
-    closed_plant,
     stored_plant,
 )
 from hfa_design.plant.plant_report import solution_of_plant

@@ -19,19 +19,21 @@ from scipy.linalg import (
 from servo_cases import A_Z
 
 import hfa
-from hfa import BadInputError, NoSolutionError
-from hfa_aircraft.model import Model
-from hfa_design import design_controller, load_design, loop_shaping
-from hfa_design.controllers import controller_at
-from hfa_design.design import Design, Following
-from hfa_design.design_model import design_model
-from hfa_design.loop_shaping import (
-    following_model,
-    output_weights,
-    robust_check,
-    robust_controller,
+from hfa import BadInputError, Model, NoSolutionError
+from hfa_design import (
+    Design,
+    Following,
+    check_margins,
+    controller_at,
+    design_controller,
+    load_design,
+    loop_shaping,
+    servo_margins,
+    servo_plant,
 )
-from hfa_design.servo_loop import TOGETHER, check_margins, servo_loop, servo_margins, servo_plant
+from hfa_design.design_model import design_model
+from hfa_design.loop_shaping import following_model, output_weights, robust_check, robust_controller
+from hfa_design.servo_loop import TOGETHER, servo_loop
 from hfa_flight.actuators import Actuator
 from hfa_flight.schedule.scheduled_controller import ScheduledController
 

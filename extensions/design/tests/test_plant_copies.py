@@ -13,8 +13,7 @@ from strategies import in_coordinates, turn
 
 from controller.riccati.smallest_delta import DeltaMin
 from hfa import NoSolutionError
-from hfa_design import solve_plant
-from hfa_design.plant.generalized_plant import GeneralizedPlant
+from hfa_design import GeneralizedPlant, solve_plant
 
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning")
 #: A search ends within 2.5e-7, and so does SB10AD's if its loop attains the gain that it reports.

@@ -12,8 +12,7 @@ from known_models import model_at
 from scipy.integrate import solve_ivp
 from tolerances import SAME_FORMULA
 
-from hfa import BadInputError, OperatingPoint, fly, linearize
-from hfa_aircraft.model import Model
+from hfa import BadInputError, Model, OperatingPoint, fly, linearize
 from hfa_aircraft.waveform import Harmonic
 from hfa_flight import (
     ActuatorBank,

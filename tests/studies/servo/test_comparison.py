@@ -17,8 +17,8 @@ from servo_cases import A_Z
 
 import hfa
 from hfa import BadInputError, Model
-from hfa_design import design_controller
-from hfa_design.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
+from hfa_design import check_margins, design_controller, servo_margins, servo_plant
+from hfa_design.servo_loop import servo_loop
 from hfa_flight import OneMinusCosine, save_controller
 from hfa_flight.actuators import Actuator
 from studies.servo.__main__ import main

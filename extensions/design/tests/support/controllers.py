@@ -6,7 +6,7 @@ import numpy as np
 
 import hfa
 import hfa_model
-from hfa_aircraft.model import Model
+from hfa import Model
 from hfa_flight import ScheduledController
 from hfa_support.provenance import parameter_hash
 

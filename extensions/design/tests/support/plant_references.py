@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hfa_design import GeneralizedPlant
-from hfa_design.plant.generalized_plant import closed_plant
+from hfa_design import GeneralizedPlant, closed_plant
 
 
 def of_slycot(plant: GeneralizedPlant) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from hfa_design.design import Design
+from hfa_design import Design
 from studies.servo import simvfa
 from studies.servo.simvfa import simvfa_design
 
