@@ -23,6 +23,7 @@ _POLICIES = {
     "exact game policy": "exact_policy",
     "exact LQR": "exact_lqr",
     "learned critic": "learned_critic",
+    "predictive policy": "predictive",
 }
 #: Relative and absolute tolerance for equal entries of linear models.
 _SAME = 1e-9
@@ -71,8 +72,9 @@ def flights_section(
         "this page's aircraft" if flights.matches(A_and_B) else "ANOTHER aircraft than this page's"
     )
     about = (
-        "Costs are integrals of x'Qx + u'Ru with the paper's Q and R. The policies are exact for "
-        "the linear game, and their inputs are saturated. Outside: the flight leaves the limits. "
+        "Costs are integrals of x'Qx + u'Ru with the paper's Q and R. The first three policies are "
+        "linear, and their inputs are saturated. The predictive policy plans on the nonlinear "
+        "model. Outside: the flight leaves the limits. "
         f"{flights.limits} "
         f"Computed by {_STUDY} for {same}."
     )
@@ -126,7 +128,7 @@ def _policy(flight: Mapping[str, Any]) -> Cell:
     """Return the table cell for a policy's flight."""
     if flight["cost"] is None:
         return Cell("does not converge", "bad")
-    cost = f"{flight['cost']:,.0f} ({flight['over_best']:.1f}x)"
+    cost = f"{flight['cost']:,.0f} ({flight['over_best']:.3g}x)"
     if flight["departure"] is not None:
         return Cell(f"{cost}, outside", "bad")
     return Cell(cost, "near")

@@ -68,7 +68,8 @@ class FlightsData(Result):
     limits: name of a set of limits -> state or input -> lowest and highest value.
     models: dihedral_deg, A and B of each linear model.
     flights: for each angle and set of limits: dihedral_deg; within, the set of limits; best,
-      exact_policy, exact_lqr and learned_critic with costs of flights on the nonlinear aircraft.
+      exact_policy, exact_lqr, learned_critic and predictive with costs of flights on the nonlinear
+      aircraft.
     """
 
     schema = "hfa.paper-flights/2"

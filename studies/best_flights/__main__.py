@@ -1,7 +1,7 @@
 """Cost of flights of the nonlinear HFA from the paper's x(0) at 5, 10 and 15 deg.
 
-The study compares the best flight found with the exact game policy, the exact LQR and a learned
-critic, within two sets of limits. The study takes half a minute. It writes
+The study compares the best flight found with the exact game policy, the exact LQR, a learned critic
+and the predictive policy, within two sets of limits. The study takes half a minute. It writes
 FOLDER/best_flights.json, which `hfa report --flights` reads, and FOLDER/best_flights.png.
 """
 
@@ -20,6 +20,7 @@ from hfa.page.flights import flights_table, limits_in_words
 from hfa.page.results import FlightsData
 from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_optimal.best_flight import BestFlight
+from hfa_optimal.predictive import policy_of
 from hfa_optimal.search import AFTER, BestFlights
 from hfa_support.files import write_text
 from hfa_support.reporting.data_files import json_text
@@ -52,9 +53,10 @@ _DRAWN = ("speed", "alpha", "pitch_rate", "elevator_center")
 def best_flight_and_policies(
     linear: LinearModel, limits: dict[str, tuple[float, float]]
 ) -> BestFlight:
-    """Return the best flight found from the paper's x(0), together with flights of three policies.
+    """Return the best flight found from the paper's x(0), together with flights of four policies.
 
-    The policies are the exact LQR, a critic learned as by `hfa learn`, and the exact game policy.
+    The policies are the exact LQR, a critic learned as by `hfa learn`, the exact game policy and
+    the predictive policy.
 
     linear: linear model at the trim
     limits: name of a state -> (lowest, highest)
@@ -68,10 +70,11 @@ def best_flight_and_policies(
         "learned critic, saturated": hfa.learn(game, seed=0).K,
         "exact game policy, saturated": hfa.solve(game).K,
     }
-    flown = []
-    for name, K in gains.items():
-        seconds = (1.0 + AFTER) * found.seconds
-        flown.append(search.flights.fly(search.flights.of_gain(name, K), start, seconds))
+    flights = search.flights
+    loops = [flights.of_gain(name, K) for name, K in gains.items()]
+    loops.append(flights.of_policy(policy_of(problem, game)))
+    seconds = (1.0 + AFTER) * found.seconds
+    flown = [flights.fly(loop, start, seconds) for loop in loops]
     return BestFlight(problem, found, tuple(flown))
 
 
@@ -82,7 +85,7 @@ def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
     name: name of the set of limits
     best: the best flight and the flights of the policies
     """
-    linear, learned, exact = best.policies
+    linear, learned, exact, predictive = best.policies
     return {
         "dihedral_deg": degrees,
         "within": name,
@@ -95,6 +98,7 @@ def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
         "exact_policy": exact.as_data(),
         "exact_lqr": linear.as_data(),
         "learned_critic": learned.as_data(),
+        "predictive": predictive.as_data(),
     }
 
 
@@ -132,7 +136,8 @@ def study() -> tuple[FlightsData, list[BestFlight]]:
 def drawn(flights: Sequence[BestFlight]) -> Figure:
     """Return a figure with a column of panels for each dihedral angle.
 
-    Each panel shows one signal of the best flight found and of the exact game policy.
+    Each panel shows one signal of the best flight found, of the exact game policy and of the
+    predictive policy.
     """
     figure = new_figure(10.0, 7.0)
     panels = figure.subplots(len(_DRAWN), len(flights), sharex=True, sharey="row", squeeze=False)
@@ -144,21 +149,23 @@ def drawn(flights: Sequence[BestFlight]) -> Figure:
     for name, axes in zip(_DRAWN, panels[:, 0], strict=True):
         axes.set_ylabel(f"{name}, {shown_unit(flights[0].model.unit(name))}")
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
     return figure
 
 
 def _draw(axes: Axes, best: BestFlight, name: str) -> None:
-    """Draw a signal of the best flight and of the exact policy, with its limits."""
+    """Draw a signal of the best flight, of the exact policy and of the predictive policy, with its
+    limits.
+    """
     unit = best.model.unit(name)
     limits = shown_values(np.array(limits_of(best.problem)[name]), unit)
-    exact = best.compared[-1]
-    rows = exact.times <= _SECONDS
     names = [*best.state_names, *best.input_names]
     of_best = np.column_stack([best.states, best.inputs])[:, names.index(name)]
-    of_exact = np.column_stack([exact.states, exact.inputs])[rows, names.index(name)]
     axes.plot(best.time, shown_values(of_best, unit), label="best flight found")
-    axes.plot(exact.times[rows], shown_values(of_exact, unit), "--", label=exact.name)
+    for flown, style in zip(best.compared[-2:], ("--", "-."), strict=True):
+        rows = flown.times <= _SECONDS
+        values = np.column_stack([flown.states, flown.inputs])[rows, names.index(name)]
+        axes.plot(flown.times[rows], shown_values(values, unit), style, label=flown.name)
     axes.axhline(float(limits[0]), color="black", linestyle=":", linewidth=0.8, label="limits")
     axes.axhline(float(limits[1]), color="black", linestyle=":", linewidth=0.8)
     room = 0.1 * (limits[1] - limits[0])

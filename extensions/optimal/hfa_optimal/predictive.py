@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -217,6 +217,17 @@ def _end_of(scaled: ScaledProblem, dt: float, at_end: Game) -> tuple[np.ndarray,
         K, _ = hold_of(*scaled.linear_states, dt).forever()
         return scaled.P, K
     of_states, of_inputs = scaled.problem.sizes
-    solution = solve(at_end)
-    P = np.pad(np.array(solution.P), [(0, n - k)] * 2) * np.outer(of_states, of_states)
-    return P, np.array(solution.K) * of_states[:k] / of_inputs[:, None]
+    P = np.pad(np.array(solve(at_end).P), [(0, n - k)] * 2) * np.outer(of_states, of_states)
+    K = np.array(solve(_held_game(at_end, dt)).K)
+    return P, K * of_states[:k] / of_inputs[:, None]
+
+
+def _held_game(continuous: Game, dt: float) -> Game:
+    """Return the game whose inputs and disturbance are held dt, with the exact cost of the inputs.
+
+    The cost of the disturbance alone is exact. Its effect on the states within a hold costs nothing
+    before the end of the hold.
+    """
+    k = len(continuous.A)
+    W = hold_of(continuous.A, continuous.B, continuous.Q, continuous.R, dt).W
+    return replace(continuous.sampled(dt), Q=W[:k, :k], N=W[:k, k:], R=W[k:, k:])

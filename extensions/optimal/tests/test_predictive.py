@@ -197,14 +197,25 @@ def test_a_wrong_step_of_the_quadratic_program_leaves_the_old_plan(
 
 
 def test_the_game_of_a_finite_delta_is_at_the_end() -> None:
-    """With delta near the least, P and K at the end are those of the game, which act harder."""
+    """Near the trim, K is that of the game with held inputs, by value iteration; it acts harder
+    than the LQR.
+    """
     linear = hfa.linearize(PENDULUM, UPRIGHT)
-    least = hfa.solve(hfa.game(linear, *WEIGHTS, delta=1e3)).delta_min
+    delta = 1.5 * hfa.solve(hfa.game(linear, *WEIGHTS, delta=1e3)).delta_min
     calm = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS)
-    tense = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS, delta=1.1 * least)
-    exact = np.array(hfa.solve(hfa.game(linear, *WEIGHTS, delta=1.1 * least)).K)
-    np.testing.assert_allclose(tense.K, exact, rtol=0.3)
-    assert (tense.K > 1.2 * calm.K).all()
+    tense = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS, delta=delta)
+    dt = tense.dt
+    A, B, Q, N, R = moved(np.array(linear.A), np.array(linear.B), *WEIGHTS, dt)
+    E = moved(np.array(linear.A), np.eye(2), np.eye(2), np.eye(2), dt)[1]
+    both = np.hstack([B, E])
+    weight = np.diag([R[0, 0], -dt * delta**2, -dt * delta**2])
+    cross = np.hstack([N, np.zeros((2, 2))])
+    P = np.zeros((2, 2))
+    for _ in range(2000):
+        K = np.linalg.solve(weight + both.T @ P @ both, both.T @ P @ A + cross.T)
+        P = Q + A.T @ P @ A - (A.T @ P @ both + cross) @ K
+    np.testing.assert_allclose(tense.K, K[:1], rtol=1e-6)
+    assert (tense.K > 1.01 * calm.K).all()
 
 
 @pytest.mark.parametrize(

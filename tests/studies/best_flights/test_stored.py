@@ -48,7 +48,9 @@ def test_a_new_search_gives_the_stored_costs(index: int) -> None:
     linear = hfa.paper.level_model(hfa.aircraft(), np.radians(stored["dihedral_deg"]))
     best = best_flight_and_policies(linear, LIMITS[stored["within"]])
     assert best.cost == pytest.approx(stored["best"]["cost"], rel=0.005)
-    lqr, learned, exact = best.policies
+    lqr, learned, exact, predictive = best.policies
+    assert predictive.cost == pytest.approx(stored["predictive"]["cost"], rel=1e-3)
+    assert predictive.departure is None
     assert learned.cost == pytest.approx(stored["learned_critic"]["cost"], rel=1e-3)
     assert exact.cost == pytest.approx(stored["exact_policy"]["cost"], rel=1e-3)
     assert lqr.cost == pytest.approx(stored["exact_lqr"]["cost"], rel=1e-3)

@@ -1,0 +1,453 @@
+"""A network that is taught by the predictive policy, and the files that deploy it.
+
+  v = b (-K z) + (1 - b) V N(z / Z, tanh(4 z / Z)),    b = exp(-z'Pz / level)
+
+N is a network with two hidden layers of tanh, Z and V are sizes of the taught states and inputs. At
+the trim, the gradient is -K whatever the network, because 1 - b and its gradient are 0.
+
+Source: Ross, Gordon and Bagnell, International Conference on Artificial Intelligence and Statistics
+2011, 627 (labels along the flights of the learner); Kingma and Ba, arXiv 1412.6980 (Adam).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from hfa_flight.problem import FlightProblem
+from hfa_optimal.end_law import EndLaw
+from hfa_optimal.held_model import HeldModel
+from hfa_optimal.predictive import Predictive, policy_of
+from hfa_support.errors import missing_package
+from hfa_support.progress import Progress
+
+#: Fraction by which the teacher's envelope is narrowed.
+TEACHER_MARGIN = 0.1
+#: Hidden units of each layer, and slope of the second features.
+_HIDDEN = 64
+_STEEP = 4.0
+#: Labelled rounds, flights in each, and steps of the fit after each.
+_ROUNDS = 2
+_FLIGHTS = 24
+_FIT_STEPS = 3000
+_BATCH = 512
+_FIT_RATE = 3e-3
+#: Gradient steps through flights, and their rate. Prices of exceeded limits in half ranges,
+#: relative to the median cost, and fraction by which their limits are narrowed.
+_FLIGHT_STEPS = 150
+_FLIGHT_RATE = 1e-3
+_PRICES = (5.0, 50.0)
+_MARGIN = 0.05
+#: Largest duration of a taught flight, in samples, and its part in time constants of the slowest
+#: pole within which the teacher decides.
+_MOST_SAMPLES = 130
+#: Largest gradient of a cost by the states in a flight, in units of the cost.
+_LARGEST = 1e3
+
+
+class Network:
+    """The policy of the module's first lines, in nominal units.
+
+    parameters: weights and biases of the three layers
+    K: gain at the trim, (m, k)
+    P: matrix of z'Pz, (k, k)
+    level: level of z'Pz at which the network and the linear policy blend
+    of_states, of_inputs: Z (k,) and V (m,)
+    """
+
+    def __init__(
+        self,
+        K: np.ndarray,
+        P: np.ndarray,
+        level: float,
+        of_states: np.ndarray,
+        of_inputs: np.ndarray,
+    ) -> None:
+        self.K, self.P, self.level = K, P, level
+        self.of_states, self.of_inputs = of_states, of_inputs
+        m, k = K.shape
+        rng = np.random.default_rng(0)
+        sizes = (2 * k, _HIDDEN, _HIDDEN, m)
+        self.parameters = []
+        for before, after in pairwise(sizes):
+            self.parameters += [rng.normal(size=(before, after)) / np.sqrt(before), np.zeros(after)]
+        self.parameters[4] *= 0.3
+
+    def __call__(self, z: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+        """Return the inputs before their limits, (N, m), and what `gradients` needs.
+
+        z: states of the linear model, (N, k)
+        """
+        W1, b1, W2, b2, W3, b3 = self.parameters
+        y = z / self.of_states
+        features = np.hstack([y, np.tanh(_STEEP * y)])
+        first = np.tanh(features @ W1 + b1)
+        second = np.tanh(first @ W2 + b2)
+        out = self.of_inputs * (second @ W3 + b3)
+        blend = np.exp(-np.einsum("ni,ij,nj->n", z, self.P, z) / self.level)[:, None]
+        linear = -z @ self.K.T
+        return blend * linear + (1.0 - blend) * out, (
+            z,
+            features,
+            first,
+            second,
+            out,
+            blend,
+            linear,
+        )
+
+    def gradients(
+        self, kept: tuple[np.ndarray, ...], by_inputs: np.ndarray
+    ) -> tuple[list[np.ndarray], np.ndarray]:
+        """Return the gradients of a cost by the parameters, and by z (N, k).
+
+        kept: second result of the call
+        by_inputs: gradient of the cost by the inputs before their limits, (N, m)
+        """
+        z, features, first, second, out, blend, linear = kept
+        _, _, W2, _, W3, _ = self.parameters
+        W1 = self.parameters[0]
+        last = by_inputs * (1.0 - blend) * self.of_inputs
+        middle = (last @ W3.T) * (1.0 - second**2)
+        begin = (middle @ W2.T) * (1.0 - first**2)
+        of_parameters = [
+            features.T @ begin,
+            begin.sum(0),
+            first.T @ middle,
+            middle.sum(0),
+            second.T @ last,
+            last.sum(0),
+        ]
+        k = len(self.of_states)
+        by_features = begin @ W1.T
+        steep = features[:, k:]
+        by_y = by_features[:, :k] + by_features[:, k:] * _STEEP * (1.0 - steep**2)
+        by_z = by_y / self.of_states - (by_inputs * blend) @ self.K
+        by_blend = (by_inputs * (linear - out)).sum(1, keepdims=True)
+        by_z += by_blend * blend * (-2.0 / self.level) * (z @ self.P)
+        return of_parameters, by_z
+
+
+class _Adam:
+    """Adam's gradient steps on a list of arrays."""
+
+    def __init__(self, parameters: list[np.ndarray]) -> None:
+        self._parameters = parameters
+        self._means = [np.zeros_like(each) for each in parameters]
+        self._squares = [np.zeros_like(each) for each in parameters]
+        self._count = 0
+
+    def step(self, gradients: list[np.ndarray], rate: float) -> None:
+        """Change the parameters by one step."""
+        self._count += 1
+        for parameter, gradient, mean, square in zip(
+            self._parameters, gradients, self._means, self._squares, strict=True
+        ):
+            mean += 0.1 * (gradient - mean)
+            square += 0.01 * (gradient**2 - square)
+            scale = np.sqrt(square / (1.0 - 0.99**self._count)) + 1e-9
+            parameter -= rate * mean / (1.0 - 0.9**self._count) / scale
+
+
+@dataclass(frozen=True, eq=False)
+class Lesson:
+    """What a network is taught, and how.
+
+    teacher: predictive policy
+    starts: initial deviations in nominal values, (N, k)
+    samples: duration of a taught flight, in samples
+    """
+
+    teacher: Predictive
+    starts: np.ndarray
+    samples: int
+
+    @property
+    def _limits(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.teacher.controller.planner.scaled.input_limits
+
+    def labelled(
+        self, student: Network | None, starts: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states of flights and the teacher's inputs there, (N, k) and (N, m).
+
+        student: the policy that flies, or None for the teacher
+        """
+        controller = self.teacher.controller
+        planner = controller.planner
+        k, n, _ = planner.scaled.sizes
+        calm = np.zeros(planner.model.disturbances)
+        states, inputs = [], []
+        for start in starts:
+            controller.reset()
+            z = np.concatenate([start, np.zeros(n - k)])
+            for _ in range(self.samples):
+                label = controller(z)
+                states.append(z[:k])
+                inputs.append(label)
+                v = label if student is None else np.clip(student(z[None, :k])[0][0], *self._limits)
+                z = planner.model.after(z, v, calm, planner.grid.dt)
+                if not np.all(np.abs(z) < 1e3):
+                    break
+        return np.array(states), np.array(inputs)
+
+    def fit(self, network: Network, states: np.ndarray, inputs: np.ndarray) -> None:
+        """Fit the network to labels. Beyond a limit, a label is met by any larger command."""
+        rng = np.random.default_rng(0)
+        adam = _Adam(network.parameters)
+        lowest, highest = self._limits
+        weights = 1.0 / (0.1 + np.linalg.norm(states / network.of_states, axis=1))
+        weights /= weights.mean()
+        for number in range(_FIT_STEPS):
+            chosen = rng.integers(0, len(states), _BATCH)
+            v, kept = network(states[chosen])
+            label = inputs[chosen]
+            error = (v - label) / network.of_inputs
+            error[((label >= highest) & (v > highest)) | ((label <= lowest) & (v < lowest))] = 0.0
+            pull = weights[chosen][:, None] * np.clip(error, -0.5, 0.5)
+            gradients, _ = network.gradients(kept, pull / network.of_inputs / _BATCH)
+            adam.step(gradients, _decayed(_FIT_RATE, number, _FIT_STEPS))
+
+    def improve(self, network: Network, progress: Progress | None) -> None:
+        """Change the network by gradient steps through flights of the model from the starts."""
+        planner = self.teacher.controller.planner
+        flights = FlightCosts(planner.scaled, planner.holds[0].W, planner.grid.dt, len(self.starts))
+        best, cheapest = [each.copy() for each in network.parameters], np.inf
+        adam = _Adam(network.parameters)
+        for number in range(_FLIGHT_STEPS):
+            cost, gradients = flights(network, self.starts, self.samples)
+            if cost < cheapest:
+                best, cheapest = [each.copy() for each in network.parameters], cost
+            adam.step(gradients, _decayed(_FLIGHT_RATE, number, _FLIGHT_STEPS))
+            if progress is not None:
+                progress(number + 1, _FLIGHT_STEPS)
+        network.parameters[:] = best
+
+
+def _decayed(rate: float, number: int, count: int) -> float:
+    return rate * 0.5 * (1.0 + np.cos(np.pi * number / count)) + 1e-5
+
+
+class FlightCosts:
+    """Mean logarithm of the costs of sampled flights, and its gradient by a network's parameters.
+
+    scaled: the problem in nominal units
+    W: cost of a sample, (n + m, n + m)
+    dt: sample time, s
+    count: number of flights
+    """
+
+    def __init__(self, scaled, W: np.ndarray, dt: float, count: int) -> None:  # type: ignore[no-untyped-def]
+        self._scaled = scaled
+        self._W = W
+        self._model = HeldModel(scaled, np.full(count, dt))
+        lowest, highest = scaled.state_limits
+        self._limits = (1.0 - _MARGIN) * lowest, (1.0 - _MARGIN) * highest
+        self._half = np.where(np.isfinite(highest - lowest), 0.5 * (highest - lowest), 1.0)
+
+    def __call__(
+        self, network: Network, starts: np.ndarray, samples: int
+    ) -> tuple[float, list[np.ndarray]]:
+        """Return the mean logarithm of the costs and its gradient by the parameters."""
+        k, n, _ = self._scaled.sizes
+        P = self._scaled.P
+        calm = np.zeros(self._model.disturbances)
+        z = np.pad(starts, [(0, 0), (0, n - k)])
+        costs = np.zeros(len(z))
+        price = np.einsum("ni,ij,nj->n", z, P, z).mean()
+        flown = []
+        for _ in range(samples):
+            u, kept = network(z[:, :k])
+            v = np.clip(u, *self._scaled.input_limits)
+            both = np.hstack([z, v])
+            pull = 2.0 * both @ self._W
+            costs += 0.5 * (both * pull).sum(1)
+            z, slopes = self._model.moved_along(z, v, calm)
+            beyond = (z - np.clip(z, *self._limits)) / self._half
+            costs += price * (_PRICES[0] * np.abs(beyond) + 0.5 * _PRICES[1] * beyond**2).sum(1)
+            push = price * (_PRICES[0] * np.sign(beyond) + _PRICES[1] * beyond) / self._half
+            flown.append((kept, slopes, pull, push, u == v))
+        costs += np.einsum("ni,ij,nj->n", z, P, z)
+        usable = np.isfinite(costs) & (costs > 0.0)
+        shares = np.where(usable, 1.0 / np.where(usable, costs, 1.0), 0.0) / len(costs)
+        return self._through(network, flown, 2.0 * z @ P, shares, costs[usable])
+
+    def _through(self, network, flown, by_end, shares, costs):  # type: ignore[no-untyped-def]
+        """Return mean and gradient, by the chain rule from the end of the flights."""
+        n = by_end.shape[1]
+        k = len(network.of_states)
+        total = [np.zeros_like(each) for each in network.parameters]
+        pull_z = by_end * shares[:, None]
+        for kept, slopes, pull, push, is_free in reversed(flown):
+            pull_z = pull_z + push * shares[:, None]
+            by_both = np.einsum("ni,nij->nj", pull_z, slopes) + pull * shares[:, None]
+            gradients, by_z = network.gradients(kept, by_both[:, n:] * is_free)
+            pull_z = by_both[:, :n]
+            pull_z[:, :k] += by_z
+            pull_z = np.clip(np.nan_to_num(pull_z), -_LARGEST, _LARGEST)
+            for each, gradient in zip(total, gradients, strict=True):
+                each += gradient
+        return float(np.log(costs).mean()), total
+
+
+def blending_level(end: EndLaw, P: np.ndarray) -> float:
+    """Return the largest level of z'Pz within which the linear loop keeps its limits.
+
+    P: (k, k)
+    """
+    rows = end.normalized_rows()
+    reach = np.einsum("ri,ij,rj->r", rows, np.linalg.inv(P), rows)
+    return float(1.0 / reach.max())
+
+
+def taught(
+    problem: FlightProblem,
+    start: np.ndarray,
+    half_widths: np.ndarray,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> tuple[Network, Predictive]:
+    """Return a network taught by the predictive policy, and the teacher.
+
+    The teacher labels its own flights, then those of the network. Gradient steps through flights
+    follow.
+
+    start: center of the initial deviations, (k,)
+    half_widths: half-widths of their box, (k,)
+    seed: seed of the initial deviations
+    """
+    from controller.game.linear_game import game
+
+    at_end = game(problem.linear, problem.Q, problem.R)
+    teacher = policy_of(problem, at_end, margin=TEACHER_MARGIN, estimate="nothing")
+    controller = teacher.controller
+    scaled = controller.planner.scaled
+    k = scaled.sizes[0]
+    of_states = problem.sizes[0][:k]
+    rng = np.random.default_rng(seed)
+    count = _ROUNDS * _FLIGHTS
+    starts = (start + half_widths * rng.uniform(-1.0, 1.0, (count, k))) / of_states
+    samples = min(_MOST_SAMPLES, int(np.ceil(controller.planner.grid.horizon / teacher.dt)))
+    lesson = Lesson(teacher, starts, samples)
+    states, inputs = lesson.labelled(None, starts[:_FLIGHTS])
+    P = scaled.P[:k, :k]
+    network = Network(
+        controller.nominal_gain,
+        P,
+        blending_level(controller.nominal_end, P),
+        np.maximum(states.std(axis=0), 1e-9),
+        np.maximum(np.abs(inputs).max(axis=0), 1e-9),
+    )
+    lesson.fit(network, states, inputs)
+    for _ in range(1, _ROUNDS):
+        visited, labels = lesson.labelled(network, starts[_FLIGHTS:])
+        states, inputs = np.vstack([states, visited]), np.vstack([inputs, labels])
+        lesson.fit(network, states, inputs)
+    lesson.improve(network, progress)
+    return network, teacher
+
+
+def write_policy(network: Network, teacher: Predictive, path: Path) -> Path:
+    """Write the network as ONNX and its deployment file beside it, and return the latter's path.
+
+    path: name of the ONNX file
+    """
+    path.write_bytes(_onnx_of(network))
+    deployment = path.with_suffix(".toml")
+    deployment.write_text(_deployment_text(teacher, path.name), encoding="utf-8")
+    return deployment
+
+
+def _onnx_of(network: Network) -> bytes:
+    """Return the network as an ONNX model: deviations in nominal values (1, k) -> (1, m)."""
+    try:
+        import onnx
+    except ImportError:
+        raise missing_package("writing an ONNX file", "onnx") from None
+    from onnx import TensorProto, helper, numpy_helper
+
+    W1, b1, W2, b2, W3, b3 = network.parameters
+    constants = {
+        "scale": 1.0 / network.of_states[None],
+        "steep": np.array(_STEEP),
+        "P": network.P,
+        "ones": np.ones((len(network.of_states), 1)),
+        "level": np.array(-1.0 / network.level),
+        "one": np.array(1.0),
+        "K": -network.K.T,
+        "W1": W1,
+        "b1": b1,
+        "W2": W2,
+        "b2": b2,
+        "W3": W3 * network.of_inputs,
+        "b3": b3 * network.of_inputs,
+    }
+    steps = [
+        ("Mul", ("z", "scale"), "y"),
+        ("Mul", ("y", "steep"), "4y"),
+        ("Tanh", ("4y",), "t"),
+        ("Concat", ("y", "t"), "features"),
+        ("MatMul", ("features", "W1"), "h1"),
+        ("Add", ("h1", "b1"), "a1"),
+        ("Tanh", ("a1",), "f1"),
+        ("MatMul", ("f1", "W2"), "h2"),
+        ("Add", ("h2", "b2"), "a2"),
+        ("Tanh", ("a2",), "f2"),
+        ("MatMul", ("f2", "W3"), "h3"),
+        ("Add", ("h3", "b3"), "out"),
+        ("MatMul", ("z", "P"), "Pz"),
+        ("Mul", ("Pz", "z"), "products"),
+        ("MatMul", ("products", "ones"), "zPz"),
+        ("Mul", ("zPz", "level"), "exponent"),
+        ("Exp", ("exponent",), "blend"),
+        ("Sub", ("one", "blend"), "rest"),
+        ("MatMul", ("z", "K"), "linear"),
+        ("Mul", ("blend", "linear"), "near"),
+        ("Mul", ("rest", "out"), "far"),
+        ("Add", ("near", "far"), "v"),
+    ]
+    nodes = [
+        helper.make_node(kind, list(given), [result], **({"axis": 1} if kind == "Concat" else {}))
+        for kind, given, result in steps
+    ]
+    k, m = len(network.of_states), len(network.of_inputs)
+    graph = helper.make_graph(
+        nodes,
+        "taught",
+        [helper.make_tensor_value_info("z", TensorProto.DOUBLE, [1, k])],
+        [helper.make_tensor_value_info("v", TensorProto.DOUBLE, [1, m])],
+        [numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    onnx.checker.check_model(model)
+    content: bytes = model.SerializeToString()
+    return content
+
+
+def _deployment_text(teacher: Predictive, network: str) -> str:
+    """Return the deployment file of a network in nominal values."""
+    problem = teacher.problem
+    of_states, of_inputs = problem.sizes
+    lowest, highest = teacher.controller.planner.scaled.input_limits
+    lines = ["[policy]", f'file = "{network}"', "", "[observation]"]
+    for name, scale in zip(problem.states, of_states, strict=False):
+        lines.append(f'{name} = {{ about = "trim", scale = {float(scale)!r} }}')
+    lines += ["", "[action]"]
+    for name, scale, low, high in zip(problem.inputs, of_inputs, lowest, highest, strict=True):
+        box = f"[{float(low)!r}, {float(high)!r}]"
+        lines.append(f'{name} = {{ box = {box}, map = "trim + {float(scale)!r} * a" }}')
+    lines += ["", "[timing]", f"dt = {teacher.dt!r}", ""]
+    if np.count_nonzero(problem.Q - np.diag(np.diag(problem.Q))) == 0:
+        lines.append("[cost]")
+        for name, names, weight in (
+            ("Q", problem.states, problem.Q),
+            ("R", problem.inputs, problem.R),
+        ):
+            pairs = zip(names, np.diag(weight).tolist(), strict=True)
+            lines.append(
+                f"{name} = {{ {', '.join(f'{each} = {value!r}' for each, value in pairs)} }}"
+            )
+    return "\n".join([*lines, ""])
