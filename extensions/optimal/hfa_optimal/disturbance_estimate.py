@@ -12,7 +12,7 @@ from hfa_support.native.bound import BoundFunction
 
 #: Fraction of the difference between measured and predicted rates by which an estimate moves at
 #: each sample.
-_SHARE = 0.5
+_SHARE = 0.8
 #: Largest magnitude of the model's own disturbance, nominal values.
 _MOST = 3.0
 #: Weights that make the cheapest equilibrium unique, relative to the largest weights.

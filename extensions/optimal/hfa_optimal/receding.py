@@ -18,9 +18,12 @@ from hfa_optimal.planner import Plan, Planner
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
 
-#: Largest numbers of steps of the quadratic program at the first sample, and at each later one.
+#: Largest numbers of steps of the quadratic program at the first sample, and at each later one. A
+#: later sample takes a further step only while its plan costs more than the last one promised, by
+#: this factor, because its inputs are averages over new holds.
 _FIRST = 15
-_LATER = 1
+_LATER = 3
+_RISE = 1.04
 #: The linear policy takes over where z'Pz is within this fraction of the plan's cost.
 _LINEAR = 0.01
 #: Number of samples after which the linear policy is computed again at the estimated equilibrium.
@@ -147,7 +150,12 @@ class RecedingHorizon:
                 self._first = plan
             return plan
         v = np.clip(planner.shifted(self._plan.v), *planner.scaled.input_limits)
-        plan, refused = planner.improved(planner.flown(z, v, d, target), d, target, _LATER)
+        plan = planner.flown(z, v, d, target)
+        most = _RISE * planner.rest(self._plan, target)
+        for _ in range(_LATER):
+            plan, refused = planner.improved(plan, d, target, 1)
+            if refused or plan.cost <= most:
+                break
         self._refused += refused
         return plan
 
