@@ -63,7 +63,7 @@ def test_the_page_shows_the_stored_flights() -> None:
     finer meshes within 0.5 %, and 95 % of the flights are found.
     """
     rows = json.loads(EXAMINED.read_text(encoding="utf-8"))["aircraft"]
-    page = (ROOT / "docs" / "optimize.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "nonlinear.md").read_text(encoding="utf-8")
     assert [(row["aircraft"], row["starts"]) for row in rows] == [(name, 50) for name in AIRCRAFT]
     for row, shown in zip(rows, table(rows).rows, strict=True):
         assert f"| {' | '.join(map(str, shown))} |" in page
