@@ -17,7 +17,6 @@ from hfa import BadInputError, Model, OperatingPoint, trim
 from hfa_aircraft import in_si
 from studies.validation.outside import released_trims
 from trim import load_condition, release
-from trim.point.condition_file import read_condition
 
 
 def test_data_of_a_loaded_point_contain_residuals(point: OperatingPoint, tmp_path: Path) -> None:
@@ -110,7 +109,7 @@ def test_values_of_a_condition_file_have_its_units(tmp_path: Path, metric: bool)
     path.write_text(text, encoding="utf-8")
     model = in_si(hfa.aircraft()) if metric else hfa.aircraft()
     usual = release(hfa.TrimCondition(model, model.trim), free=("elevator_center",))
-    condition = read_condition(str(path), usual)
+    condition = load_condition(str(path), usual)
     foot = 0.3048 if metric else 1.0
     imposed = condition.at(math.radians(7.5)).imposed
     assert imposed["speed"] == pytest.approx(60.0 * foot)
