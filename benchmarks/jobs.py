@@ -237,7 +237,7 @@ def environment(quick: bool) -> list[Comparison]:
             simulator.run()
 
     episodes = hfa.environment(model, dt=frames / 120.0)
-    still = np.zeros(episodes.action_space.shape)
+    still = np.zeros(len(model.inputs))
 
     def ours() -> None:
         for _ in range(5):

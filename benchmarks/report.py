@@ -71,7 +71,8 @@ def in_turn(
         times[1] = [theirs] * rounds
     ratios = [b / a for a, b in zip(*times, strict=True)]
     ends = (min(ratios), statistics.median(ratios), max(ratios))
-    return Comparison(job, peer, *map(statistics.median, times), ends, goal)
+    our_time, their_time = map(statistics.median, times)
+    return Comparison(job, peer, our_time, their_time, ends, goal)
 
 
 def markdown(rows: Sequence[Comparison]) -> str:
@@ -129,13 +130,11 @@ def store(measured: Mapping[str, Sequence[Comparison]], order: Sequence[str]) ->
             "versions; run all jobs"
         )
     found = {**kept, **measured}
-    data = {
-        "machine": machine(),
-        "jobs": {name: [list(each) for each in found[name]] for name in order if name in found},
-    }
+    jobs = {name: [list(each) for each in found[name]] for name in order if name in found}
+    data = {"machine": machine(), "jobs": jobs}
     write_text(RESULTS, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
     page = PAGE.read_text("utf-8")
-    table = markdown([Comparison(*row) for rows in data["jobs"].values() for row in rows])
+    table = markdown([Comparison(*row) for rows in jobs.values() for row in rows])
     before, head, after = page.partition(table.splitlines()[0])
     if not head:
         raise BadInputError(f"{PAGE} has no table {table.splitlines()[0]}")

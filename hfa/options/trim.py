@@ -259,7 +259,7 @@ class Trim(Part):
         Each is tried. Values that the user imposed come last.
         """
         imposed = sorted(self.condition.imposed, key=lambda name: name in self.hold)
-        found = []
+        found: list[str] = []
         for name in imposed:
             is_swept = name == self.model.schedule and self.model.about.names_schedule
             if is_swept or len(found) == _MOST_ADVICE:

@@ -75,8 +75,17 @@ class Plant:
         E = self.E
         if not E.shape[1]:
             E = np.zeros((len(self.A), 1))
-        time = {"dt": True, "discount": self.discount} if self.is_discrete else {}
-        return Game(self.A, self.B, E, self.Q, self.R, self.gamma, self.N, **time)
+        return Game(
+            self.A,
+            self.B,
+            E,
+            self.Q,
+            self.R,
+            self.gamma,
+            self.N,
+            dt=self.is_discrete or None,
+            discount=self.discount if self.is_discrete else 1.0,
+        )
 
     def with_entry(self, name: str, row: int, column: int, value: float) -> Plant:
         """Return the plant with one entry changed.

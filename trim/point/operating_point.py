@@ -370,12 +370,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
         return draw_point(self)
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the point as JSON, from which `load` restores the exact numbers."""
         write_text(path, json_text(self.to_dict()))
 
     @staticmethod
-    def load(path: Path, model: Model) -> OperatingPoint:
+    def load(path: str | Path, model: Model) -> OperatingPoint:
         """Return an operating point of a model from a file.
 
         path: file of the point, of a trim, or of a linear model
@@ -429,7 +429,7 @@ _FILE: dict[Any, Any] = {
 }
 
 
-def loaded_point(path: Path, model: Model) -> OperatingPoint:
+def loaded_point(path: str | Path, model: Model) -> OperatingPoint:
     """Return an operating point of a model from a file.
 
     path: file of the point, of a trim, or of a linear model

@@ -50,8 +50,9 @@ def sample_time(model: Model, points: Sequence[OperatingPoint]) -> float:
         linear = linearize(model, point)
         fastest = max(fastest, spectral_radius(linear.A))
         try:
-            weights = (nominal_weights(model, names) for names in (linear.states, linear.inputs))
-            K = unconfirmed_solution(game(linear, *weights)).K
+            Q = nominal_weights(model, linear.states)
+            R = nominal_weights(model, linear.inputs)
+            K = unconfirmed_solution(game(linear, Q, R)).K
         except NoSolutionError:
             continue
         fastest = max(fastest, spectral_radius(linear.A - linear.B @ K))
