@@ -140,7 +140,7 @@ class ScheduleProof:
             )
         ):
             raise Rejected("the first trim differs from the stated one")
-        loop = self._loop(trims)
+        loop = self.loop(trims)
         self._check_decay(loop, trims)
         if self.statement.scheduled_rate is not None:
             self._check_motion(loop, trims)
@@ -162,7 +162,7 @@ class ScheduleProof:
         values = self._loops[0](w, s, self.flight.doubles, K.ravel(order="F"), slopes, origin)
         return np.array(values).reshape(K.shape[1], K.shape[1], order="F")
 
-    def _loop(self, trims: TrimPiece) -> LinearInPosition:
+    def loop(self, trims: TrimPiece) -> LinearInPosition:
         """Return the closed loop on a piece."""
         K, slope, origin = self._gain(trims.low)
         gain = [matrix(K).transpose().entries(), slope.transpose().entries(), [exact(origin)]]

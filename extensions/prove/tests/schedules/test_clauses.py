@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import answer, hfa
+from flint import arb
 from mutations import accepted_claims
 
 import hfa as package
@@ -20,8 +21,10 @@ from hfa import BadInputError, Model, NoSolutionError, Signal
 from hfa_aircraft.about import Source
 from hfa_prove import Family, Gains, prove_schedule
 from hfa_prove.certificate import SCHEMA, read_content
-from hfa_prove.check.schedule import check_schedule
+from hfa_prove.check.schedule import ScheduleProof, check_schedule
+from hfa_prove.check.trims import SteadyFlight
 from hfa_prove.statements.plant import Subject
+from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
 
 Content = dict[str, Any]
 
@@ -104,6 +107,58 @@ def test_branches_of_trims_are_told_apart() -> None:
     assert prove_schedule(Family(model), gains, 0.01, 1.0, decay_rate=0.9).size > 4
     with pytest.raises(NoSolutionError):
         prove_schedule(Family(model), gains, 0.0, 1.0, decay_rate=0.9)
+
+
+def folded(rate: Callable[[Any, Any], Any], least: float) -> Model:
+    """Return x' = u² - p - rate(x, u), with the trims u = ±√p, u >= least."""
+    return Model(
+        "fold", {"x": Signal()}, {"u": Signal("1", 1.0, least, 9.0)},
+        lambda x, u, p, w: ({"x": u.u * u.u - p.p - rate(x.x, u.u)}, {}),
+        parameters={"p": Signal(start=1.0)}, schedule="p", trim={"x": 0.0},
+    )  # fmt: skip
+
+
+FOLD = folded(lambda x, u: x * u, 0.0)
+BOTH = folded(lambda x, u: x, -9.0)
+
+
+def fold(low: float, high: float, model: Model = FOLD) -> ScheduleProof:
+    """Return the proof for x' = u² - p - x u, with the trims u = √p and the loop C = -√p."""
+    flight = Family(model).flight(low, high)
+    statement = ScheduleStatement(flight, Gains(np.array([1.0]), np.zeros((1, 1, 1))), 0.5)
+    return ScheduleProof(statement, ScheduleWitness(10**4, np.zeros(0), np.zeros((0, 1, 1))))
+
+
+def test_a_trim_is_claimed_only_where_krawczyks_test_holds() -> None:
+    """√p is proved from 0.5 to 0.6 in one piece, but not from 0.01 to 1."""
+    assert fold(0.5, 0.6).flight.trims(0.5, 0.6, np.array([0.7])).low == 0.5
+    with pytest.raises(NoSolutionError, match="not proved to exist"):
+        fold(0.01, 1.0).flight.trims(0.01, 1.0, np.array([0.7]))
+
+
+def test_the_loop_is_enclosed_at_every_point_of_a_piece() -> None:
+    """C0 + C1 t + R contains -√p, whose second derivative is that of the trim alone."""
+    proof = fold(0.5, 0.6)
+    trims = proof.flight.trims(0.5, 0.6, np.array([0.7]))
+    for t in np.linspace(-0.05, 0.05, 11).tolist():
+        (ball,) = proof.loop(trims).at(arb(t)).entries()
+        assert ball.contains(-((trims.middle + arb(t)).sqrt()).mid())
+        assert float(ball.rad()) < 0.01
+
+
+def test_a_jump_to_another_branch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that continues on the branch u = -√p above p = 0.75 is refused."""
+    whole = SteadyFlight.estimate
+
+    def jumping(flight: SteadyFlight, guess: np.ndarray, s: float) -> Any:
+        return whole(flight, np.copysign(guess, guess if s < 0.75 else -first), s)
+
+    proof = fold(0.5, 1.0, BOTH)
+    first = proof.statement.flight.first["u"]
+    assert check_schedule(proof.statement, proof.witness) > 0
+    monkeypatch.setattr(SteadyFlight, "estimate", jumping)
+    with pytest.raises(NoSolutionError, match="one branch"):
+        check_schedule(proof.statement, proof.witness)
 
 
 def turning() -> Family:
@@ -258,11 +313,7 @@ def test_decimals_of_the_file_are_covered() -> None:
 
     With k = 1 and a pull of 1, c = 2.9 gives the double eigenvalue -√2 at a drag of 2 √2 - 2.9.
     """
-    from hfa_prove.check.trims import SteadyFlight
-
     flight = SteadyFlight(proved(1.0, 1.5).statement.flight)
-    from flint import arb
-
     assert flight.numbers[-2].contains(arb("0.1"))
     assert not flight.numbers[-2].contains(arb("0.1000000000000002"))
 
