@@ -148,7 +148,6 @@ def test_critics_are_judged_with_the_cross_weights():
     for critic in (from_gain(game, wrong.K), from_value(game, wrong.P)):
         verdict = verify(game, critic)
         assert not verdict.ok
-        assert "without cross weights N" in verdict.reason
 
 
 def test_the_joint_weight_decides():
