@@ -18,7 +18,7 @@ from hfa.options.trim import Trim
 from hfa_aircraft.waveform import Waveform
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.checks import Check
-from hfa_support.reporting.results import Matrix, Result, given
+from hfa_support.reporting.results import Result
 
 if TYPE_CHECKING:
     from controller.critic.training_run import TrainingRun
@@ -171,21 +171,9 @@ def learn(request: LearnRequest) -> int:
 
     named = request.named_game()
     if named.game.is_discrete:
-        return _learn_discrete(request, named)
+        request.learning.refuse(("law",), CONTINUOUS)
     run = request.learning.learned(named.game)
     return _show_learned(request, named, run, verify(named.game, run))
-
-
-def _learn_discrete(request: LearnRequest, named: NamedGame) -> int:
-    """Learn the solution of a game in discrete time by Q-learning, and return the exit code."""
-    from controller.critic.critic import from_q_function
-    from controller.learning.q_learning import learn_steps
-    from verification.critic.critic_check import verify
-
-    request.learning.refuse(("law",), CONTINUOUS)
-    problem = named.game
-    run, H = learn_steps(problem, request.learning.seed, progress=ProgressLine("learn"))
-    return _show_learned(request, named, run, verify(problem, from_q_function(problem, H)), H)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,16 +182,10 @@ class LearnedChecks(Result):
 
     certificates: the checks of this comparison
     converged: True if all checks pass
-    H: Q-function of a discrete-time plant, Q(x, u, w) = [x; u; w]' H [x; u; w], otherwise None
     """
 
     certificates: Sequence[Check]
     converged: bool
-    H: Matrix | None
-
-    def contents(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
-        return {"certificates": self.certificates, "converged": self.converged} | given(H=self.H)
 
 
 def _show_learned(
@@ -211,12 +193,11 @@ def _show_learned(
     named: NamedGame,
     run: TrainingRun,
     verdict: Verdict,
-    H: Any = None,
 ) -> int:
     """Print and save a learned critic with its checks, and return the exit code."""
     from verification.verdict import checks_part
 
-    judged: list[Any] = [LearnedChecks(verdict.checks, verdict.ok, H)]
+    judged: list[Any] = [LearnedChecks(verdict.checks, verdict.ok)]
     report = run.report()
     parts = (
         verdict.headline(),
