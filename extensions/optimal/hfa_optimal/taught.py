@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from hfa_flight.problem import FlightProblem
 from hfa_optimal.end_law import EndLaw
 from hfa_optimal.held_model import HeldModel
 from hfa_optimal.predictive import Predictive, policy_of
+from hfa_optimal.scaled import ScaledProblem
 from hfa_support.errors import missing_package
 from hfa_support.progress import Progress
 
@@ -240,7 +242,7 @@ class FlightCosts:
     count: number of flights
     """
 
-    def __init__(self, scaled, W: np.ndarray, dt: float, count: int) -> None:  # type: ignore[no-untyped-def]
+    def __init__(self, scaled: ScaledProblem, W: np.ndarray, dt: float, count: int) -> None:
         self._scaled = scaled
         self._W = W
         self._model = HeldModel(scaled, np.full(count, dt))
@@ -273,10 +275,17 @@ class FlightCosts:
         costs += np.einsum("ni,ij,nj->n", z, P, z)
         usable = np.isfinite(costs) & (costs > 0.0)
         shares = np.where(usable, 1.0 / np.where(usable, costs, 1.0), 0.0) / len(costs)
-        return self._through(network, flown, 2.0 * z @ P, shares, costs[usable])
+        gradient = self._through(network, flown, 2.0 * z @ P, shares)
+        return float(np.log(costs[usable]).mean()), gradient
 
-    def _through(self, network, flown, by_end, shares, costs):  # type: ignore[no-untyped-def]
-        """Return mean and gradient, by the chain rule from the end of the flights."""
+    @staticmethod
+    def _through(
+        network: Network,
+        flown: list[tuple[Any, ...]],
+        by_end: np.ndarray,
+        shares: np.ndarray,
+    ) -> list[np.ndarray]:
+        """Return the gradient by the parameters, by the chain rule from the end of the flights."""
         n = by_end.shape[1]
         k = len(network.of_states)
         total = [np.zeros_like(each) for each in network.parameters]
@@ -290,7 +299,7 @@ class FlightCosts:
             pull_z = np.clip(np.nan_to_num(pull_z), -_LARGEST, _LARGEST)
             for each, gradient in zip(total, gradients, strict=True):
                 each += gradient
-        return float(np.log(costs).mean()), total
+        return total
 
 
 def blending_level(end: EndLaw, P: np.ndarray) -> float:
@@ -442,12 +451,9 @@ def _deployment_text(teacher: Predictive, network: str) -> str:
     lines += ["", "[timing]", f"dt = {teacher.dt!r}", ""]
     if np.count_nonzero(problem.Q - np.diag(np.diag(problem.Q))) == 0:
         lines.append("[cost]")
-        for name, names, weight in (
-            ("Q", problem.states, problem.Q),
-            ("R", problem.inputs, problem.R),
-        ):
+        weights = {"Q": (problem.states, problem.Q), "R": (problem.inputs, problem.R)}
+        for name, (names, weight) in weights.items():
             pairs = zip(names, np.diag(weight).tolist(), strict=True)
-            lines.append(
-                f"{name} = {{ {', '.join(f'{each} = {value!r}' for each, value in pairs)} }}"
-            )
+            entries = ", ".join(f"{each} = {value!r}" for each, value in pairs)
+            lines.append(f"{name} = {{ {entries} }}")
     return "\n".join([*lines, ""])

@@ -21,7 +21,7 @@ from hfa.options.argument_types import (
 )
 from hfa.options.critics import critic_path
 from hfa.options.game import GameWeights
-from hfa.options.output import Output, ProgressLine, picture_option
+from hfa.options.output import Output, ProgressLine, output_option, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
@@ -38,6 +38,10 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 _MOST_STARTS = 10_000
+#: Law of a network that is taught by the predictive policy.
+TAUGHT = "taught"
+#: Half-widths of the box of taught initial conditions about --start, relative to the usual box.
+_TAUGHT_BOX = 0.5
 #: Options that do not apply to the quickest flight.
 _OF_COST = ("starts", "need", "law", "weights", "policy", "seconds", "bound")
 
@@ -50,7 +54,9 @@ class OptimizeRequest(Request):
     trim: Trim = part(Trim, without=("limit", "start"))
     cost: GameWeights = part(GameWeights, without=("N",))
     output: Output = part(
-        Output, picture=picture_option("the best flight found, and the flights of the policies")
+        Output,
+        file=output_option(".onnx", purpose=f" (network of --law {TAUGHT})"),
+        picture=picture_option("the best flight found, and the flights of the policies"),
     )
     seed: int = option("seed of all random numbers; default 0", "N", whole(0), default=0, rare=True)
     deviations: Mapping[str, float] = option(
@@ -87,9 +93,10 @@ class OptimizeRequest(Request):
         rare=True,
     )
     law: str = option(
-        f"compare with a law that plans on the nonlinear model: {' or '.join(LAWS)}",
+        f"compare with a law that plans on the nonlinear model: {' or '.join(LAWS)}; or with a "
+        f"network that the predictive law teaches around --start ({TAUGHT}), written to -o",
         "NAME",
-        one_of(*LAWS),
+        one_of(*LAWS, TAUGHT),
         default="",
     )
     weights: Path | None = option(
@@ -177,7 +184,7 @@ class OptimizeRequest(Request):
         if np.isfinite(game.delta):
             exact = unconfirmed_solution(game).K
             loops.append(flights.of_gain("exact game policy, saturated", exact))
-        if self.law:
+        if self.law in LAWS:
             planned = loaded(LAWS[self.law])(search.problem, game, LawSettings())
             loops.append(flights.of_policy(planned))
         if self.weights is not None:
@@ -221,12 +228,35 @@ def optimize(request: OptimizeRequest) -> int:
         )
     if request.starts is None:
         request.refuse(("need",), "applies only to --starts; remove this option, or add --starts")
+    if request.law == TAUGHT or (request.output.file or Path()).suffix == ".onnx":
+        request = _with_taught_policy(request)
     search, game = request.search()
     loops = request.loops(search, game)
     bound = None if request.bound is None else _bound(request.bound, search)
     if request.starts is not None:
         return _table(request, search, game, loops, bound)
     return _one(request, search, loops, bound)
+
+
+def _with_taught_policy(request: OptimizeRequest) -> OptimizeRequest:
+    """Teach a network, write it with its deployment file, and return the request to compare it."""
+    from hfa_flight.initial_box import usual_box
+    from hfa_optimal.taught import taught, write_policy
+
+    file = request.output.file
+    if request.law != TAUGHT or file is None or file.suffix != ".onnx" or not request.deviations:
+        raise BadInputError(
+            f"--law {TAUGHT} requires -o FILE.onnx and --start NAME=VALUE,..., and a network is "
+            f"written by --law {TAUGHT} alone; give all three"
+        )
+    request.refuse(("policy",), f"cannot be combined with --law {TAUGHT}; remove one of the two")
+    search, _ = request.search()
+    problem = search.problem
+    start = problem.deviations(request.deviations)
+    box = _TAUGHT_BOX * usual_box(problem)
+    network, teacher = taught(problem, start, box, request.seed, ProgressLine("teach"))
+    deployment = write_policy(network, teacher, file)
+    return replace(request, policy=deployment, output=replace(request.output, file=None))
 
 
 def _quickest(request: OptimizeRequest) -> int:
