@@ -418,10 +418,10 @@ def _onnx_of(network: Network) -> bytes:
         ("Mul", ("rest", "out"), "far"),
         ("Add", ("near", "far"), "v"),
     ]
-    nodes = [
-        helper.make_node(kind, list(given), [result], **({"axis": 1} if kind == "Concat" else {}))
-        for kind, given, result in steps
-    ]
+    nodes = []
+    for kind, given, result in steps:
+        attributes: dict[str, Any] = {"axis": 1} if kind == "Concat" else {}
+        nodes.append(helper.make_node(kind, list(given), [result], **attributes))
     k, m = len(network.of_states), len(network.of_inputs)
     graph = helper.make_graph(
         nodes,

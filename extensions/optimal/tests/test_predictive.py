@@ -262,6 +262,7 @@ def test_laws_fly_and_are_compared_on_the_command_line(
         ["--law", "exact", "--margin", "0.1"],
         ["--law", "predictive", "--margin", "2"],
         ["--law", "predictive", "--estimate", "wind"],
+        ["--law", "predictive", "--samples", "2", "--workers", "2"],
         ["--keep-inside"],
     ],
 )

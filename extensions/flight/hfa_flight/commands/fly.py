@@ -292,6 +292,11 @@ def _fly_members(request: FlyRequest) -> int:
     from hfa_flight.samples.stability import with_stability
     from hfa_flight.samples.store import run_monte_carlo, stream_members
 
+    if request.policy.law in LAWS or request.policy.keep_inside:
+        request.processes.refuse(
+            ("workers",),
+            "cannot be combined with a law that plans or with --keep-inside; remove --workers",
+        )
     members = request.members
     assert members is not None  # --samples or --draws is given
     if request.draws is not None:
