@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from typing import NamedTuple
 
 import casadi as ca
@@ -11,9 +12,11 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.linear_game import Game
+from hfa.options.output import ProgressLine
 from hfa_prove.enclosure.relaxation import Relaxation
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report
 from verification.box import Box, usual_box
 from verification.judged_game import JudgedGame
 from verification.network.search import Comparison
@@ -51,6 +54,22 @@ class Proof(NamedTuple):
             return "in the box"
         return f"on {math.floor(100.0 * self.fraction) / 100.0:g} times the box"
 
+    @property
+    def holds(self) -> bool:
+        """Whether the bound of all errors is proved in the whole box."""
+        return self.fraction == 1.0 and self.is_of_all
+
+    def sentence(self) -> str:
+        """Return what is proved, or why it is not, in a line."""
+        if self.beyond is not None:
+            state = ", ".join(f"{each:.3g}" for each in self.beyond)
+            return f"FAIL: an error of the network exceeds {self.error:g} at z = ({state})"
+        if not self.is_of_all:
+            return f"FAIL: only a part of the errors has a proved bound, {self.error:g}"
+        if not self.holds:
+            return f"FAIL: no error above {self.error:g} is proved {self.where} alone; time is over"
+        return f"Proved: no error of the network exceeds {self.error:g} in the box"
+
 
 def error_bound(
     game: Game,
@@ -81,6 +100,30 @@ def error_bound(
         return None
     proof = prove("error", about.function(kinds), b, limit, seconds, progress)
     return None if proof is None else proof._replace(is_of_all=kinds == tuple(functions))
+
+
+class ProvedReport(NamedTuple):
+    """Report of a verdict, with the proof as its first line, and whether the proof holds."""
+
+    report: Report
+    holds: bool
+
+
+def with_bound(report: Report, game: Game, critic: Critic, limit: float) -> ProvedReport:
+    """Return the report of `hfa verify` with the proved bound of a network's errors.
+
+    limit: relative error to be proved
+
+    Raises BadInputError if the critic is not a network.
+    """
+    if critic.is_quadratic:
+        raise BadInputError("--prove bounds the errors of a network; remove it for this critic")
+    proof = error_bound(game, critic, limit=limit, progress=ProgressLine("prove"))
+    if proof is None:
+        line = "FAIL: no bound is implemented for an operation of the network"
+        return ProvedReport(replace(report, title=f"{line}\n{report.title}"), holds=False)
+    report = replace(report, title=f"{proof.sentence()}\n{report.title}")
+    return ProvedReport(report.with_data(proved=proof._asdict()), proof.holds)
 
 
 def prove(

@@ -9,6 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from cli import hfa
 
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa import Game, from_network, solve
@@ -301,3 +302,32 @@ def test_boxes_are_halved_across_the_largest_gap() -> None:
             moved = found[half] - centres[k]
             assert moved[side] == sign * expected[side]
             assert moved[1 - side] == 0.0
+
+
+def test_verify_finds_a_stripe_of_wrong_inputs_by_proof_alone(tmp_path: Path) -> None:
+    """A stripe that covers 1e-6 of the box passes the search of `hfa verify`, but not --prove."""
+    A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
+    np.savez(tmp_path / "plant.npz", A=A, B=B, Q=np.eye(2), R=np.eye(1))
+    K = solve(Game(A=A, B=B, Q=np.eye(2), R=np.eye(1))).K
+    width = 1e-6
+    hat = np.array([[0.0, 1.0]] * 3) / width
+    for name, height in {"right": 0.0, "stripe": 1.0}.items():
+        weights = {
+            "0.weight": np.vstack([K, -K, hat]),
+            "0.bias": np.array([0.0, 0.0, *(np.array([-1.0, 0.0, 1.0]) - 0.37123 / width)]),
+            "2.weight": np.array([[-1.0, 1.0, height, -2.0 * height, height]]),
+            "2.bias": np.zeros(1),
+        }
+        np.savez(tmp_path / f"{name}.npz", **weights)
+    words = f"verify --model {tmp_path}/plant.npz --set activation=relu --weights {tmp_path}/"
+    codes = {
+        (name, proves): hfa(*f"{words}{name}.npz".split(), *["--prove"] * proves).code
+        for name in ("right", "stripe")
+        for proves in (False, True)
+    }
+    assert codes == {
+        ("right", False): 0,
+        ("right", True): 0,
+        ("stripe", False): 0,
+        ("stripe", True): 1,
+    }
