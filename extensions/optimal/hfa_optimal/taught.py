@@ -364,14 +364,18 @@ def write_policy(network: Network, teacher: Predictive, path: Path) -> Path:
 
     path: name of the ONNX file
     """
-    path.write_bytes(_onnx_of(network))
+    of_states, of_inputs = teacher.problem.sizes
+    path.write_bytes(_onnx_of(network, of_states[: len(network.of_states)], of_inputs))
     deployment = path.with_suffix(".toml")
     deployment.write_text(_deployment_text(teacher, path.name), encoding="utf-8")
     return deployment
 
 
-def _onnx_of(network: Network) -> bytes:
-    """Return the network as an ONNX model: deviations in nominal values (1, k) -> (1, m)."""
+def _onnx_of(network: Network, of_states: np.ndarray, of_inputs: np.ndarray) -> bytes:
+    """Return the network as an ONNX model of deviations in the model's units, (1, k) -> (1, m).
+
+    of_states, of_inputs: nominal values, (k,) and (m,)
+    """
     try:
         import onnx
     except ImportError:
@@ -380,6 +384,8 @@ def _onnx_of(network: Network) -> bytes:
 
     W1, b1, W2, b2, W3, b3 = network.parameters
     constants = {
+        "nominal": 1.0 / of_states[None],
+        "size": of_inputs[None],
         "scale": 1.0 / network.of_states[None],
         "steep": np.array(_STEEP),
         "P": network.P,
@@ -395,6 +401,7 @@ def _onnx_of(network: Network) -> bytes:
         "b3": b3 * network.of_inputs,
     }
     steps = [
+        ("Mul", ("x", "nominal"), "z"),
         ("Mul", ("z", "scale"), "y"),
         ("Mul", ("y", "steep"), "4y"),
         ("Tanh", ("4y",), "t"),
@@ -417,6 +424,7 @@ def _onnx_of(network: Network) -> bytes:
         ("Mul", ("blend", "linear"), "near"),
         ("Mul", ("rest", "out"), "far"),
         ("Add", ("near", "far"), "v"),
+        ("Mul", ("v", "size"), "u"),
     ]
     nodes = []
     for kind, given, result in steps:
@@ -426,8 +434,8 @@ def _onnx_of(network: Network) -> bytes:
     graph = helper.make_graph(
         nodes,
         "taught",
-        [helper.make_tensor_value_info("z", TensorProto.DOUBLE, [1, k])],
-        [helper.make_tensor_value_info("v", TensorProto.DOUBLE, [1, m])],
+        [helper.make_tensor_value_info("x", TensorProto.DOUBLE, [1, k])],
+        [helper.make_tensor_value_info("u", TensorProto.DOUBLE, [1, m])],
         [numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items()],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
@@ -437,17 +445,14 @@ def _onnx_of(network: Network) -> bytes:
 
 
 def _deployment_text(teacher: Predictive, network: str) -> str:
-    """Return the deployment file of a network in nominal values."""
+    """Return the deployment file of a network of deviations in the model's units."""
     problem = teacher.problem
-    of_states, of_inputs = problem.sizes
-    lowest, highest = teacher.controller.planner.scaled.input_limits
+    lowest, highest = problem.input_limits
     lines = ["[policy]", f'file = "{network}"', "", "[observation]"]
-    for name, scale in zip(problem.states, of_states, strict=False):
-        lines.append(f'{name} = {{ about = "trim", scale = {float(scale)!r} }}')
+    lines += [f'{name} = {{ about = "trim" }}' for name in problem.states]
     lines += ["", "[action]"]
-    for name, scale, low, high in zip(problem.inputs, of_inputs, lowest, highest, strict=True):
-        box = f"[{float(low)!r}, {float(high)!r}]"
-        lines.append(f'{name} = {{ box = {box}, map = "trim + {float(scale)!r} * a" }}')
+    for name, low, high in zip(problem.inputs, lowest.tolist(), highest.tolist(), strict=True):
+        lines.append(f'{name} = {{ box = [{low!r}, {high!r}], map = "trim + a" }}')
     lines += ["", "[timing]", f"dt = {teacher.dt!r}", ""]
     if np.count_nonzero(problem.Q - np.diag(np.diag(problem.Q))) == 0:
         lines.append("[cost]")
