@@ -25,7 +25,6 @@ SLOWEST = 100.0
 #: evaluate (a wide network, the nonlinear plant), and of steps of a discrete loop.
 STEPS = 20_000
 FEW_STEPS = 1000
-MOST_STEPS = 20_000
 #: Number of steps of a discrete loop that are computed together.
 _PER_TICK = 100
 #: Largest number of Newton steps to an equilibrium, and its largest distance, in boxes.

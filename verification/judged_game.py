@@ -26,8 +26,8 @@ from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.text import Table
 from verification.axis import (
     DECAY,
-    MOST_STEPS,
     SLOWEST,
+    STEPS,
     Expression,
     Loop,
     cost_of,
@@ -337,7 +337,7 @@ class JudgedGame:
         if not game.is_discrete:
             duration = self._duration(game.A - game.B @ critic.K, linear)
             return flow_loop(z, after, self.exact, duration, b, running)
-        steps = min(math.ceil(self._duration(linear)), MOST_STEPS)
+        steps = min(math.ceil(self._duration(linear)), STEPS)
         by_exact = plant - game.B @ self.exact.K
         return step_loop(z, after, self.exact, by_exact, steps, b, running)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,6 @@ NEAR = 1.0
 AT_TRIM = 1e-6
 #: Kinds of checks that the first lines always mention; a failed check of another kind is named.
 _IN_THE_FACTS = ("error", "rest", "stability", "game loop")
-Grade = Literal["exact", "near", "fail"]
 #: Largest number of columns of the first line of a report.
 _FIRST_LINE = 80
 
@@ -54,8 +53,8 @@ class Details(Result):
         source.
     dt: sampling time of a sampled plant, s.
     history: for a critic over time, the errors at each time.
-    network: for a critic that is not quadratic, its outputs, V(0), the largest errors found and
-        proved in the box, and the results of its simulations.
+    network: for a critic that is not quadratic, its outputs, V(0), the largest errors found
+        in the box, and the results of its simulations.
     """
 
     graded: FlightCost | None = None
@@ -184,7 +183,7 @@ class Verdict(Checked, Result, Reported):
         return all(distance <= AT_TRIM for distance in rests)
 
     @property
-    def grade(self) -> str:  # not Grade: jedi completes no Literal
+    def grade(self) -> str:
         """Grade of the critic on the game of the first line: "exact", "near" or "fail".
 
         - "exact": every check passes.
@@ -200,15 +199,13 @@ class Verdict(Checked, Result, Reported):
         is_near = self.cost_lost <= NEAR and self._rests_at_trim
         return "near" if is_near else "fail"
 
-    def headline(self, limit_cost: float | None = None) -> str:
+    def headline(self) -> str:
         """Return the first line of the report: the grade, the game, the box, the number of
         simulations of a critic that is not quadratic, and the first finding.
 
         The second finding is added if the line then has at most `_FIRST_LINE` columns.
-
-        limit_cost: as for `holds`
         """
-        return self._first_lines(limit_cost)[0]
+        return self._first_lines(None)[0]
 
     def _first_lines(self, limit_cost: float | None) -> list[str]:
         """Return the headline of the report, and a line for each further finding."""

@@ -251,16 +251,6 @@ def unconfirmed_solution(game: Game) -> Solution:
     return solution_of(form, certified(form), game)
 
 
-def quick_solution(game: Game) -> tuple[np.ndarray, np.ndarray]:
-    """Return P and K of a game without refinement and without a certificate, for searches.
-
-    Raises NoSolutionError if no solution exists.
-    """
-    form = form_of(game)
-    P = form.value(form.unrefined())
-    return P, game.gain(P)
-
-
 def certified(form: Form, progress: Progress | None = None) -> Certified:
     """Return the certified solution of a game.
 

@@ -10,12 +10,14 @@ import numpy as np
 from project import FOLDERS
 from scipy.sparse.csgraph import connected_components
 
-#: Groups of modules that import each other in functions or for type checkers: the values of a trim,
-#: an expansion with its radius and report, and pairs of a value and its report or figure. The
-#: modules of a pair are in one folder.
+#: Groups of modules that import each other in functions or for type checkers: the values of a trim
+#: and of its report, an expansion with its radius and report, and pairs of a value and its report or
+#: figure. The modules of a pair are in one folder.
 ALLOWED = [
     {
+        "trim.linear.handling_qualities",
         "trim.linear.linear_model",
+        "trim.point.configuration",
         "trim.point.first_lines",
         "trim.point.linearize",
         "trim.point.operating_point",

@@ -66,5 +66,3 @@ ACTIVATIONS: Mapping[str, Callable[..., np.ndarray]] = {
     "selu": on_entries(_selu),
     "sin": on_entries(ca.sin),
 }
-#: Activations that a network may have been trained with instead of the given one.
-COMMON = ("tanh", "relu", "sigmoid", "softplus", "elu")
