@@ -162,7 +162,7 @@ def predictive(
     >>> slider = hfa.Model("slider", {"speed": hfa.Signal("m/s")}, {"force": force}, moved)
     >>> policy = hfa.predictive(slider, hfa.trim(slider))
     >>> policy(0.0, [3.0]).round(3).tolist(), policy.dt  # as fast as the force permits
-    ([-1.0], 0.1)
+    ([-1.0], 0.2)
     """
     need(model, Model, "predictive: model", Model._how_to_make)
     need(point, OperatingPoint, "predictive: point", "a trim: hfa.trim(model)")
