@@ -15,6 +15,7 @@ import pytest
 
 import controller
 import hfa
+import hfa_prove
 from hfa import BadInputError, Game
 
 PACKAGES = (
@@ -69,10 +70,17 @@ def _smallest() -> None:
         hfa.solve(GAME.with_delta(0.99 * smallest))
 
 
+def _bound() -> None:
+    far = ca.Function("V", [Z], [1.01 * V(Z)])
+    for value, is_bounded in ((V, True), (far, False)):
+        proof = hfa_prove.error_bound(GAME, hfa.from_network(GAME, value))
+        assert proof is not None
+        assert (proof.fraction == 1.0) == (proof.beyond is None) == is_bounded
+
+
 #: Public name -> test that it is right in discrete time, or, with the prefix "refused", a call that
 #: is refused.
 HANDLED: dict[str, Callable[[], Any]] = {
-    "Game": lambda: GAME,
     "Solution": lambda: EXACT.poles(),
     "solve": lambda: EXACT,
     "learn": lambda: _is_exact(hfa.learn(GAME).critic(GAME)),
@@ -87,6 +95,7 @@ HANDLED: dict[str, Callable[[], Any]] = {
     "bounded_real_gain": _gain,
     "disk_margin": _margin,
     "minimum_delta": _smallest,
+    "error_bound": _bound,
 }
 REFUSED: dict[str, Callable[[], Any]] = {
     "track": lambda: hfa.track(LINEAR, EXACT, {"x1": 1.0}),
@@ -94,8 +103,6 @@ REFUSED: dict[str, Callable[[], Any]] = {
     "Expansion": lambda: hfa.expand(LINEAR, EXACT, 3),
     "record": lambda: controller.record(GAME, np.eye(2)),
     "random_pool": lambda: controller.random_pool(GAME, 9, 0),
-    "prove_solution": lambda: hfa.prove_solution(GAME),
-    "prove_critic": lambda: hfa.prove_critic(GAME, hfa.from_gain(GAME, EXACT.K)),
 }
 pytestmark = pytest.mark.usefixtures("folder")
 
