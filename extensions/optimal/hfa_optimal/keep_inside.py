@@ -141,6 +141,16 @@ def keep_inside(
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
 
     Raises BadInputError if the policy has a memory, or if the inputs reach no limit in one sample.
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> point = hfa.trim(model, dihedral=0.2)
+    >>> law = hfa.state_dependent(model, point)
+    >>> kept = hfa.keep_inside(law, model, point, limits={"pitch_rate": (-0.015, 0.015)})
+    >>> start = {"alpha": 0.05}
+    >>> flights = [hfa.fly(model, point, each, 0.2, initial=start) for each in (law, kept)]
+    >>> [bool(abs(flight.states[:, 4]).max() <= 0.015) for flight in flights]
+    [False, True]
     """
     need(policy, Policy, "keep_inside: policy", "a policy of hfa.fly")
     return kept_inside(policy, flight_problem(model, point, limits=limits))
