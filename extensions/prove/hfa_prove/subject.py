@@ -7,7 +7,7 @@ names the entries that were not given.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -137,16 +137,3 @@ def _first_other(name: str, stated: Any, own: Given) -> str:
             if not own.same(changed, own.value):
                 return f"limit of {key}" if name == "limits" else str(key)
     return name
-
-
-def qualified(claim: str, not_given: Iterable[str]) -> str:
-    """Return a claim followed by the subjects that the user did not give.
-
-    not_given: names of the subjects
-    """
-    names = list(not_given)
-    if not names:
-        return claim
-    *first, last = names
-    listed = f"{', '.join(first)} and {last}" if first else last
-    return f"{claim}, of the {listed} in the certificate"

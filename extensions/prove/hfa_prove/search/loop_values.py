@@ -82,13 +82,6 @@ class LoopValues:
         loop = self.loop
         return tuple(name for name in (*loop.states, *loop.model.outputs) if name in loop.limits)
 
-    @cached_property
-    def limited_rows(self) -> np.ndarray:
-        """Gradients (k, n) in z of the signals `limited`, at the equilibrium."""
-        n = len(self._x)
-        has_limits = [name in self.loop.limits for name in self.loop.states]
-        return np.vstack([np.eye(n)[has_limits], self._slopes[n:]])
-
     def _signals(self, z: np.ndarray) -> np.ndarray:
         """Return the values (N, k) of the signals `limited` at state deviations z (N, n)."""
         x = z + self._x
