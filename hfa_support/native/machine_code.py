@@ -44,9 +44,10 @@ def machine_code(function: ca.Function) -> ca.Function:
     """Return the function compiled to machine code.
 
     Without a working compiler, a note is printed once and the function is returned unchanged. A
-    function that calls an FMU is returned unchanged: it is compiled already.
+    function that calls an FMU, which is compiled already, or erfinv, which C does not have, is
+    returned unchanged.
     """
-    if any(each.class_name() == "FmuFunction" for each in function.find_functions()):
+    if any(_has_no_c(each) for each in (function, *function.find_functions())):
         return function
     loaded = compiled(
         lambda symbol: _c_text(function, symbol),
@@ -108,6 +109,14 @@ def _c_text(function: ca.Function, symbol: str) -> str:
     generator.add(ca.Function(symbol, arguments, function.call(arguments)))
     text = str(generator.dump())
     return text.replace(_PRODUCT, _FAST_PRODUCT).replace(_BY_ROWS, _SIDE_BY_SIDE)
+
+
+def _has_no_c(function: ca.Function) -> bool:
+    if function.class_name() != "SXFunction":
+        return bool(function.class_name() == "FmuFunction")
+    return any(
+        function.instruction_id(place) == ca.OP_ERFINV for place in range(function.n_instructions())
+    )
 
 
 def _own_folder(folder: Path) -> Path:

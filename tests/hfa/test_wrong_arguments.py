@@ -54,6 +54,7 @@ def valid_arguments() -> dict[str, Any]:
         "game": game,
         "solution": solution,
         "critic": hfa.from_gain(game, solution.K),
+        "policy": solution.K,
         "K": solution.K,
         "P": solution.P,
         "weights": np.ones(21),

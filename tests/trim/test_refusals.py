@@ -132,7 +132,6 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "A or B is empty": lambda path: hfa.load_model(plant(path, A=[[]], B=[[]])),
     "A is 1 x 2; give a square matrix": lambda path: hfa.load_model(plant(path, A=[[1.0, 2.0]])),
     "B is 3 x 1; give 2 x 1": lambda path: hfa.load_model(plant(path, B=[[1.0]] * 3)),
-    "dt = 0.1 denotes discrete time": lambda path: hfa.load_model(plant(path, dt=0.1)),
     "there is no A": lambda path: hfa.load_model(plant(path, A=None)),
     "states contains": lambda path: hfa.load_model(plant(path, states=["\x1b", "b"])),
     "panel_span is -1; give a number of at least 0": lambda _: hfa.aircraft(

@@ -10,7 +10,7 @@ from hfa_aircraft.march.march import History
 from hfa_flight.envelope import Departure
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch, whole_turns
-from hfa_policy.flight_costs import Ratios, Returns
+from hfa_policy.flight_costs import Ratios
 from hfa_policy.flights import SampledFlight
 from hfa_policy.outcomes import PUSHED, Place, PlacedFlights, departure_text, seeded_starts
 from hfa_policy.reach import HORIZON, LONGEST, seconds_to_converge
@@ -181,10 +181,9 @@ def test_departures_are_written_with_their_side(left, text):
     assert departure_text(Departure(*left)) == text
 
 
-def test_ratios_and_returns_are_statistics_of_costs():
+def test_ratios_are_statistics_of_costs():
     assert Ratios.of([3.0, 1.0, 2.0, 7.0]) == (1.0, 2.5, 7.0)
-    assert Returns.of([1.0, 3.0]) == (-2.0, 1.0, 2)
-    assert Ratios.of([]) is Returns.of([]) is None
+    assert Ratios.of([]) is None
 
 
 def test_inputs_that_follow_themselves_have_a_larger_gain():

@@ -1,4 +1,4 @@
-"""The cost of a flight: stored histories, and the cost as a further state."""
+"""The cost of a flight as a further state of the simulation."""
 
 from __future__ import annotations
 
@@ -9,11 +9,6 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.steppers import rk4
-
-TIMES = np.array([0.0, 1.0, 3.0])
-ZEROS = np.zeros((3, 1))
-INPUTS = np.array([[2.0], [1.0], [5.0]])
-SQUARES = Cost(np.eye(1), np.eye(1))
 
 # A stable linear loop v = -K z.
 A = np.array([[0.0, 1.0], [-2.0, -0.3]])
@@ -46,19 +41,6 @@ def integrated(cost: Cost, steps: int) -> float:
     for _ in range(steps):
         y = rk4(rates, y, SECONDS / steps)
     return float(y[0, 2])
-
-
-@pytest.mark.parametrize(("is_held", "cost"), [(True, 6.0), (False, 28.5)])
-def test_costs_of_held_and_interpolated_inputs_are_exact(is_held: bool, cost: float) -> None:
-    """Held inputs of 2 for 1 s and 1 for 2 s cost 2² + 2·1². Interpolated inputs follow the
-    trapezoidal rule.
-    """
-    assert SQUARES.of(TIMES, ZEROS, INPUTS, is_held) == cost
-
-
-def test_cost_integrates_by_the_trapezoidal_rule() -> None:
-    """The cost of a flight with held inputs equals a trapezoidal sum computed by hand."""
-    assert SQUARES.of(TIMES, INPUTS, ZEROS, is_held=True) == 28.5
 
 
 @pytest.mark.parametrize("kind", [ca.SX, ca.MX])

@@ -99,4 +99,4 @@ def test_unsupported_operations_are_evaluated_by_casadi() -> None:
     x = ca.SX.sym("x")
     code = row_code(ca.Function("error", [x], [ca.erfinv(x)]))
     assert isinstance(code, RowFunction)
-    assert code([[0.5]])[0][0, 0] == pytest.approx(0.4769362762044699, rel=1e-15)
+    assert code([[0.5]])[0][0, 0] == pytest.approx(0.4769362762044699, rel=1e-9)
