@@ -75,6 +75,6 @@ def has_no_room(small_disk: Path, words: str, left: int) -> None:
     done = hfa_process(*words.split(), folder=small_disk)
     assert (done.code, done.err) == (
         BAD_INPUT,
-        "hfa: cannot write the output: No space left on device\n",
+        f"hfa: cannot write {words.split()[-1]}: No space left on device; choose another folder\n",
     )
     assert [path.name for path in small_disk.iterdir()] == ["full"]
