@@ -76,7 +76,7 @@ def optimize(
     inputs: inputs that move, by default all. The others are constant.
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
     bound: certificate of `hfa prove cost` about the cost, or None. The certificate is verified, and
-        its bound is `.lower_bound` of the result.
+        its bound is ``lower_bound`` of the result.
 
     Raises BadInputError for unknown names, an initial condition outside the limits, a horizon that
     is too short, and a certificate about other flights. Raises NoSolutionError if no simulated
