@@ -243,17 +243,6 @@ class StartsTable(OfProblem, Result, Reported):
         return Table((*states, "best", "linear_model", *policies, *bound), rows)
 
 
-@dataclass(frozen=True, eq=False)
-class WithFlights(Result):
-    """Field that `--flights N` adds to a result.
-
-    flights: flights of the nonlinear aircraft compared with the best flights found, or None without
-        `--flights`.
-    """
-
-    flights: StartsTable | None = None
-
-
 def _summary(column: Sequence[PolicyFlight]) -> PolicySummary:
     ratios = [each.over_best for each in column if each.over_best is not None]
     lost = sum(each.lost for each in column)
