@@ -27,7 +27,7 @@ from hfa.options.request import Request
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import constant
-from hfa_flight.actuators import ActuatorBank, ActuatorFault
+from hfa_flight.actuators import ActuatorBank
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import Gust, OneMinusCosine
 from hfa_flight.air.names import UPDRAFT, gust_speed
@@ -54,7 +54,6 @@ _GUST = "LENGTH:PEAK[:BEGIN]"
 _TURBULENCE = "LEVEL[:ALTITUDE[:SPAN]]"
 _OWN = "own:SIGMA:SCALE[:SPAN]"
 _ACTUATORS = "LAG:RATE[:ORDER]"
-_FAULT = "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
 #: Options of the game that the law solves.
 _OF_THE_GAME = ("policy.game.delta", "policy.game.Q", "policy.game.R")
 #: Option that replaces the law -> options that have no effect with it, by their paths in a request.
@@ -356,12 +355,6 @@ class ScenarioGiven(Part):
         rare=True,
     )
     actuators: tuple[float, ...] | None = actuators_option()
-    fault: tuple[float, ...] | None = option(
-        "fault of all actuators: factor on the command, bandwidth (rad/s), start time (s)",
-        _FAULT,
-        numbers(_FAULT, 3, otherwise=(0.0,)),
-        rare=True,
-    )
     delay: float = option(
         "delay of every command of the policy, s; default 0",
         "S",
@@ -420,7 +413,7 @@ class ScenarioGiven(Part):
             tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
             initial=np.array([self.initial.get(name, 0.0) for name in model.states]),
             disturbance=constant(np.array([disturbed.get(name, 0.0) for name in names])),
-            actuators=actuators_of(model, self.actuators, self.fault),
+            actuators=actuators_of(model, self.actuators),
             delay=delay,
             air={
                 name: constant(np.array([value]))
@@ -441,21 +434,16 @@ class ScenarioGiven(Part):
         return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
 
 
-def actuators_of(
-    model: Model, typed: tuple[float, ...] | None, fault: tuple[float, ...] | None = None
-) -> ActuatorBank | None:
-    """Return the actuators that --actuators and --fault specify, or None without --actuators.
+def actuators_of(model: Model, typed: tuple[float, ...] | None) -> ActuatorBank | None:
+    """Return the actuators that --actuators specifies, or None without --actuators.
 
-    Rate limit and fault apply to the surfaces. These are the inputs in rad or deg.
+    The rate limit applies to the surfaces. These are the inputs in rad or deg.
 
     typed: lag in s, rate limit in deg/s, order
-    fault: factor on the command, bandwidth in rad/s, start in s
 
-    Raises BadInputError if --fault is given alone or a number is out of range.
+    Raises BadInputError if a number is out of range.
     """
     if typed is None:
-        if fault is not None:
-            raise BadInputError("--fault requires actuators; add --actuators LAG:RATE")
         return None
     lag, degrees_per_second, order = typed
     if degrees_per_second <= 0:
@@ -465,15 +453,10 @@ def actuators_of(
         )
     rates = {"rad": math.radians(degrees_per_second), "deg": degrees_per_second}
     inputs = model.inputs
-    faults = []
-    if fault is not None:
-        effectiveness, bandwidth, begin = fault
-        surfaces = tuple(name for name, signal in inputs.items() if signal.unit in rates)
-        faults.append(ActuatorFault(begin, effectiveness, bandwidth, inputs=surfaces))
     values: Any = record(tuple(inputs))
     limits = control_limits(model)
     lowest = values(*limits.lowest.tolist())
     highest = values(*limits.highest.tolist())
     fastest = values(*(rates.get(signal.unit, math.inf) for signal in inputs.values()))
     lags = values(*[lag] * len(inputs))
-    return ActuatorBank(lags, lowest, highest, fastest, order=int(order), faults=tuple(faults))
+    return ActuatorBank(lags, lowest, highest, fastest, order=int(order))

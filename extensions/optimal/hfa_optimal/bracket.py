@@ -23,7 +23,6 @@ class Bracket(Result):
     start: state -> initial deviation from the trim.
     lower_bound: lower bound on the cost, proved by a certificate.
     best: cost of the best flight found, or None.
-    policy: cost of the policy's flight, or None if it does not end at the trim.
     beyond: True if lower_bound is the level of the certified set, because the initial condition is
         not inside this set.
     """
@@ -31,7 +30,6 @@ class Bracket(Result):
     start: Mapping[str, float]
     lower_bound: float
     best: float | None
-    policy: float | None
     beyond: bool = False
 
 
@@ -46,7 +44,7 @@ def bracket_of(
     cost: cost of the best flight found, which is the upper bound, or None if none was found
     """
     lower = float(bound.bound(z[None])[0])
-    return Bracket(start, lower, cost, None, lower >= bound.level)
+    return Bracket(start, lower, cost, lower >= bound.level)
 
 
 def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
@@ -71,23 +69,13 @@ def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
 
 
 def bracket_table(model: Model, brackets: Sequence[Bracket]) -> Table:
-    """Return a table of the lower bound and the known costs for each initial condition.
-
-    The column of the policy is omitted if no cost of the policy is known.
-    """
-    is_flown = any(each.policy is not None for each in brackets)
+    """Return a table of the lower bound and the lowest known cost for each initial condition."""
     rows = []
     for each in brackets:
         bound = f"{each.lower_bound:.6g}" + (" (level)" if each.beyond else "")
-        costs = (each.best, each.policy) if is_flown else (each.best,)
-        words = [_number(cost) for cost in costs]
-        rows.append((deviations_in_words(model, each.start), bound, *words))
-    header = ("initial condition", "no flight costs less than", "best found")
-    return Table((*header, "policy") if is_flown else header, rows)
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.6g}"
+        best = "-" if each.best is None else f"{each.best:.6g}"
+        rows.append((deviations_in_words(model, each.start), bound, best))
+    return Table(("initial condition", "no flight costs less than", "best found"), rows)
 
 
 def deviations_in_words(model: Model, start: Mapping[str, float]) -> str:

@@ -14,7 +14,7 @@ from hfa_optimal.bracket import bracket_of
 from hfa_optimal.quickest import QuickestFlight, quickest_to
 from hfa_optimal.search import BestFlights
 from hfa_support.arguments import ArrayLike, checks_arguments, need
-from hfa_support.errors import BadInputError, refuse_unless_positive, shown
+from hfa_support.errors import BadInputError, shown
 from trim.point.operating_point import OperatingPoint
 
 
@@ -27,7 +27,6 @@ def optimize(
     R: ArrayLike | Mapping[str, float] | None = None,
     *,
     minimize: Literal["cost"] = "cost",
-    seconds: float | None = None,
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
     bound: str | Path | None = None,
@@ -53,7 +52,6 @@ def optimize(
     R: ArrayLike | Mapping[str, float] | None = None,
     *,
     minimize: Literal["cost", "time"] = "cost",
-    seconds: float | None = None,
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
     bound: str | Path | None = None,
@@ -72,16 +70,14 @@ def optimize(
         moving inputs.
     minimize: "cost", or "time" to the trim. For the time, Q and R weight the linear policy that
         follows the proposal.
-    seconds: horizon, s, of the cost; by default long enough for a negligible cost after it
     inputs: inputs that move, by default all. The others are constant.
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
     bound: certificate of `hfa prove cost` about the cost, or None. The certificate is verified, and
         its bound is ``lower_bound`` of the result.
 
-    Raises BadInputError for unknown names, an initial condition outside the limits, a horizon that
-    is too short, and a certificate about other flights. Raises NoSolutionError if no simulated
-    flight within the limits converges, if no quickest flight was found, or if the certificate does
-    not prove its bound.
+    Raises BadInputError for unknown names, an initial condition outside the limits, and a
+    certificate about other flights. Raises NoSolutionError if no simulated flight within the limits
+    converges, if no quickest flight was found, or if the certificate does not prove its bound.
 
     >>> import hfa
     >>> cart = hfa.Model(
@@ -103,12 +99,10 @@ def optimize(
     need(initial, starts, "optimize: initial", "deviations {state: value}, or a trim")
     if minimize not in ("cost", "time"):
         raise BadInputError(f"minimize is {shown(minimize)}; give 'cost' or 'time'")
-    if seconds is not None:
-        refuse_unless_positive("seconds", seconds, " s")
     problem = flight_problem(model, point, Q, R, inputs, limits)
     if minimize == "time":
-        if seconds is not None or bound is not None:
-            raise BadInputError("seconds and bound are of the cost; remove them or minimize='time'")
+        if bound is not None:
+            raise BadInputError("bound is of the cost; remove it or minimize='time'")
         return quickest_to(problem, initial)
     z = problem.deviations(initial)
     proved = None
@@ -116,7 +110,7 @@ def optimize(
         from hfa_prove.bound import lower_bound
 
         proved = lower_bound(Path(bound), problem)
-    best = BestFlight(problem, BestFlights(problem).found(z, seconds))
+    best = BestFlight(problem, BestFlights(problem).found(z))
     if proved is None:
         return best
     return replace(best, bracket=bracket_of(proved, z, best.start, best.cost))

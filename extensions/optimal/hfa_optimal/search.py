@@ -21,7 +21,7 @@ from hfa_optimal.collocation import (
 )
 from hfa_optimal.flights import Flights, SimulatedFlight
 from hfa_optimal.tracking import exponentials
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
 
 #: Number of intervals of the coarsest mesh, and largest number of refinements.
@@ -145,26 +145,24 @@ class BestFlights:
         linear = self.problem.linear
         return np.asarray(linear.A - linear.B @ self.problem.K)
 
-    def found(self, start: np.ndarray, seconds: float | None = None) -> Found:
+    def found(self, start: np.ndarray) -> Found:
         """Return the best flight found from an initial condition.
 
         If the simulation confirms no proposal, the result is the cheapest simulated flight within
         the limits: an upper bound of the least cost.
 
         start: initial deviations z, (k,)
-        seconds: horizon, s; by default long enough for a negligible cost after it
 
         Raises NoSolutionError, with the reason, if no simulated flight stays within the limits and
-        converges. Raises BadInputError if the initial condition is outside the limits or a given
-        horizon is too short.
+        converges. Raises BadInputError if the initial condition is outside the limits.
         """
         self.problem.refuse_outside(start)
         simulated: list[SimulatedFlight] = []
         try:
-            return self._confirmed_best(start, seconds, simulated)
+            return self._confirmed_best(start, simulated)
         except NoSolutionError as error:
             reason = str(error).removeprefix("no flight found: ")
-            horizon = self.horizon(start) if seconds is None else seconds
+            horizon = self.horizon(start)
             linear = self.converging_linear(start, horizon)
             within = [flown for flown in (linear, *simulated) if not flown.lost]
             if not within:
@@ -185,11 +183,9 @@ class BestFlights:
             horizon *= _LONGER
         return linear
 
-    def _confirmed_best(
-        self, start: np.ndarray, seconds: float | None, simulated: list[SimulatedFlight]
-    ) -> Found:
+    def _confirmed_best(self, start: np.ndarray, simulated: list[SimulatedFlight]) -> Found:
         """Return the best flight whose proposal the simulation confirms."""
-        horizon = self.horizon(start) if seconds is None else seconds
+        horizon = self.horizon(start)
         for _ in range(_EXTENSIONS):
             horizon = self.flights.tick * math.ceil(horizon / self.flights.tick)
             linear = self.flights.linear(start, (1.0 + AFTER) * horizon)
@@ -198,11 +194,6 @@ class BestFlights:
             unfinished = self._unfinished(best)
             if not unfinished:
                 return self._refined(horizon, linear, proposals, simulated)
-            if seconds is not None:
-                raise BadInputError(
-                    f"the horizon of {seconds:g} s is too short: {unfinished}; omit seconds, or "
-                    f"increase it, for example to {_LONGER * seconds:.3g} s"
-                )
             horizon *= _LONGER
         raise NoSolutionError(
             f"no flight found with a horizon of {horizon / _LONGER:.3g} s: {unfinished}"

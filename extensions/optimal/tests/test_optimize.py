@@ -121,7 +121,6 @@ def test_an_interrupted_table_contains_the_finished_flights() -> None:
             "give an initial condition within the limits",
         ),
         (["--start", "angle=1", "--limit", "mass=0:1"], "mass"),
-        (["--start", "angle=1", "--seconds", "0.05"], "s is too short"),
         (["--starts", "2", "--picture", "a.png"], "applies only to a single flight"),
     ],
 )

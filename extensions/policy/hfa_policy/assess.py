@@ -118,7 +118,6 @@ def assessment_of(
     scenarios: Sequence[Scenario],
     best: int | None,
     progress_of: Callable[[str], Progress | None],
-    bound: Path | None = None,
 ) -> Assessment:
     """Return the assessment of a policy at the trims of an assessor, with all requested parts.
 
@@ -127,7 +126,6 @@ def assessment_of(
     scenarios: noise, gust and turbulence at each trim, or empty for no such flights
     best: number of flights that are compared with the best flights, as in `assess`
     progress_of: function from the name of a step to the callback for its progress, or None
-    bound: certificate with a lower bound of the cost, or None
     """
     rough: Sequence[RoughFlights | None] = [None] * len(assessor.points)
     if scenarios:  # first, because they refuse a scenario that does not suit the aircraft
@@ -141,7 +139,7 @@ def assessment_of(
         )
     points = assessor.assessed(progress_of("fly"))
     progress = progress_of("optimize")
-    points = [_with_costs(assessor, point, best, bound, progress) for point in points]
+    points = [_with_costs(assessor, point, best, progress) for point in points]
     points = [replace(at, rough=flown) for at, flown in zip(points, rough, strict=True)]
     changed = variations(assessor, changes, progress_of("fly changed aircraft"))
     return Assessment(assessor.deployed, tuple(points), needs, tuple(changed))
@@ -151,7 +149,6 @@ def _with_costs(
     assessor: Assessor,
     assessed: AssessedPoint,
     best: int | None,
-    bound: Path | None,
     progress: Progress | None,
 ) -> AssessedPoint:
     """Return the result at a trim with the costs of some flights, or a remark why none exist."""
@@ -164,11 +161,9 @@ def _with_costs(
         return assessed
     place, seed = assessed.place, assessor.seed
     try:
-        costs = flight_costs(
-            deployed, place, count, seed, progress, searched=searched, certificate=bound
-        )
+        costs = flight_costs(deployed, place, count, seed, progress, searched=searched)
     except (BadInputError, NoSolutionError) as error:
-        if best or bound is not None:
+        if best:
             raise
         return replace(assessed, remarks=(*assessed.remarks, f"no costs are compared: {error}"))
     return replace(assessed, best=costs)

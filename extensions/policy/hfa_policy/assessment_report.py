@@ -10,7 +10,6 @@ import numpy as np
 
 from controller.game.weights import cost_text
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_optimal.bracket import bracket_table
 from hfa_policy.assessed_point import AssessedPoint, scheduled_value
 from hfa_policy.cost_above_optimum import weights_at
 from hfa_policy.evidence import ActionEffect, ObservationRange
@@ -31,7 +30,7 @@ def report_parts(
     error = points[0].integration
     if error is not None and error.is_resolved:
         parts.append(error.text())
-    parts += [*_bounds(points), *_evidence(points)]
+    parts += _evidence(points)
     trims = [where_text([point], points) for point in points]
     rough = [point.rough for point in points if point.rough is not None]
     if rough:
@@ -99,14 +98,6 @@ def _trim_header(points: Sequence[AssessedPoint]) -> str:
 def _trim_cell(point: AssessedPoint) -> str:
     value = next(iter(scheduled_value(point.point).values()), None)
     return "-" if value is None else f"{value:.4g}"
-
-
-def _bounds(points: Sequence[AssessedPoint]) -> list[Any]:
-    """Return the table of proved lower bounds at the first trim, or []."""
-    best = points[0].best
-    if best is None or not best.brackets:
-        return []
-    return [bracket_table(points[0].point.model, best.brackets)]
 
 
 def _evidence(points: Sequence[AssessedPoint]) -> list[Any]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from hfa_flight.initial_box import drawn_starts
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.policy import policy_about
 from hfa_flight.problem import flight_problem
-from hfa_optimal.bracket import Bracket, bracket_sentence
 from hfa_optimal.initial_conditions import starts_table
 from hfa_optimal.search import BestFlights
 from hfa_policy.cost_above_optimum import weights_at
@@ -80,8 +78,6 @@ class FlightCosts(Result):
     cost: cost of the policy's flights, where both are held, or None.
     lqr_cost: the same of the LQR's flights.
     offset_rate: cost per second of the steady-state error, or None without an equilibrium.
-    brackets: bounds on the cost from each initial condition with a lower bound, or empty without a
-        certificate.
     """
 
     starts: int
@@ -98,7 +94,6 @@ class FlightCosts(Result):
     cost: MeanCost | None
     lqr_cost: MeanCost | None
     offset_rate: float | None
-    brackets: Sequence[Bracket] = ()
 
     @property
     def ratios(self) -> Ratios | None:
@@ -137,8 +132,6 @@ class FlightCosts(Result):
     def sentences(self) -> list[str]:
         """Return sentences on the mean costs and on the range of the ratios."""
         sentences = []
-        if self.brackets:
-            sentences.append(bracket_sentence((each, each.policy) for each in self.brackets))
         if self.cost is not None and self.lqr_cost is not None:
             some = "" if self.both == self.compared else f" from {self.both} of {self.compared}"
             sentences.append(f"mean cost {self.cost.text()}, LQR {self.lqr_cost.text()}{some}")
@@ -171,7 +164,6 @@ class FlightCosts(Result):
             "cost": self.cost,
             "lqr_cost": self.lqr_cost,
             "offset_rate": self.offset_rate,
-            "brackets": self.brackets,
         }
 
 
@@ -188,7 +180,6 @@ def flight_costs(
     progress: Progress | None,
     *,
     searched: bool,
-    certificate: Path | None = None,
 ) -> FlightCosts:
     """Return the costs of flights from random initial conditions in the box of a trim.
 
@@ -196,23 +187,16 @@ def flight_costs(
     count: number of initial conditions
     seed: seed of the initial conditions
     searched: whether the best flight from each initial condition is searched
-    certificate: file with a lower bound of the cost of these flights, or None
 
-    Raises NoSolutionError if no gain has a finite cost. Raises BadInputError if the certificate is
-    about other flights. Raises either if the certificate does not prove its statement.
+    Raises NoSolutionError if no gain has a finite cost.
     """
     point = place.point
     Q, R = weights_at(deployed, point)
     problem = flight_problem(point.model, point, Q, R, inputs=deployed.commanded)
-    bound = None
-    if certificate is not None:
-        from hfa_prove.bound import lower_bound
-
-        bound = lower_bound(certificate, problem, progress, deployed.deployment.origin)
     search = BestFlights(problem, count)
     loop = search.flights.of_deployed(policy_about(deployed, point, "policy"))
     starts = drawn_starts(problem, count, seed, place.box)
-    table = starts_table(search, starts, [loop], progress, bound, searched=searched)
+    table = starts_table(search, starts, [loop], progress, searched=searched)
     compared = [each for each in table.flights if each.cost is not None or not searched]
     linear, flown = ([each.policies[index] for each in compared] for index in range(2))
     both = [
@@ -241,9 +225,4 @@ def flight_costs(
         cost=MeanCost.of([one for one, _ in both]),
         lqr_cost=MeanCost.of([other for _, other in both]),
         offset_rate=offset_rate,
-        brackets=[
-            replace(each.bracket, policy=each.policies[1].cost)
-            for each in table.flights
-            if each.bracket is not None
-        ],
     )

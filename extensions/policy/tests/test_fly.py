@@ -1,12 +1,11 @@
 """Simulation of deployment files with `hfa fly --policy`."""
 
 import shutil
-from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, gtm_deployment, stored_deployment, trims
+from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
 
 import hfa
 from hfa.main import main
@@ -15,7 +14,7 @@ from hfa_aircraft.waveform import Waveform
 from hfa_flight.flight import fly
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.policy import DeployedPolicy, policy_about, sampled_scenario
+from hfa_flight.policies.deployment.policy import DeployedPolicy, sampled_scenario
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError
 
@@ -59,39 +58,6 @@ def test_a_command_that_arrives_at_a_sample_is_not_yet_observed():
     flight = fly(model, hfa.trim(model), deployment, 0.1, predict=False)
     np.testing.assert_allclose(flight.time[:5], 0.02 * np.arange(5))
     np.testing.assert_allclose(flight.inputs[:5, 0], [0.0, 0.1, 0.1, 0.13, 0.13], rtol=1e-9)
-
-
-def test_samples_are_commanded_at_the_reference_after_the_delay():
-    """Every 20 ms, U = U0 + sat(-K (x - x_d) + u_d), which acts 30 ms later; u_d is of the sample.
-
-    K is that of the GTM's pitch rate and speed; the elevator is limited to -.5 to .35 rad.
-    """
-    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[0]
-    K = np.array([[0.0, 0.0, 2.0, 0.0], [0.5, 0.0, 0.0, 0.0]])
-    o = ca.SX.sym("o", 4)
-    gain = {"file": ca.Function("gain", [o], [-ca.DM(K) @ o])}
-    deployment = gtm_deployment(gain, timing={"dt": 0.02, "delay": 0.03})
-    reference = Waveform(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.5, 0.0]))
-    feedforward = Waveform(np.array([0.01, 2.0]), np.array([0.0, 10.0]))
-    policy = policy_about(Deployed(deployment, model), point, "tracking")
-    policy = replace(policy, reference=reference, feedforward=feedforward)
-    sample = policy.sampler()
-    measured = np.array([0.3, 0.01, 0.02, -0.01])
-    expected = []
-    for tick in range(8):
-        size = 5.0 if tick == 4 else tick + 1.0
-        if tick % 2 == 0:
-            t = 0.01 * tick
-            z = size * measured - reference.sampled(np.array([t]))[0]
-            U = np.array(point.inputs) - K @ z + feedforward.sampled(np.array([t]))[0]
-            expected += [np.clip(U, [-0.5, 0.0], [0.35, 100.0]) - point.inputs] * 2
-        np.testing.assert_allclose(
-            sample(tick, size * measured), expected[tick - 3] if tick >= 3 else 0.0, atol=1e-12
-        )
-    late = policy.sampler()
-    for tick in range(4):
-        pushed = late(tick, np.array([0.0, 0.0, -9.0, 0.0]))
-    assert pushed[0] == pytest.approx(0.35 - point.inputs.elevator)
 
 
 def test_moving_air_and_actuators_are_flown_in_fine_steps():

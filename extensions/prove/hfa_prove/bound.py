@@ -17,14 +17,9 @@ from hfa_support.progress import Progress
 
 
 def lower_bound(
-    path: Path,
-    problem: FlightProblem,
-    progress: Progress | None = None,
-    weights_from: str = "",
+    path: Path, problem: FlightProblem, progress: Progress | None = None
 ) -> CostStatement:
     """Return the lower bound of the cost that a certificate proves for the flights of a problem.
-
-    weights_from: file that contains Q and R, or "" if they are given by options
 
     Raises BadInputError if an input of the problem is constant, derivatives depend on a state that
     the cost omits, or the certificate is about other flights. Raises BadInputError or
@@ -37,7 +32,7 @@ def lower_bound(
         )
     given = given_of(problem, "this command", {})
     for name in ("Q", "R"):
-        given[name] = Given(getattr(problem, name), weights_from or f"--{name}")
+        given[name] = Given(getattr(problem, name), f"--{name}")
     certificate = read_certificate(path, Subject(problem.model))
     refuse_other(path, given, certificate.statement)
     check(certificate, progress)

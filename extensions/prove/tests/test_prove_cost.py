@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pendulum_deployment import pendulum_deployment
 
 import hfa
 from hfa.main import main
@@ -158,51 +156,3 @@ def test_a_bound_of_other_weights_is_refused(
     words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--Q", "1,2"]
     assert main([*words, "--bound", str(certificate)]) == 2
     assert "Q in the certificate differs from the value of --Q" in capsys.readouterr().err
-
-
-def deployment_file(folder: Path, weight: float) -> str:
-    """Return the path of a new deployment file of u = -1.98 angle - 0.98 rate.
-
-    weight: R of the cost in the file
-    """
-    cost = f"[cost]\nQ = {{angle = 1.0, rate = 1.0}}\nR = {{torque = {weight}}}\n"
-    return str(pendulum_deployment(folder, f"[timing]\ndt = 0.01\n{cost}"))
-
-
-def test_the_lower_bound_is_below_the_policys_cost(
-    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """From each initial condition, the lower bound is below the costs of best flight and policy.
-
-    The best flight costs less than 1.01 times the policy. The printed table has a row for each
-    initial condition.
-    """
-    content = json.loads(certificate.read_text())["statement"]
-    words = ["assess", deployment_file(tmp_path, content["R"][0][0]), *AIRCRAFT, "--samples", "0"]
-    found = tmp_path / "found.json"
-    words += ["--best", "3", "--bound", str(certificate), "-o", str(found)]
-    assert main(words) in (0, 1)
-    (point,) = json.loads(found.read_text())["points"]
-    brackets = point["best"]["brackets"]
-    assert len(brackets) == 3
-    for each in brackets:
-        assert 0.0 < each["lower_bound"] < min(each["best"], each["policy"])
-        assert each["best"] < 1.01 * each["policy"]
-    first, second, *lines = capsys.readouterr().out.splitlines()
-    assert "the best flight" in first
-    assert "between 1.00 and 1." in second
-    states = [line[: line.index("/s  ")] for line in lines if re.match("angle [+-]", line)]
-    assert len({*states}) == 3
-
-
-def test_a_deployed_policy_of_other_weights_is_refused(
-    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """`hfa assess` refuses a bound whose weights differ from those of the deployment file."""
-    words = ["assess", deployment_file(tmp_path, 3.0), *AIRCRAFT, "--samples", "0", "--best", "1"]
-    assert main([*words, "--bound", str(certificate)]) == 2
-    assert re.search(
-        r"R in the certificate differs from the value of \S+.toml", capsys.readouterr().err
-    )
-    assert main([*words[:-2], "--bound", str(certificate)]) == 2
-    assert "add --best K" in capsys.readouterr().err

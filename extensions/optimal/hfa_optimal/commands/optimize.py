@@ -14,7 +14,6 @@ from hfa.options.argument_types import (
     input_file,
     linear_state,
     one_of,
-    positive,
     quantity,
     span,
     whole,
@@ -43,7 +42,7 @@ TAUGHT = "taught"
 #: Half-widths of the box of taught initial conditions about --start, relative to the usual box.
 _TAUGHT_BOX = 0.5
 #: Options that do not apply to the quickest flight.
-_OF_COST = ("starts", "need", "law", "weights", "policy", "seconds", "bound")
+_OF_COST = ("starts", "need", "law", "weights", "policy", "bound")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,12 +103,6 @@ class OptimizeRequest(Request):
     )
     policy: Path | None = option(
         "compare with the policy of this deployment file", "DEPLOYMENT.toml", input_file(".toml")
-    )
-    seconds: float | None = option(
-        "horizon, s; default: long enough for a negligible remaining cost",
-        "S",
-        positive,
-        rare=True,
     )
     limits: Mapping[str, tuple[float, float]] = option(
         "limits of a state, instead of the limits of the flight envelope, degrees for angles; "
@@ -223,8 +216,7 @@ def optimize(request: OptimizeRequest) -> int:
         return _quickest(request)
     if request.starts is not None:
         request.refuse(
-            ("output.picture", "seconds"),
-            "applies only to a single flight; remove this option or --starts",
+            ("output.picture",), "applies only to a single flight; remove this option or --starts"
         )
     if request.starts is None:
         request.refuse(("need",), "applies only to --starts; remove this option, or add --starts")
@@ -291,7 +283,7 @@ def _one(
     from hfa_optimal.search import AFTER
 
     start = search.problem.deviations(request.begin())
-    best = BestFlight(search.problem, search.found(start, request.seconds))
+    best = BestFlight(search.problem, search.found(start))
     seconds = (1.0 + AFTER) * best.seconds
     others = tuple(search.flights.fly(loop, start, seconds) for loop in loops)
     best = replace(best, others=others)

@@ -14,11 +14,9 @@ from hfa.options.argument_types import input_file, linear_state, number, span, w
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.ranges import array_of, scheduled_range
-from hfa.options.reference import reference_option
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim, called_at, scheduled
 from hfa_aircraft.model import Model
-from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
@@ -36,8 +34,6 @@ if TYPE_CHECKING:
     from hfa_flight.policies.deployment.deployed import Deployed
     from hfa_flight.policies.deployment.deployment import Deployment
     from hfa_policy.assessment import Assessment
-    from hfa_policy.assessor import Assessor
-    from hfa_support.reporting.report import Report
 
 _MOST_POINTS = 1000
 _MOST_SAMPLES = 100_000
@@ -155,13 +151,6 @@ class AssessRequest(Request):
         "K",
         whole(0, _MOST_SAMPLES),
     )
-    reference: Mapping[str, Waveform] = reference_option()
-    bound: Path | None = option(
-        "compare the costs of the flights of --best with the lower bound in this certificate of "
-        "`hfa prove cost`",
-        "FILE",
-        input_file(".json"),
-    )
 
     def points(self) -> list[OperatingPoint]:
         """Return the trims to assess."""
@@ -240,19 +229,16 @@ def assess(request: AssessRequest) -> int:
     model = request.trim.aircraft
     deployed = [Deployed(deployment, model) for deployment in request.deployments(model)]
     _refuse_contradictions(request, deployed)
-    assessors, results = _assessments(request, deployed)
+    results = _assessments(request, deployed)
     if len(results) == 1:
-        return _show_one(request, assessors[0], results[0])
+        return _show_one(request, results[0])
     return _show_comparison(request, results)
 
 
 def _refuse_contradictions(request: AssessRequest, deployed: list[Deployed]) -> None:
     """Raise BadInputError for options that contradict each other or the deployments."""
     if len(deployed) > 1:
-        request.refuse(
-            ("reference", "output.picture"),
-            "requires a single deployment file; give only one file",
-        )
+        request.refuse(("output.picture",), "requires a single deployment file; give only one file")
     for each in deployed:
         if each.deployment.cost is not None:
             continue
@@ -262,26 +248,16 @@ def _refuse_contradictions(request: AssessRequest, deployed: list[Deployed]) -> 
             raise BadInputError(f"--need cost: {origin} has no table [cost]; {remedy}")
         if request.best:
             raise BadInputError(f"--best: {origin} has no table [cost]; {remedy}")
-    if request.bound is not None and not request.best:
-        raise BadInputError("--bound requires a comparison with the best flights; add --best K")
 
 
-def _assessments(
-    request: AssessRequest, deployed: list[Deployed]
-) -> tuple[list[Assessor], list[Assessment]]:
-    """Return the assessor and the assessment of each deployment, at equal trims."""
+def _assessments(request: AssessRequest, deployed: list[Deployed]) -> list[Assessment]:
+    """Return the assessment of each deployment, at equal trims."""
     from hfa_policy.assess import assessment_of
     from hfa_policy.assessor import Assessor
     from hfa_policy.variations import changes_of
 
     changes = [changes_of(each, request.vary) for each in deployed]
     points = tuple(request.points())
-    for name, is_given in (("bound", request.bound), ("reference", request.reference)):
-        if is_given and len(points) > 1:
-            raise BadInputError(
-                f"--{name} requires a single trim, but {len(points)} are given; give "
-                f"one value of --{called_at(request.model)}"
-            )
     scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
     assessors = [
         Assessor(
@@ -302,33 +278,17 @@ def _assessments(
             scenarios=scenarios,
             best=request.best,
             progress_of=ProgressLine,
-            bound=request.bound,
         )
         for assessor, changes_of_each in zip(assessors, changes, strict=True)
     ]
     assumed = _assumed_trim(request, points)
-    return assessors, [replace(result, assumed=assumed) for result in results]
+    return [replace(result, assumed=assumed) for result in results]
 
 
-def _show_one(request: AssessRequest, assessor: Assessor, result: Assessment) -> int:
+def _show_one(request: AssessRequest, result: Assessment) -> int:
     """Print the report of one assessment and return the exit code."""
-    report = result.report()
-    if request.reference:
-        report = _with_tracking(request, assessor, report)
-    request.show(report, figure=result.figure, notes=result.warnings)
+    request.show(result.report(), figure=result.figure, notes=result.warnings)
     return 0 if result.ok else 1
-
-
-def _with_tracking(request: AssessRequest, assessor: Assessor, report: Report) -> Report:
-    """Return the report with flights that track the reference, at the one trim."""
-    from hfa_flight.commands.tracking import with_errors
-    from hfa_policy.tracked_flights import tracked_flights
-    from trim.point.linearize import linearize
-
-    (point,) = assessor.points
-    deployed = assessor.deployed
-    linear = linearize(deployed.model, point)
-    return with_errors(report, *tracked_flights(deployed, point, linear, request.reference))
 
 
 def _show_comparison(request: AssessRequest, results: list[Assessment]) -> int:

@@ -13,9 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_aircraft.waveform import Waveform
 from hfa_flight.held_step import parts_of_a_sample
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
@@ -41,15 +39,10 @@ class DeployedPolicy(Policy):
 
     deployed: the policy on its aircraft.
     point: trim from which the deviations are measured.
-    reference: x_d of the states of the linear model, which is subtracted from the measured states
-        at each sample, or None for 0
-    feedforward: u_d of the inputs, which is added to the commands at each sample, or None for 0
     """
 
     deployed: Deployed
     point: OperatingPoint
-    reference: Waveform | None = None
-    feedforward: Waveform | None = None
 
     @property
     def tick(self) -> float:
@@ -88,9 +81,6 @@ class DeployedPolicy(Policy):
         acting = [inputs]
         past: list[np.ndarray] = []
         sampled = BoundFunction(self.deployed.sampled)
-        model = self.deployed.model
-        rows = [list(model.states).index(name) for name in model.linear]
-        limits = Limits.of(model, tuple(model.inputs))
 
         def arrived(tick: int) -> np.ndarray:
             while waiting and waiting[0][0] <= tick:
@@ -102,17 +92,11 @@ class DeployedPolicy(Policy):
                 # The input just before the sample; a command that arrives at this tick acts after
                 # it.
                 before = arrived(tick - 1)
-                X = states + measured
-                if self.reference is not None:
-                    X[rows] -= self.reference.at(tick * self.tick)
-                at = (X, before, trim)
+                at = (states + measured, before, trim)
                 if not past:
                     first = np.array(self.deployed.observe(*at)).ravel()
                     past.append(np.tile(first, deployment.history - 1))
                 U, past[0] = sampled.at(*at, past[0])
-                if self.feedforward is not None:
-                    U = U + self.feedforward.at(tick * self.tick)
-                    U = np.clip(U, limits.lowest, limits.highest)
                 waiting.append((tick + late, U))
             return np.asarray(arrived(tick) - inputs)
 
