@@ -266,6 +266,11 @@ class Model(Reported):
         return "deg" if self.unit(self.schedule) == "rad" else self.unit(self.schedule)
 
     @property
+    def is_typed_in_degrees(self) -> bool:
+        """Whether scheduling values in radians are typed, shown and stored in degrees."""
+        return self.unit(self.schedule) == "rad"
+
+    @property
     def schedule_key(self) -> str:
         """Key of the scheduling variable in files and data, such as "dihedral_deg" or "speed"."""
         if self.schedule_unit == "deg":

@@ -343,7 +343,7 @@ def _shaping_of(
             )
     table = dict(entries["shaping"])
     values = [float(value) for value in table.pop(breakpoints)]
-    if model.schedule_unit == "deg":
+    if model.is_typed_in_degrees:
         values = [math.radians(value) for value in values]
     table["breakpoints"] = tuple(values)
     table["outputs"] = {key: OutputWeight(**weight) for key, weight in table["outputs"].items()}

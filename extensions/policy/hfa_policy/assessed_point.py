@@ -225,4 +225,4 @@ def scheduled_value(point: OperatingPoint) -> dict[str, float]:
         value = model.parameters[model.schedule].start
     else:
         value = float(point.values[model.schedule])
-    return {model.schedule_key: math.degrees(value) if model.schedule_unit == "deg" else value}
+    return {model.schedule_key: math.degrees(value) if model.is_typed_in_degrees else value}

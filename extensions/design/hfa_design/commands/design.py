@@ -132,7 +132,7 @@ def design(request: DesignRequest) -> int:
         origin = {**controller.about, "provenance": request.provenance.to_dict()}
         controller = replace(controller, about=origin)
     knots = controller.breakpoints
-    in_degrees = model.schedule_unit == "deg"
+    in_degrees = model.is_typed_in_degrees
     between = (knots[1:] + knots[:-1]) / 2.0
     if in_degrees:
         knots = np.degrees(knots).round(10)

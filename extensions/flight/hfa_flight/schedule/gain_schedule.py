@@ -75,7 +75,7 @@ class GainSchedule(Reported):
     @property
     def file_breakpoints(self) -> np.ndarray:
         """Breakpoints as stored in files, (G,), with angles in degrees."""
-        if self.model.schedule_unit == "deg":
+        if self.model.is_typed_in_degrees:
             return np.asarray(np.degrees(self.breakpoints).round(_DIGITS))
         return self.breakpoints
 
@@ -151,6 +151,6 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
                 f"K applies to states in {', '.join(units)}; convert K to"
                 f" {', '.join(plant.state_units)}"
             )
-        if model.schedule_unit == "deg":
+        if model.is_typed_in_degrees:
             breakpoints = np.radians(breakpoints)
         return GainSchedule(breakpoints, K, model)

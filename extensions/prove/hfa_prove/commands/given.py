@@ -88,7 +88,7 @@ def at_one_value(request: CheckRequest) -> CheckRequest:
     if len(request.trim.at) != 1:
         raise BadInputError(f"--{called_at(request.model)} is an interval; give one value")
     (typed,) = request.trim.at
-    in_degrees = request.model.schedule_unit == "deg"
+    in_degrees = request.model.is_typed_in_degrees
     at = math.radians(typed) if in_degrees else typed
     return replace(request, trim=replace(request.trim, at=at))
 

@@ -1,7 +1,7 @@
 """Trims of an aircraft over an interval of its scheduling variable, read from a certificate.
 
-Scheduling values are stored as a user types them, with angles in degrees, because their doubles are
-then exact. All other numbers are in the units of the model.
+Scheduling values are stored as a user types them, radians of the model in degrees, because their
+doubles are then exact. All other numbers are in the units of the model.
 """
 
 from __future__ import annotations
@@ -113,10 +113,10 @@ class Flight(Stated):
 
 
 def in_model_unit(model: Model, scheduling_value: float) -> float:
-    """Return a scheduling value of a certificate in the unit of the model, rad for degrees."""
-    return math.radians(scheduling_value) if model.schedule_unit == "deg" else scheduling_value
+    """Return a scheduling value of a certificate in the unit of the model."""
+    return math.radians(scheduling_value) if model.is_typed_in_degrees else scheduling_value
 
 
 def unit_of_schedule(model: Model) -> arb:
     """Return the unit of the scheduling values of a certificate in the unit of the model."""
-    return arb.pi() / 180 if model.schedule_unit == "deg" else arb(1)
+    return arb.pi() / 180 if model.is_typed_in_degrees else arb(1)

@@ -161,30 +161,70 @@ def test_a_jump_to_another_branch_is_refused(monkeypatch: pytest.MonkeyPatch) ->
         check_schedule(proof.statement, proof.witness)
 
 
-def turning() -> Family:
-    """Return Wu's loop x' = R(θ)'A0 R(θ) x with eigenvalues -1 and -10, unstable at 6 rad/s."""
+def planar(loop: Callable[[Any], Any], unit: str = "rad") -> Family:
+    """Return the aircraft whose loop without gain is x' = C(angle) x, C (2, 2)."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
-        c, s = ca.cos(p.angle), ca.sin(p.angle)
-        a = (-1 - 9 * c * c + 12 * s * c) * x.a + (12 * c * c + 9 * s * c) * x.b
-        b = (-12 * s * s + 9 * s * c) * x.a + (-1 - 9 * s * s - 12 * s * c) * x.b
-        return {"a": a + u.u, "b": b, "c": u.u - x.c}, {}
+        (aa, ab), (ba, bb) = loop(p.angle)
+        rates = {"a": aa * x.a + ab * x.b + u.u, "b": ba * x.a + bb * x.b}
+        return {**rates, "c": u.u - x.c}, {}
 
     states = {name: Signal() for name in "abc"}
-    angle = Signal("rad", start=0.0)
     inputs = {"u": Signal("1", 1.0, -1.0, 1.0)}
     trim = dict.fromkeys("abc", 0.0)
+    angle = Signal(unit, start=0.0)
     more: Any = {"parameters": {"angle": angle}, "schedule": "angle", "trim": trim}
-    return Family(Model("Wu", states, inputs, equations, linear=("a", "b"), steady=("c",), **more))
+    return Family(
+        Model("plane", states, inputs, equations, linear=("a", "b"), steady=("c",), **more)
+    )
+
+
+NO_GAIN = Gains(np.array([0.0]), np.zeros((1, 1, 2)))
+
+
+def wu(angle: Any) -> Any:
+    """Return Wu's R(θ)'A0 R(θ) with eigenvalues -1 and -10, unstable at θ' = 6 rad/s."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    a = (-1 - 9 * c * c + 12 * s * c, 12 * c * c + 9 * s * c)
+    return a, (-12 * s * s + 9 * s * c, -1 - 9 * s * s - 12 * s * c)
 
 
 def test_a_motion_is_proved_only_at_a_stable_rate() -> None:
     """Wu's loop is stable at each angle and unstable at 344 deg/s: no proof claims that rate."""
-    none = Gains(np.array([0.0]), np.zeros((1, 1, 2)))
-    found = prove_schedule(turning(), none, 0.0, 180.0, moving=True, decay_rate=0.5).statement
+    family = planar(wu)
+    found = prove_schedule(family, NO_GAIN, 0.0, 180.0, moving=True, decay_rate=0.5).statement
     assert 1.0 < found.scheduled_rate < 343.0
     with pytest.raises(NoSolutionError, match="no Lyapunov function"):
-        prove_schedule(turning(), none, 0.0, 180.0, scheduled_rate=344.0, decay_rate=0.5)
+        prove_schedule(family, NO_GAIN, 0.0, 180.0, scheduled_rate=344.0, decay_rate=0.5)
+
+
+@pytest.mark.parametrize(("unit", "is_proved"), [("rad", True), ("deg", False)])
+def test_an_angle_of_the_equations_in_degrees_is_not_converted(unit: str, is_proved: bool) -> None:
+    """x' = (angle - 2) x is stable at 100 deg = 1.75 rad, and not where the equations have 100."""
+    family = planar(lambda angle: ((angle - 2.0, 0.0), (0.0, -1.0)), unit)
+    if is_proved:
+        assert prove_schedule(family, NO_GAIN, 90.0, 100.0, decay_rate=0.2).size > 0
+        return
+    with pytest.raises(NoSolutionError, match="not below"):
+        prove_schedule(family, NO_GAIN, 90.0, 100.0, decay_rate=0.2)
+
+
+@pytest.mark.parametrize(("most", "is_proved"), [(1.0, True), (9.0, False)])
+def test_v_decreases_between_the_ends_of_a_piece(most: float, is_proved: bool) -> None:
+    """V = a² + p b², p linear from `most` to 1, under x' = -x + 4 s J x, J a quarter turn, s in rad.
+
+    For p = 9, V decreases at s = 0 (C = -I) and at s = 2 (p = 1), but not at s = 1 (p = 5).
+    """
+    turn = planar(lambda s: ((-1.0, -4.0 * s), (4.0 * s, -1.0)))
+    end = math.degrees(2.0)
+    statement = ScheduleStatement(turn.flight(0.0, end), NO_GAIN, 0.9, 0.1)
+    P = np.array([np.diag([1.0, most]), np.eye(2)])
+    witness = ScheduleWitness(10**3, np.array([0.0, end]), P)
+    if is_proved:
+        assert check_schedule(statement, witness) > 0
+        return
+    with pytest.raises(NoSolutionError, match="motion"):
+        check_schedule(statement, witness)
 
 
 @pytest.fixture(scope="module")
