@@ -27,9 +27,10 @@ ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 def ordinary_deviations(names: PlantNames) -> np.ndarray | None:
     """Return the typical deviations of the paper's aircraft, (6,), or None for another plant.
 
-    names: names of the plant. Its units are English, SI, or unknown
+    names: names of the plant, some or all of whose inputs move. Its units are English, SI, or
+        unknown
     """
-    if (names.states, names.inputs) != (LINEAR_STATES, INPUTS):
+    if names.states != LINEAR_STATES or not set(names.inputs) <= set(INPUTS):
         return None
     widths = np.array(ORDINARY_DEVIATIONS)
     if names.state_units == tuple(si_unit(unit) for unit in LINEAR_UNITS):

@@ -35,6 +35,8 @@ NEAR = 1.0
 AT_TRIM = 1e-6
 #: Kinds of checks that the first lines always mention; a failed check of another kind is named.
 _IN_THE_FACTS = ("error", "rest", "stability", "game loop")
+#: Checks of the gain K.
+_OF_K = ("K_rel_error", "K_balanced_error", "K_entry_error")
 #: Largest number of columns of the first line of a report.
 _FIRST_LINE = 80
 
@@ -203,6 +205,8 @@ class Verdict(Checked, Result, Reported):
         """Return the first line of the report: the grade, the game, the box, the number of
         simulations of a critic that is not quadratic, and the first finding.
 
+        The first findings on such a critic are its cost, its equilibrium and its gain K.
+
         The second finding is added if the line then has at most `_FIRST_LINE` columns.
         """
         return self._first_lines(None)[0]
@@ -213,17 +217,15 @@ class Verdict(Checked, Result, Reported):
         where = f"on the {self.game}, {self.box.name}"
         if self.flights is not None:
             where += f", {self.flights or 'no'} flight{'' if self.flights == 1 else 's'}"
-        rests = [check for check in failed if check.kind == "rest"]
-        facts = [check.reason for check in rests if check.value > AT_TRIM]
+        facts = []
         if failed and not any(check.kind in _IN_THE_FACTS for check in failed):
             facts.append(f"{failed[0].name} fails")
-        facts.append(self._cost_text())
+        facts += [self._cost_text()] if self.flights is None else self._network_facts()
         if not self.stabilizing:
             facts.append("not stabilizing")
         facts.append(self._exactness(failed))
         if self.stabilizing:
             facts.append("stabilizing")
-        facts += [check.reason for check in rests if check.value <= AT_TRIM]
         gain = next((check for check in self.checks if check.kind == "gain"), None)
         if gain is not None and math.isfinite(gain.value):
             facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
@@ -243,9 +245,24 @@ class Verdict(Checked, Result, Reported):
         """Return the cost of the critic relative to the optimum, as text."""
         if math.isinf(self.cost_lost):
             return "cost without bound"
+        text = f"{self.cost_lost:.2g} % above the optimum"
         if self.cost_lost < ROUNDING:
-            return "optimal cost"
-        return f"{self.cost_lost:.2g} % above the optimum"
+            text = "optimal cost"
+        return text if self._rests_at_trim else f"{text} about its equilibrium"
+
+    def _network_facts(self) -> list[str]:
+        """Return the cost, the equilibrium and the gain K of a simulated critic, as text.
+
+        An equilibrium off the trim comes first: the cost counts from it.
+        """
+        facts = [self._cost_text()]
+        for check in self.checks:
+            if check.kind == "rest":
+                at_trim = "equilibrium at the trim" if check.ok else check.reason
+                facts.insert(int(self._rests_at_trim), at_trim)
+        wrong = [check for check in self.checks if check.name in _OF_K and not check.ok]
+        exact = f"K exact within {self.limit:g}"
+        return [*facts, wrong[0].reason.partition(":")[0] if wrong else exact]
 
     def grade_text(self, limit_cost: float | None = None) -> str:
         """Return the grade as text: PASS, NEAR or FAIL.
@@ -266,7 +283,9 @@ class Verdict(Checked, Result, Reported):
         return verdict_text(self.holds(limit_cost))
 
     def _exactness(self, failed: Sequence[Check]) -> str:
-        wrong = next((check for check in failed if check.kind == "error"), None)
+        said = () if self.flights is None else _OF_K
+        errors = (check for check in failed if check.kind == "error" and check.name not in said)
+        wrong = next(errors, None)
         if wrong is not None:
             return f"not exact ({wrong.reason.partition(':')[0]})"
         if self.searched:

@@ -52,6 +52,7 @@ class Critic(Reported):
         network or a list of functions; empty for all other critics
     implies_policy: True if the policy in `network` is derived from V or ∂V/∂z of the network
     is_layer: True for a network with one layer on a basis
+    has_weights: True if the value or the policy is given by the weights of listed functions
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -79,6 +80,7 @@ class Critic(Reported):
     network: Mapping[str, ca.Function] = field(default_factory=dict)
     implies_policy: bool = False
     is_layer: bool = False
+    has_weights: bool = False
 
     @property
     def is_quadratic(self) -> bool:
@@ -276,7 +278,7 @@ def from_parts(
         if critic.value is not None:
             outputs["V"] = critic.value(z)
         functions = from_functions(game, z, outputs, f"{critic.origin} and policy_weights")
-        return replace(functions, weights=critic.weights, basis=critic.basis)
+        return replace(functions, weights=critic.weights, basis=critic.basis, has_weights=True)
     if gain is None or critic is gain:
         return critic
     return _with_policy(critic, gain.K)
@@ -449,7 +451,8 @@ def from_weights(
 
         z = ca.SX.sym("z", n)
         V = ca.DM(weights).T @ ca.vec(psi(z)) + constant
-        return from_functions(game, z, {"V": V}, "weights of a list of functions", precision)
+        listed = from_functions(game, z, {"V": V}, "weights of a list of functions", precision)
+        return replace(listed, has_weights=True)
     if weights.shape != (psi.size,):
         raise BadInputError(
             f"W has {weights.size} weights, but basis {psi.name!r} of {psi.states} states has "
@@ -465,6 +468,7 @@ def from_weights(
         constant=constant,
         precision=precision,
         feedback=_feedback(game),
+        has_weights=True,
     )
     return _with_implied_policy(game, critic)
 

@@ -7,7 +7,7 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -26,6 +26,9 @@ from hfa_support.entry_points import CRITICS, loaded, offered
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.matrices import checked_matrix
+
+if TYPE_CHECKING:
+    from trim.linear.linear_model import LinearModel
 
 #: Suffixes of critic files that the project reads. Arrays may contain a network.
 OWN_FILES = (*MATRIX_FILES, ".onnx", ".pkl", ".pt", ".pth", ".safetensors", ".zip")
@@ -115,6 +118,7 @@ def read_critic(
     network: str = "",
     activation: str | None = None,
     scale: Any = None,
+    linear: LinearModel | None = None,
 ) -> Critic:
     """Return the critic in a file of matrices, weights or a network, or the last critic of a
     history.
@@ -128,6 +132,7 @@ def read_critic(
     activation: activation between the layers of a state dict; after a comma, the activation of the
         output. None for any other file.
     scale: (n,), factors on the states at the network's inputs, or None for no scaling
+    linear: linear model of the game at a trim of an aircraft; required for a deployment file
 
     Raises BadInputError, which names the file, if the file does not contain a critic of this game,
     or if the game is missing.
@@ -144,7 +149,7 @@ def read_critic(
             )
         with prefix_errors(path):
             return Critic(single_parts(entries, PlantNames(), None)["K"])
-    return critic_in(path, game, Reading(basis, network, activation, scale))
+    return critic_in(path, game, Reading(basis, network, activation, scale, linear))
 
 
 def critic_suffixes() -> tuple[str, ...]:

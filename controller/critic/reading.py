@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import casadi as ca
 import numpy as np
@@ -13,6 +13,9 @@ from controller.critic.critic import Critic
 from controller.critic.features import basis_of
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
+
+if TYPE_CHECKING:
+    from trim.linear.linear_model import LinearModel
 
 #: Array of a critic -> number of its dimensions.
 DIMENSIONS = {"W": 1, "P": 2, "K": 2}
@@ -28,12 +31,14 @@ class Reading:
     activation: activation between the layers of a state dict; after a comma, the activation of the
         output. None if not given.
     scale: (n,), factors on the states at the network's inputs, or None for no scaling
+    linear: linear model of the game at a trim of an aircraft, or None for another plant
     """
 
     basis: str | None = None
     network: str = ""
     activation: str | None = None
     scale: np.ndarray | None = None
+    linear: LinearModel | None = None
 
     def psi(self, game: Game) -> Basis | ca.Function:
         """Return the basis ψ of the weights for the states of a game (`basis_of`)."""

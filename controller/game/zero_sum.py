@@ -4,6 +4,7 @@ that follow from a value."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -344,6 +345,23 @@ class Game(ByValue, Reported):
             dt=dt,
             discount=discount,
         )
+
+    def select(self, inputs: Sequence[str]) -> Game:
+        """Return the game in which only the named inputs move. The others stay at the trim.
+
+        Raises BadInputError for an unknown or repeated name.
+        """
+        from trim.linear.reduction import positions
+
+        kept = positions("input", inputs, self.names.inputs)
+        if not kept:
+            raise BadInputError("no input is named; name at least one")
+        names = self.names._replace(
+            inputs=tuple(self.names.inputs[index] for index in kept),
+            input_units=tuple(self.names.input_units[index] for index in kept),
+        )
+        R = self.R[np.ix_(kept, kept)]
+        return replace(self, B=self.B[:, kept], R=R, N=self.N[:, kept], names=names)
 
     def with_delta(self, delta: float) -> Game:
         """Return a copy of the game with this delta."""

@@ -19,6 +19,7 @@ from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import option, part
 from hfa.options.reference import reference_option, with_tracking
 from hfa.options.request import command
+from hfa.options.trim import called_at
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
 from hfa_support.errors import BadInputError, prefix_errors
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 #: conditions.
 _MANY = 5
 _FEW_FLIGHTS = 10
+#: Suffix of a deployment file, which `hfa assess` reads too.
+_DEPLOYMENT = ".toml"
 
 
 def _critics(text: str) -> list[Path]:
@@ -52,13 +55,19 @@ def _critics(text: str) -> list[Path]:
     return sorted(paths, key=lambda path: [int(part) for part in re.findall(r"\d+", path.name)])
 
 
+def _names(text: str) -> tuple[str, ...]:
+    """Return the names in a text "a,b,..."."""
+    return tuple(name.strip() for name in text.split(","))
+
+
 def _about_weights(_: Model) -> str:
     """Return the help of --weights with the suffixes of critic files."""
-    others = [suffix for suffix in critic_suffixes() if suffix not in MATRIX_FILES]
+    known = (*MATRIX_FILES, _DEPLOYMENT)
+    others = [suffix for suffix in critic_suffixes() if suffix not in known]
     return (
         f"critic to check: W, P or K, optionally over `time` ({' '.join(MATRIX_FILES)}), or a "
-        f"network of V, dV/dx or u ({' '.join(others)}); several files or a folder of checkpoints "
-        "are reported in one table"
+        f"network of V, dV/dx or u ({' '.join(others)}), or a deployment file (.toml); several "
+        "files or a folder of checkpoints are reported in one table"
     )
 
 
@@ -80,6 +89,17 @@ class VerifyRequest(GameRequest):
         default=(),
         count="+",
         required=True,
+    )
+    inputs: tuple[str, ...] = option(
+        "inputs that the critic's policy moves; the others stay at the trim; default: all",
+        "NAME,NAME",
+        _names,
+        default=(),
+        rare=True,
+    )
+    taylor: bool = option(
+        "also compare a network with the nonlinear game, by Taylor coefficients about the trim",
+        rare=True,
     )
     discount: float | None = option("discount factor per sample; requires --dt", "NUMBER", positive)
     dt: float | None = option("sample time, s; requires --discount", "S", positive)
@@ -110,12 +130,15 @@ def verify(request: VerifyRequest) -> int:
     _refuse_unused(request, paths)
     if len(paths) > 1:
         request.refuse(
-            ("reference", "prove"),
+            ("reference", "prove", "taylor"),
             "requires a single critic; remove it, or give a single file with --weights",
         )
     named = request.named_game()
     if named.game.is_discrete:
         request.refuse(("discount", "dt", "flights", "reference"), CONTINUOUS)
+    if request.inputs:
+        with prefix_errors("--inputs"):
+            named = named.select(request.inputs)
     game = _judged_game(request, named)
     scope = Scope(
         flights=_FEW_FLIGHTS if len(paths) > _MANY else FLIGHTS,
@@ -133,7 +156,7 @@ def verify(request: VerifyRequest) -> int:
     origin = named.game.names.origin
     if len(verdicts) == 1:
         ((source, verdict),) = verdicts.items()
-        lines = _about(named, verdict, cost)
+        lines = _about(request, named, verdict, source)
         report = verdict.report(limit_cost=cost, about=lines, source=source)
     else:
         from verification.verdict import verdicts_report
@@ -170,12 +193,31 @@ def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
     return verdicts_figure(verdicts, origin)
 
 
-def _about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:
-    """Return the lines of the report on Q, R and delta of the game."""
+def _about(request: VerifyRequest, named: NamedGame, verdict: Verdict, source: str) -> list[str]:
+    """Return the lines of the report on Q, R and delta of the game, and on further commands."""
     lines = [named.weights_line()]
-    if limit_cost is None and verdict.grade == "near":
+    if request.limit_cost is None and verdict.grade == "near":
         lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
+    is_network = verdict.flights is not None and not verdict.critic.has_weights
+    if named.linear is not None and is_network:
+        lines.append(f"With sample time, delay and input limits: {_assess_line(request, source)}")
     return lines
+
+
+def _assess_line(request: VerifyRequest, source: str) -> str:
+    """Return the command line that assesses the policy of a network at the same trim."""
+    is_deployment = Path(source).suffix.lower() == _DEPLOYMENT
+    words = ["hfa assess", source if is_deployment else "DEPLOYMENT.toml"]
+    if request.aircraft.own:
+        words.append(f"--aircraft {request.aircraft.source}")
+    if request.trim.at is not None:
+        shown = request.model.describe(request.model.schedule, request.trim.at)
+        words.append(f"--{called_at(request.model)} {shown.partition(' ')[0]}")
+    if any(name.startswith("trim.") and name != "trim.at" for name in request.typed):
+        words.append("with the same options of the trim")
+    if not is_deployment:
+        words.append(f"(a file that names {source}, its observations and actions)")
+    return " ".join(words)
 
 
 def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
@@ -201,7 +243,8 @@ def _check_file(
     alone: bool,
 ) -> Verdict:
     """Return the verdict on the critic in a file."""
-    critics = critics_in(path, game, request.reading.reading)
+    reading = replace(request.reading.reading, linear=named.linear)
+    critics = critics_in(path, game, reading)
     is_history = critics[-1].time is not None
     if not critics[-1].is_quadratic and named.linear is not None:
         from verification.scope import nonlinear_plant
@@ -214,4 +257,5 @@ def _check_file(
             limit=request.limit_error,
             scope=scope,
             linear=named.linear if alone else None,
+            taylor=request.taylor,
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -245,6 +245,11 @@ class NamedGame(Result):
     def weights_line(self) -> str:
         """Return one line of text with Q, R, delta, N unless it is 0, the source of each, and E."""
         return weights_line(self.game, self.weights_from)
+
+    def select(self, inputs: Sequence[str]) -> NamedGame:
+        """Return the game in which only the named inputs move (`Game.select`)."""
+        linear = None if self.linear is None else self.linear.select(inputs=inputs)
+        return replace(self, game=self.game.select(inputs), linear=linear)
 
     @contextmanager
     def asking_for_time(self) -> Iterator[None]:

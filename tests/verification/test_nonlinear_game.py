@@ -115,6 +115,24 @@ def test_a_missing_degree_and_a_linear_term_are_found() -> None:
     assert found.errors[0].error == np.inf
 
 
+def test_a_network_is_compared_on_request() -> None:
+    """The cost, the equilibrium and K of a network come first; its Taylor terms only if asked."""
+    linear, game, expansion = case(4)
+    z = ca.SX.sym("z", 2)
+    network = hfa.from_network(game, ca.Function("policy", [z], [expansion.policy(z)]))
+    plain = hfa.verify(game, network, scope=QUICK, linear=linear)
+    assert plain.nonlinear is None
+    cost, rest, gain = str(plain.report()).splitlines()[:3]
+    assert cost.endswith("above the optimum")
+    assert (rest, gain) == ("equilibrium at the trim", "K exact within 1e-06")
+    asked = hfa.verify(game, network, scope=QUICK, linear=linear, taylor=True)
+    assert asked.nonlinear is not None
+    assert asked.nonlinear.ok
+    for critic, model in ((network, None), (hfa.solve(game), linear)):
+        with pytest.raises(hfa.BadInputError, match="taylor requires"):
+            hfa.verify(game, critic, linear=model, taylor=True)
+
+
 @pytest.mark.parametrize("of", ["V", "policy"])
 def test_a_function_is_expanded(of: str) -> None:
     """A value or a policy given as a function is compared by its Taylor coefficients."""

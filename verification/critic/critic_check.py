@@ -49,6 +49,7 @@ def verify(
     limit: float = LIMIT,
     scope: Scope | None = None,
     linear: LinearModel | None = None,
+    taylor: bool = False,
 ) -> Verdict:
     """Return the verdict on a critic, compared with the exact solution of its game.
 
@@ -67,8 +68,9 @@ def verify(
     A - B K and √α (A - B K) must be stable: if the exact policy does not stabilize, the exact
     critic fails.
 
-    With the linear model of an aircraft, a critic that is not quadratic is also compared with the
-    nonlinear game, coefficient by coefficient up to its degree. It passes if it passes in both.
+    With the linear model of an aircraft, weights of a critic that is not quadratic are also
+    compared with the nonlinear game, coefficient by coefficient up to their degree, and so is a
+    network with `taylor`. The critic passes if it passes in both.
 
     game: the game, in continuous or in discrete time
     critic: the critic, from `hfa.from_gain`, `from_value`, `from_weights`, `from_network` or
@@ -77,6 +79,8 @@ def verify(
     limit: limit of the errors and the residual
     scope: further data for the checks; by default `Scope()`
     linear: the linear model of the game at a trim of an aircraft, or None
+    taylor: whether the Taylor coefficients of a network are compared with those of the nonlinear
+        game, which requires `linear`
 
     Raises NoSolutionError if the game has no certified solution, and BadInputError if `game` is not
     a game, `critic` is not a critic, or the limit is not positive.
@@ -94,6 +98,9 @@ def verify(
     critics = _critics(game, critic)
     judged = JudgedGame(game)
     last = critics[-1]
+    if taylor and (linear is None or last.is_quadratic):
+        missing = "linear=LINEAR of an aircraft" if linear is None else "a network"
+        raise BadInputError(f"verify: taylor requires {missing}")
     box = scope.box or usual_box(judged.game)
     errors_of = partial(_errors, judged, box.half_widths, limit)
 
@@ -116,7 +123,7 @@ def verify(
         errors = [*errors, *found.errors]
         checks += found.checks
         sections.append(found.section)
-        if linear is not None:
+        if linear is not None and (taylor or last.has_weights):
             nonlinear, part = _nonlinear(last, linear, judged, limit)
             sections.append(Section(part, Details()))
     elif last.is_layer:

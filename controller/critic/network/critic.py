@@ -108,8 +108,8 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
         )
     if suffix == ".zip":
         warn(
-            f"{path}: the network is judged without normalizer, clip and action map; "
-            "`hfa assess DEPLOYMENT.toml` assesses the policy as deployed"
+            f"{path}: the network is judged without normalizer, clip and action map; give a "
+            "deployment file, --weights DEPLOYMENT.toml, to judge it with them"
         )
     return from_network(
         game,

@@ -110,7 +110,8 @@ def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
     headline = verdict.headline()
     assert verdict.grade == "fail"
     assert ": equilibrium 0." in headline
-    assert "\noptimal cost\n" in str(verdict)
+    first = str(verdict).partition("\n\n")[0]
+    assert "\noptimal cost about its equilibrium\nK exact within 1e-06\n" in first
     assert verdict.reason.startswith("off by 0 at the origin")
 
 

@@ -70,7 +70,7 @@ def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
 
 def _deployment_path(text: str) -> Path:
     """Return the typed path of a deployment file, or of a file with a critic."""
-    return input_file(".toml", *critic_suffixes())(text)
+    return input_file(*dict.fromkeys((".toml", *critic_suffixes())))(text)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,0 +1,83 @@
+"""Deployment files as critics: policies without their sample time and delay, for `hfa verify`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic, from_functions
+from controller.critic.reading import Reading
+from controller.critic.symbols import symbols_for
+from controller.game.zero_sum import Game
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_support.errors import BadInputError
+from trim.linear.linear_model import LinearModel
+
+_BY_FLIGHTS = "`hfa assess` judges it as deployed"
+
+
+def read_deployment(game: Game, path: str | Path, reading: Reading) -> Critic:
+    """Return the policy of a deployment file in continuous time, u(z) in deviations from the trim.
+
+    The policy has its observations, normalizer, box and maps of actions, but neither sample time
+    nor delay, and no limits of the inputs.
+
+    game: game on the linear model, whose inputs are those that the policy moves
+    reading: its `linear` is the linear model of the aircraft
+
+    Raises BadInputError if the aircraft is missing, the game has other inputs, or the policy is not
+    a function of the states.
+    """
+    linear = reading.linear
+    if linear is None:
+        raise BadInputError(
+            "a deployment file requires an aircraft; give --aircraft or --dihedral to hfa verify, "
+            "or linear=LINEAR to hfa.read_critic"
+        )
+    if reading.basis or reading.network or reading.activation or reading.scale is not None:
+        raise BadInputError(
+            "a deployment file states how its policy is read; remove --basis, --network and --set"
+        )
+    deployment = Deployment.load(path)
+    deployed = Deployed(deployment, linear.point.model)
+    _refuse_other_inputs(deployed, game)
+    if deployment.history > 1:
+        raise BadInputError(f"the policy uses {deployment.history} samples; {_BY_FLIGHTS}")
+    if deployed.observe.jac_sparsity(0, 1).nnz():
+        raise BadInputError(f"an observation depends on the inputs; {_BY_FLIGHTS}")
+    deployed.refuse_undefined_at([linear.point])
+    z = symbols_for([deployed.act], len(game.A))
+    u = _inputs(deployed, linear, z, game.names.inputs)
+    normalizer = deployment.normalizer
+    parts = [f"policy {Path(path).name}: {deployment.actor.chain}"]
+    if normalizer is not None:
+        parts.append(f"normalizer {normalizer.origin}")
+    parts.append(f"without sample time ({deployment.dt:g} s), delay and input limits")
+    return from_functions(game, z, {"policy": u}, ", ".join(parts))
+
+
+def _refuse_other_inputs(deployed: Deployed, game: Game) -> None:
+    """Raise BadInputError unless the policy moves all inputs of the game and no others."""
+    if set(deployed.commanded) != set(game.names.inputs):
+        names = ",".join(deployed.commanded)
+        raise BadInputError(
+            f"the policy moves {names.replace(',', ', ')}, and the game "
+            f"{', '.join(game.names.inputs)}; add --inputs {names}",
+            ("--inputs", names),
+        )
+
+
+def _inputs(deployed: Deployed, linear: LinearModel, z: ca.SX, names: tuple[str, ...]) -> ca.SX:
+    """Return the inputs with these names, in deviations from the trim, at the deviations z."""
+    point = linear.point
+    model = point.model
+    rows = np.eye(len(model.states))[:, model.state_places(linear.states)]
+    X = ca.DM(point.x) + ca.DM(rows) @ z
+    U = ca.DM(point.u)
+    trim = ca.DM(deployed.trim_vector(point))
+    commanded = deployed.unlimited_inputs(deployed.act(deployed.observe(X, U, trim)), X, U, trim)
+    moved = np.eye(len(model.inputs))[model.input_places(names)]
+    return ca.DM(moved) @ (commanded - U)

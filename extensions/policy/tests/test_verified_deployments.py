@@ -1,0 +1,89 @@
+"""Deployment files as critics of `hfa verify`."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import answer, assert_refused, hfa
+from policy_cases import FOLDER
+
+import hfa as toolchain
+from hfa.main import BAD_INPUT, DONE, FAILED
+from hfa_support.errors import BadInputError
+
+STATED = FOLDER / "ppo_hfa.toml"
+#: Scales of the observations and factors of the maps in this file, in its order.
+SCALES = {
+    **{"speed": 10.0, "alpha": 0.1, "pitch": 0.1, "pitch_rate": 0.2},
+    **{"dihedral": 0.1, "dihedral_rate": 0.2},
+}
+MOVED = {
+    **{"throttle": 15.0, "aileron_outer": 0.15},
+    **{"elevator_center": 0.15, "elevator_outer": 0.15},
+}
+AT_8 = ("verify", "--dihedral", "8")
+
+
+def test_a_zip_with_normalizer_and_a_held_input_is_read() -> None:
+    """u(z) equals the stored outputs of Stable-Baselines3 in float64, behind scales and maps.
+
+    The game has the moved inputs in another order than the file.
+    """
+    linear = toolchain.trim(toolchain.aircraft(), dihedral=np.radians(8.0)).linearize()
+    game = toolchain.paper.published_game(linear).select(tuple(reversed(MOVED)))
+    critic = toolchain.read_critic(STATED, game, linear=linear)
+    for entry in json.loads((FOLDER / "slopes.json").read_text())["ppo_hfa"]:
+        values = entry["observation"] * np.array([*SCALES.values()])
+        deviations = dict(zip(SCALES, values, strict=True))
+        u = critic.u([deviations[name] for name in linear.states])
+        expected = entry["action"] * np.array([*MOVED.values()])
+        assert u == pytest.approx(expected[::-1], abs=1e-10)
+    z = np.zeros(6)
+    slope = np.array([(critic.u(z + e) - critic.u(z - e)) / 2e-6 for e in 1e-6 * np.eye(6)]).T
+    assert pytest.approx(-slope, rel=1e-6, abs=1e-5) == critic.K
+
+
+def test_the_command_judges_a_deployment_and_names_assess() -> None:
+    """`hfa verify` judges the game of the moved inputs; the command line that it prints runs."""
+    words = (*AT_8, "--weights", str(STATED), "--inputs", ",".join(MOVED))
+    data = answer(*words, code=FAILED)
+    assert data["inputs"] == list(MOVED)
+    assert len(data["K_exact"]) == len(MOVED)
+    assert data["network"]["rest_point"] is not None
+    said = " ".join(hfa(*words).out.split())
+    line = said.partition("hfa assess ")[2].partition(" Reason")[0]
+    assert line == f"{STATED} --dihedral 8"
+    assert hfa("assess", *shlex.split(line), "--samples", "0", "--best", "0").code == DONE
+
+
+@pytest.mark.usefixtures("folder")
+def test_what_is_no_function_of_the_states_is_refused() -> None:
+    """Each contradiction is refused in one line that names the file and the remedy."""
+    text = STATED.read_text().replace("ppo_hfa.", f"{FOLDER}/ppo_hfa.")
+    text = text.partition("[cost]")[0].replace("[action]", "[action]\naileron_center = {}")
+    for file, old, new in (
+        ("history.toml", "dt = 0.02", "dt = 0.02\nhistory = 2"),
+        ("observed.toml", "speed = {", "throttle = {"),
+    ):
+        Path(file).write_text(text.replace(old, new))
+    for words, said in (
+        ((*AT_8, "--weights", str(STATED)), f"--inputs {','.join(MOVED)}"),
+        ((*AT_8, "--weights", "history.toml"), "hfa assess"),
+        ((*AT_8, "--weights", "observed.toml"), "hfa assess"),
+        ((*AT_8, "--weights", str(STATED), "--inputs", "throttle,flap"), "flap"),
+        ((*AT_8, "--weights", str(STATED), "--network", "policy=actor"), "--network"),
+        (("prove", "region", "--dihedral", "8", "--weights", str(STATED)), "--aircraft"),
+    ):
+        assert_refused(hfa(*words), BAD_INPUT, said)
+
+
+def test_a_deployment_requires_the_linear_model() -> None:
+    """In Python, a deployment file is refused without the linear model of an aircraft."""
+    linear = toolchain.trim(toolchain.aircraft(), dihedral=np.radians(8.0)).linearize()
+    game = toolchain.paper.published_game(linear)
+    with pytest.raises(BadInputError, match="linear=LINEAR"):
+        toolchain.read_critic(STATED, game)
