@@ -5,6 +5,7 @@ from hfa_aircraft.waveform import Waveform as Waveform
 from .actuators import ActuatorBank as ActuatorBank, ActuatorFault as ActuatorFault
 from .air.gusts import OneMinusCosine as OneMinusCosine
 from .envelope import flight_envelope as flight_envelope
+from .policies.deployment.deployed import Deployed as Deployed
 from .policies.policy import GainPolicy as GainPolicy, Policy as Policy
 from .samples.monte_carlo import MonteCarlo as MonteCarlo
 from .samples.store import run_monte_carlo as run_monte_carlo

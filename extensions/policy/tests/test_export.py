@@ -1,27 +1,27 @@
 """Export of a deployment file to C, compared with the command in Python."""
 
 import ctypes
+import shutil
 import subprocess
 
 import numpy as np
 import pytest
-from policy_cases import AIRCRAFT, FOLDER, trims
+from policy_cases import AIRCRAFT, FOLDER, stored_deployment, trims
 
 from hfa.main import main
-from hfa_flight.policies.deployment.policy import flown_deployment
-from hfa_support.native.machine_code import c_compiler
+from hfa_flight import Deployed
 
-needs_compiler = pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
-
-
-def exported(name, point, target):
-    where = AIRCRAFT[name][0]
-    value = getattr(point.states, "speed")  # noqa: B009
-    words = ["export", "--policy", str(FOLDER / f"{name}.toml"), "--aircraft", where]
-    return main([*words, "--at", repr(float(value)), "-o", str(target)])
+COMPILER = shutil.which("cc")
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
 
-def differences(policy, command):
+def exported(name, point, target, file=None):
+    file = file or FOLDER / f"{name}.toml"
+    words = ["export", "--policy", str(file), "--aircraft", AIRCRAFT[name][0]]
+    return main([*words, "--at", repr(float(point["speed"])), "-o", str(target)])
+
+
+def differences(deployed, point, command):
     """Return the largest difference between an exported command and the deployment's command.
 
     Both commands are evaluated at random states and inputs about the trim. The difference is
@@ -29,16 +29,16 @@ def differences(policy, command):
 
     command: function (X, previous U) -> U
     """
-    model = policy.deployed.model
+    model = deployed.model
     random = np.random.default_rng(0)
     states = [signal.nominal for signal in model.states.values()]
     inputs = [signal.nominal for signal in model.inputs.values()]
-    trim = policy.deployed.trim_vector(policy.point)
+    trim = deployed.trim_vector(point)
     largest = 0.0
     for size in (0.0, 0.1, 1.0, 10.0):
-        X = np.array(policy.point.states) + size * random.uniform(-1, 1, len(states)) * states
-        U = np.array(policy.point.inputs) + size * random.uniform(-1, 1, len(inputs)) * inputs
-        expected = np.array(policy.deployed.command(X, U, trim)).ravel()
+        X = np.array(point.states) + size * random.uniform(-1, 1, len(states)) * states
+        U = np.array(point.inputs) + size * random.uniform(-1, 1, len(inputs)) * inputs
+        expected = np.array(deployed.command(X, U, trim)).ravel()
         largest = max(largest, np.abs((command(X, U) - expected) / inputs).max())
     return largest
 
@@ -48,15 +48,15 @@ def compiled(folder):
     -> U.
     """
     library = folder / "policy.so"
-    words = [c_compiler(), "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-fPIC", "-shared"]
+    words = [COMPILER, "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-fPIC", "-shared"]
     source = folder / "deployed_policy.c"
     subprocess.run([*words, str(source), "-o", str(library), "-lm"], check=True)
     call = ctypes.CDLL(str(library)).deployed_policy
     pointer = ctypes.POINTER(ctypes.c_double)
 
-    def command(X, U):
+    def command(X, U, *past_and_observed):
         out = np.zeros(len(U))
-        call(*(array.ctypes.data_as(pointer) for array in (X, U, out)))
+        call(*(array.ctypes.data_as(pointer) for array in (X, U, out, *past_and_observed)))
         return out
 
     return command
@@ -72,33 +72,46 @@ def test_exported_c_equals_the_deployment_file(name, tmp_path, capsys):
     """
     point = trims(name)[0]
     assert exported(name, point, tmp_path / "c") == 0
-    policy = flown_deployment(FOLDER / f"{name}.toml", point)
+    deployed = Deployed(stored_deployment(name), point.model)
     command = compiled(tmp_path / "c")
-    assert differences(policy, command) < 1e-12
+    assert differences(deployed, point, command) < 1e-12
     measured = np.array(point.states)
     measured[list(point.model.states).index("pitch")] = np.nan
-    moved = [list(point.model.inputs).index(each) for each in policy.deployed.commanded]
+    moved = [list(point.model.inputs).index(each) for each in deployed.commanded]
     assert np.isnan(command(measured, np.array(point.inputs))[moved]).all()
     header = (tmp_path / "c" / "deployed_policy.h").read_text()
-    assert f"#define POLICY_DT {policy.deployed.deployment.dt!r}" in header
+    assert f"#define POLICY_DT {deployed.deployment.dt!r}" in header
 
 
-def test_an_fmu_of_a_deployment_file_is_refused(tmp_path, capsys):
-    """An FMU, which has neither sample time nor delay, is refused with the right export."""
-    target = tmp_path / "policy.fmu"
-    assert exported("ppo_gtm", trims("ppo_gtm")[0], target) == 2
-    assert "give a folder for C source" in capsys.readouterr().err
-    assert not target.exists()
+@needs_compiler
+def test_exported_c_uses_earlier_observations(tmp_path):
+    """u = U0 + K o of the observations of three samples, the oldest first; delay in the header."""
+    gain = np.arange(24.0).reshape(2, 12) / 10.0
+    np.savez(tmp_path / "gain.npz", K=-gain)
+    (tmp_path / "three.toml").write_text(
+        "[policy]\nfile = 'gain.npz'\n"
+        "[observation]\nspeed = {}\nalpha = {}\npitch_rate = {}\npitch = {}\n"
+        "[action]\nelevator = {box = [-99, 99]}\nthrottle = {box = [-99, 99]}\n"
+        "[timing]\ndt = 0.02\ndelay = 0.03\nhistory = 3\n"
+    )
+    point = trims("ppo_gtm")[1]
+    assert exported("ppo_gtm", point, tmp_path / "c", tmp_path / "three.toml") == 0
+    header = (tmp_path / "c" / "deployed_policy.h").read_text()
+    assert "POLICY_DT 0.02\n#define POLICY_DELAY 0.03\n" in header
+    past, observed = np.arange(8) / 500.0, np.zeros(4)
+    inputs = np.array(point.inputs)
+    u = compiled(tmp_path / "c")(np.array(point.states) + 0.001, inputs, past, observed)
+    np.testing.assert_allclose(observed, 0.001, rtol=1e-9)
+    lowest, highest = np.transpose([(s.min, s.max) for s in point.model.inputs.values()])
+    expected = np.clip(inputs + gain @ [*past, *observed], lowest, highest)
+    np.testing.assert_allclose(u, expected, rtol=1e-9)
 
 
-def test_law_is_refused_with_a_deployment_file(tmp_path, capsys):
-    """`hfa export` refuses --law together with --policy."""
-    words = [
-        "export",
-        "--policy",
-        str(FOLDER / "ppo_gtm.toml"),
-        "--aircraft",
-        AIRCRAFT["ppo_gtm"][0],
-    ]
-    assert main([*words, "--law", "exact", "-o", str(tmp_path / "c")]) == 2
-    assert "--law has no effect with --policy" in capsys.readouterr().err
+@pytest.mark.parametrize("words", [["-o", "policy.fmu"], ["--law", "exact", "-o", "c"]])
+def test_what_a_deployment_file_cannot_be_is_refused(words, tmp_path, monkeypatch, capsys):
+    """An FMU, which has neither sample time nor delay, and --law beside --policy."""
+    monkeypatch.chdir(tmp_path)
+    where = ["--policy", str(FOLDER / "ppo_gtm.toml"), "--aircraft", AIRCRAFT["ppo_gtm"][0]]
+    assert main(["export", *where, "--at", "45", *words]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert not [*tmp_path.iterdir()]

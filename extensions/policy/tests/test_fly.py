@@ -8,14 +8,9 @@ import pytest
 from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
 
 import hfa
+from hfa import Deployment, fly, load_model
 from hfa.main import main
-from hfa_aircraft.loading import load_model
-from hfa_aircraft.waveform import Waveform
-from hfa_flight.flight import fly
-from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.policy import DeployedPolicy, sampled_scenario
-from hfa_flight.scenario import Scenario
+from hfa_flight import ActuatorBank, Scenario
 from hfa_support.errors import BadInputError
 
 
@@ -23,26 +18,39 @@ from hfa_support.errors import BadInputError
     ("dt", "delay", "parts"),
     [(0.02, 0.03, 2), (1.0 / 60.0, 0.0, 1), (1.0 / 60.0, 0.5 / 60.0, 2), (1.0 / 60.0, 0.02, 5)],
 )
-def test_the_tick_divides_sample_time_and_delay(dt, delay, parts):
-    """A tick is the greatest common divisor of sample time and delay, also at 60 Hz."""
-    policy = deployed_policy(dt, delay)
-    assert policy.tick == pytest.approx(dt / parts, rel=1e-12)
-    scenario = sampled_scenario(policy, Scenario(), policy.point)
-    assert scenario.tick == policy.tick
+def test_commands_change_at_whole_samples_after_the_delay(dt, delay, parts):
+    """Also at 60 Hz; the flight is a whole number of samples, and actuators are flown finer.
+
+    parts: sample time / greatest common divisor of sample time and delay
+    """
+    flown = [flown_with(dt, delay, actuators=actuators) for actuators in (False, True)]
+    for flight in flown:
+        tick = flight.scenario["tick"]
+        assert tick == pytest.approx(dt / parts, rel=1e-12)
+        assert flight.time[-1] == pytest.approx(round(0.3 / tick) * tick)
+    changes = np.flatnonzero(np.abs(np.diff(flown[0].inputs[:, 0])) > 1e-12)
+    after = flown[0].time[changes] - delay
+    assert len(changes) > 3
+    np.testing.assert_allclose(after, dt * np.round(after / dt), atol=1e-9 + flown[0].step)
+    assert flown[1].step <= 0.001 < flown[0].step
 
 
 def test_a_delay_that_is_no_fraction_of_the_sample_time_is_refused():
-    """A delay that no tick divides is refused, with the nearest delay that is possible."""
+    """With the nearest delay that is possible."""
     with pytest.raises(BadInputError, match=r"timing\.delay is 0.013123456 s.*give 0\.0131"):
-        _ = deployed_policy(0.02, 0.013123456).tick
+        flown_with(0.02, 0.013123456)
 
 
-def deployed_policy(dt, delay):
-    """Return a policy for the GTM with this sample time and delay."""
-    name = "ppo_gtm"
-    timed = stored_deployment(name).changed(timing={"dt": dt, "delay": delay})
-    deployed = Deployed(timed, aircraft(name))
-    return DeployedPolicy("timed", deployed, trims(name)[0], held=np.zeros((1, 2)))
+def flown_with(dt, delay, *, actuators=False):
+    """Return a flight of the GTM with this sample time and delay."""
+    timed = stored_deployment("ppo_gtm").changed(timing={"dt": dt, "delay": delay})
+    point = trims("ppo_gtm")[0]
+    lag, lowest, highest, rate = (
+        point.inputs._make([each] * 2) for each in (0.01, -np.inf, np.inf, np.inf)
+    )
+    bank = ActuatorBank(lag, lowest, highest, rate) if actuators else None
+    scenario = Scenario(duration=0.3, initial=np.array([1.0, 0.02, 0.0, 0.0]), actuators=bank)
+    return fly(point.model, point, timed, scenario=scenario, predict=False)
 
 
 def test_a_command_that_arrives_at_a_sample_is_not_yet_observed():
@@ -58,19 +66,6 @@ def test_a_command_that_arrives_at_a_sample_is_not_yet_observed():
     flight = fly(model, hfa.trim(model), deployment, 0.1, predict=False)
     np.testing.assert_allclose(flight.time[:5], 0.02 * np.arange(5))
     np.testing.assert_allclose(flight.inputs[:5, 0], [0.0, 0.1, 0.1, 0.13, 0.13], rtol=1e-9)
-
-
-def test_moving_air_and_actuators_are_flown_in_fine_steps():
-    policy = deployed_policy(0.02, 0.03)
-    rain = {"gust_forward": Waveform(np.zeros(1), np.zeros(1))}
-    still, moving = (
-        sampled_scenario(policy, Scenario(0.123, 0.001, 0.041, air=air), policy.point)
-        for air in ({}, rain)
-    )
-    assert still.duration == moving.duration == pytest.approx(0.12)
-    assert still.step > moving.step
-    assert moving.step <= 0.001
-    assert moving.step * moving.steps_per_tick == pytest.approx(0.01)
 
 
 def file_without_normalizer(folder):

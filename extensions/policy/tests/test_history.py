@@ -1,23 +1,15 @@
 """Policies that use the observations of several samples."""
 
-import ctypes
-import subprocess
-
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import aircraft, flown_samples, gtm_deployment, trims
+from policy_cases import aircraft, gtm_deployment, trims
 from scipy.signal import cont2discrete
-from tolerances import FEW_ROUNDINGS, SAME_FORMULA
+from tolerances import FEW_ROUNDINGS
 
 import hfa
-from hfa_flight.export.deployment_c import exported_texts
-from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.policy import flown_deployment
-from hfa_policy.assess import assess
-from hfa_policy.assessor import Assessor
-from hfa_support.errors import BadInputError
-from hfa_support.native.machine_code import c_compiler
+from hfa import BadInputError, assess
+from hfa_flight import Deployed
 
 #: Gain on three samples, the oldest first: a lead on the pitch rate and a gain on the pitch.
 GAIN = np.zeros((2, 12))
@@ -80,51 +72,22 @@ def test_a_normalizer_of_one_sample_or_of_all_is_applied_to_each(frames):
     assert 2 < (clipped == normal).sum() < 10
     np.testing.assert_allclose(np.array(deployed.act(o)).ravel(), GAIN @ clipped, rtol=1e-12)
     np.testing.assert_allclose(deployment.normalizer.normalized(o), clipped, rtol=1e-12)
-    np.testing.assert_allclose(np.array(deployed.stages(o)[0]).ravel(), normal, rtol=1e-12)
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.03])
-def test_assess_fly_and_environments_give_equal_flights(delay):
-    """A flight of one second ends at the same state in `assess`, in `fly` and in an environment."""
+def test_fly_and_environments_give_equal_flights(delay):
+    """A flight of one second ends at the same state in `fly` and in an environment."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     deployment = stacked(delay)
-    start = np.add(point.states, [2.0, 0.03, 0.1, -0.05])
-    assessor = Assessor(Deployed(deployment, model), (point,), samples=1)
-    flight = assessor.flight()
-    trim = assessor.deployed.trim_vector(point)
-    states = flown_samples(flight, start, trim, 50)[-1, flight.slices[0]]
-    initial = dict(zip(model.states, start - point.states, strict=True))
-    by_fly = hfa.fly(model, point, deployment, 1.0, initial=initial).states[-1]
-    np.testing.assert_allclose(states, by_fly, rtol=SAME_FORMULA)
+    off = [2.0, 0.03, 0.1, -0.05]
+    initial = dict(zip(model.states, off, strict=True))
+    flown = hfa.fly(model, point, deployment, 1.0, initial=initial, predict=False).states[-1]
     env = hfa.environment(model, deployment, [point])
-    observation, _ = env.reset(options={"start": start})
+    observation, _ = env.reset(options={"start": np.add(point.states, off)})
     np.testing.assert_allclose(observation[:4], observation[8:], rtol=1e-6)
     for _ in range(50):
         observation, *_, info = env.step(GAIN @ observation.astype(float))
-    np.testing.assert_allclose(info["X"], states, rtol=1e-5)
-
-
-@pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
-def test_exported_c_uses_earlier_observations(tmp_path):
-    """The exported C code of a policy with history computes the command from earlier and present
-    observations.
-    """
-    point = trims("ppo_gtm")[1]
-    policy = flown_deployment(stacked(delay=0.03), point)
-    texts = exported_texts(policy, "a test")
-    for name, text in texts.items():
-        (tmp_path / name).write_text(text)
-    assert "POLICY_DT 0.02\n#define POLICY_DELAY 0.03\n" in texts["deployed_policy.h"]
-    words = [c_compiler(), "-std=c99", "-Wall", "-Werror", "-fPIC", "-shared", "deployed_policy.c"]
-    subprocess.run([*words, "-o", "policy.so", "-lm"], check=True, cwd=tmp_path)
-    call = ctypes.CDLL(str(tmp_path / "policy.so")).deployed_policy
-    past = np.arange(8) / 50.0
-    given = [np.array(point.states) + 0.01, np.array(point.inputs)]
-    u, observed = np.zeros(2), np.zeros(4)
-    pointer = ctypes.POINTER(ctypes.c_double)
-    call(*(each.ctypes.data_as(pointer) for each in (*given, u, past, observed)))
-    np.testing.assert_allclose(observed, 0.01, rtol=1e-9)
-    np.testing.assert_allclose(u, given[1] + GAIN @ [*past, *observed], rtol=1e-12)
+    np.testing.assert_allclose(info["X"], flown, rtol=1e-5)
 
 
 @pytest.mark.parametrize(

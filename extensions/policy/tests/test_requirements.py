@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import casadi as ca
 import pytest
 
@@ -63,3 +65,27 @@ def test_an_equilibrium_beyond_the_limits_fails_without_flights(
     assert point.equilibrium.states[0] == pytest.approx(offset / 0.2, rel=1e-6)
     assert point.radius < 1.0
     assert (found.ok, point.holds, bool(point.beyond)) == (passes, passes, not passes)
+
+
+def test_a_flight_that_departs_again_has_not_converged() -> None:
+    """x' = -x + u + .02 y^2 with u = -x, y' = .02 y: x ends at .02 y^2 / 2.04, in the ball or not.
+
+    The share of the flights in the ball of 5 % of the box is that of the initial y, within 3 sigma.
+    """
+    signal = hfa.Signal(nominal=1.0, min=-50.0, max=50.0)
+    model = hfa.Model(
+        "two",
+        {"x": signal, "y": signal},
+        {"u": signal},
+        lambda x, u, p, w: ({"x": -x.x + u.u + 0.02 * x.y**2, "y": 0.02 * x.y}, {}),
+    )
+    point = hfa.trim(model, hold={"y": 0.0, "u": 0.0}, free=("x",))
+    o = ca.SX.sym("o")
+    gain = {"file": ca.Function("gain", [o], [-o])}
+    policy = hfa.Deployment(gain, {"x": {}}, {"u": {}}, {"dt": 0.1})
+    count = 200
+    (found,) = hfa.assess(model, policy, [point], count, box={"x": 1.0, "y": 1.0}, best=0).points
+    share = math.sqrt(0.05 * 2.04 / 0.02) * math.exp(-0.02 * found.place.seconds)
+    spread = math.sqrt(share * (1.0 - share) / count)
+    assert 0.1 < share < 0.9
+    assert found.flights.returned / count == pytest.approx(share, abs=3.0 * spread)

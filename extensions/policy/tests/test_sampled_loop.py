@@ -1,6 +1,5 @@
 """Sampled loop, margins and cost, compared with python-control and SciPy."""
 
-import dataclasses
 import math
 import warnings
 
@@ -10,101 +9,76 @@ import numpy as np
 import pytest
 from policy_cases import GTM, gtm_deployment, model_of
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyapunov
+from scipy.signal import cont2discrete
 
 import hfa
-from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.sampled_loop import (
-    Chain,
-    chain_of,
-    delays,
-    held,
-    margins,
-    slowest_swing,
-)
-from hfa_policy.assessor import Assessor
-from hfa_policy.cost_above_optimum import cost_above_optimum, lqr_at
-from hfa_policy.reach import _own_modes
-from hfa_policy.trims import trims_of
+from hfa import assess
 
 DT = 0.02
 Q = {"speed": 0.0025, "alpha": 8.16, "pitch_rate": 1.0, "pitch": 8.16}
 R = {"elevator": 1.11, "throttle": 0.00051}
 
 
-def linear_case(scale=1.0):
-    """Return the LQR of the GTM as a deployment, its equilibrium and its gain.
+def gain_case(scale=1.0, **timing):
+    """Return the assessment of the GTM's LQR at 45 m/s, its linear model, and the gain.
 
     scale: factor on the gain
     """
     model = model_of(GTM)
-    (point,) = trims_of(model, [45.0])
+    point = hfa.trim(model, at=45.0)
     linear = hfa.linearize(model, point)
-    game = hfa.game(linear, Q, R)
-    K = scale * hfa.solve(game).K
+    K = scale * hfa.solve(hfa.game(linear, Q, R)).K
     o = ca.SX.sym("o", 4)
-    gain = ca.Function("gain", [o], [-ca.DM(K) @ o])
-    deployment = gtm_deployment({"file": gain}, cost={"Q": Q, "R": R}, timing={"dt": DT})
-    deployed = Deployed(deployment, model)
-    assessor = Assessor(deployed, (point,), samples=0)
-    equilibrium = assessor.places(assessor.flight())[0].equilibrium
-    np.testing.assert_allclose(equilibrium.K, K, rtol=1e-10)
-    return deployed, equilibrium, K
+    gain = {"file": ca.Function("gain", [o], [-ca.DM(K) @ o])}
+    timing = {"dt": DT, **timing}
+    deployment = gtm_deployment(gain, cost={"Q": Q, "R": R}, timing=timing)
+    (found,) = assess(model, deployment, [point], samples=0).points
+    np.testing.assert_allclose(found.equilibrium.K, K, rtol=1e-10)
+    return found, linear, K
+
+
+def held(A, B, dt):
+    """Return A and B of a sample with held inputs, by SciPy."""
+    Phi, Gamma, *_ = cont2discrete((A, B, np.eye(len(A)), 0.0 * B), dt)
+    return Phi, Gamma
 
 
 @pytest.fixture(scope="module")
 def case():
-    return linear_case()
+    return gain_case()
 
 
-def test_slowest_swing_is_half_the_slowest_period():
-    """`slowest_swing` is half the period of the slowest mode that is not well damped.
-
-    The modes are at 0.5 and 3 rad/s. If the slower mode is well damped, the faster mode counts.
-    """
-    for damping, expected in ((0.05, math.pi / 0.5), (0.8, math.pi / 3.0)):
-        real = -0.5 * damping / math.sqrt(1.0 - damping**2)
-        slow, fast = np.array([[real, 0.5], [-0.5, real]]), np.array([[-0.2, 3.0], [-3.0, -0.2]])
-        A = np.block([[slow, np.zeros((2, 2))], [np.zeros((2, 2)), fast]])
-        Phi, _ = held(A, np.zeros((4, 1)), DT)
-        loop = Chain(Phi, np.zeros((4, 1)), np.zeros((1, 4)), 4, DT, np.eye(4))
-        assert slowest_swing(loop) == pytest.approx(expected)
-
-
-def test_the_delayed_loop_equals_python_control(case):
+def test_the_delayed_loop_equals_python_control():
     """The spectral radius with a delay equals that of python-control's loop with unit delays."""
-    _, equilibrium, K = case
-    plant = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
-    samples = 3
+    found, linear, K = gain_case(delay=3 * DT)
+    plant = control.c2d(control.ss(linear.A, linear.B, np.eye(4), 0), DT, "zoh")
     shift = control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0, DT)
     late = plant
-    for _ in range(samples):
+    for _ in range(3):
         late = control.series(shift, late)
     closed = late.feedback(control.ss([], [], [], K, DT))
-    radius = np.abs(closed.poles()).max()
-    assert chain_of(equilibrium, DT, samples * DT).radius == pytest.approx(radius, abs=1e-9)
+    assert found.radius == pytest.approx(np.abs(closed.poles()).max(), abs=1e-9)
 
 
-def test_half_a_sample_delay_equals_twice_the_rate(case):
+def test_half_a_sample_delay_equals_twice_the_rate():
     """A loop with half a sample of delay has the spectral radius of a loop at half the sample time.
 
     In the loop for comparison, the delay is one sample and the command changes every second sample.
     """
-    _, equilibrium, K = case
-    Phi, Gamma = held(equilibrium.A, equilibrium.B, DT / 2)
-    early = Phi @ Phi
+    found, linear, K = gain_case(delay=DT / 2)
+    Phi, Gamma = held(linear.A, linear.B, DT / 2)
     twice = np.zeros((6, 6))
-    twice[:4, :4] = early - Gamma @ K
+    twice[:4, :4] = Phi @ Phi - Gamma @ K
     twice[:4, 4:] = Phi @ Gamma
     twice[4:, :4] = -K
-    radius = np.abs(np.linalg.eigvals(twice)).max()
-    assert chain_of(equilibrium, DT, DT / 2).radius == pytest.approx(radius, abs=1e-12)
+    assert found.radius == pytest.approx(np.abs(np.linalg.eigvals(twice)).max(), abs=1e-10)
 
 
 def test_margins_equal_python_control(case):
     """Gain, phase and disk margins agree with python-control."""
-    _, equilibrium, K = case
-    found = margins(chain_of(equilibrium, DT, 0.0))
-    Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
+    assessed, linear, K = case
+    found = assessed.margins
+    Phi, Gamma = held(linear.A, linear.B, DT)
     grid = np.geomspace(1e-3, math.pi / DT, 4000)
     for loop in range(2):
         other = 1 - loop
@@ -145,9 +119,9 @@ def test_costs_equal_scipy():
     They are compared for continuous control and for the sampled loop, whose cost is the integral.
     The optimum of the sampled loop is SciPy's Riccati solution.
     """
-    deployed, equilibrium, K = linear_case(1.3)
-    lost = cost_above_optimum(deployed, equilibrium, chain_of(equilibrium, DT, 0.0))
-    game = lqr_at(deployed, equilibrium)
+    found, linear, K = gain_case(1.3)
+    lost = found.cost
+    game = hfa.game(linear, Q, R)
     optimum = hfa.solve(game).P
     closed = game.A - game.B @ K
     value = solve_lyapunov(closed.T, -(game.Q + K.T @ game.R @ K))
@@ -168,7 +142,7 @@ def deployment_that_observes_its_elevator(share, dt):
 
     share: factor of the observed elevator in the new elevator
     """
-    _, _, K = linear_case()
+    *_, K = gain_case()
     before = ca.DM([[share], [0.0]])
     o = ca.SX.sym("o", 5)
     policy = ca.Function("policy", [o], [-ca.DM(K) @ o[:4] + before @ o[4:]])
@@ -197,42 +171,29 @@ def test_an_integrator_has_no_cost_in_continuous_time():
     assert math.isnan(loop.cost.worst)
 
 
-def test_a_loop_of_wrong_sign_is_unstable_undelayed(case):
-    """A loop with a wrong sign is unstable, and its first unstable delay is 0."""
-    deployed, _, _ = case
-    flipped = deployed.deployment.action["elevator"] | {"map": "trim - a"}
-    action = {**deployed.deployment.action, "elevator": flipped}
-    wrong = Deployed(deployed.deployment.changed(action=action), deployed.model)
-    assessor = Assessor(wrong, trims_of(deployed.model, [45.0]), samples=0)
-    (point,) = assessor.assessed()
+def test_a_loop_of_wrong_sign_is_unstable_undelayed():
+    """Its first unstable delay is 0."""
+    model = model_of(GTM)
+    o = ca.SX.sym("o", 4)
+    *_, K = gain_case()
+    wrong = {"file": ca.Function("wrong", [o], [ca.DM(K) @ o])}
+    (point,) = assess(model, gtm_deployment(wrong), [45.0], samples=0).points
     assert point.radius > 1.0
     assert point.delays.limit == 0.0
     assert not point.holds
 
 
 def test_delays_are_searched_upward(case):
-    """The delay limit is the first whole number of samples at which the loop is unstable."""
-    _, equilibrium, K = case
-    found = delays(equilibrium, DT, 0.0)
-    limit = round(found.limit / DT)
-    assert len(found.radii) == limit + 1
-    assert all(radius < 1.0 for radius in found.radii[:-1])
-    assert found.radii[-1] >= 1.0
-    assert found.limit - DT < found.fine <= found.limit
-    assert chain_of(equilibrium, DT, found.fine).radius >= 1.0
-    assert chain_of(equilibrium, DT, found.fine - 0.06 * DT).radius < 1.0
-    stable = dataclasses.replace(equilibrium, K=0.0 * K)
-    for dt, deployed, searched in ((DT, 0.0, 2.0), (0.4, 0.0, 3.2), (0.4, 4.0, 4.0)):
-        none = delays(stable, dt, deployed)
-        assert (none.limit, none.fine, none.searched) == (None, None, pytest.approx(searched))
-        assert len(none.radii) == round(searched / dt) + 1
+    """The delay limit is the first whole number of samples at which the loop is unstable.
 
-
-def test_both_eigenvalues_of_a_pair_belong_to_its_mode(case):
-    """An eigenvalue finds its mode, whichever sign its imaginary part has."""
-    deployed, equilibrium, _ = case
-    values = np.linalg.eigvals(equilibrium.A)
-    assert (values.imag < 0.0).any()
-    for value in values:
-        (mode,) = _own_modes(deployed, equilibrium.A, value)
-        assert mode.growth == pytest.approx(value.real)
+    A tenth of a sample below the fine limit, the loop is stable.
+    """
+    found, *_ = case
+    delays = found.delays
+    limit = round(delays.limit / DT)
+    assert len(delays.radii) == limit + 1
+    assert all(radius < 1.0 for radius in delays.radii[:-1])
+    assert delays.radii[-1] >= 1.0
+    assert delays.limit - DT < delays.fine <= delays.limit
+    at, below = (gain_case(delay=delays.fine - share * DT)[0].radius for share in (0.0, 0.06))
+    assert below < 1.0 <= at

@@ -1,15 +1,14 @@
 """Command of a deployment file and its slopes, compared with Stable-Baselines3 in float64."""
 
 import json
-import zipfile
 
 import numpy as np
 import pytest
 from policy_cases import FOLDER, aircraft, stored_deployment
 from tolerances import SAME_FORMULA
 
-from controller.critic.network.tensors import tensors_in
-from hfa_flight.policies.deployment.deployed import Deployed
+import hfa
+from hfa_flight import Deployed
 from hfa_support.errors import BadInputError
 
 SLOPES = json.loads((FOLDER / "slopes.json").read_text())
@@ -45,31 +44,40 @@ def test_stored_slopes_equal_stable_baselines3(name):
             np.testing.assert_allclose(values, again[key], rtol=SAME_FORMULA, atol=1e-12)
 
 
-def test_an_onnx_deployment_equals_its_zip(tmp_path):
-    """A deployment file with an ONNX file has the actions of Stable-Baselines3."""
+def test_an_onnx_deployment_equals_its_state_dict(tmp_path):
+    """The same layers as ONNX and as arrays, after the same normalizer."""
     onnx = pytest.importorskip("onnx")
-    zipped = stored_deployment("ppo_gtm")
-    with zipfile.ZipFile(FOLDER / "ppo_gtm.zip") as archive:
-        tensors = tensors_in(archive.read("policy.pth"), ".pth")
-    names = ("mlp_extractor.policy_net.0", "mlp_extractor.policy_net.2", "action_net")
+    random = np.random.default_rng(0)
+    sizes = [(16, 4), (16, 16), (2, 16)]
     make = onnx.helper.make_node
-    nodes, weights, before = [], [], "o"
-    for number, name in enumerate(names):
-        parts = [f"{name}.weight", f"{name}.bias"]
-        weights += [onnx.numpy_helper.from_array(tensors[part], part) for part in parts]
+    nodes, weights, arrays, before = [], [], {}, "o"
+    for number, size in enumerate(sizes):
+        parts = {f"{2 * number}.weight": random.normal(size=size) / 4.0}
+        parts[f"{2 * number}.bias"] = random.normal(size=size[0])
+        arrays |= parts
+        weights += [onnx.numpy_helper.from_array(part, name) for name, part in parts.items()]
         nodes.append(make("Gemm", [before, *parts], [f"h{number}"], transB=1))
         before = f"h{number}"
-        if name != names[-1]:
+        if number < 2:
             nodes.append(make("Tanh", [before], [f"t{number}"]))
             before = f"t{number}"
-    rows = [onnx.helper.make_tensor_value_info("o", onnx.TensorProto.FLOAT, [1, 4])]
-    given = [onnx.helper.make_tensor_value_info(before, onnx.TensorProto.FLOAT, [1, 2])]
+    rows = [onnx.helper.make_tensor_value_info("o", onnx.TensorProto.DOUBLE, [1, 4])]
+    given = [onnx.helper.make_tensor_value_info(before, onnx.TensorProto.DOUBLE, [1, 2])]
     graph = onnx.helper.make_graph(nodes, "actor", rows, given, weights)
     onnx.save(onnx.helper.make_model(graph), tmp_path / "actor.onnx")
-    policy = {"file": str(tmp_path / "actor.onnx"), "normalizer": str(FOLDER / "ppo_gtm.pkl")}
-    act = Deployed(zipped.changed(policy=policy), aircraft("ppo_gtm")).act
-    for entry in SLOPES["ppo_gtm"]:
-        action = np.array(act(np.array(entry["observation"]))).ravel()
-        np.testing.assert_allclose(action, entry["action"], rtol=0, atol=1e-12)
+    np.savez(tmp_path / "actor.npz", **arrays)
+    normalizer = {"normalizer": str(FOLDER / "ppo_gtm.pkl")}
+    usual = stored_deployment("ppo_gtm")
+    files = ({"file": "actor.onnx"}, {"file": "actor.npz", "activation": "tanh"})
+    one, other = (
+        Deployed(
+            usual.changed(policy={**each, "file": str(tmp_path / each["file"]), **normalizer}),
+            aircraft("ppo_gtm"),
+        ).act
+        for each in files
+    )
+    for o in random.uniform(-0.3, 0.3, (5, 4)):
+        np.testing.assert_allclose(np.array(one(o)), np.array(other(o)), rtol=0, atol=1e-12)
+    twice = {"file": str(tmp_path / "actor.onnx"), "activation": "tanh"}
     with pytest.raises(BadInputError, match="contains the activations"):
-        _ = zipped.changed(policy=policy | {"activation": "tanh"}).actor
+        hfa.assess(aircraft("ppo_gtm"), usual.changed(policy=twice), [45.0], samples=0)

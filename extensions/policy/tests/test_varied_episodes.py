@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 from policy_cases import aircraft, trims
 
-from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_policy.environment import environment, vector_environment
-from hfa_policy.episodes import Episodes
-from hfa_policy.variations import frozen_at
+from hfa import Deployment, environment, vector_environment
 from hfa_support.errors import BadInputError
 
 pytest.importorskip("gymnasium")
@@ -54,7 +50,14 @@ def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim()
     )
     heavier = model.with_parameters(panel_mass=MASS[1])
     moved = replace(point, model=heavier, problem=None)
-    frozen = frozen_at(Deployed(DEPLOYMENT, model), point).deployment
+    load_factor = model.outputs_at(point.states, point.inputs, ("load_factor",))["load_factor"]
+    frozen = DEPLOYMENT.changed(
+        observation={
+            "pitch": {"about": point["pitch"]},
+            "load_factor": {"about": load_factor},
+            "speed": {"about": point["speed"], "scale": 10.0},
+        }
+    )
     expected, seen, _ = flown(environment(heavier, frozen, [moved]), start)
     np.testing.assert_allclose(states, expected, rtol=1e-12)
     np.testing.assert_allclose(observations, seen, rtol=1e-6)
@@ -74,22 +77,6 @@ def test_each_reset_draws_between_the_limits() -> None:
     assert len(set(drawn)) == 200
     assert env.reset(seed=3)[1]["parameters"]["panel_mass"] == drawn[0]
     assert "parameters" not in environment(aircraft("ppo_hfa"), DEPLOYMENT).reset(seed=3)[1]
-
-
-def test_each_episode_of_many_has_its_own_parameters() -> None:
-    """Simultaneous episodes with equal starts and actions differ by their masses alone."""
-    model, point = aircraft("ppo_hfa"), trims("ppo_hfa")[0]
-    episodes = Episodes(Deployed(DEPLOYMENT, model), [point], 6, vary={"panel_mass": MASS})
-    numbers = np.arange(6)
-    starts = np.tile(np.array(point.states), (6, 1))
-    place = list(model.parameters).index("panel_mass")
-    episodes.begin_at(numbers, np.zeros(6, dtype=int), starts, np.random.default_rng(2))
-    for _ in range(50):
-        episodes.step(np.zeros((6, 1)))
-    altitudes = episodes.states[:, list(model.states).index("altitude")]
-    masses = episodes.parameters[:, place]
-    order = np.argsort(masses)
-    assert np.all(np.diff(altitudes[order]) < 0.0)
 
 
 @pytest.mark.parametrize(

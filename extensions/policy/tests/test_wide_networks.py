@@ -1,23 +1,18 @@
 """Evaluation of networks for all flights at once, and flights that end early."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 import pytest
 from policy_cases import AIRCRAFT, aircraft, gtm_deployment, stored_deployment, trims
+from scipy.optimize import root
 from tolerances import SAME_FORMULA
 
-from controller.critic.network.activations import ACTIVATIONS
-from controller.critic.network.row_network import ROW_ACTIVATIONS
-from hfa_aircraft.march.ending import PATIENCE
-from hfa_aircraft.march.march import march
-from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_policy.assessor import Assessor
-from hfa_policy.flights import SampledRows
-from hfa_policy.outcomes import PlacedFlights, seeded_starts
-from hfa_policy.trims import trims_of
+from hfa import assess
+
+#: Activations of networks that are evaluated on rows at any width.
+NAMES = ("tanh", "relu", "sigmoid", "elu", "silu", "leaky_relu")
 
 
 def wide_file(path, width, seed=0):
@@ -37,12 +32,16 @@ def wide_file(path, width, seed=0):
     return str(path)
 
 
-@pytest.mark.parametrize("name", [name for name in ROW_ACTIVATIONS if name])
-def test_activations_on_rows_equal_the_graph(name):
+@pytest.mark.parametrize("name", NAMES)
+def test_activations_on_rows_equal_the_graph(name, tmp_path):
     """Each activation has the same values on NumPy rows as in a graph of CasADi scalars."""
-    values = np.linspace(-45.0, 45.0, 31)
-    graph = [float(entry) for entry in ACTIVATIONS[name](values)]
-    np.testing.assert_allclose(ROW_ACTIVATIONS[name](values.copy()), graph, rtol=1e-13, atol=1e-15)
+    layers = {"0.weight": 30.0 * np.eye(4), "0.bias": np.zeros(4), "2.weight": np.eye(2, 4)}
+    np.savez(tmp_path / "one.npz", **layers, **{"2.bias": np.zeros(2)})
+    entries = {"file": str(tmp_path / "one.npz"), "activation": name}
+    actor = gtm_deployment(entries).actor
+    observations = np.linspace(-1.5, 1.5, 31)[:, None] * np.ones(4)
+    graph = np.array(actor.function(observations.T)).T
+    np.testing.assert_allclose(actor.rows(observations), graph, rtol=1e-13, atol=1e-15)
 
 
 @pytest.mark.parametrize("name", AIRCRAFT)
@@ -110,68 +109,28 @@ def test_a_wide_onnx_graph_is_evaluated_on_rows(tmp_path):
     np.testing.assert_allclose(actor.rows(observations), expected, rtol=0, atol=1e-12)
 
 
-def test_flight_at_another_equilibrium_ends_early():
-    """A flight that settles at another equilibrium ends early, with the outcome of the full
-    duration.
-    """
+@pytest.mark.slow  # test_assess.py has a pendulum a full turn apart
+def test_a_flight_at_another_equilibrium_has_not_converged():
+    """A kinked gain with a second equilibrium: SciPy's root of it, at a pitch above .06 rad."""
     o = ca.SX.sym("o", 4)
     another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))
     raw = ca.vertcat(0.8 * o[3] + 0.6 * o[2] - another, -2.0 * o[0])
     deployment = gtm_deployment({"file": ca.Function("two", [o], [raw])})
-    assessor = Assessor(Deployed(deployment, aircraft("ppo_gtm")), trims("ppo_gtm")[1:2])
-    flight = assessor.flight()
-    places = assessor.places(flight)
-    ends = []
-    for patience in (PATIENCE, replace(PATIENCE, standing=1000)):
-        flown = flights_of(flight, places[0], 24, patience)
-        flown.fly(60.0, flight.compiled(24, 60.0))
-        ends.append((flown.times.max(), flown.outcomes(0)))
-    (early, outcome), (late, to_the_end) = ends
-    assert early < 45.0 < late
-    assert 0 < outcome.elsewhere == to_the_end.elsewhere
-    assert outcome.returned == to_the_end.returned
-    pitch = to_the_end.elsewhere_at["pitch"]
-    assert outcome.elsewhere_at["pitch"] == pytest.approx(pitch, abs=1e-3)
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
+    (found,) = assess(model, deployment, [point], samples=8, best=0).points
+    flown = found.flights
+    assert 0 < flown.elsewhere < 8
+    assert flown.elsewhere + flown.returned + flown.lost == 8
+    assert not found.holds
+    act = deployment.actor.function
 
+    def rates(x):
+        moved = np.array(act(x - np.array(point.states))).ravel()
+        return model.at(x, np.array(point.inputs) + moved).f
 
-def flights_of(flight, place, count, patience=PATIENCE):
-    starts, pushes = seeded_starts(place, count, 0, False)
-    owners = np.zeros(count, dtype=int)
-    return PlacedFlights(flight, [place], owners, starts, pushes, patience)
-
-
-@pytest.mark.parametrize(
-    ("name", "delay"),
-    [
-        ("ppo_gtm", 0.05),
-        pytest.param("td3_gtm", 0.0, marks=pytest.mark.slow),
-    ],
-)
-def test_flights_simulated_together_equal_single_flights(name, delay):
-    """Several flights simulated together over a window have the states of each flight alone.
-
-    Each flight alone is simulated sample by sample.
-    """
-    late = stored_deployment(name).changed(timing={"dt": 0.02, "delay": delay})
-    assessor = Assessor(Deployed(late, aircraft(name)), trims(name)[:1], samples=0)
-    flight = assessor.flight()
-    (place,) = assessor.places(flight)
-    starts, pushes = seeded_starts(place, 5, 0, True)
-    trim = assessor.deployed.trim_vector(place.point)
-    count = flight.samples_in_window
-    trims_of_all = np.tile(trim, (5, 1))
-    states = flight.start(starts, trims_of_all)
-    loop = SampledRows(flight.compiled(5, 1.0), states, trims_of_all, pushes, pulse=1.0)
-    together = march(loop, count)[0].states[:, -1]
-    state = ca.MX.sym("state", together.shape[1])
-    push = ca.MX.sym("push", pushes.shape[1])
-    raw = assessor.deployed.deployment.actor.function(flight.entering()(state, trim))
-    after = flight.tick()(state, ca.vertcat(ca.vec(raw), trim, push))
-    alone = ca.Function("alone", [state, push], [after]).mapaccum(count)
-    for end, start, pulse in zip(together, starts, pushes, strict=True):
-        begun = flight.start(start[None], trim[None])[0]
-        path = np.array(alone(begun, np.tile(pulse[:, None], (1, count))))
-        np.testing.assert_allclose(end, path[:, -1], rtol=SAME_FORMULA, atol=1e-12)
+    other = root(rates, np.add(point.states, [0.0, 0.0, 0.0, 0.12]), tol=1e-12).x
+    assert other[3] - point["pitch"] > 0.06
+    assert flown.elsewhere_at["pitch"] == pytest.approx(other[3], abs=2e-3)
 
 
 @pytest.mark.slow
@@ -181,10 +140,9 @@ def test_networks_of_common_sizes_are_assessed(tmp_path, width, activation):
     command.
     """
     file = wide_file(tmp_path / "wide.npz", width)
-    deployed = Deployed(
-        gtm_deployment({"file": file, "activation": activation}), aircraft("ppo_gtm")
-    )
-    (point,) = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=2).assessed()
+    deployment = gtm_deployment({"file": file, "activation": activation})
+    result = assess(aircraft("ppo_gtm"), deployment, [45.0], samples=2, best=0)
+    (point,), deployed = result.points, result.deployed
     assert np.isfinite(point.radius)
     assert point.flights.starts == 2
     equilibrium = point.equilibrium

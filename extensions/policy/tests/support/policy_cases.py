@@ -6,11 +6,6 @@ from pathlib import Path
 import numpy as np
 
 import hfa
-from hfa_aircraft.loading import load_model
-from hfa_aircraft.march.march import march
-from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_policy.flights import SampledRows
-from hfa_policy.trims import trims_of
 
 FOLDER = Path(__file__).resolve().parent.parent / "policies"
 ROOT = FOLDER.parent.parent.parent.parent
@@ -29,7 +24,7 @@ AIRCRAFT = {
 UNTRAINED = {"ppo_squash": (GTM, (45.0,)), "sac_sde": (GTM, (45.0,))}
 
 
-model_of = cache(load_model)
+model_of = cache(hfa.load_model)
 
 
 def aircraft(name):
@@ -41,13 +36,13 @@ def aircraft(name):
 @cache
 def stored_deployment(name):
     """Return the deployment of the test policy with this name."""
-    return Deployment.load(FOLDER / f"{name}.toml")
+    return hfa.Deployment.load(FOLDER / f"{name}.toml")
 
 
 @cache
 def trims(name):
     """Return the trims of the test policy with this name."""
-    return trims_of(aircraft(name), AIRCRAFT[name][1])
+    return tuple(hfa.trim(aircraft(name), at=value) for value in AIRCRAFT[name][1])
 
 
 def gtm_deployment(policy, **tables):
@@ -60,21 +55,4 @@ def gtm_deployment(policy, **tables):
         "action": {"elevator": {}, "throttle": {}},
         "timing": {"dt": 0.02},
     }
-    return Deployment(policy=policy, **(entries | tables))
-
-
-def flown_samples(flight, start, trim, count, push=None, memory=None):
-    """Return the states [X; memory; past] of a sampled flight at each sample, (count + 1, s).
-
-    start: X
-    trim: (X0; U0; p)
-    push: disturbance pulse during the whole flight, or None
-    memory: commands that act now or later at the start, or None for the trim
-    """
-    state = flight.start(start[None], trim[None])
-    if memory is not None:
-        state[:, flight.slices[1]] = memory
-    pushes = None if push is None else push[None]
-    samples = flight.compiled(1, count * flight.dt)
-    loop = SampledRows(samples, state, trim[None], pushes, pulse=count * flight.dt)
-    return march(loop, count)[0].states[0]
+    return hfa.Deployment(policy=policy, **(entries | tables))

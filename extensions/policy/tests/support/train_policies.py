@@ -18,13 +18,8 @@ import stable_baselines3 as sb3
 import torch
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from hfa_aircraft.limits import Limits
-from hfa_aircraft.loading import load_model
-from hfa_flight.held_step import held_step, parts_of_a_sample
-from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.deployment import Deployment
-from trim.point.condition import usual_condition
-from trim.point.solve import trim
+import hfa
+from hfa_flight import Deployed
 
 FOLDER = Path(__file__).resolve().parent.parent / "policies"
 ROOT = FOLDER.parent.parent.parent.parent
@@ -60,11 +55,19 @@ OF_ALGORITHM = {
 
 
 def aircraft(name):
-    if name.startswith("hfa_model"):
-        import hfa
+    return hfa.aircraft() if name.startswith("hfa_model") else hfa.load_model(name)
 
-        return hfa.aircraft()
-    return load_model(name)
+
+def held_sample(model, X, U, dt, parts=4):
+    """Return the states after a sample with held inputs, by the Runge-Kutta method of order 4."""
+    h = dt / parts
+    for _ in range(parts):
+        k1 = model.at(X, U).f
+        k2 = model.at(X + 0.5 * h * k1, U).f
+        k3 = model.at(X + 0.5 * h * k2, U).f
+        k4 = model.at(X + h * k3, U).f
+        X = X + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return X
 
 
 class Flight(gymnasium.Env):
@@ -73,12 +76,10 @@ class Flight(gymnasium.Env):
     def __init__(self, deployment, model, trims, spread):
         self.deployment = deployment
         self.deployed = Deployed(deployment, model)
-        self.points = [trim(model, usual_condition(model).at(float(value))) for value in trims]
-        self.step_of_aircraft = held_step(
-            model, deployment.dt, parts_of_a_sample(self.points, deployment.dt)
-        )
+        self.points = [hfa.trim(model, at=float(value)) for value in trims]
         self.spread = [spread.get(name, 0.0) for name in model.states]
-        self.limits = Limits.of(model, tuple(model.states))
+        self.lowest = np.array([signal.min for signal in model.states.values()])
+        self.highest = np.array([signal.max for signal in model.states.values()])
         self.Q = [deployment.cost["Q"].get(name, 0.0) for name in model.states]
         self.R = [deployment.cost["R"].get(name, 0.0) for name in model.inputs]
         low, high = deployment.box
@@ -92,7 +93,7 @@ class Flight(gymnasium.Env):
         self.trim = self.deployed.trim_vector(point)
         self.X0, self.U0 = np.array(point.states), np.array(point.inputs)
         start = self.X0 + self.np_random.uniform(-1.0, 1.0, len(self.X0)) * self.spread
-        self.X = np.clip(start, self.limits.lowest, self.limits.highest)
+        self.X = np.clip(start, self.lowest, self.highest)
         self.U = self.U0
         self.steps = 0
         return self.observation(), {}
@@ -105,12 +106,11 @@ class Flight(gymnasium.Env):
         model = self.deployed.model
         self.U = np.array(self.deployed.inputs(action, self.X, self.U, self.trim)).ravel()
         cost = self.Q @ (self.X - self.X0) ** 2 + self.R @ (self.U - self.U0) ** 2
-        still = np.zeros(len(model.linear))
-        self.X = np.array(self.step_of_aircraft(self.X, self.U, still, model.p)).ravel()
+        self.X = held_sample(model, self.X, self.U, self.deployment.dt)
         self.steps += 1
-        lost = not self.limits.within(self.X).all()
+        lost = not ((self.lowest <= self.X) & (self.highest >= self.X)).all()
         if lost:
-            self.X = np.clip(np.nan_to_num(self.X), self.limits.lowest, self.limits.highest)
+            self.X = np.clip(np.nan_to_num(self.X), self.lowest, self.highest)
         reward = float(1.0 - cost - 20.0 * lost)
         return self.observation(), reward, lost, self.steps * self.deployment.dt >= 10.0, {}
 
@@ -118,7 +118,7 @@ class Flight(gymnasium.Env):
 def train(name):
     algorithm, where, trims, spread, is_normalized, activation, layout, steps = PLANS[name]
     model = aircraft(where)
-    deployment = replace(Deployment.load(FOLDER / f"{name}.toml"), policy={})
+    deployment = replace(hfa.Deployment.load(FOLDER / f"{name}.toml"), policy={})
     count = 4 if algorithm in (sb3.PPO, sb3.A2C) else 1
     flights = DummyVecEnv([lambda: Flight(deployment, model, trims, spread)] * count)
     if is_normalized:
