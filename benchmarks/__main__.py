@@ -8,6 +8,7 @@ runs each job once at a toy size and stores nothing.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -29,13 +30,14 @@ def main(words: list[str] | None = None) -> int:
     if unknown := set(arguments.names) - set(jobs.JOBS):
         parser.error(f"no job {min(unknown)!r}; choose from {names}")
     for name in arguments.names or jobs.JOBS:
+        load = os.getloadavg()[0]
         # A separate process keeps the threads and memory of one job from slowing another.
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as apart:
             rows = apart.submit(jobs.JOBS[name], arguments.quick).result()
         print(report.markdown(rows), flush=True)
         try:
             if not arguments.quick:
-                report.store({name: rows}, list(jobs.JOBS))
+                report.store({name: rows}, list(jobs.JOBS), load)
         except BadInputError as error:
             print(f"error: {error}", file=sys.stderr)
             return 2

@@ -19,6 +19,8 @@ from hfa_support.reporting.text import Table
 
 RESULTS = Path(__file__).with_name("results.json")
 PAGE = Path(__file__).parents[1] / "docs" / "scaling.md"
+#: Lines of the page between which the figures are written.
+BEGIN, END = "<!-- figures of make bench -->", "<!-- end of the figures -->"
 _PACKAGES = ("casadi", "numpy", "scipy", "control")
 
 
@@ -52,14 +54,15 @@ def in_turn(
 ) -> Comparison:
     """Return the times of two functions, called alternately after one uncounted call of each.
 
-    A drift of the machine's speed then affects both functions equally.
+    A drift of the machine's speed then affects both functions equally. A single round has no
+    uncounted calls.
 
     theirs: function of the peer, or a fixed time, s
     units: units of work in one call of each
     rounds: number of timed calls of each
     """
     functions = [each for each in (ours, theirs) if callable(each)]
-    for function in functions:
+    for function in functions if rounds > 1 else ():
         function()
     times: list[list[float]] = [[], []]
     for _ in range(rounds):
@@ -112,17 +115,18 @@ def machine() -> dict[str, str]:
     return found | {"python": platform.python_version()} | versions
 
 
-def store(measured: Mapping[str, Sequence[Comparison]], order: Sequence[str]) -> None:
-    """Write the comparisons of jobs to results.json, and the table of all into the page.
+def store(measured: Mapping[str, Sequence[Comparison]], order: Sequence[str], load: float) -> None:
+    """Write the comparisons of jobs to results.json, and those of all jobs into the page.
 
     Stored comparisons of other jobs are kept.
 
     measured: comparisons by name of the job
     order: names of all jobs, in the order of the table
+    load: load average of the machine before these jobs
 
     Raises BadInputError if other jobs were measured on another machine or with other versions.
     """
-    old = stored() if RESULTS.exists() else {"machine": machine(), "jobs": {}}
+    old = stored() if RESULTS.exists() else {"machine": machine(), "loads": {}, "jobs": {}}
     kept = {name: rows for name, rows in old["jobs"].items() if name in set(order) - set(measured)}
     if kept and old["machine"] != machine():
         raise BadInputError(
@@ -131,19 +135,33 @@ def store(measured: Mapping[str, Sequence[Comparison]], order: Sequence[str]) ->
         )
     found = {**kept, **measured}
     jobs = {name: [list(each) for each in found[name]] for name in order if name in found}
-    data = {"machine": machine(), "jobs": jobs}
+    loads = {**old["loads"], **dict.fromkeys(measured, load)}
+    loads = {name: loads[name] for name in jobs}
+    data = {"machine": machine(), "loads": loads, "jobs": jobs}
+    before, _, after = PAGE.read_text("utf-8").partition(BEGIN)
+    _, end, after = after.partition(END)
+    if not end:
+        raise BadInputError(f"{PAGE} has no lines {BEGIN} and {END}; add them")
     write_text(RESULTS, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
-    page = PAGE.read_text("utf-8")
-    table = markdown([Comparison(*row) for rows in jobs.values() for row in rows])
-    before, head, after = page.partition(table.splitlines()[0])
-    if not head:
-        raise BadInputError(f"{PAGE} has no table {table.splitlines()[0]}")
-    rest = after.lstrip("\n").splitlines(keepends=True)
-    end = next((number for number, line in enumerate(rest) if line[0] != "|"), len(rest))
-    write_text(PAGE, f"{before}{table.rstrip()}\n{''.join(rest[end:])}")
+    write_text(PAGE, f"{before}{BEGIN}\n\n{shown(data)}\n{END}{after}")
+
+
+def shown(data: Mapping[str, Any]) -> str:
+    """Return the text of the page: the table of all jobs, and where they were measured.
+
+    data: content of results.json
+    """
+    rows = [Comparison(*row) for rows in data["jobs"].values() for row in rows]
+    of = data["machine"]
+    versions = ", ".join(f"{name} {of[name]}" for name in ("python", *_PACKAGES))
+    loads = data["loads"].values()
+    return (
+        f"{markdown(rows).rstrip()}\n\nMeasured on {of['processor']} with {of['cores']} cores "
+        f"({versions}); load average before the jobs {min(loads):.2g} to {max(loads):.2g}.\n"
+    )
 
 
 def stored() -> dict[str, Any]:
-    """Return the content of results.json: the machine, and the comparisons by name of the job."""
+    """Return the content of results.json: machine, load averages and comparisons by job."""
     result: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))
     return result

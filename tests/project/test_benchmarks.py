@@ -48,12 +48,14 @@ def test_a_job_replaces_its_own_figures(tmp_path: Path, monkeypatch: pytest.Monk
     """Those of other jobs are kept; with another machine nothing is stored. The page shows all."""
     monkeypatch.setattr(report, "RESULTS", tmp_path / "results.json")
     monkeypatch.setattr(report, "PAGE", tmp_path / "page.md")
-    report.PAGE.write_text(f"before\n\n{report.markdown([row(1.0)])}\nafter\n")
-    report.store({"one": [row(3.0)], "other": [row(1.5)]}, ["one", "other"])
-    report.store({"one": [row(4.0)]}, ["one", "other"])
+    report.PAGE.write_text(f"before\n{report.BEGIN}\nold\n{report.END}\nafter\n")
+    report.store({"one": [row(3.0)], "other": [row(1.5)]}, ["one", "other"], 0.5)
+    report.store({"one": [row(4.0)]}, ["one", "other"], 7.0)
     rows = [report.Comparison(*each) for (each,) in report.stored()["jobs"].values()]
     assert [each.ours * each.ratios[1] for each in rows] == [4.0, 1.5]
-    assert report.PAGE.read_text() == f"before\n\n{report.markdown(rows)}\nafter\n"
+    page = report.PAGE.read_text()
+    assert page.startswith(f"before\n{report.BEGIN}\n\n{report.markdown(rows).rstrip()}\n\nMeasured on ")
+    assert page.endswith(f"load average before the jobs 0.5 to 7.\n\n{report.END}\nafter\n")
     assert [line.split("|")[-2].strip() for line in report.markdown(rows).splitlines()[2:]] == [
         "yes",
         "NO",
@@ -61,7 +63,7 @@ def test_a_job_replaces_its_own_figures(tmp_path: Path, monkeypatch: pytest.Monk
     before = report.RESULTS.read_bytes()
     monkeypatch.setattr(report, "machine", lambda: {"processor": "another"})
     with pytest.raises(BadInputError):
-        report.store({"one": [row(9.0)]}, ["one", "other"])
+        report.store({"one": [row(9.0)]}, ["one", "other"], 0.0)
     assert report.RESULTS.read_bytes() == before
 
 
@@ -74,5 +76,4 @@ def test_every_job_runs(capsys: pytest.CaptureFixture, monkeypatch: pytest.Monke
 
 
 def test_the_page_shows_the_stored_figures() -> None:
-    rows = [report.Comparison(*row) for rows in report.stored()["jobs"].values() for row in rows]
-    assert report.markdown(rows).rstrip() in report.PAGE.read_text("utf-8")
+    assert report.shown(report.stored()) in report.PAGE.read_text("utf-8")
