@@ -54,7 +54,9 @@ def test_a_job_replaces_its_own_figures(tmp_path: Path, monkeypatch: pytest.Monk
     rows = [report.Comparison(*each) for (each,) in report.stored()["jobs"].values()]
     assert [each.ours * each.ratios[1] for each in rows] == [4.0, 1.5]
     page = report.PAGE.read_text()
-    assert page.startswith(f"before\n{report.BEGIN}\n\n{report.markdown(rows).rstrip()}\n\nMeasured on ")
+    assert page.startswith(
+        f"before\n{report.BEGIN}\n\n{report.markdown(rows).rstrip()}\n\nMeasured on "
+    )
     assert page.endswith(f"load average before the jobs 0.5 to 7.\n\n{report.END}\nafter\n")
     assert [line.split("|")[-2].strip() for line in report.markdown(rows).splitlines()[2:]] == [
         "yes",
