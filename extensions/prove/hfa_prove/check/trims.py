@@ -269,7 +269,7 @@ class SteadyFlight:
         G, _ = self._balanced(at, [piece.middle], self.numbers)
         s = piece.middle + symmetric(piece.half_width)
         around = piece.along(box)
-        if any(value != 0 for value in self._balanced(around, [s], self.numbers)[1]):
+        if not all(value == 0 for value in self._balanced(around, [s], self.numbers)[1]):
             raise Rejected("no values of the free variables satisfy an equation of the trim")
         Gw, Gs = self._slopes(around, [s], self.numbers)
         slopes = arb_mat(f, f, Gw).transpose()

@@ -6,6 +6,7 @@ import copy
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +108,28 @@ def test_branches_of_trims_are_told_apart() -> None:
     assert prove_schedule(Family(model), gains, 0.01, 1.0, decay_rate=0.9).size > 4
     with pytest.raises(NoSolutionError):
         prove_schedule(Family(model), gains, 0.0, 1.0, decay_rate=0.9)
+
+
+@pytest.mark.parametrize(("balance", "is_proved"), [(0.0, True), (1.0, False)])
+def test_an_equation_without_free_variable_holds_at_every_pull(
+    balance: float, is_proved: bool
+) -> None:
+    """depth' = heave + balance (pull - 1.5) is 0 at one pull of the interval, which is no trim."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rates, outputs = _float(x, u, p, w)
+        return rates | {"depth": x.heave + balance * (p.pull - 1.5)}, outputs
+
+    flight = Family(FLOAT).flight(1.0, 2.0)
+    statement = ScheduleStatement(
+        replace(flight, model=replace(FLOAT, equations=equations)), CONSTANT, 0.5
+    )
+    witness = ScheduleWitness(10**3, np.zeros(0), np.zeros((0, 2, 2)))
+    if is_proved:
+        assert check_schedule(statement, witness) > 0
+        return
+    with pytest.raises(NoSolutionError, match="no values of the free"):
+        check_schedule(statement, witness)
 
 
 def folded(rate: Callable[[Any, Any], Any], least: float) -> Model:
