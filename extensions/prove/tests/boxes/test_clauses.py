@@ -14,12 +14,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from flint import arb, arb_mat
 
 from hfa_aircraft.about import Source
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.certificate import SCHEMA, read_content
 from hfa_prove.check.cover import Boxes
-from hfa_prove.check.equilibrium import Equilibrium, equilibrium_near
+from hfa_prove.check.equilibrium import Equilibrium, equilibrium_near, root_offsets
 from hfa_prove.check.region_boxes import Decrease, check_region
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
@@ -236,6 +237,17 @@ def test_the_error_of_the_equilibrium_is_included(radius: float) -> None:
     found = _decrease(statement, witness, equilibrium)
     box = Boxes(np.array([[0.375, 0.0]]), np.array([[3, 3]]))
     assert (found.edges(box) >= 0).tolist() == [radius > 0.0]
+
+
+@pytest.mark.parametrize(("radius", "is_proved"), [(0.5, False), (2.0, True)])
+def test_a_root_is_claimed_only_within_the_radius(radius: float, is_proved: bool) -> None:
+    """The root of w + 1 is 1 below the estimate 0: a box of half-width 0.5 does not contain it."""
+    one = arb_mat([[1]])
+    if is_proved:
+        assert root_offsets(one, one, [arb(radius)])[0, 0].contains(-1)
+        return
+    with pytest.raises(NoSolutionError, match="not proved to exist"):
+        root_offsets(one, one, [arb(radius)])
 
 
 def test_the_equilibrium_is_compared_in_nominal_values() -> None:

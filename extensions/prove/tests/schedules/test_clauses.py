@@ -87,6 +87,13 @@ def test_gains_are_interpolated_linearly() -> None:
         proved(1.0, 2.5, gains)
 
 
+def test_gains_turn_at_an_inner_breakpoint() -> None:
+    """With K constant up to the middle and the damping removed after it, the claim is refused."""
+    K = np.array([[[1.0, 2.9]], [[1.0, 2.9]], [[1.0, -0.2]]])
+    with pytest.raises(NoSolutionError, match="not below"):
+        proved(1.0, 2.0, Gains(np.array([1.0, 1.5, 2.0]), K), decay_rate=0.1)
+
+
 @pytest.mark.parametrize(("high", "reason"), [(3.99, None), (4.01, "lift is not proved")])
 def test_the_trim_is_within_its_limits(high: float, reason: str | None) -> None:
     """The lift of the trim is the pull, and its limit 4 N."""
@@ -230,6 +237,14 @@ def test_an_angle_of_the_equations_in_degrees_is_not_converted(unit: str, is_pro
         return
     with pytest.raises(NoSolutionError, match="not below"):
         prove_schedule(family, NO_GAIN, 90.0, 100.0, decay_rate=0.2)
+
+
+def test_a_loop_curved_in_the_angle_alone_is_enclosed() -> None:
+    """x' = (-1 + 2 s²) x decays at s = 0, where its slope is 0, and grows at the ends s = ±1."""
+    family = planar(lambda s: ((-1.0 + 2.0 * s * s, 0.0), (0.0, -2.0)))
+    end = math.degrees(1.0)
+    with pytest.raises(NoSolutionError, match="not below"):
+        prove_schedule(family, NO_GAIN, -end, end, decay_rate=0.1)
 
 
 @pytest.mark.parametrize(("most", "is_proved"), [(1.0, True), (9.0, False)])
