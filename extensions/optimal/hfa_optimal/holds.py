@@ -10,7 +10,7 @@ import numpy as np
 
 from hfa_flight.hold import Hold, hold_of
 from hfa_optimal.scaled import ScaledProblem
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, shown
 
 #: Number of holds of a plan.
 HOLDS = 36
@@ -22,7 +22,7 @@ _HOLD_PRICE = 0.005
 _GRID_PRICE = 0.01
 #: Largest ratio of successive holds. Largest product of the last hold and the fastest pole.
 _GROWTH = 1.25
-_LAST = 4.0
+_LAST = 3.0
 #: Largest horizon, in time constants of the slowest pole of the linear loop, and in those of the
 #: fastest growing pole of the aircraft. A plan is an open-loop flight, and errors grow with it.
 _LONG = 4.0
@@ -36,10 +36,12 @@ class Grid(NamedTuple):
 
     dt: sample time, the first hold, s
     holds: durations of the holds, s, (N,)
+    asked: horizon that was cut to the sum of the holds, s, or None
     """
 
     dt: float
     holds: np.ndarray
+    asked: float | None = None
 
     @property
     def ends(self) -> np.ndarray:
@@ -76,16 +78,17 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     - dt is the longest of 1, 2, 5, 10, ... ms for which the product with the aircraft's fastest
       pole is at most 0.7, and the linear optimum with held inputs costs at most 0.5 % more than
       the optimum, over the usual box.
-    - The holds grow geometrically from dt, by at most 1.25. The last is at most 4 time constants of
+    - The holds grow geometrically from dt, by at most 1.25. The last is at most 3 time constants of
       the fastest pole. The linear optimum of a plan costs at most 1 % more than the optimum.
     - The horizon is at most 4 time constants of the slowest pole of the linear loop and 10 of the
       fastest growing pole of the aircraft.
 
     dt: sample time, s, or None for the rule
-    horizon: duration of a plan, s, or None for the rule
+    horizon: duration of a plan, s, or None for the rule. It is cut to 10 time constants of the
+      fastest growing pole, and to the longest grid of the rule
 
-    Raises BadInputError for a horizon that is too short or too long. Raises NoSolutionError if no
-    sample time fits.
+    Raises BadInputError for a horizon that is too short. Raises NoSolutionError if no sample time
+    fits.
     """
     if dt is None:
         dt = sample_time(scaled)
@@ -124,16 +127,17 @@ def _given_grid(dt: float, horizon: float, longest: float) -> Grid:
     """Return the holds of a plan of a given duration."""
     from scipy.optimize import brentq
 
-    longest = min(longest, _geometric(dt, HOLDS, _GROWTH).horizon)
-    if not dt <= horizon <= longest * (1.0 + 1e-9):
+    if not dt <= horizon < math.inf:
         raise BadInputError(
-            f"the horizon is {horizon:g} s; with samples of {dt:g} s, give a horizon from {dt:g} "
-            f"to {longest:.3g} s"
+            f"the horizon is {shown(horizon)} s; with samples of {dt:g} s, give at least {dt:g} s"
         )
+    longest = min(longest, _geometric(dt, HOLDS, _GROWTH).horizon)
+    asked = horizon if horizon > longest * (1.0 + 1e-9) else None
+    horizon = min(horizon, longest)
     if horizon <= HOLDS * dt:
-        return _geometric(dt, max(1, round(horizon / dt)), 1.0)
+        return _geometric(dt, max(1, round(horizon / dt)), 1.0)._replace(asked=asked)
     growth = brentq(lambda r: _geometric(dt, HOLDS, r).horizon - horizon, 1.0, _GROWTH + 1e-6)
-    return _geometric(dt, HOLDS, growth)
+    return _geometric(dt, HOLDS, growth)._replace(asked=asked)
 
 
 def _geometric(dt: float, count: int, growth: float) -> Grid:

@@ -11,6 +11,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_support.native.bound import BoundFunction
+
 #: The number of iterations bounds the time of a sample. Ten to twenty solve a program.
 _OPTIONS: dict[str, Any] = {
     "error_on_fail": False,
@@ -71,12 +73,11 @@ class PlanProgram:
         curved[both[:, :, None], both[:, None, :]] = True
         curved[self._slacks, self._slacks] = True
         curved[self._end[:, None], self._end[None]] = True
-        pattern, places, self._entries = _sparse(used, values)
+        matrix, places, self._entries = _sparse(used, values)
         self._slopes_at = places[self._moves[:, :, None], both[:, None, :]]
-        self._hessian, places, self._curvature = _sparse(curved, hessian)
+        curvature, places, self._curvature = _sparse(curved, hessian)
         self._end_at = places[self._end[:, None], self._end[None]]
-        self._matrix = pattern
-        self._solver = ca.conic("plan", "piqp", {"h": self._hessian, "a": pattern}, _OPTIONS)
+        self._solve = BoundFunction(_of_entries(curvature, matrix))
 
     def step(
         self,
@@ -115,16 +116,25 @@ class PlanProgram:
         lowest[self._z[0]] = highest[self._z[0]] = 0.0
         lowest[self._v], highest[self._v] = inputs
         lowest[self._slacks] = 0.0
-        solved = self._solver(
-            h=ca.DM(self._hessian, self._curvature),
-            a=ca.DM(self._matrix, self._entries),
-            g=gradient,
-            lba=least,
-            uba=most,
-            lbx=lowest,
-            ubx=highest,
+        (changes,) = self._solve.at(
+            self._curvature, self._entries, gradient, least, most, lowest, highest
         )
-        return np.array(solved["x"]).ravel()[self._v]
+        return changes[self._v]
+
+
+def _of_entries(curvature: ca.Sparsity, matrix: ca.Sparsity) -> ca.Function:
+    """Return the solver as a function of the entries of the Hessian and of the constraints, and of
+    dense columns.
+    """
+    height, width = matrix.shape
+    sizes = {
+        "h": curvature.nnz(), "a": matrix.nnz(), "g": width,
+        "lba": height, "uba": height, "lbx": width, "ubx": width,
+    }  # fmt: skip
+    given = {name: ca.MX.sym(name, size) for name, size in sizes.items()}
+    arguments = {**given, "h": ca.MX(curvature, given["h"]), "a": ca.MX(matrix, given["a"])}
+    solver = ca.conic("plan", "piqp", {"h": curvature, "a": matrix}, _OPTIONS)
+    return ca.Function("changes", list(given.values()), [solver(**arguments)["x"]])
 
 
 def _sparse(used: np.ndarray, values: np.ndarray) -> tuple[ca.Sparsity, np.ndarray, np.ndarray]:

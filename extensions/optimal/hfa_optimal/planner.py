@@ -114,10 +114,10 @@ class Planner:
         cost = np.einsum("ki,kij,kj->", both, self._weights, both) + end @ self.P @ end
         return float(cost + (slack * (slopes + 0.5 * curvatures * slack)).sum())
 
-    def rest(self, plan: Plan, target: Target) -> float:
-        """Return the cost of a plan without that of its first hold."""
+    def cost_of_sample(self, plan: Plan, target: Target) -> float:
+        """Return the cost of the first hold of a plan."""
         both = np.concatenate([plan.z[0] - target.z, plan.v[0] - target.v])
-        return float(plan.cost - both @ self._weights[0] @ both)
+        return float(both @ self._weights[0] @ both)
 
     def improved(self, plan: Plan, d: np.ndarray, target: Target, tries: int) -> tuple[Plan, int]:
         """Return a plan of at most the cost of the given one, and the number of refused steps.

@@ -87,6 +87,12 @@ class Predictive(SampledPolicy):
             f"{done.planned} samples with a plan, {done.linear} with the exact held gain; "
             f"{done.refused} steps of the quadratic program refused.",
         ]
+        asked = self.controller.planner.grid.asked
+        if asked is not None:
+            lines.append(
+                f"The horizon of {asked:g} s was cut to {self.holds.sum():.3g} s: plans are "
+                "open-loop flights of at most 36 holds, which grow by at most 1.25."
+            )
         if done.first is not None:
             lines.append(
                 f"First plan: cost {done.first.cost:.6g}, after {1e3 * done.first_seconds:.3g} ms."
@@ -145,7 +151,8 @@ def predictive(
         moving inputs
     delta: δ of the game whose P and K are at the end of a plan; by default the LQR
     dt: sample time, s, by default chosen from the linear model
-    horizon: duration of a plan, s, by default chosen from the linear model
+    horizon: duration of a plan, s, by default chosen from the linear model. The rule cuts a longer
+        one than it permits, and the notes of a flight say so
     margin: fraction of the distances from trim to limits by which a plan's envelope is narrowed
     estimate: "rates" for one constant disturbance of each rate, estimated from the samples; the
         name of a disturbance of the model, which is estimated too; or "nothing"

@@ -19,11 +19,11 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
 
 #: Largest numbers of steps of the quadratic program at the first sample, and at each later one. A
-#: later sample takes a further step only while its plan costs more than the last one promised, by
-#: this factor, because its inputs are averages over new holds.
-_FIRST = 15
-_LATER = 3
-_RISE = 1.04
+#: later sample takes a further step only while the cost so far plus that of its plan exceeds the
+#: least such sum so far by this factor.
+_FIRST = 30
+_LATER = 8
+_RISE = 1.02
 #: The linear policy takes over where z'Pz is within this fraction of the plan's cost.
 _LINEAR = 0.01
 #: Number of samples after which the linear policy is computed again at the estimated equilibrium.
@@ -74,6 +74,7 @@ class RecedingHorizon:
         self.estimate.clear()
         self._plan: Plan | None = None
         self._near = False
+        self._spent = self._least = 0.0
         self._commands.clear()
         self._count = 0
         self._before: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
@@ -148,15 +149,19 @@ class RecedingHorizon:
             plan = min(plans, key=lambda each: each.cost)
             if self._first is None:
                 self._first = plan
+            self._spent, self._least = 0.0, plan.cost
             return plan
+        self._spent += planner.cost_of_sample(self._plan, target)
         v = np.clip(planner.shifted(self._plan.v), *planner.scaled.input_limits)
         plan = planner.flown(z, v, d, target)
-        most = _RISE * planner.rest(self._plan, target)
+        most = _RISE * self._least
         for _ in range(_LATER):
             plan, refused = planner.improved(plan, d, target, 1)
-            if refused or plan.cost <= most:
+            total = self._spent + plan.cost
+            if refused or total <= most:
                 break
         self._refused += refused
+        self._least = total if total > most else min(total, self._least)
         return plan
 
     def _remember(self, z: np.ndarray, delay: float) -> None:
