@@ -88,7 +88,7 @@ def configuration_parts(point: OperatingPoint, found: Mapping[str, Quantity]) ->
 
 
 def atmosphere_of(point: OperatingPoint) -> str:
-    """Return a line on the air at a trim, or "" for a model without an altitude.
+    """Return a line on the air at a trim, or "" for a model without a speed.
 
     Density and temperature follow from dynamic pressure, speed and Mach number.
     """
@@ -96,7 +96,8 @@ def atmosphere_of(point: OperatingPoint) -> str:
     name = model.about.atmosphere
     speed = recognized(model.states).get("speed", "")
     if not speed or not {"dynamic_pressure", "mach"} <= {*model.outputs}:
-        return f"atmosphere: {name}" if name else ""
+        missing = "atmosphere: not in this model" if speed else ""
+        return f"atmosphere: {name}" if name else missing
     to_pascal = conversion(model.unit("dynamic_pressure"), "N/m^2")
     to_speed = conversion(model.unit(speed), "m/s")
     if not (name and to_pascal and to_speed and point["mach"] and point[speed]):

@@ -396,6 +396,10 @@ def quasi_steady(point: OperatingPoint) -> QuasiSteady:
     )
 
 
+#: Figures that require the load factor.
+_BY_LOAD_FACTOR = ("control per g", "short period CAP")
+
+
 def _add_gradients(point: OperatingPoint, condition: TrimCondition, figures: Figures) -> None:
     """Add the changes of the pitching input per load factor and per knot."""
     model = point.model
@@ -403,11 +407,11 @@ def _add_gradients(point: OperatingPoint, condition: TrimCondition, figures: Fig
     pulled = pull_up(point)
     if pulled is None:
         reason = "no input pitches the aircraft without delay"
-        lacking["control per g"] = lacking["control per knot"] = reason
+        lacking.update(dict.fromkeys((*_BY_LOAD_FACTOR, "control per knot"), reason))
         return
     unit = model.unit(pulled.name)
     if "load_factor" not in model.outputs:
-        lacking["control per g"] = "no output load_factor"
+        lacking.update(dict.fromkeys(_BY_LOAD_FACTOR, "no output load_factor"))
     elif pulled.load_factor:
         _add(figures.stability, f"{pulled.name}_per_g", 1.0 / pulled.load_factor, f"{unit}/g")
     change = change_per_knot(point, condition, pulled.name)

@@ -340,6 +340,46 @@ def test_the_configuration_is_that_of_the_data() -> None:
     assert "c.g., flap, gear: not in this model" in sheet("hfa")[0].report().text()
 
 
+#: Rows of a sheet that an engineer signs, as words of its text.
+ROWS = (
+    *("mass", "c.g.", "Ixx", "Iyy", "Izz", "S", "b", "c", "flap", "gear", "atmosphere"),
+    *("KCAS|calibrated airspeed", "EAS|equivalent", "L/D", "power required", "thrust available"),
+    *("excess thrust", "rate of climb left", "stall margin|stall speed", "static margin"),
+    *("neutral point", "per g", "per knot", "validity", "CAP", "short period damping"),
+    *("phugoid damping", "MIL-F-8785C: class"),
+)
+
+
+def bare() -> hfa.OperatingPoint:
+    """Return a trim of the UAV without its outputs and configuration, as of a bare FMU."""
+    uav = hfa.load_model(f"{EXAMPLES}/uav.toml")
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        rates = uav.layout.expressions([[*x], [*u], [ca.DM(v) for v in uav.p]], ())[0]
+        return dict(zip(uav.states, ca.vertsplit(rates), strict=True)), {}
+
+    model = Model("bare", dict(uav.states), dict(uav.inputs), equations)
+    point = hfa.trim(uav)
+    return hfa.trim(model, hfa.TrimCondition(model, {n: point[n] for n in ("speed", "yaw")}))
+
+
+@pytest.mark.parametrize(
+    "name", ["5", "15", "uav.toml", "glider.st?mass=glider.toml", "jsbsim:737", "bare"]
+)
+def test_every_row_is_answered_or_not_in_this_model(name: str) -> None:
+    """Each row has a figure, or stands in a line "not in this model"."""
+    pytest.importorskip("hfa_jsbsim")
+    if name == "bare":
+        text = bare().report().text()
+    elif name.isdigit():
+        text = sheet("hfa", dihedral=math.radians(float(name)))[0].report().text()
+    else:
+        file = name if ":" in name else f"{EXAMPLES}/{name}".replace("=", f"={EXAMPLES}/")
+        text = sheet(file)[0].report().text()
+    for row in ROWS:
+        assert re.search(rf"(?<![A-Za-z])({row})(?![A-Za-z])", text), row
+
+
 @pytest.mark.parametrize("name", ["hfa", f"{EXAMPLES}/uav.toml", "jsbsim:737"])
 def test_airspeeds_are_those_of_the_standard_atmosphere(name: str) -> None:
     """EAS = V sqrt(ρ/ρ0), and KCAS from the impact pressure, with the atmosphere of ambiance."""
@@ -469,8 +509,8 @@ PUBLISHED: dict[str, tuple[Airplane, tuple[float, ...], dict[str, int]]] = {
     "Navion, tracking": (Airplane("IV", "A"), (0.694, 0.080, 0.204, 2.39, 0.487, 0.119), {}),
     "Learjet 24": (
         Airplane("II-L", "B"),
-        (0.355, 0.074, 0.036, 1.69, 0.0608, 0.503),
-        {"dutch roll damping": 2, DAMPING: 2},
+        (0.355, 0.074, 0.036, 1.69, 0.0608, 1.0 / 0.503),
+        {"dutch roll damping": 2, DAMPING: 2, "roll time constant": 2},
     ),
     "Boeing 747": (
         Airplane("III", "B"),
@@ -482,10 +522,54 @@ PUBLISHED: dict[str, tuple[Airplane, tuple[float, ...], dict[str, int]]] = {
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_levels_of_published_modes(name: str) -> None:
-    """All modes are of level 1, but for the bare Dutch rolls of the jets and a slow roll."""
+    """All modes are of level 1, but for the bare Dutch rolls and the slow rolls of the jets."""
     airplane, values, others = PUBLISHED[name]
     found = levels(airplane, dict(zip(QUALITIES, values, strict=True)))
     assert found == dict.fromkeys(found, 1) | others
+
+
+#: Learjet 24 at 40,000 ft and 677 ft/s (Roskam, Part I, Appendix B, Airplane D).
+LEARJET: dict[str, Any] = {
+    "name": "Learjet 24",
+    "units": "english",
+    "thrust": [0.0, 4e3],
+    **{name: ["-20 deg", "20 deg"] for name in ("elevator", "aileron", "rudder")},
+    "geometry": {"wing_area": 230.0, "span": 34.0, "chord": 7.0},
+    "mass": {"weight": 13e3, "Ixx": 28e3, "Iyy": 18.8e3, "Izz": 47e3, "Ixz": 1300.0},
+    "condition": {"speed": 677.0, "altitude": 40e3, "alpha": math.radians(2.7)},
+    "longitudinal": {
+        **{"CL_0": 0.41, "CL_alpha": 5.84, "CL_alphadot": 2.2, "CL_q": 4.7, "CL_u": 0.4},
+        **{"CD_0": 0.0335, "CD_alpha": 0.3, "CD_u": 0.104, "CT_u": -0.07, "CL_elevator": 0.46},
+        **{"Cm_alpha": -0.64, "Cm_alphadot": -6.7, "Cm_q": -15.5, "Cm_u": 0.05},
+        "Cm_elevator": -1.24,
+    },
+    "lateral": {
+        **{"CY_beta": -0.73, "CY_r": 0.4, "CY_rudder": 0.14, "Cl_beta": -0.11, "Cl_p": -0.45},
+        **{"Cl_r": 0.16, "Cl_aileron": 0.178, "Cl_rudder": 0.019, "Cn_beta": 0.127},
+        **{"Cn_p": -0.008, "Cn_r": -0.2, "Cn_aileron": -0.02, "Cn_rudder": -0.074},
+    },
+}
+
+
+def test_a_learjet_has_the_published_modes_and_the_levels_by_hand() -> None:
+    """ω, ζ and the roll mode within 12 % of Roskam's, CAP = ω² / n/α with n/α = V Zα / g.
+
+    Class II-L, category B: the Dutch roll is below .08 and .15 1/s, the roll mode above 1.4 s.
+    """
+    point = hfa.trim(hfa.from_derivatives(LEARJET))
+    found = {each.name: each.value for each in handling_qualities(point)}
+    for name, value in zip(QUALITIES, PUBLISHED["Learjet 24"][1], strict=True):
+        if name not in ("phugoid damping", DAMPING):  # Roskam: another slope of the thrust
+            assert found[name] == pytest.approx(value, rel=0.12)
+    slope = -float(point.linearize().A["alpha", "alpha"]) * point["speed"] / 32.174
+    assert found["CAP"] == pytest.approx(found["short period frequency"] ** 2 / slope, rel=0.05)
+    airplane = Airplane("II-L", "B")
+    report = trim_report(point.model, point.problem.asked, point, airplane=airplane)
+    level = {f"{each['mode']} {each['quality']}": each["level"] for each in report.data["levels"]}
+    worse = dict.fromkeys((f"dutch roll {DAMPING.removeprefix('dutch roll ')}",), 2)
+    worse |= {"dutch roll damping": 2, "roll time constant": 2}
+    assert {name: value for name, value in level.items() if value != 1} == worse
+    assert len(level) == 8
 
 
 def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
