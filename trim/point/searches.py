@@ -14,19 +14,22 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import usual_condition
 from trim.point.halving import newton
+from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
-from trim.point.system import Structure, declared_start, equations as equations_of
+from trim.point.status import Status
+from trim.point.system import Structure, TrimSystem, equations as equations_of
 
 #: Continuation from the trim that the model declares: first and smallest step of s, and largest
 #: number of steps.
 _FIRST_SHARE = 0.25
 _LEAST_SHARE = 1e-3
 _MOST_STEPS = 200
-#: Largest change of an unknown in a step of continuation, in scaled units.
-_FARTHEST = 10.0
+#: Largest deviation of an unknown from its prediction in a step of continuation, in scaled units.
+_FARTHEST = 1.0
 #: Distance from the limits at which a least-squares search begins, in scaled units. Its steps are
 #: proportional to this distance, so that it would not leave a limit.
 _INSIDE = 1e-9
@@ -83,23 +86,29 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[i
 
 def _continued(problem: TrimProblem) -> np.ndarray | None:
     """Return the unknowns (k,) found by continuation from the declared trim, or None."""
-    # The imposed values change from c0, the declared trim, to c1, the requested values:
-    # c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1.
+    # The values at the declared trim, c0, balance the equations. The imposed ones of them change to
+    # the requested values, c1: c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1.
     # The result is None if the system is not square, the declared trim is not found, Newton's
     # method fails before s = 1, or nothing changes.
-    system = problem.system
-    usual = usual_condition(problem.model)
-    values = {
-        name: np.array([usual.imposed[name]])
-        for name in system.equations.constants
-        if name in usual.imposed
-    }
-    values |= {name: np.zeros(1) for name in system.equations.constants if name.endswith("_dot")}
-    first = system.constants(1, values)
-    if np.array_equal(first, problem.c) or not system.equations.square:
+    if not problem.system.equations.square:
         return None
-    guess = system.unknowns(declared_start(problem.model, usual.imposed))[None]
-    z, settled = newton(system, guess, first)
+    declared = _declared_trim(problem.model)
+    if declared is None:
+        return None
+    requested = {
+        **problem.condition.imposed,
+        **{f"{name}_dot": rate for name, rate in problem.condition.rates.items() if rate},
+    }
+    before = {name: 0.0 if name in problem.model.rates else declared[name] for name in requested}
+    changed = [name for name in requested if requested[name] != before[name]]
+    if not changed:
+        return None
+    system = TrimSystem(problem.model, problem.condition, changed, declared.values)
+    if system.equations.unknowns != problem.free:
+        return None
+    first = system.constants(1, {name: np.array([before[name]]) for name in changed})
+    last = system.constants(1, {name: np.array([requested[name]]) for name in changed})
+    z, settled = newton(system, system.start[None], first)
     if not settled[0]:
         return None
     share = 0.0
@@ -108,7 +117,7 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
     for _ in range(_MOST_STEPS):
         target = min(1.0, share + step)
         begin = z + (target - share) * slope
-        end, settled = newton(system, begin, first + target * (problem.c - first))
+        end, settled = newton(system, begin, first + target * (last - first))
         if settled[0] and np.abs(end - begin).max() < _FARTHEST:
             slope = (end - z) / (target - share)
             z = end
@@ -121,6 +130,14 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
         if step < _LEAST_SHARE:
             return None
     return None
+
+
+@lru_cache(maxsize=16)
+def _declared_trim(model: Model) -> OperatingPoint | None:
+    """Return the trim that a model declares, or None if Newton's method does not find it."""
+    problem = TrimProblem(model, usual_condition(model))
+    z = problem.newton(problem.system.start)
+    return OperatingPoint._of(problem, z, Status.TRIMMED) if problem.balanced(z) else None
 
 
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:

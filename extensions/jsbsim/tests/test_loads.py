@@ -25,6 +25,8 @@ PROPELLERS = (
     ("fokker50", 130.0, 0.05),
 )
 LIGHT = {"kcas": 90.0, "altitude": 3000.0}
+#: Hands off without power: a spiral dive, far from the level flight of the default search.
+DIVE = {"altitude": 7000.0, "throttle": 0.0, "elevator": 0.0, "aileron": 0.0, "rudder": 0.0}
 
 
 def residual(name, held, parameters, free=()):
@@ -73,6 +75,7 @@ def residual(name, held, parameters, free=()):
                 ("f16", {"kcas": 300.0, "altitude": 20000.0}, {}, ()),
                 ("p51d", {"kcas": 200.0, "altitude": 10000.0}, {}, ()),
                 ("c172x", LIGHT, {}, ()),
+                ("c172x", DIVE, {}, ("speed", "beta", "gamma", "turn_rate")),
                 ("T38", JET, {"engine1": 0.0}, ()),
                 ("F4N", JET, {"engine1": 0.0}, ()),
                 *(
