@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from controller.game.zero_sum import Game
 from controller.hfa_game import ordinary_deviations
 from controller.riccati.certificate import form_of
@@ -62,3 +64,15 @@ def usual_box(game: Game) -> Box:
         return Box(game.half_widths, about, "box of limits")
     about = "balanced units of the game (a convention, because no typical deviations are given)"
     return Box(form_of(game).units, about, "balanced box")
+
+
+def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
+    """Return random initial conditions in the box |z_i| <= b_i, (count, n).
+
+    Every second initial condition, beginning with the first, is a corner of the box.
+
+    b: (n,)
+    """
+    starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
+    starts[::2] = np.sign(starts[::2])
+    return starts * b

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,9 @@ from hfa_support.reporting.report import Part
 from hfa_support.reporting.results import Result, given
 from hfa_support.reporting.text import Table
 from trim.linear.linear_model import LinearModel
+from verification.box import Box
+from verification.box_flights import BoxFlights, box_flights
+from verification.scope import FLIGHTS, nonlinear_plant
 
 if TYPE_CHECKING:
     from controller.expansion.radius import Radius
@@ -38,6 +41,7 @@ _SEED = 7
 class DegreeError(Result):
     """Error of a critic's terms of one degree, the largest over all coefficients.
 
+    of: "V", or "u" of a policy
     degree: degree of the terms
     error: largest |w - w*| / |w*| of a coefficient
     worst: the monomial of this coefficient, for a policy with the input
@@ -45,6 +49,7 @@ class DegreeError(Result):
     exact: the coefficient w* of the game
     """
 
+    of: str
     degree: int
     error: float
     worst: str
@@ -54,23 +59,32 @@ class DegreeError(Result):
 
 @dataclass(frozen=True, eq=False)
 class NonlinearComparison(Result):
-    """A critic compared with the nonlinear game, coefficient by coefficient.
+    """A critic compared with the nonlinear game: its coefficients, and flights.
 
-    of: "V", or "u" of a critic without a value
+    A value is compared, and a policy that does not follow from it.
+
     errors: the errors of each degree
     limit: limit of each error
     expansion: value and policy of the nonlinear game, to the critic's degree
+    flown: flights of the critic from a part of the box, or None without flights
     """
 
-    of: str
     errors: tuple[DegreeError, ...]
     limit: float
     expansion: Expansion
+    flown: BoxFlights | None = None
+
+    @property
+    def has_right_terms(self) -> bool:
+        """True if every coefficient is within the limit."""
+        return all(each.error <= self.limit for each in self.errors)
 
     @property
     def ok(self) -> bool:
-        """True if every coefficient is within the limit."""
-        return all(each.error <= self.limit for each in self.errors)
+        """True if every coefficient is within the limit, and the flights are those of the exact
+        policy (`BoxFlights.ok`).
+        """
+        return self.has_right_terms and (self.flown is None or self.flown.ok)
 
     @cached_property
     def radius(self) -> Radius | None:
@@ -78,18 +92,19 @@ class NonlinearComparison(Result):
 
         None if the critic is wrong. The flights are simulated when the property is first used.
         """
-        return self.expansion.radii[-1] if self.ok else None
+        return self.expansion.radii[-1] if self.has_right_terms else None
 
     @property
     def sentence(self) -> str:
-        """The verdict as text, without the grade: what is right, and what is not."""
-        last = self.errors[-1].degree
+        """The verdict on the coefficients as text: what is right, and what is not."""
+        compared = " and ".join(dict.fromkeys(each.of for each in self.errors))
+        last = max(each.degree for each in self.errors)
         wrong = [each for each in self.errors if not each.error <= self.limit]
         if not wrong:
-            return f"every coefficient of {self.of} to degree {last} within {self.limit:g}"
+            return f"every coefficient of {compared} to degree {last} within {self.limit:g}"
         worst = max(wrong, key=lambda each: each.error)
-        degrees = ", ".join(str(each.degree) for each in wrong)
-        return f"{self.of} wrong in degree {degrees} (worst: {worst.worst}, {_share(worst)})"
+        degrees = ", ".join(str(each.degree) for each in wrong if each.of == worst.of)
+        return f"{worst.of} wrong in degree {degrees} (worst: {worst.worst}, {_share(worst)})"
 
     def part(self) -> Part:
         """Return the part of a report: where the value is known, and the error of each degree."""
@@ -97,6 +112,7 @@ class NonlinearComparison(Result):
         if radius is None:
             return (
                 f"Nonlinear game about the trim, to degree {self.errors[-1].degree}",
+                *self._flight_lines(),
                 self._table(),
             )
         where = "is not known by flights"
@@ -107,13 +123,28 @@ class NonlinearComparison(Result):
         share = f"within {100 * radius.share:g} %"
         return (
             f"Nonlinear game about the trim: its value to degree {radius.degree} {where}, {share}",
+            *self._flight_lines(),
             self._table(),
+        )
+
+    def _flight_lines(self) -> tuple[str, ...]:
+        """Return lines on the flights and the initial states, () without flights."""
+        if self.flown is None or not self.flown.flights:
+            return ()
+        names = self.expansion.game.names.states
+        widths = ", ".join(
+            f"{name} {width:.3g}" for name, width in zip(names, self.flown.half_widths, strict=True)
+        )
+        return (
+            f"Flown with the input limits of the aircraft, without disturbance, from ±({widths}): "
+            f"{self.flown.sentence}",
+            self.flown.integration,
         )
 
     def _table(self) -> Table:
         rows = [
             (
-                each.degree,
+                f"{each.of}, {each.degree}",
                 f"{each.error:.3g}",
                 each.worst,
                 f"{each.learned:.7g}",
@@ -121,12 +152,12 @@ class NonlinearComparison(Result):
             )
             for each in self.errors
         ]
-        return Table((f"degree of {self.of}", "error", "worst term", "learned", "exact"), rows)
+        return Table(("degree", "error", "worst term", "learned", "exact"), rows)
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
-        return {"of": self.of, "errors": self.errors, "limit": self.limit, "ok": self.ok} | given(
-            radius=self.radius
+        return {"errors": self.errors, "limit": self.limit, "ok": self.ok} | given(
+            radius=self.radius, flown=self.flown
         )
 
 
@@ -137,48 +168,89 @@ def _share(error: DegreeError) -> str:
 
 
 def compare_with_nonlinear(
-    critic: Critic, linear: LinearModel, solution: Solution, limit: float
+    critic: Critic,
+    linear: LinearModel,
+    solution: Solution,
+    limit: float,
+    box: Box | None = None,
+    flights: int = FLIGHTS,
 ) -> NonlinearComparison:
-    """Return the errors of a critic's terms against the value of the nonlinear game.
+    """Return the errors of a critic's terms against the nonlinear game, and its flights.
 
-    The terms of a polynomial are compared up to its degree, those of another function up to degree
-    `ORDER`. A critic without a value is compared by the terms of its policy.
+    The terms of a polynomial value are compared up to its degree, those of another function up to
+    degree `ORDER`. The terms of a policy that does not follow from the value are compared up to the
+    degree below.
 
     linear: linear model of the game at a trim of the aircraft
     limit: limit of the error of each coefficient
+    box: box of states, of which a part is flown, or None for no flights
+    flights: number of flights
 
     Raises BadInputError if the aircraft or the critic has no power series at the trim.
     """
     widths = np.sqrt(np.diag(np.linalg.inv(solution.P)))
-    of, terms = _terms(critic, widths)
-    expansion = expand(linear, solution, min(max(max(terms) + (of == "u"), LOWEST), HIGHEST))
-    names = solution.game.names
-    n = len(names.states)
-    exact = _exact_terms(expansion, of)
-    errors = []
-    for degree, learned in sorted(terms.items()):
-        wanted = exact.get(degree, np.zeros_like(learned))
-        exponents = homogeneous(n, degree).exponents
-        reach = np.prod(widths**exponents, axis=1)
-        floor = _SMALL * float(np.max(np.abs(wanted) * reach)) / reach
-        difference = np.abs(learned - wanted)
-        scale = np.maximum(np.abs(wanted), floor)
-        relative = np.where(difference > 0.0, difference / np.where(scale > 0.0, scale, 1.0), 0.0)
-        relative[(scale == 0.0) & (difference > 0.0)] = np.inf
-        relative[~np.isfinite(learned)] = np.inf
-        row, column = np.unravel_index(np.argmax(relative), relative.shape)
-        monomial = name_of(exponents[column].tolist(), names.states)
-        worst = monomial if of == "V" else f"{names.inputs[row]}: {monomial}"
-        errors.append(
-            DegreeError(
-                degree,
-                float(relative[row, column]),
-                worst,
-                float(learned[row, column]),
-                float(wanted[row, column]),
-            )
-        )
-    return NonlinearComparison(of, tuple(errors), limit, expansion)
+    terms = _terms(critic, widths)
+    order = max(degree + (of == "u") for of, degrees in terms.items() for degree in degrees)
+    expansion = expand(linear, solution, min(max(order, LOWEST), HIGHEST))
+    errors = [
+        _degree_error(of, degree, learned, expansion, widths)
+        for of, degrees in terms.items()
+        for degree, learned in sorted(degrees.items())
+    ]
+    flown = None
+    if box is not None and flights:
+        by_value = not _is_policy_given(critic)
+        exact = _by_value(critic, expansion) if by_value else expansion.policy
+        plant = nonlinear_plant(linear)
+        flown = box_flights(critic.policy, exact, expansion, plant, box, flights)
+    return NonlinearComparison(tuple(errors), limit, expansion, flown)
+
+
+def _is_policy_given(critic: Critic) -> bool:
+    """Return whether a critic's policy is its own, and does not follow from its value."""
+    return critic.value is None or critic.feedback is None
+
+
+def _by_value(critic: Critic, expansion: Expansion) -> ca.Function:
+    """Return the policy that follows from the exact value as a critic's policy from its value."""
+    value = replace(
+        critic,
+        K=expansion.solution.K,
+        P=expansion.solution.P,
+        network={},
+        weights=expansion.weights,
+        basis=expansion.basis,
+    )
+    return value.policy
+
+
+def _degree_error(
+    of: str, degree: int, learned: np.ndarray, expansion: Expansion, widths: np.ndarray
+) -> DegreeError:
+    """Return the largest error of the weights (k, M) of one degree of V or u.
+
+    widths: typical deviations, (n,)
+    """
+    names = expansion.game.names
+    wanted = _exact_terms(expansion, of).get(degree, np.zeros_like(learned))
+    exponents = homogeneous(expansion.states, degree).exponents
+    reach = np.prod(widths**exponents, axis=1)
+    floor = _SMALL * float(np.max(np.abs(wanted) * reach)) / reach
+    difference = np.abs(learned - wanted)
+    scale = np.maximum(np.abs(wanted), floor)
+    relative = np.where(difference > 0.0, difference / np.where(scale > 0.0, scale, 1.0), 0.0)
+    relative[(scale == 0.0) & (difference > 0.0)] = np.inf
+    relative[~np.isfinite(learned)] = np.inf
+    row, column = np.unravel_index(np.argmax(relative), relative.shape)
+    monomial = name_of(exponents[column].tolist(), names.states)
+    return DegreeError(
+        of,
+        degree,
+        float(relative[row, column]),
+        monomial if of == "V" else f"{names.inputs[row]}: {monomial}",
+        float(learned[row, column]),
+        float(wanted[row, column]),
+    )
 
 
 def _exact_terms(expansion: Expansion, of: str) -> dict[int, np.ndarray]:
@@ -195,16 +267,21 @@ def _exact_terms(expansion: Expansion, of: str) -> dict[int, np.ndarray]:
     return terms
 
 
-def _terms(critic: Critic, widths: np.ndarray) -> tuple[str, dict[int, np.ndarray]]:
-    """Return "V" or "u", and the critic's weights of all monomials, degree -> (k, M).
+def _terms(critic: Critic, widths: np.ndarray) -> dict[str, dict[int, np.ndarray]]:
+    """Return "V" and "u", as far as compared -> the critic's weights, degree -> (k, M).
 
     widths: typical deviations, (n,)
     """
+    terms = {}
+    last = ORDER
     if critic.weights is not None and critic.basis is not None:
-        return "V", _terms_of_weights(critic)
-    if critic.value is not None:
-        return "V", _terms_of_function(critic.value, range(LOWEST, ORDER + 1), widths)
-    return "u", _terms_of_function(critic.policy, range(1, ORDER), widths)
+        terms["V"] = _terms_of_weights(critic)
+        last = max(terms["V"])
+    elif critic.value is not None:
+        terms["V"] = _terms_of_function(critic.value, range(LOWEST, ORDER + 1), widths)
+    if _is_policy_given(critic):
+        terms["u"] = _terms_of_function(critic.policy, range(1, last), widths)
+    return terms
 
 
 def _terms_of_weights(critic: Critic) -> dict[int, np.ndarray]:

@@ -29,7 +29,11 @@ class NonlinearPlant(NamedTuple):
 
     def closed(self, z: ca.SX, u: ca.SX) -> ca.SX:
         """Return the rate z' for a state z and an input u, which is saturated at its limits."""
-        return self.rates(z, saturated(u, ca.DM(self.lowest), ca.DM(self.highest)))
+        return self.rates(z, self.saturated(u))
+
+    def saturated(self, u: ca.SX) -> ca.SX:
+        """Return an input u within its limits."""
+        return saturated(u, ca.DM(self.lowest), ca.DM(self.highest))
 
 
 def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:

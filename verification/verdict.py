@@ -133,7 +133,7 @@ class Verdict(Checked, Result, Reported):
     @property
     def ok(self) -> bool:
         """True if every check passes, and the critic also passes on the nonlinear game, if it was
-        compared with it.
+        judged there.
         """
         return self._passes_checks and (self.nonlinear is None or self.nonlinear.ok)
 
@@ -171,12 +171,15 @@ class Verdict(Checked, Result, Reported):
     def holds(self, limit_cost: float | None = None) -> bool:
         """Return whether the critic passes.
 
-        limit_cost: limit of the cost above the optimum, percent. With a limit, the cost decides,
-            if the equilibrium is at the trim (`AT_TRIM`). With None, all checks must pass.
+        limit_cost: limit of the cost above the optimum, percent. With a limit, the cost decides, on
+            the nonlinear game also that of its flights, if the equilibrium is at the trim
+            (`AT_TRIM`). With None, all checks must pass.
         """
         if limit_cost is None:
             return self.ok
-        return self.cost_lost <= limit_cost and self._rests_at_trim
+        is_near = self.cost_lost <= limit_cost and self._rests_at_trim
+        flown = None if self.nonlinear is None else self.nonlinear.flown
+        return is_near and (flown is None or 100.0 * flown.excess <= limit_cost)
 
     @property
     def _rests_at_trim(self) -> bool:
@@ -186,13 +189,20 @@ class Verdict(Checked, Result, Reported):
 
     @property
     def grade(self) -> str:
-        """Grade of the critic on the game of the first line: "exact", "near" or "fail".
+        """Grade of the critic: "exact", "near" or "fail".
 
         - "exact": every check passes.
         - "near": the only failed checks are those of errors, the equilibrium is at the trim
           (`AT_TRIM`), and the cost is at most `NEAR` percent above the optimum.
-        - "fail": all other cases.
+        - "fail": all other cases, and a critic that fails on the nonlinear game.
         """
+        if self.nonlinear is not None and not self.nonlinear.ok:
+            return "fail"
+        return self._grade_of_checks
+
+    @property
+    def _grade_of_checks(self) -> str:
+        """The grade without the nonlinear game."""
         if self._passes_checks:
             return "exact"
         for check in self.checks:
@@ -215,6 +225,8 @@ class Verdict(Checked, Result, Reported):
         """Return the headline of the report, and a line for each further finding."""
         failed = [check for check in self.checks if not check.ok]
         where = f"on the {self.game}, {self.box.name}"
+        if self.nonlinear is not None:
+            where = f"of the linear part on the {self.game}"
         if self.flights is not None:
             where += f", {self.flights or 'no'} flight{'' if self.flights == 1 else 's'}"
         facts = []
@@ -236,10 +248,14 @@ class Verdict(Checked, Result, Reported):
             facts.insert(0, f"decided by the cost limit {limit_cost:g} %")
         if self.nonlinear is None:
             return [line, *facts]
+        flown = self.nonlinear.flown
+        about = "near the trim" if flown is None else f"in {flown.where}"
         grade = verdict_text(self.nonlinear.ok)
-        own = self._grade_text(limit_cost)
-        both = f"{grade} on the nonlinear game near the trim, {own} on the {self.game}"
-        return [both, f"Nonlinear game: {self.nonlinear.sentence}", line, *facts]
+        both = f"{grade} on the nonlinear game {about}, linear part {self._grade_text(limit_cost)}"
+        found = [self.nonlinear.sentence] + ([] if flown is None else [flown.sentence])
+        if flown is not None and not flown.ok:
+            found.reverse()
+        return [both, *(f"Nonlinear game: {each}" for each in found), line, *facts]
 
     def _cost_text(self) -> str:
         """Return the cost of the critic relative to the optimum, as text."""
@@ -270,13 +286,13 @@ class Verdict(Checked, Result, Reported):
         limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the text is
             PASS or FAIL.
         """
-        if limit_cost is None and self.ok:
-            return verdict_text(True)
+        if limit_cost is None and self.nonlinear is not None and not self.nonlinear.ok:
+            return verdict_text(False)
         return self._grade_text(limit_cost)
 
     def _grade_text(self, limit_cost: float | None) -> str:
         """Return the grade on the game of the first line as text."""
-        if limit_cost is None and self.grade == "near":
+        if limit_cost is None and self._grade_of_checks == "near":
             return Cell("NEAR", "bad")
         if limit_cost is None:
             return verdict_text(self._passes_checks)

@@ -127,6 +127,11 @@ class Critic(Reported):
         return first is not None and not first.is_a("SXFunction")
 
     @property
+    def linear_part(self) -> Critic:
+        """Critic with the policy u = -K z and, if V is known, the value z'Pz."""
+        return replace(self, weights=None, basis=None, constant=0.0, network={}, is_layer=False)
+
+    @property
     def symbols(self) -> ca.SX:
         """New CasADi symbols z (n,), as arguments of the critic's functions (`symbols_for`)."""
         return symbols_for(self.network.values(), self.K.shape[1])

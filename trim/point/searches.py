@@ -18,9 +18,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import usual_condition
 from trim.point.halving import newton
-from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
-from trim.point.status import Status
 from trim.point.system import Structure, TrimSystem, equations as equations_of
 
 #: Continuation from the trim that the model declares: first and smallest step of s, and largest
@@ -103,7 +101,7 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
     changed = [name for name in requested if requested[name] != before[name]]
     if not changed:
         return None
-    system = TrimSystem(problem.model, problem.condition, changed, declared.values)
+    system = TrimSystem(problem.model, problem.condition, changed, declared)
     if system.equations.unknowns != problem.free:
         return None
     first = system.constants(1, {name: np.array([before[name]]) for name in changed})
@@ -133,11 +131,17 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
 
 
 @lru_cache(maxsize=16)
-def _declared_trim(model: Model) -> OperatingPoint | None:
-    """Return the trim that a model declares, or None if Newton's method does not find it."""
+def _declared_trim(model: Model) -> dict[str, float] | None:
+    """Return the values at the trim that a model declares, name -> value, or None if Newton's
+    method does not find it.
+    """
     problem = TrimProblem(model, usual_condition(model))
     z = problem.newton(problem.system.start)
-    return OperatingPoint._of(problem, z, Status.TRIMMED) if problem.balanced(z) else None
+    if not problem.balanced(z):
+        return None
+    point = problem.at(z)
+    outputs = model.outputs_at(point.x, point.u, list(model.outputs))
+    return {**outputs, **point.x._asdict(), **point.u._asdict()}
 
 
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:

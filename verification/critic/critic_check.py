@@ -17,7 +17,7 @@ from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unless_positive
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Part
-from verification.box import usual_box
+from verification.box import Box, usual_box
 from verification.critic_errors import critic_errors
 from verification.error_table import (
     ErrorTable,
@@ -68,9 +68,11 @@ def verify(
     A - B K and √α (A - B K) must be stable: if the exact policy does not stabilize, the exact
     critic fails.
 
-    With the linear model of an aircraft, weights of a critic that is not quadratic are also
-    compared with the nonlinear game, coefficient by coefficient up to their degree, and so is a
-    network with `taylor`. The critic passes if it passes in both.
+    With the linear model of an aircraft, a polynomial of higher degree, and with `taylor` a network,
+    is judged on the nonlinear game: its coefficients up to its degree, and flights from the largest
+    part of the box (1, 1/2, 1/4, ...) from which the exact policy converges, which must cost at
+    most 5 % more. On the linear game, only its linear part, P and K, is then judged. The critic
+    passes if both pass.
 
     game: the game, in continuous or in discrete time
     critic: the critic, from `hfa.from_gain`, `from_value`, `from_weights`, `from_network` or
@@ -104,9 +106,14 @@ def verify(
     box = scope.box or usual_box(judged.game)
     errors_of = partial(_errors, judged, box.half_widths, limit)
 
-    errors = errors_of(last)
+    nonlinear, about_nonlinear = None, None
+    if linear is not None and not last.is_quadratic and (taylor or last.has_weights):
+        nonlinear, about_nonlinear = _nonlinear(last, linear, judged, limit, box, scope)
+    errors = errors_of(last if nonlinear is None else last.linear_part)
     loop = judged.linear_loop(last, all(check.ok for check in errors))
-    found = None if last.is_quadratic else _searched(judged, last, box.half_widths, limit, scope)
+    found = None
+    if nonlinear is None and not last.is_quadratic:
+        found = _searched(judged, last, box.half_widths, limit, scope)
     over_time = _NO_TIME
     if isinstance(critic, TrainingRun):
         over_time = _run(judged, critic)
@@ -118,21 +125,19 @@ def verify(
     if last.P is not None and last.finite:
         checks += judged.value_checks(last.P, limit)
     sections = [Section((f"Box of states: {box.about}",), Details(box=box)), loop.section]
-    nonlinear = None
     if found is not None:
         errors = [*errors, *found.errors]
         checks += found.checks
         sections.append(found.section)
-        if linear is not None and (taylor or last.has_weights):
-            nonlinear, part = _nonlinear(last, linear, judged, limit)
-            sections.append(Section(part, Details()))
-    elif last.is_layer:
+    if about_nonlinear is not None:
+        sections.append(Section(about_nonlinear, Details()))
+    elif last.is_layer and found is None:
         sections.append(_polynomial_section(last))
     checks += over_time.checks
     sections += over_time.sections
     reason = over_time.reason
     if not reason and not all(check.ok for check in errors):
-        reason = _reason(judged, last, limit, found)
+        reason = _reason(judged, last if nonlinear is None else last.linear_part, limit, found)
     return Verdict(
         last,
         judged.exact,
@@ -185,7 +190,12 @@ def _searched(
 
 
 def _nonlinear(
-    critic: Critic, linear: LinearModel, judged: JudgedGame, limit: float
+    critic: Critic,
+    linear: LinearModel,
+    judged: JudgedGame,
+    limit: float,
+    box: Box,
+    scope: Scope,
 ) -> tuple[NonlinearComparison | None, Part]:
     """Return the comparison with the nonlinear game, or None, and its part of the report."""
     from verification.nonlinear_game import compare_with_nonlinear
@@ -193,7 +203,7 @@ def _nonlinear(
     if judged.game.is_discrete:
         return None, ("Nonlinear game: not compared in discrete time",)
     try:
-        compared = compare_with_nonlinear(critic, linear, judged.exact, limit)
+        compared = compare_with_nonlinear(critic, linear, judged.exact, limit, box, scope.flights)
     except (BadInputError, NoSolutionError) as error:
         return None, (f"Nonlinear game: not compared: {error}",)
     return compared, compared.part()

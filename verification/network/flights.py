@@ -15,6 +15,7 @@ from controller.critic.critic import Critic
 from controller.riccati.cost import SIGNLESS
 from hfa_support.reporting.checks import Check, at_most
 from verification.axis import Loop
+from verification.box import starts_in
 from verification.critic_errors import Exact
 from verification.judged_game import JudgedGame
 
@@ -152,18 +153,6 @@ def worst_start(X: np.ndarray, P: np.ndarray, b: np.ndarray) -> np.ndarray:
     _, directions = np.linalg.eigh(root.T @ (X * corner) @ root)
     direction = root @ directions[:, -1]
     return np.asarray(b * direction / np.abs(direction).max())
-
-
-def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
-    """Return random initial conditions in the box |z_i| <= b_i, (count, n).
-
-    Every second initial condition, beginning with the first, is a corner of the box.
-
-    b: (n,)
-    """
-    starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
-    starts[::2] = np.sign(starts[::2])
-    return starts * b
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from controller.critic.critic import FUNCTIONS, Critic
 from hfa_support.reporting.checks import Check
 from verification.axis import quadratic_at
+from verification.box import starts_in
 from verification.critic_errors import SMALL, Exact, error_check
 from verification.judged_game import JudgedGame
 from verification.network.flights import (
@@ -24,7 +25,6 @@ from verification.network.flights import (
     FlightResults,
     equilibrium_check,
     fly,
-    starts_in,
 )
 from verification.verdict import Details, Section
 

@@ -14,14 +14,13 @@ from planted_critics import gain, value
 from controller.critic.critic import Critic, from_functions
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from hfa import Game, from_gain, from_network, solve, verify
-from verification.box import ordinary_box
+from verification.box import ordinary_box, starts_in
 from verification.critic_errors import SMALL, box_errors
 from verification.judged_game import JudgedGame
 from verification.network.flights import (
     _reach,
     costs_above_optimum,
     equilibrium_check,
-    starts_in,
     worst_start,
 )
 from verification.network.search import Comparison, search

@@ -1,0 +1,190 @@
+"""Flights of a critic on the nonlinear plant, from a part of the box of states."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.expansion.expansion import Expansion
+from hfa_aircraft.march.cost import Cost
+from hfa_aircraft.march.ending import FAR_OF_EXPANSION, OF_EXPANSION, has_decayed
+from hfa_aircraft.march.march import History, Rows, march
+from hfa_aircraft.march.refinement import Figures, resolved
+from hfa_support.matrices import quadratic_forms
+from hfa_support.native.row_code import row_code
+from hfa_support.reporting.results import Result, Vector
+from verification.box import Box, starts_in
+from verification.scope import NonlinearPlant
+
+#: Largest cost of a critic's flight above that of the exact policy, relative to it.
+SHARE = 0.05
+#: Relative excess of a cost that is rounding.
+_ROUNDING = 1e-9
+#: The parts of the box are 1, 1/2, 1/4, ..., at least this.
+_SMALLEST = 2.0**-12
+#: Step times the magnitude of the fastest eigenvalue of the exact loop.
+_STEP = 0.2
+#: A flight that has not ended after this many time constants of the slowest mode does not converge.
+_LONGEST = 6.0
+#: Number of steps between two tests of the end.
+_TESTED = 10
+
+
+@dataclass(frozen=True, eq=False)
+class BoxFlights(Result):
+    """Flights of a critic from the largest part of the box from which the exact policy converges.
+
+    The exact policy is that of the nonlinear game, as polynomials. The flights have the input
+    limits of the aircraft and no disturbance. They begin at corners and random states of the part.
+
+    box: name of the box
+    part: the part, a power of two; 0 if the exact policy converges from none
+    half_widths: half-widths of the part, (n,)
+    flights: number of flights
+    lost: number of flights of the critic that do not converge
+    excess: largest cost above that of the exact policy from the same state, relative to it; inf if
+        a flight does not converge
+    worst: initial state with this excess, (n,)
+    integration: integration error of the costs
+    resolved: whether the costs hardly change with half the step
+    """
+
+    box: str
+    part: float
+    half_widths: Vector
+    flights: int
+    lost: int
+    excess: float
+    worst: Vector
+    integration: str
+    resolved: bool
+
+    @property
+    def ok(self) -> bool:
+        """True if all flights converge, cost at most `SHARE` more, and are resolved."""
+        return self.part > 0.0 and self.excess <= SHARE and self.resolved
+
+    @property
+    def where(self) -> str:
+        """The part of the box as text."""
+        if self.part in (0.0, 1.0):
+            return self.box
+        return f"{self.part:g} of the {self.box}"
+
+    @property
+    def sentence(self) -> str:
+        """What the flights say, as text."""
+        if not self.part:
+            return "the exact policy converges from no part of the box"
+        if self.lost:
+            return f"{self.lost} of {self.flights} flights do not converge"
+        more = 0.0 if self.excess < _ROUNDING else 100.0 * self.excess
+        text = f"{self.flights} flights cost at most {more:.2g} % more than by the exact policy"
+        return text if self.resolved else f"{text}, but are not resolved"
+
+
+class _Pair(NamedTuple):
+    """Cost of the flights of both policies, inf where one does not converge, (N,)."""
+
+    judged: np.ndarray
+    exact: np.ndarray
+
+
+def box_flights(
+    policy: ca.Function,
+    exact_policy: ca.Function,
+    expansion: Expansion,
+    plant: NonlinearPlant,
+    box: Box,
+    count: int,
+) -> BoxFlights:
+    """Fly a policy and the exact policy from the same states of a part of a box.
+
+    policy, exact_policy: CasADi Functions z (n,) -> u (m,)
+    expansion: the nonlinear game, whose cost is integrated
+    count: number of initial states
+    """
+    b = box.half_widths
+    loop = np.linalg.eigvals(expansion.game.A - expansion.game.B @ expansion.solution.K)
+    step = _STEP / float(np.abs(loop).max())
+    seconds = _LONGEST / float(-loop.real.max())
+    exact = _Flights(expansion, exact_policy, plant, seconds)
+    flown = _Flights(expansion, policy, plant, seconds)
+    starts = starts_in(b, count)
+    part = 1.0
+    while part >= _SMALLEST and not np.isfinite(exact.costs(part * starts, step)).all():
+        part /= 2.0
+    if part < _SMALLEST:
+        return BoxFlights(box.name, 0.0, 0.0 * b, 0, 0, math.inf, 0.0 * b, "", resolved=False)
+
+    def simulate(parts: int) -> _Pair:
+        return _Pair(*(each.costs(part * starts, step / parts) for each in (flown, exact)))
+
+    costs, error = resolved(simulate, _figures, step)
+    lost = int(np.isinf(costs.judged).sum())
+    excess = costs.judged / costs.exact - 1.0
+    worst = int(np.argmax(excess))
+    return BoxFlights(
+        box.name,
+        part,
+        part * b,
+        count,
+        lost,
+        float(excess[worst]),
+        part * starts[worst],
+        error.text(),
+        resolved=error.is_resolved,
+    )
+
+
+def _figures(costs: _Pair) -> Figures:
+    """Return the costs whose change with half the step is tested; a lost flight has none."""
+    return {
+        f"cost {number} of the {who} policy": (float(cost), 0.0)
+        for who, each in costs._asdict().items()
+        for number, cost in enumerate(each)
+        if np.isfinite(cost)
+    }
+
+
+class _Flights:
+    """Flights of a policy on the nonlinear plant with its saturated inputs, and their cost."""
+
+    def __init__(
+        self, expansion: Expansion, policy: ca.Function, plant: NonlinearPlant, seconds: float
+    ) -> None:
+        game = expansion.game
+        z = ca.SX.sym("z", len(game.A))
+        u = plant.saturated(policy(z))
+        cost = Cost(game.Q, game.R, game.N).rate(z, u)
+        both = ca.densify(ca.vertcat(plant.rates(z, u), cost))
+        self._rates = row_code(ca.Function("rates", [z], [both], {"cse": True}))
+        self._P = expansion.solution.P
+        self._seconds = seconds
+
+    def costs(self, starts: np.ndarray, step: float) -> np.ndarray:
+        """Return the cost of the flights from N states, (N,), inf if one does not converge.
+
+        starts: (N, n)
+        """
+        initial = quadratic_forms(starts, self._P)
+
+        def over(flown: History) -> np.ndarray:
+            value = quadratic_forms(flown.states[:, -1, :-1], self._P)
+            first = initial[flown.flights]
+            mask = np.zeros(flown.states.shape[:2], dtype=bool)
+            is_near = value <= FAR_OF_EXPANSION * first
+            mask[:, -1] = has_decayed(value, first, OF_EXPANSION) | ~is_near
+            return mask
+
+        begin = np.column_stack([starts, np.zeros(len(starts))])
+        loop = Rows(lambda w, _: self._rates(w[:, :-1])[0], begin, step, steps=_TESTED)
+        with np.errstate(all="ignore"):
+            flown, _ = march(loop, 1 + int(self._seconds / (step * _TESTED)), over=over, keep=False)
+            final = flown.states[:, 0]
+            left = quadratic_forms(final[:, :-1], self._P)
+        return np.where(has_decayed(left, initial, OF_EXPANSION), final[:, -1] + left, math.inf)
