@@ -98,7 +98,7 @@ class VerifyRequest(GameRequest):
         rare=True,
     )
     taylor: bool = option(
-        "also compare a network with the nonlinear game, by Taylor coefficients about the trim",
+        "judge a network on the nonlinear game: Taylor coefficients about the trim, and flights",
         rare=True,
     )
     discount: float | None = option("discount factor per sample; requires --dt", "NUMBER", positive)

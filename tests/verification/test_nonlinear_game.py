@@ -73,7 +73,10 @@ def judged(expansion: Expansion, game: Game, linear: LinearModel, change: ca.SX,
     """Return the verdict on the exact value with a changed policy, and that policy."""
     outputs = {"V": expansion.V(z), "policy": expansion.policy(z) + change}
     critic = replace(
-        from_functions(game, z, outputs, "test"), weights=expansion.weights, basis=expansion.basis
+        from_functions(game, z, outputs, "test"),
+        weights=expansion.weights,
+        basis=expansion.basis,
+        has_weights=True,
     )
     return hfa.verify(game, critic, scope=Scope(flights=20), linear=linear), critic.policy
 

@@ -68,11 +68,11 @@ def verify(
     A - B K and √α (A - B K) must be stable: if the exact policy does not stabilize, the exact
     critic fails.
 
-    With the linear model of an aircraft, a polynomial of higher degree, and with `taylor` a network,
-    is judged on the nonlinear game: its coefficients up to its degree, and flights from the largest
-    part of the box (1, 1/2, 1/4, ...) from which the exact policy converges, which must cost at
-    most 5 % more. On the linear game, only its linear part, P and K, is then judged. The critic
-    passes if both pass.
+    With the linear model of an aircraft, a polynomial of higher degree is judged on the nonlinear
+    game, and so is a network with `taylor`: its coefficients up to its degree, and flights from the
+    largest part of the box (1, 1/2, 1/4, ...) from which the exact policy converges, which must
+    cost at most 5 % more. On the linear game, only its linear part, P and K, is then judged. The
+    critic passes if both pass.
 
     game: the game, in continuous or in discrete time
     critic: the critic, from `hfa.from_gain`, `from_value`, `from_weights`, `from_network` or
@@ -81,8 +81,7 @@ def verify(
     limit: limit of the errors and the residual
     scope: further data for the checks; by default `Scope()`
     linear: the linear model of the game at a trim of an aircraft, or None
-    taylor: whether the Taylor coefficients of a network are compared with those of the nonlinear
-        game, which requires `linear`
+    taylor: whether a network is judged on the nonlinear game, which requires `linear`
 
     Raises NoSolutionError if the game has no certified solution, and BadInputError if `game` is not
     a game, `critic` is not a critic, or the limit is not positive.
