@@ -135,9 +135,17 @@ def test_a_set_is_invariant_under_the_largest_disturbance_only() -> None:
     where it is saturated (0.45 - 1 + wind < 0), and sun < 1.
     """
     assert windy_checked(windy(wind=0.5, sun=0.9)) > 0
-    for sizes in ({"wind": 0.56}, {"sun": 1.02}):
+    for sizes in ({"wind": 0.55 + 1e-9}, {"sun": 1.0 + 1e-9}):
         with pytest.raises(NoSolutionError, match="inequality"):
             windy_checked(windy(**sizes))
+
+
+def test_a_set_too_small_for_the_wind_is_refused() -> None:
+    """A wind of 0.5 leaves level² + heat² <= 0.1: V' = 2 level (0.5 - 1.5 level) > 0 at 0.31."""
+    content = windy(wind=0.5)
+    content["statement"]["piece"]["c"] = 0.1
+    with pytest.raises(NoSolutionError, match="inequality"):
+        windy_checked(content)
 
 
 def test_limits_hold_under_every_disturbance() -> None:
@@ -320,6 +328,19 @@ def _about(level: float) -> Callable[[Content], None]:
     return change
 
 
+def _tall(level: float) -> Callable[[Content], None]:
+    """Return a function that states the set level² + 100 heat² <= `level`²."""
+
+    def change(content: Content) -> None:
+        c = (0.3 * level) ** 2
+        W = [[1.0, [2, 0]], [100.0, [0, 2]]]
+        content["statement"]["piece"] |= {"M": [[0.3, 0.0], [0.0, 0.3]], "W": W, "c": c}
+        content["statement"]["extents"] = {"level": [-2.1, 2.1], "heat": [-0.3, 0.3]}
+        content["witness"]["multipliers"] = [[0.4, 0.4]] * 2
+
+    return change
+
+
 def _witness(**entries: Any) -> Callable[[Content], None]:
     return lambda content: content["witness"].update(entries)
 
@@ -360,6 +381,25 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "a valve that cannot open more": (_about(0.5), "inequality"),
     "a valve that cannot close more": (_about(-0.5), "inequality"),
     "more inflow": (_put({"inflow": 1.2}, "loop", "parameters"), "inequality"),
+    "another equilibrium at the edge": (_tall(2.0 * (1.0 + 1e-12)), "inequality"),
+    "a line of equilibria": (_put([[0.5, 0.0]], "loop", "policy", "K"), "Jacobian is singular"),
+    "unstable by a hair": (_put([[0.5 - 1e-9, 0.0]], "loop", "policy", "K"), "near the"),
+    "W with a second valley": (
+        _put([[4.0, [2, 0]], [-16.0, [4, 0]], [16.5, [6, 0]], [1.0, [0, 2]]], "piece", "W"),
+        "inequality",
+    ),
+    "W with a hill": (
+        _put([[1.0, [2, 0]], [1.0, [0, 2]], [-0.9, [4, 0]]], "piece", "W"),
+        "inequality",
+    ),
+    "W flat along a line": (
+        _put([[1.0, [2, 0]], [-2.0, [1, 1]], [1.0, [0, 2]]], "piece", "W"),
+        "near the",
+    ),
+    "W indefinite by a hair": (
+        _put([[1.0, [2, 0]], [-2.0 - 1e-9, [1, 1]], [1.0, [0, 2]]], "piece", "W"),
+        "near the",
+    ),
     "W negative": (_put([[-1.0, [2, 0]], [1.0, [0, 2]]], "piece", "W"), "near the"),
     "coordinates in a line": (
         _put([[1.0, 1.0], [1.0, 1.0]], "piece", "M"),

@@ -94,6 +94,39 @@ def test_a_margin_of_1e13_is_decided_correctly(margin: float) -> None:
         check_cost(cart_bound(1.0 + margin), witness)
 
 
+#: Terms of W above the least cost a² + b²/2 of a' = u, b' = -b with unit weights.
+TOO_LARGE = [
+    [(1.0 + 1e-12, (2, 0)), (0.5, (0, 2))],
+    [(0.9, (2, 0)), (0.5 + 1e-9, (0, 2))],
+    [(1.0, (2, 0)), (0.4, (0, 2)), (1e-6, (4, 0))],
+    [(1.0, (2, 0)), (0.4, (0, 2)), (0.015625, (3, 0))],
+    [(1.0, (2, 0)), (0.5, (0, 2)), (1e-6, (1, 1))],
+    [(1.0 - 2.0**-6, (2, 0)), (0.4, (0, 2)), (1.0, (8, 0))],
+]
+
+
+@pytest.mark.parametrize("terms", TOO_LARGE)
+def test_a_w_above_the_least_cost_is_refused(terms: list[Any]) -> None:
+    """W is refused that is too large by a hair, on one side, far out, or in a free state alone."""
+    two = Model(
+        "two",
+        {"a": Signal("m"), "b": Signal("m")},
+        {"speed": Signal("m/s")},
+        lambda x, u, p, w: ({"a": u.speed, "b": -x.b}, {}),
+    )
+    plant = Plant(two, {}, {"a": 0.0, "b": 0.0}, {"speed": 0.0}, {}, {})
+    at = {"a": 0.0, "b": 0.0, "speed": 0.0}
+    weights = (np.eye(2), ONE)
+    for listed, is_proved in (([(0.99, (2, 0)), (0.49, (0, 2))], True), (terms, False)):
+        piece = Piece(np.eye(2), Polynomial(2, tuple(listed)), 0.45)
+        claim = CostStatement(plant, at, *weights, (piece,))
+        if is_proved:
+            assert check_cost(claim, CostWitness(("speed", "b"), (4000,)))[0] > 0
+            continue
+        with pytest.raises(NoSolutionError):
+            check_cost(claim, CostWitness(("speed", "b"), (4000,)))
+
+
 def test_an_input_that_bends_the_rates_needs_limits() -> None:
     """A bound is refused if an input without limits enters the rates as a cubic polynomial."""
     model = replace(PENDULUM, inputs={"torque": Signal("N m")})

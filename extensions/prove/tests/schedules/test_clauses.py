@@ -222,10 +222,22 @@ def wu(angle: Any) -> Any:
 def test_a_motion_is_proved_only_at_a_stable_rate() -> None:
     """Wu's loop is stable at each angle and unstable at 344 deg/s: no proof claims that rate."""
     family = planar(wu)
-    found = prove_schedule(family, NO_GAIN, 0.0, 180.0, moving=True, decay_rate=0.5).statement
-    assert 1.0 < found.scheduled_rate < 343.0
+    found = prove_schedule(family, NO_GAIN, 0.0, 180.0, moving=True, decay_rate=0.5)
+    assert 1.0 < found.statement.scheduled_rate < 343.0
     with pytest.raises(NoSolutionError, match="no Lyapunov function"):
         prove_schedule(family, NO_GAIN, 0.0, 180.0, scheduled_rate=344.0, decay_rate=0.5)
+    breakpoints, P = found.witness.breakpoints, found.witness.P
+    for rate, which in ((343.0, slice(None)), (1.0, slice(None, None, len(P) - 1))):
+        with pytest.raises(NoSolutionError, match="motion"):
+            check_schedule(
+                replace(found.statement, scheduled_rate=rate),
+                ScheduleWitness(1000, breakpoints[which], P[which]),
+            )
+    with pytest.raises(NoSolutionError, match="motion"):
+        check_schedule(
+            replace(found.statement, scheduled_rate=math.inf),
+            ScheduleWitness(1000, np.zeros(1), np.eye(2)[None]),
+        )
 
 
 @pytest.mark.parametrize(("unit", "is_proved"), [("rad", True), ("deg", False)])
@@ -295,7 +307,7 @@ _FLIGHT = ("statement", "flight")
 #: Name of a forgery -> change of the certificate, and message of the clause that refuses it.
 FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "faster decay": (_put(1.01, "statement", "decay_rate"), "not below"),
-    "slightly faster decay": (_put(lambda a: a / 0.985, "statement", "decay_rate"), "not below"),
+    "decay by a hair faster than 1": (_put(1.0 + 1e-12, "statement", "decay_rate"), "not proved"),
     "no gain": (_put([[[0.0, -0.2]]], "statement", "gains", "K"), "not below"),
     "gain of the other sign": (_put([[[1.0, -2.9]]], "statement", "gains", "K"), "not below"),
     "drag": (_put(-2.0, *_FLIGHT, "parameters", "drag"), "not below"),
@@ -308,6 +320,8 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "another depth": (_put(2.0, *_FLIGHT, "imposed", "depth"), "differs from the stated"),
     "a moving trim": (_put(0.1, *_FLIGHT, "imposed", "heave"), "no values of the free"),
     "an indefinite P": (_put([[[1.0, 0.0], [0.0, -1.0]]], "witness", "P"), "positive definite"),
+    "a singular P": (_put([[[1.0, 1.0], [1.0, 1.0]]], "witness", "P"), "positive definite"),
+    "P = 0": (_put([[[0.0, 0.0], [0.0, 0.0]]], "witness", "P"), "positive definite"),
     "another P": (_put([[[1.0, 0.0], [0.0, 1.0]]], "witness", "P"), "motion"),
     "asymmetric P": (_put([[[1.0, 0.1], [0.0, 1.0]]], "witness", "P"), "not symmetric"),
     "no P": (_put([], "witness", "breakpoints"), "breakpoints"),
@@ -338,7 +352,12 @@ def test_a_linear_p_must_suit_the_rate(content: Content) -> None:
     made = copy.deepcopy(content)
     (P,) = made["witness"]["P"]
     grown = [[1.3 * entry for entry in row] for row in P]
-    made["witness"] |= {"breakpoints": [1.0, 2.0], "P": [P, grown]}
+    made["witness"] |= {"breakpoints": [1.0, 2.0], "P": [grown, P]}
+    made["statement"]["scheduled_rate"] = 50.0
+    with pytest.raises(NoSolutionError, match="motion"):
+        checked(copy.deepcopy(made))
+    made["statement"]["scheduled_rate"] = "inf"
+    made["witness"]["P"].reverse()
     with pytest.raises(NoSolutionError, match="constant P"):
         checked(copy.deepcopy(made))
     for rate, is_proved in ((0.05, True), (50.0, False)):
