@@ -283,9 +283,8 @@ def trim_report(
         parts.append(levels_table(levels, airplane or Airplane(), stated=airplane is not None))
     elif point.ok:
         parts.append(f"no modes: {point.fault}")
-    title = "\n".join(
-        [point.title, *figures.stalled, control_lines(point, margins, _lift_over_drag(figures))]
-    )
+    controls = control_lines(point, margins, _lift_over_drag(figures))
+    title = "\n".join(filter(None, [point.title, *figures.stalled, controls]))
     notes = point.warnings if full else [_without_lines(note) for note in point.warnings]
     report = Report(title, parts, notes, result.as_data(), point_records(point))
     described = model.trimming.describe

@@ -138,7 +138,9 @@ def _model(builder: ca.DaeBuilder, title: str, source: Source) -> Model:
     states, inputs, parameters = builder.x(), builder.u(), builder.p()
     outputs = [name for name in builder.y() if name not in states]
     if not states:
-        raise BadInputError("the FMU has no continuous states")
+        raise BadInputError(
+            "the FMU has no continuous states; export a model whose equations have der(x)"
+        )
     for name in inputs:
         if builder.type(name) not in ("Float64", "Real"):
             raise BadInputError(
