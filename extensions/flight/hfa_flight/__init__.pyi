@@ -1,16 +1,24 @@
 """One simulated flight: plant, policy, actuators and gusts in one loop."""
 
-from hfa_aircraft.waveform import Waveform as Waveform
+from hfa_aircraft.waveform import Harmonic as Harmonic, Waveform as Waveform
 
 from .actuators import ActuatorBank as ActuatorBank, ActuatorFault as ActuatorFault
+from .air.gust_equations import in_gusts as in_gusts
 from .air.gusts import OneMinusCosine as OneMinusCosine
+from .air.turbulence import (
+    AirFilter as AirFilter,
+    scales_and_intensities as scales_and_intensities,
+)
 from .envelope import flight_envelope as flight_envelope
 from .policies.deployment.deployed import Deployed as Deployed
 from .policies.policy import GainPolicy as GainPolicy, Policy as Policy
-from .samples.monte_carlo import MonteCarlo as MonteCarlo
-from .samples.store import run_monte_carlo as run_monte_carlo
+from .samples.monte_carlo import MonteCarlo as MonteCarlo, fly_member as fly_member
+from .samples.store import run_monte_carlo as run_monte_carlo, stream_members as stream_members
 from .scenario import Scenario as Scenario, Uncertainty as Uncertainty
-from .schedule.gain_schedule import GainSchedule as GainSchedule
+from .schedule.gain_schedule import (
+    GainSchedule as GainSchedule,
+    load_gain_schedule as load_gain_schedule,
+)
 from .schedule.scheduled_controller import (
     ScheduledController as ScheduledController,
     load_controller as load_controller,

@@ -39,6 +39,8 @@ class Departure(NamedTuple):
 
     def text(self) -> str:
         """Return the departure as a sentence, with angles in degrees."""
+        if not np.isfinite(self.value):
+            return f"diverged: {self.state} is not finite at {self.time:.4g} s"
         beyond = _beyond(self.value, self.limit, self.unit)
         beyond += " (assumed limit)" * self.assumed
         return f"left the envelope: {self.state} first, at {self.time:.4g} s, {beyond}"
@@ -132,11 +134,11 @@ def envelope_data(envelope: Limits, moving_air: bool) -> dict[str, list[float]]:
 
 
 def outside(envelope: Limits, limited: np.ndarray) -> np.ndarray:
-    """Return a mask (N,), True at each time at which a state exceeds a limit of the envelope.
+    """Return a mask (N,), True at each time at which a state exceeds a limit or is not finite.
 
     limited: (N, n), absolute states. In moving air, the angle of attack replaces alpha
     """
-    return np.asarray(~envelope.within(limited).all(axis=-1))
+    return np.asarray(~(envelope.within(limited) & np.isfinite(limited)).all(axis=-1))
 
 
 def departure(
@@ -156,7 +158,8 @@ def departure(
     values = limited[row]
     width = envelope.highest - envelope.lowest
     width = np.where(np.isfinite(width), width, 1.0)
-    excess = np.maximum(values - envelope.highest, envelope.lowest - values) / width
+    with np.errstate(invalid="ignore"):  # infinite values without limits
+        excess = np.maximum(values - envelope.highest, envelope.lowest - values) / width
     index = int(np.argmax(np.where(np.isfinite(values), excess, np.inf)))
     value = float(values[index])
     limits = envelope.lowest if value < envelope.lowest[index] else envelope.highest

@@ -427,7 +427,8 @@ class Flight(StatesAndInputs, Result, Reported):
     def rms_error(self) -> Mapping[str, float]:
         """Root mean square of the error of each state of the linear model, over the second half."""
         late = self.flight.errors[len(self.flight.errors) // 2 :]
-        return _by_name(self.model.linear, np.sqrt(np.mean(late**2, axis=0)))
+        with np.errstate(over="ignore"):  # of a flight that diverges
+            return _by_name(self.model.linear, np.sqrt(np.mean(late**2, axis=0)))
 
     @property
     def share_beyond_control_limits(self) -> Mapping[str, float]:

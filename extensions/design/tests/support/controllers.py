@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-import hfa
-import hfa_model
 from hfa import Model
 from hfa_flight import ScheduledController
-from hfa_support.provenance import parameter_hash
 
 
 def small_controller(aircraft: Model, **changed: object) -> ScheduledController:
@@ -35,12 +32,10 @@ def small_controller(aircraft: Model, **changed: object) -> ScheduledController:
         "inputs": ("aileron_outer",),
         "trim_states": np.ones((3, 7)),
         "trim_inputs": np.ones((3, 5)),
-        "dynamics": hfa_model.variant_of(aircraft).name,
-        "parameters": parameter_hash(hfa_model.parameters_of(aircraft)),
         "command_filter": (0.5, 2.0),
         "about": {"description": "a test"},
     }
-    return ScheduledController(**(settings | changed), model=hfa.aircraft())  # type: ignore[arg-type]
+    return ScheduledController(**(settings | changed), model=aircraft)  # type: ignore[arg-type]
 
 
 def integrating_controller(aircraft: Model, **changed: object) -> ScheduledController:

@@ -23,7 +23,7 @@ _STILL = 1e-9
 
 
 def drawn_figure(plan: MonteCarlo) -> Figure:
-    """Return a figure with a row of two panels for each state that changes in the nominal flight.
+    """Return a figure with a row of two panels for each state that changes in a flight.
 
     The left panel shows the flight of the nominal aircraft. The right panel shows the differences
     of the drawn aircraft from the nominal aircraft, with the band that contains 95 % of them. At
@@ -37,7 +37,8 @@ def drawn_figure(plan: MonteCarlo) -> Figure:
     moving = [
         place
         for place, (name, signal) in enumerate(states.items())
-        if np.ptp(itself.states[:, place]) > _STILL * signal.nominal
+        if max(np.ptp(each.states[:, place]) for each in (itself, *flights))
+        > _STILL * signal.nominal
     ]
     figure = new_figure(10.0, 1.2 + 1.5 * len(moving))
     rows = figure.subplots(len(moving), 2, sharex=True, squeeze=False)

@@ -155,8 +155,8 @@ class ScheduledController(ByValue, Reported):
     inputs: names of u, (m,); other inputs remain at U0
     trim_states: trims at the breakpoints, (N, number of states of the model)
     trim_inputs: trims at the breakpoints, (N, number of inputs of the model)
-    dynamics: name of the model
-    parameters: hash of the model's parameter values (`identity`)
+    dynamics: name of the model of the design, by default that of `model`
+    parameters: hash of the parameter values of the design (`identity`), by default of `model`
     command_filter: bandwidth (rad/s) and damping of the controller's command filter, or ()
     about: "delta" of the game, "angles" with limit and checks at each breakpoint, "provenance"
     model: the model whose names are used
@@ -178,14 +178,16 @@ class ScheduledController(ByValue, Reported):
     inputs: tuple[str, ...]
     trim_states: np.ndarray
     trim_inputs: np.ndarray
-    dynamics: str
-    parameters: str
+    dynamics: str = ""
+    parameters: str = ""
     command_filter: tuple[float, ...] = ()
     about: Mapping[str, Any] = field(default_factory=dict, compare=False)
     model: Model = field(kw_only=True, compare=False)
 
     def __post_init__(self) -> None:
         """Raise BadInputError if a shape, an order, a number or a name is wrong."""
+        for name, of_model in (("dynamics", self.model.name), ("parameters", identity(self.model))):
+            object.__setattr__(self, name, getattr(self, name) or of_model)
         where = f"controller {self.name}:"
         self._check_names(where)
         self._check_arrays(where)
