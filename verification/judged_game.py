@@ -16,7 +16,7 @@ from controller.critic.symbols import symbols_for
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from controller.riccati.balancing import stability
 from controller.riccati.certificate import form_of
-from controller.riccati.cost import SIGNLESS, flight_cost, loss_matrix
+from controller.riccati.cost import SIGNLESS, FlightCost, flight_cost, loss_matrix
 from controller.riccati.form import INDEFINITENESS
 from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.margins import DiskMargin, disk_margin
@@ -133,43 +133,42 @@ class JudgedGame:
 
         is_exact: whether the critic equals the exact solution, for the texts
         """
-        game = self.game
         K = critic.K
         checks = self._stability_checks(K, is_exact)
         try:
-            lost = flight_cost(game, self.exact, K)
+            cost = flight_cost(self.game, self.exact, K)
         except NoSolutionError:  # rounding hides whether A - B K is stable
-            lost = flight_cost(game, self.exact, np.full_like(K, math.inf))
-        if math.isfinite(game.delta) and critic.finite:
-            reason = f"the closed loop has an L2 gain of {lost.gain:.4g}, not below delta"
-            checks.append(below("l2_gain", lost.gain, game.delta, reason, kind="gain"))
+            cost = flight_cost(self.game, self.exact, np.full_like(K, math.inf))
+        if math.isfinite(self.game.delta) and critic.finite:
+            reason = f"the closed loop has an L2 gain of {cost.gain:.4g}, not below delta"
+            checks.append(below("l2_gain", cost.gain, self.game.delta, reason, kind="gain"))
+        return LinearLoop(checks, cost.worst, self._loop_section(K, cost))
+
+    def _loop_section(self, K: np.ndarray, cost: FlightCost) -> Section:
+        """Return the section with cost, gain, distance to instability and margins of a loop."""
+        game = self.game
         learned, best = _disk_margin(game, K), _disk_margin(game, self.exact.K)
         rows = [
-            ("% above the optimum, worst case", _percent(lost.worst), "0"),
-            ("% above the optimum, mean over cases", _percent(lost.mean), "0"),
-            ("L2 gain", f"{lost.gain:.4g}", f"{lost.exact_gain:.4g}"),
-        ]
-        if lost.distance is not None:
-            distances = f"{lost.distance:.3g}", f"{lost.exact_distance:.3g}"
-            rows.append(("distance to instability", *distances))
-        rows += [
+            ("% above the optimum, worst case", _percent(cost.worst), "0"),
+            ("% above the optimum, mean over cases", _percent(cost.mean), "0"),
+            ("L2 gain", f"{cost.gain:.4g}", f"{cost.exact_gain:.4g}"),
+            ("distance to instability", f"{cost.distance:.3g}", f"{cost.exact_distance:.3g}"),
             ("margin of all inputs, disk", _margin(learned, "disk"), _margin(best, "disk")),
             ("margin of all inputs, gain", _margin(learned, "gain"), _margin(best, "gain")),
             ("margin of all inputs, phase, deg", _margin(learned, "phase"), _margin(best, "phase")),
         ]
-        data = Details(
-            graded=lost,
-            disk_margin=math.nan if learned is None else learned.disk,
-            disk_margin_exact=math.nan if best is None else best.disk,
-            discount=game.discount if game.is_discrete else None,
-            cost_lost_worst_percent=lost.worst if game.is_discrete else None,
-            dt=None if game.dt is True else game.dt,
-        )
         whose = "linear loop with the worst disturbance"
         if game.is_discrete:
             whose += " of the optimum"
-        table = Table((whose, "learned", "exact"), rows)
-        return LinearLoop(checks, lost.worst, Section((table,), data))
+        data = Details(
+            graded=cost,
+            disk_margin=math.nan if learned is None else learned.disk,
+            disk_margin_exact=math.nan if best is None else best.disk,
+            discount=game.discount if game.is_discrete else None,
+            cost_lost_worst_percent=cost.worst if game.is_discrete else None,
+            dt=None if game.dt is True else game.dt,
+        )
+        return Section((Table((whose, "learned", "exact"), rows),), data)
 
     def _stability_checks(self, K: np.ndarray, is_exact: bool) -> list[Check]:
         """Return the checks that A - B K is stable, and in discrete time of a finite cost."""

@@ -38,21 +38,26 @@ def sizes(n: int, degree: int) -> np.ndarray:
 def in_coordinates(weights: np.ndarray, degree: int, T: np.ndarray) -> np.ndarray:
     """Return the weights in z of a homogeneous polynomial that is given in y = T z, (k, M).
 
+    A polynomial of degree 3 is Σ C_abc y_a y_b y_c with a symmetric array C, of which an entry is
+    the weight of its monomial divided by the number of permutations of (a, b, c). In z, each axis
+    of C is multiplied by T.
+
     weights: (k, M), k polynomials of the given degree
     degree: their degree
     T: (n, n)
     """
     n = len(T)
     indices = list(combinations_with_replacement(range(n), degree))
-    repeats = sizes(n, degree) ** 2
-    tensor = np.zeros((*(n,) * degree, len(weights)))
+    counts = sizes(n, degree) ** 2  # numbers of permutations
+    entries = weights / counts
+    symmetric = np.zeros((*(n,) * degree, len(weights)))
     for column, index in enumerate(indices):
-        for place in set(permutations(index)):
-            tensor[place] = weights[:, column] / repeats[column]
-    for _ in range(degree):  # transform the first axis, and make it the last one of the monomial
-        tensor = np.moveaxis(np.tensordot(T, tensor, axes=(0, 0)), 0, degree - 1)
-    columns = [tensor[index] for index in indices]
-    return np.stack(columns, axis=1) * repeats
+        for permuted in set(permutations(index)):
+            symmetric[permuted] = entries[:, column]
+    for axis in range(degree):
+        symmetric = np.moveaxis(np.tensordot(T, symmetric, axes=(0, axis)), 0, axis)
+    in_z = [symmetric[index] for index in indices]
+    return np.stack(in_z, axis=1) * counts
 
 
 def polynomial(y: ca.SX, degree: int, weights: np.ndarray) -> ca.SX:

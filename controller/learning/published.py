@@ -97,17 +97,22 @@ class PublishedLaw:
 
         c₁ = (2γλ₀)^(1-η/2), c₂ = N_h^(-η/2) (2γλ₀)^(1+η/2), α_i = π / (θ T η c_i), T = T_w/2
         """
+        regressors, _ = self.samples
+        lambda_0 = float(np.linalg.svd(regressors, compute_uv=False)[-1] ** 2)
+        c1 = (2.0 * GAMMA * lambda_0) ** (1.0 - ETA / 2.0)
+        c2 = len(regressors) ** (-ETA / 2.0) * (2.0 * GAMMA * lambda_0) ** (1.0 + ETA / 2.0)
+        settling_rate = math.pi / (THETA * 0.5 * T_W * ETA)
+        alpha1 = settling_rate / c1 if c1 > 0.0 else math.inf
+        alpha2 = settling_rate / c2 if c2 > 0.0 else math.inf
+        return TheoremGains(lambda_0, alpha1, alpha2, 2.0 / self._fastest(alpha1, alpha2))
+
+    def _fastest(self, alpha1: float, alpha2: float) -> float:
+        """Return the largest eigenvalue of -∂W'/∂W at W(0), 1/s."""
         regressors, constants = self.samples
-        least = float(np.linalg.svd(regressors, compute_uv=False)[-1] ** 2)
-        rate = math.pi / (THETA * 0.5 * T_W * ETA)
-        c1 = (2.0 * GAMMA * least) ** (1.0 - ETA / 2.0)
-        c2 = len(regressors) ** (-ETA / 2.0) * (2.0 * GAMMA * least) ** (1.0 + ETA / 2.0)
-        alpha1, alpha2 = (rate / c if c > 0.0 else math.inf for c in (c1, c2))
-        sizes = np.abs(FIRST_WEIGHT * regressors.sum(axis=1) + constants)
-        slopes = (alpha1 + 1.0) * (1.0 - ETA) * sizes**-ETA
-        slopes = slopes + (alpha2 + 1.0) * (1.0 + ETA) * sizes**ETA
-        fastest = GAMMA * float(np.linalg.norm(np.sqrt(slopes)[:, None] * regressors, 2)) ** 2
-        return TheoremGains(least, alpha1, alpha2, 2.0 / fastest)
+        residuals = np.abs(FIRST_WEIGHT * regressors.sum(axis=1) + constants)
+        slopes = (alpha1 + 1.0) * (1.0 - ETA) * residuals**-ETA
+        slopes = slopes + (alpha2 + 1.0) * (1.0 + ETA) * residuals**ETA
+        return GAMMA * float(np.linalg.norm(np.sqrt(slopes)[:, None] * regressors, 2)) ** 2
 
     def rate(self, weights: np.ndarray) -> np.ndarray:
         """Return W', the right side of Eq. (46), (M,)."""

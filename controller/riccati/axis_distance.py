@@ -1,10 +1,23 @@
-"""Distance of a Hamiltonian matrix from the imaginary axis."""
+"""Distance of a matrix from the nearest one with an eigenvalue on the boundary of stability.
+
+The boundary is the imaginary axis, and in discrete time the unit circle. Unlike an eigenvalue, the
+distance is reliable where eigenvalues are ill-conditioned: of a double eigenvalue on the axis, the
+computed |Re λ| is about 1e-8 of the norm, but the computed distance is about 1e-16.
+
+Sources: Byers, SIAM J. Scientific and Statistical Computing 9 (1988), 875-881; Boyd and
+Balakrishnan, Systems and Control Letters 15 (1990), 1-7.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
-#: The search begins at 0 and at the frequencies of so many eigenvalues nearest to the axis.
+from controller.riccati.balancing import balanced, hamiltonian
+
+#: The search begins at the frequencies of so many eigenvalues nearest to the boundary.
 STARTS = 8
 #: Relative accuracy of the least singular value over all frequencies,
 SHARP = 1e-6
@@ -12,17 +25,23 @@ SHARP = 1e-6
 ROUNDING = 1e-14
 #: Largest number of levels; three are usual.
 MOST_LEVELS = 20
-#: An eigenvalue with |Re λ| up to this fraction of the norm may be on the axis.
-MAYBE_ON_AXIS = 1e-6
+#: An eigenvalue up to this distance from the boundary, relative to the norm, may be on it.
+MAYBE_ON_BOUNDARY = 1e-6
 
 
-def axis_distance(H: np.ndarray, eigenvalues: np.ndarray) -> tuple[float, float]:
-    """Return min_ω σ_min(H - jω I) / ‖H‖₂ of a Hamiltonian H, and this frequency ω >= 0, rad/s.
+class Nearest(NamedTuple):
+    """Smallest change of a matrix M that puts an eigenvalue on the boundary of stability.
 
-    The distance is the norm of the smallest change of H that puts an eigenvalue on the imaginary
-    axis, relative to the norm of H. Unlike |Re λ|, it is reliable for an ill-conditioned
-    eigenvalue: of a double eigenvalue on the axis the computed |Re λ| is about 1e-8 ‖H‖, but the
-    computed distance is about 1e-16.
+    distance: norm of the change, relative to the norm of M
+    frequency: of the eigenvalue, rad/s, in discrete time rad a step
+    """
+
+    distance: float
+    frequency: float
+
+
+def hamiltonian_axis_distance(H: np.ndarray, eigenvalues: np.ndarray) -> Nearest:
+    """Return min_ω σ_min(H - jω I) / ‖H‖₂ of a Hamiltonian H, and this frequency ω >= 0.
 
     With J = [[0, I], [-I, 0]], H J - jω J is Hermitian, and the magnitudes of its eigenvalues are
     the singular values of H - jω I. One of them equals a level only where jω is an eigenvalue of
@@ -30,35 +49,121 @@ def axis_distance(H: np.ndarray, eigenvalues: np.ndarray) -> tuple[float, float]
 
     H: (2n, 2n)
     eigenvalues: of H, (2n,)
-
-    Source: Byers, SIAM J. Scientific and Statistical Computing 9 (1988), 875-881; Boyd and
-    Balakrishnan, Systems and Control Letters 15 (1990), 1-7.
     """
-    n = len(H) // 2
-    J = np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(n))
+    J = np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(len(H) // 2))
+    norm = float(np.linalg.norm(H, 2))
     symmetric = H @ J
     symmetric = (symmetric + symmetric.T) / 2.0
 
-    def least(frequencies: np.ndarray) -> tuple[float, float]:
+    def singular_values(frequencies: np.ndarray) -> np.ndarray:
         values = np.linalg.eigvalsh(symmetric - 1j * frequencies[:, None, None] * J)
-        sizes = np.abs(values).min(axis=1)
+        return np.asarray(np.abs(values).min(axis=1))
+
+    def crossings(level: float) -> np.ndarray:
+        values = np.concatenate([np.linalg.eigvals(H + sign * level * J) for sign in (-1.0, 1.0)])
+        return _on_axis(values, norm)
+
+    return _nearest(singular_values, crossings, _nearest_to_axis(eigenvalues), norm)
+
+
+def distance_to_instability(loop: np.ndarray, *, is_discrete: bool) -> Nearest:
+    """Return the distance of a stable loop, in balanced units, from the boundary of stability.
+
+    loop: (n, n)
+    """
+    M, _ = balanced(loop)
+    return _from_circle(M) if is_discrete else _from_axis(M)
+
+
+def _from_axis(M: np.ndarray) -> Nearest:
+    """Return min_ω σ_min(M - jω I) / ‖M‖₂ and this ω, for M (n, n)."""
+    norm = float(np.linalg.norm(M, 2))
+    one = np.eye(len(M))
+
+    def singular_values(frequencies: np.ndarray) -> np.ndarray:
+        return _smallest(M - 1j * frequencies[:, None, None] * one)
+
+    def crossings(level: float) -> np.ndarray:
+        return _on_axis(np.linalg.eigvals(hamiltonian(M, level * one, -level * one)), norm)
+
+    return _nearest(singular_values, crossings, _nearest_to_axis(np.linalg.eigvals(M)), norm)
+
+
+def _from_circle(M: np.ndarray) -> Nearest:
+    """Return min_ω σ_min(M - e^jω I) / ‖M‖₂ and this ω, for M (n, n).
+
+    A singular value equals a level only where e^jω is an eigenvalue of a symplectic pencil.
+    """
+    from scipy.linalg import eigvals
+
+    norm = float(np.linalg.norm(M, 2))
+    one, zero = np.eye(len(M)), np.zeros_like(M)
+
+    def singular_values(frequencies: np.ndarray) -> np.ndarray:
+        return _smallest(M - np.exp(1j * frequencies)[:, None, None] * one)
+
+    def crossings(level: float) -> np.ndarray:
+        left = np.block([[M, -level * one], [zero, one]])
+        right = np.block([[one, zero], [-level * one, M.T]])
+        values = eigvals(left, right)
+        on_circle = values[np.abs(np.abs(values) - 1.0) <= MAYBE_ON_BOUNDARY]
+        return np.concatenate([np.abs(np.angle(on_circle)), [0.0, np.pi]])
+
+    values = np.linalg.eigvals(M)
+    nearest = values[np.argsort(np.abs(np.abs(values) - 1.0))[:STARTS]]
+    starts = np.concatenate([np.abs(np.angle(nearest)), [0.0, np.pi]])
+    return _nearest(singular_values, crossings, starts, norm)
+
+
+def _smallest(matrices: np.ndarray) -> np.ndarray:
+    return np.asarray(np.linalg.svd(matrices, compute_uv=False)[:, -1])
+
+
+def _on_axis(eigenvalues: np.ndarray, norm: float) -> np.ndarray:
+    """Return 0 and the frequencies of the eigenvalues that may be on the imaginary axis."""
+    on_axis = np.abs(eigenvalues.real) <= MAYBE_ON_BOUNDARY * norm
+    return np.append(np.abs(eigenvalues.imag[on_axis]), 0.0)
+
+
+def _nearest_to_axis(eigenvalues: np.ndarray) -> np.ndarray:
+    """Return 0 and the frequencies of the eigenvalues nearest to the imaginary axis."""
+    nearest = np.argsort(np.abs(eigenvalues.real))[:STARTS]
+    return np.append(np.abs(eigenvalues.imag[nearest]), 0.0)
+
+
+def _nearest(
+    singular_values: Callable[[np.ndarray], np.ndarray],
+    crossings: Callable[[float], np.ndarray],
+    starts: np.ndarray,
+    norm: float,
+) -> Nearest:
+    """Return the least singular value over all frequencies, relative to a norm, and where it is.
+
+    Between two neighboring crossings, the singular value is everywhere above the level or
+    everywhere below. The least value at their midpoints gives the next level.
+
+    singular_values: frequencies (N,) -> smallest singular value at each, (N,)
+    crossings: level -> frequencies at which the singular value may equal it, with the ends of the
+        range
+    starts: frequencies at which the search begins
+    norm: of the matrix
+    """
+
+    def least(frequencies: np.ndarray) -> tuple[float, float]:
+        sizes = singular_values(frequencies)
         place = int(sizes.argmin())
         return float(sizes[place]), float(frequencies[place])
 
-    norm = float(np.linalg.norm(H, 2))
     if norm == 0.0:
-        return 0.0, 0.0
-    nearest = np.argsort(np.abs(eigenvalues.real))[:STARTS]
-    distance, frequency = least(np.unique(np.append(np.abs(eigenvalues.imag[nearest]), 0.0)))
+        return Nearest(0.0, 0.0)
+    distance, frequency = least(np.unique(starts))
     for _ in range(MOST_LEVELS):
         if distance <= ROUNDING * norm:
             break
         level = (1.0 - SHARP) * distance
-        found = np.concatenate([np.linalg.eigvals(H + sign * level * J) for sign in (-1.0, 1.0)])
-        on_axis = np.abs(found.real) <= MAYBE_ON_AXIS * norm
-        shifts = np.unique(np.append(np.abs(found.imag[on_axis]), 0.0))
-        lower, at = least(np.append((shifts[1:] + shifts[:-1]) / 2.0, shifts[-1]))
+        ends = np.unique(crossings(level))
+        lower, place = least(np.append((ends[1:] + ends[:-1]) / 2.0, ends[-1]))
         if not lower < level:
             break
-        distance, frequency = lower, at
-    return distance / norm, frequency
+        distance, frequency = lower, place
+    return Nearest(distance / norm, frequency)

@@ -6,17 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: If there are more frequencies, only the nearest ones are evaluated.
-FEW = 8
-#: Relative accuracy of the least singular value over all frequencies,
-SHARP = 1e-6
-#: unless it is below this fraction of the norm, where it is only rounding.
-ROUNDING = 1e-14
-#: Largest number of levels; three are usual.
-MOST_LEVELS = 20
-#: An eigenvalue with |Re λ| up to this fraction of the norm may be on the axis.
-MAYBE_ON_AXIS = 1e-6
-
 
 class Spectrum(NamedTuple):
     """Eigenvalues of a matrix M.
@@ -32,65 +21,6 @@ class Spectrum(NamedTuple):
     def abscissa(self) -> float:
         """Largest real part of the eigenvalues, 1/s."""
         return float(self.eigenvalues.real.max())
-
-    def axis_distance(self) -> float:
-        """Return the relative distance min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M from the
-        imaginary axis.
-
-        The distance is the norm of the smallest change of M that puts an eigenvalue on the axis,
-        relative to the norm of M. The result is accurate to `SHARP` or to rounding. Unlike |Re λ|,
-        the distance is reliable for an ill-conditioned eigenvalue. For a double eigenvalue on the
-        axis, the computed |Re λ| is about 1e-8 ‖M‖, but the computed distance is about 1e-16.
-        """
-        return self.nearest_to_axis()[0]
-
-    def nearest_to_axis(self) -> tuple[float, float]:
-        """Return `axis_distance` and the frequency ω >= 0, rad/s, at which σ_min(M - jω I) is
-        smallest.
-
-        Both results are 0 for M = 0. The search uses that σ_min(M - jω I) crosses a level only
-        where jω is an eigenvalue of [[M, -level I], [level I, -M']].
-
-        Source: Byers, SIAM J. Scientific and Statistical Computing 9 (1988), 875-881; Boyd and
-        Balakrishnan, Systems and Control Letters 15 (1990), 1-7.
-        """
-        n = len(self.balanced)
-        norm = float(np.linalg.norm(self.balanced, 2))
-        if norm == 0.0:
-            return 0.0, 0.0
-        distance, frequency = self._least_singular_value(self._likely_frequencies())
-        for _ in range(MOST_LEVELS):
-            if distance <= ROUNDING * norm:
-                break
-            level = (1.0 - SHARP) * distance * np.eye(n)
-            crossings = np.linalg.eigvals(hamiltonian(self.balanced, level, -level))
-            on_axis = np.abs(crossings.real) <= MAYBE_ON_AXIS * norm
-            shifts = np.unique(np.append(np.abs(crossings.imag[on_axis]), 0.0))
-            between = (shifts[1:] + shifts[:-1]) / 2.0
-            found = self._least_singular_value(np.append(shifts, between))
-            if not found[0] < (1.0 - SHARP) * distance:
-                break
-            distance, frequency = found
-        return distance / norm, frequency
-
-    def _likely_frequencies(self) -> np.ndarray:
-        """Return frequencies near which σ_min(M - jω I) may be smallest, rad/s."""
-        # The frequencies are |Im λ| of the eigenvalues λ nearest to the imaginary axis. To first
-        # order, the distance of λ is |Re λ| divided by the condition number of λ. If the matrix has
-        # at most `FEW` different |Im λ|, all are returned.
-        if len(np.unique(np.abs(self.eigenvalues.imag))) <= FEW:
-            return np.unique(np.abs(self.eigenvalues.imag))
-        values, vectors = np.linalg.eig(self.balanced)
-        conditions = np.linalg.norm(np.linalg.pinv(vectors), axis=1)
-        nearest = np.argsort(np.abs(values.real) / conditions)[: 2 * FEW]
-        return np.unique(np.abs(values.imag[nearest]))
-
-    def _least_singular_value(self, frequencies: np.ndarray) -> tuple[float, float]:
-        """Return the smallest σ_min(M - jω I) over frequencies ω, and its frequency, rad/s."""
-        shifted = self.balanced - 1j * frequencies[:, None, None] * np.eye(len(self.balanced))
-        smallest = np.linalg.svd(shifted, compute_uv=False)[:, -1]
-        index = int(np.argmin(smallest))
-        return float(smallest[index]), float(frequencies[index])
 
 
 def spectrum(matrix: np.ndarray) -> Spectrum:

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
+from controller.riccati.axis_distance import distance_to_instability
 from controller.riccati.balancing import is_stable, spectrum
 from controller.riccati.certificate import form_of
 from controller.riccati.frequency_response import bounded_real_gain
 from controller.riccati.gare import Solution
 from hfa_support.matrices import spectral_radius
-from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.results import Result
 
 #: An eigenvalue of P* below this fraction of the largest belongs to a state without cost.
 SIGNLESS = 1e-12
@@ -38,7 +39,7 @@ class FlightCost(Result):
     gain: L2 gain of u = -K z, which must be below delta
     exact_gain: L2 gain of the optimum
     distance: smallest change of A - B K that gives an undamped mode, relative to the norm of A - B
-        K in balanced units; 0 for an unstable loop; None in discrete time
+        K in balanced units; 0 for an unstable loop
     exact_distance: the same distance for the optimum
     """
 
@@ -46,8 +47,8 @@ class FlightCost(Result):
     mean: float
     gain: float
     exact_gain: float
-    distance: float | None
-    exact_distance: float | None
+    distance: float
+    exact_distance: float
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -56,10 +57,9 @@ class FlightCost(Result):
             "cost_lost_mean_percent": self.mean,
             "l2_gain": self.gain,
             "l2_gain_exact": self.exact_gain,
-        } | given(
-            distance_to_instability=self.distance,
-            distance_to_instability_exact=self.exact_distance,
-        )
+            "distance_to_instability": self.distance,
+            "distance_to_instability_exact": self.exact_distance,
+        }
 
 
 def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
@@ -83,19 +83,17 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
         mean=100.0 * mean,
         gain=bounded_real_gain(game, K) if is_moderate else math.inf,
         exact_gain=bounded_real_gain(game, exact.K),
-        distance=_distance(game, K if stable else None),
+        distance=_distance(game, K) if stable else 0.0,
         exact_distance=_distance(game, exact.K),
     )
 
 
-def _distance(game: Game, K: np.ndarray | None) -> float | None:
-    """Return the relative distance of A - B K from the imaginary axis, or None in discrete time.
-
-    K: (m, n), or None if it does not stabilize
-    """
-    if game.is_discrete:
-        return None
-    return 0.0 if K is None else spectrum(game.A - game.B @ K).axis_distance()
+def _distance(game: Game, K: np.ndarray) -> float:
+    """Return the distance to instability of A - B K, 0 if it is unstable already."""
+    loop = game.A - game.B @ K
+    if not is_stable(loop, is_discrete=game.is_discrete):
+        return 0.0
+    return distance_to_instability(loop, is_discrete=game.is_discrete).distance
 
 
 def cost_above_optimum(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.axis_distance import axis_distance
+from controller.riccati.axis_distance import hamiltonian_axis_distance
 from controller.riccati.balancing import (
     hamiltonian,
     is_hurwitz,
@@ -227,7 +227,7 @@ class NormalForm(Form):
                 " size; check the scaling of A, B, E, Q and R"
             )
         stable = int(np.sum(self.eigenvalues.real < 0.0))
-        distance, frequency = axis_distance(self.hamiltonian, self.eigenvalues)
+        distance, frequency = hamiltonian_axis_distance(self.hamiltonian, self.eigenvalues)
         n = len(self.A)
         near = (
             f"a change of {distance:.2g} of the Hamiltonian, relative, puts an eigenvalue on the"
@@ -276,7 +276,7 @@ class NormalForm(Form):
             return Answer(True)
         if not self._is_finite:
             return Answer(False, "the entries of the game overflow")
-        distance, frequency = axis_distance(self.hamiltonian, self.eigenvalues)
+        distance, frequency = hamiltonian_axis_distance(self.hamiltonian, self.eigenvalues)
         basis = self._stable_basis() if distance >= AXIS_DISTANCE else None
         if basis is None:
             reason = (

@@ -312,16 +312,19 @@ class Endings:
         """Return a mask of the flights that left their limits, and store where."""
         flying = flown.flights
         states = flown.states[:, :, : self._least.shape[1]]
-        low, high = (states, states) if self._extremes is None else self._extremes(flown.states)
-        lowest, highest = np.fmin.reduce(low, axis=1), np.fmax.reduce(high, axis=1)
+        lows, highs = (states, states) if self._extremes is None else self._extremes(flown.states)
         least, most = self._least[flying], self._most[flying]
-        left = ~(is_within(lowest, least, most) & is_within(highest, least, most))
-        left |= ~np.isfinite(states[:, -1]).all(axis=1)
-        low, high, least, most = low[left], high[left], least[left, None], most[left, None]
-        first = (~(is_within(low, least, most) & is_within(high, least, most))).argmax(axis=1)
-        self.left_at[flying[left]] = flown.first + first
-        beyond = np.where(low < least, low, high)
-        self.left_with[flying[left]] = beyond[np.arange(len(beyond)), first]
+        lowest = np.fmin.reduce(lows, axis=1)
+        highest = np.fmax.reduce(highs, axis=1)
+        is_inside = is_within(lowest, least, most) & is_within(highest, least, most)
+        left = ~(is_inside & np.isfinite(states[:, -1]).all(axis=1))
+        for row in np.flatnonzero(left):
+            low, high = lows[row], highs[row]
+            inside = is_within(low, least[row], most[row]) & is_within(high, least[row], most[row])
+            step = int(inside.argmin())
+            flight = flying[row]
+            self.left_at[flight] = flown.first + step
+            self.left_with[flight] = np.where(low[step] < least[row], low[step], high[step])
         return np.asarray(left)
 
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:

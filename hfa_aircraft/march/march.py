@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.steppers import Stepper, rk4
+from hfa_aircraft.march.steppers import RowSteps, Stepper
 from hfa_support.progress import Progress
 
 
@@ -103,11 +103,7 @@ class Rows:
         policy: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
         steps: int = 1,
     ) -> None:
-        self.stepper: Stepper = self
-        self.step = step
-        self.steps = steps
-        self.sizes = starts.shape[1], 0
-        self._rate = rate
+        self.stepper: Stepper = RowSteps(rate, starts.shape[1], step, steps)
         self._starts = starts
         self._policy = policy
 
@@ -116,22 +112,8 @@ class Rows:
         return self._starts
 
     def hold(self, tick: int, time: float, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
-        """Return the inputs during a step, (F, h)."""
+        """Return the inputs during a tick, (F, h)."""
         return state[:, :0] if self._policy is None else self._policy(state, flying)
-
-    def __call__(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after each step, (F, steps, n). Nothing else is observed."""
-        after = np.empty((len(state), self.steps, self.sizes[0]))
-        for number in range(self.steps):
-            state = rk4(lambda x, _: self._rate(x, held), state, self.step)
-            after[:, number] = state
-        return after, np.empty((len(state), self.steps, 0))
-
-    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return an array (F, 0)."""
-        return np.empty((len(state), 0))
 
 
 #: Function from the time history of a window to a mask (N, T) or (N, T + 1), True where a flight is

@@ -66,29 +66,32 @@ class _OneFlight:
     def __init__(
         self, one: ca.Function, observed: ca.Function, step: float, steps: int, *, is_long: bool
     ) -> None:
+        """Compile the steps of a tick.
+
+        one: ([t; x], held) -> [t; x] after a step, and the values observed before it
+        """
         self.step = step
         self.steps = steps
         self.sizes = one.numel_in(0) - 1, observed.numel_out(0)
-        now = ca.MX.sym("x", one.numel_in(0))
-        p = ca.MX.sym("p", one.numel_in(1))
-        many = one.mapaccum("steps", steps)
-        tick = ca.Function("tick", [now, p], list(many(now, ca.repmat(p, 1, steps))))
         self._observed = observed
+        begin = ca.MX.sym("begin", one.numel_in(0))
+        held = ca.MX.sym("held", one.numel_in(1))
+        after, before = one.mapaccum("steps", steps)(begin, ca.repmat(held, 1, steps))
+        tick = ca.Function("tick", [begin, held], [after, before])
         self._tick = BoundFunction(machine_code(tick) if is_long else tick)
-        self._now, self._held = self._tick.inputs
-        self._state = self._now[1:].reshape(1, -1)
-        after, before = (result.reshape(1, steps, -1) for result in self._tick.results)
-        self._results = after[:, :, 1:], before
 
     def __call__(
         self, time: float, state: np.ndarray, held: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the states after each step, and the values observed before it."""
-        self._now[0] = time
-        self._state[:] = state
-        self._held[:] = held
+        begin, held_inputs = self._tick.inputs
+        begin[0] = time
+        begin[1:] = state[0]
+        held_inputs[:] = held
         self._tick()
-        return self._results
+        after, before = self._tick.results
+        times_and_states = after.reshape(1, self.steps, -1)
+        return times_and_states[:, :, 1:], before.reshape(1, self.steps, -1)
 
     def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Return the values observed at a time, (1, k)."""
@@ -175,31 +178,36 @@ class Adaptive:
         """Return the states at the end of the tick, (1, 1, n). Nothing else is observed."""
         from scipy.integrate import odeint
 
-        tolerances = {"rtol": 1e-7, "atol": 1e-9 * np.abs(state).max(), "mxstep": self._most_steps}
-        after = np.full((1, 1, state.shape[1]), np.nan)
+        end = np.full(state.shape[1], np.nan)
         with (
-            contextlib.suppress(FloatingPointError),
+            contextlib.suppress(FloatingPointError),  # the flight diverges
             warnings.catch_warnings(action="ignore"),  # of LSODA when it fails
         ):
-            ends, outcome = odeint(
-                self._slopes, state[0], [0.0, self.step], full_output=True, **tolerances
+            (_, reached), report = odeint(
+                self._rates,
+                state[0],
+                [0.0, self.step],
+                full_output=True,
+                rtol=1e-7,
+                atol=1e-9 * np.abs(state).max(),
+                mxstep=self._most_steps,
             )
-            if outcome["message"] == "Integration successful.":
-                after[0, 0] = ends[-1]
-        return after, self.observed(time, state, held)[:, None]
+            if report["message"] == "Integration successful.":
+                end = reached
+        return end[None, None], np.empty((1, 1, 0))
 
     def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Return an array (1, 0)."""
         return np.empty((1, 0))
 
-    def _slopes(self, x: np.ndarray, _: float) -> np.ndarray:
+    def _rates(self, x: np.ndarray, _: float) -> np.ndarray:
         """Return x'. Raises FloatingPointError where the flight diverges."""
         self._rate.inputs[0][:] = x
         self._rate()
-        slopes, size = self._rate.results
+        rates, size = self._rate.results
         if not size[0] <= self._largest:
             raise FloatingPointError
-        return slopes
+        return rates
 
 
 class Ticks:
@@ -228,19 +236,56 @@ class Ticks:
         return np.empty((len(state), 0))
 
 
+class RowSteps:
+    """Stepper of many flights x' = f(x, held) by Runge-Kutta steps, in NumPy.
+
+    rate: (states (N, n), held inputs (N, h)) -> x', (N, n)
+    states: number of states
+    steps: number of steps in a tick
+    """
+
+    def __init__(
+        self,
+        rate: Callable[[np.ndarray, np.ndarray], np.ndarray],
+        states: int,
+        step: float,
+        steps: int,
+    ) -> None:
+        self.step = step
+        self.steps = steps
+        self.sizes = states, 0
+        self._rate = rate
+
+    def __call__(
+        self, time: float, state: np.ndarray, held: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states after each step, (N, steps, n). Nothing else is observed."""
+        after = np.empty((len(state), self.steps, state.shape[1]))
+        for number in range(self.steps):
+            state = rk4(lambda x, _: self._rate(x, held), state, self.step)
+            after[:, number] = state
+        return after, np.empty((len(state), self.steps, 0))
+
+    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return an array (N, 0)."""
+        return np.empty((len(state), 0))
+
+
 def _step(rate: ca.Function, observed: ca.Function, step: float, parts: int) -> ca.Function:
     """Return the function ([t; x], held) -> ([t; x] after a step, values observed before it)."""
-    now = ca.SX.sym("now", 1 + rate.numel_in(1))
+    begin = ca.SX.sym("begin", 1 + rate.numel_in(1))
     held = ca.SX.sym("held", rate.numel_in(2))
-    t = now[0]
-    h = step / parts
-    later = ca.vertcat(t + h, rk4(lambda x, c: rate(t + c * h, x, held), now[1:], h))
+    time, state = begin[0], begin[1:]
+    part = step / parts
+    later = rk4(lambda x, c: rate(time + c * part, x, held), state, part)
+    end = ca.densify(ca.vertcat(time + part, later))
     if parts == 1:
-        columns = ca.densify(observed(now[0], now[1:], held))
-        return ca.Function("step", [now, held], [ca.densify(later), columns], {"cse": True})
-    both = ca.vertcat(now, held)
-    part = ca.Function("part", [both], [ca.densify(ca.vertcat(later, held))], {"cse": True})
-    x = ca.MX.sym("x", now.numel())
-    p = ca.MX.sym("p", held.numel())
-    moved = part.fold(parts)(ca.vertcat(x, p))[: now.numel()]
-    return ca.Function("step", [x, p], [moved, observed(x[0], x[1:], p)])
+        seen = ca.densify(observed(time, state, held))
+        return ca.Function("step", [begin, held], [end, seen], {"cse": True})
+    # `fold` repeats a function of a single column, which therefore carries the held inputs.
+    carried = ca.vertcat(begin, held)
+    one_part = ca.Function("part", [carried], [ca.vertcat(end, held)], {"cse": True})
+    first = ca.MX.sym("first", begin.numel())
+    inputs = ca.MX.sym("held", held.numel())
+    last = one_part.fold(parts)(ca.vertcat(first, inputs))[: begin.numel()]
+    return ca.Function("step", [first, inputs], [last, observed(first[0], first[1:], inputs)])

@@ -133,21 +133,23 @@ def _rules(mode: str, qualities: Mapping[str, float], airplane: Airplane) -> Ite
 
 def _of_short_period(airplane: Airplane) -> Iterator[_Rule]:
     """Yield the rules for damping, CAP = ω²/(n/α), frequency and n/α of the short period."""
-    gradual = airplane.category == "B"
-    low = (0.30, 0.20, 0.15) if gradual else (0.35, 0.25, 0.15)
-    high = (2.0, 2.0, math.inf) if gradual else (1.3, 2.0, math.inf)
-    damping = list(zip(low, high, strict=True))
+    damping = [(0.35, 1.3), (0.25, 2.0), (0.15, math.inf)]
+    if airplane.category == "B":
+        damping = [(0.30, 2.0), (0.20, 2.0), (0.15, math.inf)]
     yield _Rule("short period damping", "1", "3.2.2.1.2", damping)
-    least = {"A": (0.28, 0.16), "B": (0.085, 0.038), "C": (0.16, 0.096)}[airplane.category]
-    cap = [(least[0], 3.6), (least[1], 10.0), (least[1], math.inf)]
-    yield _Rule("CAP", "1/(s^2 g/rad)", "3.2.2.1.1", cap)
-    slow = {"A": (1.0, 0.6), "C": (0.87, 0.6) if airplane.is_agile else (0.7, 0.4)}
-    if airplane.category in slow:
-        limits = _least(*slow[airplane.category], 0.0)
-        yield _Rule("short period frequency", "rad/s", "3.2.2.1.1", limits)
+    paragraph = "3.2.2.1.1"
+    level_1, level_2 = {"A": (0.28, 0.16), "B": (0.085, 0.038), "C": (0.16, 0.096)}[
+        airplane.category
+    ]
+    cap = [(level_1, 3.6), (level_2, 10.0), (level_2, math.inf)]
+    yield _Rule("CAP", "1/(s^2 g/rad)", paragraph, cap)
+    if airplane.category == "A":
+        yield _Rule("short period frequency", "rad/s", paragraph, _least(1.0, 0.6, 0.0))
     if airplane.category == "C":
-        limits = _least(*((2.7, 1.8) if airplane.is_agile else (2.0, 1.0)), -math.inf)
-        yield _Rule("n/alpha", "g/rad", "3.2.2.1.1", limits)
+        frequency = _least(0.87, 0.6, 0.0) if airplane.is_agile else _least(0.7, 0.4, 0.0)
+        yield _Rule("short period frequency", "rad/s", paragraph, frequency)
+        load = _least(2.7, 1.8, -math.inf) if airplane.is_agile else _least(2.0, 1.0, -math.inf)
+        yield _Rule("n/alpha", "g/rad", paragraph, load)
 
 
 def _of_phugoid(qualities: Mapping[str, float]) -> Iterator[_Rule]:
@@ -159,30 +161,49 @@ def _of_phugoid(qualities: Mapping[str, float]) -> Iterator[_Rule]:
 
 def _of_roll_spiral(mode: str, airplane: Airplane) -> _Rule:
     """Return the rule for roll and spiral coupled in an oscillation, which category A excludes."""
-    limits = _least(*((0.5, 0.3, 0.15) if airplane.category != "A" else [math.inf] * 3))
+    limits = _least(0.5, 0.3, 0.15)
+    if airplane.category == "A":
+        limits = _least(math.inf, math.inf, math.inf)
     return _Rule(f"{mode} damping times frequency", "rad/s", "3.3.1.4", limits)
 
 
 def _of_dutch_roll(qualities: Mapping[str, float], airplane: Airplane) -> Iterator[_Rule]:
     """Yield the rules for damping, damping times frequency, and frequency of the Dutch roll.
 
-    The limits of ζω are higher if ω² |φ/β| exceeds 20 (rad/s)². For class III, a damping of 0.7
+    The limits of ζω increase with ω² |φ/β| above 20 (rad/s)². For class III, a damping of 0.7
     satisfies each of them.
     """
-    damping, product, frequency = {
-        "A": (0.19, 0.35, 1.0 if airplane.class_ in ("I", "IV") else 0.4),
-        "B": (0.08, 0.15, 0.4),
-        "C": (0.08, 0.15, 1.0) if airplane.is_agile else (0.08, 0.10, 0.4),
-    }[airplane.category]
-    yield _Rule("dutch roll damping", "1", "3.3.1.1", _least(damping, 0.02, 0.0))
+    level_1 = _level_1_of_dutch_roll(airplane)
     omega = qualities.get("dutch roll frequency", 0.0)
-    beyond = max(0.0, omega**2 * qualities.get("dutch roll phi/beta", 0.0) - 20.0)
-    added = (0.014 * beyond, 0.009 * beyond, 0.005 * beyond)
-    least = [product + added[0], 0.05 + added[1], added[2] or -math.inf]
+    excess = max(0.0, omega**2 * qualities.get("dutch roll phi/beta", 0.0) - 20.0)
+    products = [
+        level_1.product + 0.014 * excess,
+        0.05 + 0.009 * excess,
+        0.005 * excess if excess else -math.inf,
+    ]
     if airplane.class_ == "III":
-        least = [min(each, 0.7 * omega) for each in least]
-    yield _Rule("dutch roll damping times frequency", "rad/s", "3.3.1.1", _least(*least))
-    yield _Rule("dutch roll frequency", "rad/s", "3.3.1.1", _least(frequency, 0.4, 0.4))
+        products = [min(product, 0.7 * omega) for product in products]
+    paragraph = "3.3.1.1"
+    yield _Rule("dutch roll damping", "1", paragraph, _least(level_1.damping, 0.02, 0.0))
+    yield _Rule("dutch roll damping times frequency", "rad/s", paragraph, _least(*products))
+    yield _Rule("dutch roll frequency", "rad/s", paragraph, _least(level_1.frequency, 0.4, 0.4))
+
+
+class _DutchRoll(NamedTuple):
+    """Least damping ζ, product ζω, rad/s, and frequency ω, rad/s, of the Dutch roll."""
+
+    damping: float
+    product: float
+    frequency: float
+
+
+def _level_1_of_dutch_roll(airplane: Airplane) -> _DutchRoll:
+    """Return the limits of level 1 before ω² |φ/β| is considered."""
+    if airplane.category == "A":
+        return _DutchRoll(0.19, 0.35, 1.0 if airplane.class_ in ("I", "IV") else 0.4)
+    if airplane.category == "C":
+        return _DutchRoll(0.08, 0.15, 1.0) if airplane.is_agile else _DutchRoll(0.08, 0.10, 0.4)
+    return _DutchRoll(0.08, 0.15, 0.4)
 
 
 def levels_table(found: Sequence[Graded], airplane: Airplane, stated: bool) -> tuple[Any, ...]:

@@ -109,14 +109,21 @@ class _Search(NamedTuple):
     def improved_by(
         self, residual: np.ndarray, jacobian: np.ndarray, moving: np.ndarray | None
     ) -> np.ndarray:
-        """Return the mask (N,) of the trials at which |r| decreases, or |J⁻¹ r| with the last J."""
+        """Return the mask (N,) of the trials at which |r| decreases, or |J⁻¹ r| with the last J.
+
+        The Jacobian at an accepted trial is finite.
+
+        residual, jacobian: r (N, m) and J (N, m, k) at the trials
+        moving: indices of the unknowns that may change, or None for all
+        """
         decreases = _norm(residual) < self.size
         if decreases.all():
             return decreases
-        simplified = newton_step(self.jacobian, residual, moving)
-        is_shorter = _norm(simplified) < (1.0 - self.share / 4.0) * _norm(self.step)
+        step_with_last_jacobian = newton_step(self.jacobian, residual, moving)
+        required = (1.0 - self.share / 4.0) * _norm(self.step)
+        step_shortens = _norm(step_with_last_jacobian) < required
         is_finite = np.isfinite(jacobian).all(axis=(1, 2))
-        return np.asarray((decreases | is_shorter) & is_finite)
+        return np.asarray((decreases | step_shortens) & is_finite)
 
 
 def newton_step(
@@ -151,8 +158,6 @@ def newton_step(
 
 def _moved(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return r (N, m) and J (N, m, k) of the equations that the unknowns affect."""
-    # Equations that no unknown affects are omitted.
-    # z (N, k), c (N, ..)
     residual, jacobian = system.residuals(z, c)
     return residual[:, : system.moved], jacobian
 

@@ -359,7 +359,7 @@ class TrimSystem:
         self.scales = self.equations.scales
         self.start = self.unknowns(begin)
         self.limits = condition.limits_on(self.equations.unknowns)
-        self.lowest, self.highest, self.usual = _scaled_ends(self.limits, self.equations)
+        self.lowest, self.highest, self.usual = _scaled_limits(self.limits, self.equations)
         self.watched = condition.limits_on([each.name for each in self.structure.watched])
         self.row_scales = self.equations.row_scales
         self.moved = self.equations.moved
@@ -492,14 +492,26 @@ class TrimSystem:
         return np.array([values[name] for name in self.equations.unknowns]) / self.scales
 
 
+class _ScaledLimits(NamedTuple):
+    """The arrays `lowest`, `highest` and `usual` of `TrimSystem`, (k,) each, in scaled units."""
+
+    lowest: np.ndarray
+    highest: np.ndarray
+    usual: np.ndarray
+
+
 @lru_cache(maxsize=64)
-def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]:
-    """Return `lowest`, `highest` and `usual` of the unknowns in scaled units, (k,) each."""
-    # The three arrays are described in `TrimSystem`.
-    unlimited = (np.isinf(limits.lowest) & np.isinf(limits.highest)) | limits.assumed.astype(bool)
-    largest = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
-    ends = (limits.lowest, limits.highest, np.where(unlimited, largest, math.inf))
-    return tuple(end / equations.scales for end in ends)
+def _scaled_limits(limits: Limits, equations: Equations) -> _ScaledLimits:
+    """Return the limits of the unknowns, and the usual range of angles without limits."""
+    is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
+    is_assumed = limits.assumed.astype(bool)
+    quarter_turns = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
+    usual = np.where(is_unlimited | is_assumed, quarter_turns, math.inf)
+    return _ScaledLimits(
+        limits.lowest / equations.scales,
+        limits.highest / equations.scales,
+        usual / equations.scales,
+    )
 
 
 def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]:

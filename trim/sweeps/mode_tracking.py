@@ -160,18 +160,28 @@ def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
 
 
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return the pairing of the eigenvalues of two points with the largest gain, (n,)."""
-    # Conjugate pairs are kept together. If a pair becomes two real eigenvalues, the member with
-    # positive imaginary part matches the lower real eigenvalue.
-    # gain (n, n), values, others (n,)
+    """Return the pairing of the eigenvalues of two points with the largest gain, (n,).
+
+    Conjugate pairs are kept together. If a pair becomes two real eigenvalues, the member with
+    positive imaginary part matches the lower real eigenvalue.
+
+    gain: (n, n)
+    values, others: eigenvalues of the two points, (n,); the members of a pair are neighbors
+    """
     from scipy.optimize import linear_sum_assignment
 
     upper = np.flatnonzero(values.imag > 0)
     other_upper = np.flatnonzero(others.imag > 0)
-    rows, columns = linear_sum_assignment(gain[np.ix_(upper, other_upper)], maximize=True)
-    forced = gain.copy()
-    for member in (0, 1):  # the members of a pair are neighbors
-        forced[upper[rows] + member, other_upper[columns] + member] += _PAIRED
-    lower_first = np.outer(np.sign(values.imag), others.real.argsort().argsort())
-    lower_first += np.outer(values.real.argsort().argsort(), np.sign(others.imag))
-    return linear_sum_assignment(forced - _TIE * lower_first, maximize=True)[1]
+    pairs, other_pairs = linear_sum_assignment(gain[np.ix_(upper, other_upper)], maximize=True)
+    with_pairs = gain.copy()
+    for member in (0, 1):
+        with_pairs[upper[pairs] + member, other_upper[other_pairs] + member] += _PAIRED
+    against_order = np.outer(np.sign(values.imag), _ranks(others.real))
+    against_order += np.outer(_ranks(values.real), np.sign(others.imag))
+    _, best = linear_sum_assignment(with_pairs - _TIE * against_order, maximize=True)
+    return np.asarray(best)
+
+
+def _ranks(numbers: np.ndarray) -> np.ndarray:
+    """Return the place of each number in ascending order, (n,)."""
+    return numbers.argsort().argsort()

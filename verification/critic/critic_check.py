@@ -230,17 +230,18 @@ def _critics(game: Game, given: object) -> Sequence[Critic]:
 
 
 def _refuse_other_time(game: Game, critic: Critic) -> None:
-    """Raise BadInputError if the policy of a critic's value is that of the other kind of time."""
+    """Raise BadInputError if a critic's policy follows from its value in the other kind of time."""
+    advice = "make the critic with this game"
     if game.is_discrete and critic.feedback is not None:
-        made, judged = "continuous", "discrete"
-    elif critic.implies_policy and not game.is_discrete:
-        made, judged = "discrete", "continuous"
-    else:
-        return
-    raise BadInputError(
-        f"the critic was made with a game in {made} time, but the game is in {judged} time; make"
-        " the critic with this game"
-    )
+        raise BadInputError(
+            "the critic was made with a game in continuous time, but the game is in discrete time;"
+            f" {advice}"
+        )
+    if critic.implies_policy and not game.is_discrete:
+        raise BadInputError(
+            "the critic was made with a game in discrete time, but the game is in continuous time;"
+            f" {advice}"
+        )
 
 
 def _is_history(given: object) -> TypeGuard[Sequence[Critic]]:

@@ -36,14 +36,19 @@ def layers_of(tensors: Tensors, part: str, *, is_policy: bool) -> dict[str, np.n
 
     Raises BadInputError if no layer is selected.
     """
-    layers = {}
-    for name, array in tensors.items():
-        is_chosen = _has_word(name, part) if part else not (is_policy and _is_of_critic(name))
-        if is_chosen and not _is_spread(name):
-            layers[name] = array
+
+    def is_chosen(name: str) -> bool:
+        if part:
+            return _has_word(name, part)
+        return not (is_policy and _is_of_critic(name))
+
+    layers = {name: array for name, array in tensors.items() if is_chosen(name)}
+    layers = {name: array for name, array in layers.items() if not _is_deviation(name)}
     if not layers:
-        where = shortened(", ".join(roots(tensors)), 200)
-        advice = f"choose from {where}" if where else "this is a single network: remove the name"
+        networks = shortened(", ".join(roots(tensors)), 200)
+        advice = "this is a single network: remove the name"
+        if networks:
+            advice = f"choose from {networks}"
         raise BadInputError(f"the file contains no tensors named {shortened(part)!r}; {advice}")
     return layers
 
@@ -58,27 +63,29 @@ def refuse_others(others: Tensors, takes: int, gives: int) -> None:
     others: tensors of a state dict that belong to no network that is read
     takes, gives: number of inputs and of outputs of the network
     """
-    chains: dict[str, list[tuple[str, np.ndarray]]] = {}
+    networks: dict[str, dict[str, np.ndarray]] = {}  # name -> weights of its layers
     for name, array in others.items():
         if name.endswith("weight") and array.ndim == 2:
-            chains.setdefault(_folder(name), []).append((name, array))
+            networks.setdefault(_module(name), {})[name] = array
     for name, array in others.items():
-        is_of_layers = name.endswith(("weight", "bias")) and array.ndim <= 2
-        if is_of_layers and _folder(name) in chains:
+        is_of_layer = name.endswith(("weight", "bias")) and array.ndim <= 2
+        if is_of_layer and _module(name) in networks:
             continue
-        if not _is_spread(name) or (array.size == takes != gives):
+        may_scale_inputs = array.size == takes != gives
+        if may_scale_inputs or not _is_deviation(name):
             raise BadInputError(
                 f"tensor {shortened(name)!r} {array.shape} is not a layer and may act on the "
                 f"network's inputs or outputs; {_ELSE}"
             )
-    for layers in chains.values():
-        name, first = layers[0]
-        _, last = layers[-1]
-        entry, end = first.shape[1], len(last)
-        if (_is_of_critic(name) and end == 1) or (_is_spread(name) and end == gives):
+    for weights in networks.values():
+        name, first = next(iter(weights.items()))
+        last = list(weights.values())[-1]
+        inputs, outputs = first.shape[1], len(last)
+        is_value = _is_of_critic(name) and outputs == 1
+        if is_value or (_is_deviation(name) and outputs == gives):
             continue
-        is_parallel = len(layers) == 1 and (entry, end) == (takes, gives)
-        if end == takes or entry == gives or is_parallel:
+        is_parallel = len(weights) == 1 and (inputs, outputs) == (takes, gives)
+        if outputs == takes or inputs == gives or is_parallel:
             raise BadInputError(
                 f"tensor {shortened(name)!r} {first.shape} may be a layer that acts on the "
                 f"network's inputs or outputs; {_ELSE}"
@@ -94,7 +101,7 @@ def roots(tensors: Iterable[str]) -> list[str]:
     return [stem for stem in dict.fromkeys(stems) if stem]
 
 
-def _folder(name: str) -> str:
+def _module(name: str) -> str:
     """Return the module that contains the layer of a tensor, or the layer without a module."""
     layer = name.rpartition(".")[0]
     return layer.rpartition(".")[0] or layer
@@ -109,7 +116,7 @@ def _is_of_critic(name: str) -> bool:
     return is_q or bool(_words(name) & _OF_CRITICS)
 
 
-def _is_spread(name: str) -> bool:
+def _is_deviation(name: str) -> bool:
     """Return whether a tensor belongs to the standard deviation of a random action."""
     words = _words(name)
     return "sigma" in name.split(".") or "logstd" in words or {"log", "std"} <= words
@@ -117,8 +124,10 @@ def _is_spread(name: str) -> bool:
 
 def _has_word(name: str, part: str) -> bool:
     """Return whether the name of a tensor contains one of the words of "word+word"."""
-    for word in part.split("+"):
-        is_first = f".{name}.".startswith(f".{word}.")
-        if word and (is_first or (not word.isdigit() and f".{word}." in f".{name}.")):
+    dotted = f".{name}."
+    for word in filter(None, part.split("+")):
+        if dotted.startswith(f".{word}."):
+            return True
+        if f".{word}." in dotted and not word.isdigit():  # a number inside is that of a layer
             return True
     return False

@@ -255,13 +255,17 @@ def _divided(name: str, entry: Entry, stated: str) -> str:
 
 
 def _refuse_two_forms(entries: Mapping[str, Entry], determined: Mapping[str, str]) -> None:
-    """Raise BadInputError if two entries state the same derivative."""
-    # determined: derivative of a coefficient -> dimensional derivative that determines it
-    pairs = [(name, other) for name, other in determined.items()]
-    pairs += [(f"{each}_u", f"{each}_mach") for each in COEFFICIENTS]
-    pairs += [(f"{each}_mach", determined.get(f"{each}_u", "")) for each in COEFFICIENTS]
-    pairs.append((THRUST_BY_SPEED, "thrust_slope"))
-    for name, other in pairs:
+    """Raise BadInputError if two entries state the same derivative.
+
+    determined: derivative of a coefficient -> dimensional derivative that determines it
+    """
+    same_effect = [*determined.items(), (THRUST_BY_SPEED, "thrust_slope")]
+    for coefficient in COEFFICIENTS:
+        by_speed, by_mach = f"{coefficient}_u", f"{coefficient}_mach"
+        same_effect.append((by_speed, by_mach))
+        if by_speed in determined:
+            same_effect.append((by_mach, determined[by_speed]))
+    for name, other in same_effect:
         if name in entries and other in entries:
             raise entries[name].error(f"{name} and {other} state the same effect; remove one")
 

@@ -16,7 +16,8 @@ from planted_critics import other_root
 from reference_riccati import reference_solution, relative_error
 from tolerances import SAME_SOLUTION
 
-from controller.riccati.balancing import FEW, spectrum
+from controller.riccati.axis_distance import distance_to_instability
+from controller.riccati.balancing import balanced
 from controller.riccati.certificate import Certificate, agreement, gain_change
 from controller.riccati.normal_form import NormalForm
 from hfa import Game, NoSolutionError, solve
@@ -173,48 +174,51 @@ def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [hamiltonian, jordan, lambda rng, n: rng.standard_normal((n, n))])
-@pytest.mark.parametrize("n", [40])
-def test_axis_distance_is_the_least_over_frequencies(
-    make: Callable[[np.random.Generator, int], np.ndarray], n: int
+@pytest.mark.parametrize("is_discrete", [False, True])
+def test_the_distance_to_instability_is_the_least_over_frequencies(
+    make: Callable[[np.random.Generator, int], np.ndarray], is_discrete: bool
 ) -> None:
-    """The distance to the imaginary axis equals the least of σ_min(A - jω I) / ‖A‖₂ over ω.
+    """The distance equals the least of σ_min(A - s I) / ‖A‖₂ on the axis, or on the unit circle.
 
-    A is balanced. The least is found on fine grids of ω. The tolerance is 2e-6.
+    A is balanced. The least is found on fine grids of the frequency. The tolerance is 2e-6.
     """
     for seed in range(2):
-        computed = spectrum(make(np.random.default_rng(seed), n))
-        shifts = np.unique(np.abs(computed.eigenvalues.imag))
-        assert len(shifts) > FEW
-        grid = np.unique(np.concatenate([shifts, np.linspace(0.0, 1.5 * shifts.max(), 200)]))
+        matrix = balanced(make(np.random.default_rng(seed), 40))[0]
+        if is_discrete:
+            matrix = 0.9 * matrix / np.abs(np.linalg.eigvals(matrix)).max()
+        values = np.linalg.eigvals(matrix)
+        frequencies = np.unique(np.abs(np.angle(values) if is_discrete else values.imag))
+        end = np.pi if is_discrete else 1.5 * frequencies.max()
+        grid = np.unique(np.concatenate([frequencies, np.linspace(0.0, end, 200)]))
         for _ in range(3):
-            gains = [least_singular_value(computed.balanced, shift) for shift in grid]
-            best = int(np.argmin(gains))
-            least = gains[best]
+            sizes = [least_singular_value(matrix, each, is_discrete) for each in grid]
+            best = int(np.argmin(sizes))
+            least = sizes[best]
             grid = np.linspace(grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)], 30)
-        expected = least / np.linalg.norm(computed.balanced, 2)
+        found = distance_to_instability(matrix, is_discrete=is_discrete)
         # A singular value below 1e-16 times the norm is rounding.
-        assert computed.axis_distance() == pytest.approx(expected, rel=2e-6, abs=1e-16)
+        expected = least / np.linalg.norm(matrix, 2)
+        assert found.distance == pytest.approx(expected, rel=2e-6, abs=2e-16)
 
 
-def least_singular_value(matrix: np.ndarray, shift: float) -> float:
-    shifted = matrix - 1j * shift * np.eye(len(matrix))
-    return float(np.linalg.svd(shifted, compute_uv=False)[-1])
+def least_singular_value(matrix: np.ndarray, frequency: float, is_discrete: bool = False) -> float:
+    value = np.exp(1j * frequency) if is_discrete else 1j * frequency
+    return float(np.linalg.svd(matrix - value * np.eye(len(matrix)), compute_uv=False)[-1])
 
 
-def test_axis_distance_of_defective_eigenvalues_is_off_resonance() -> None:
+def test_the_distance_of_defective_eigenvalues_is_off_resonance() -> None:
     """The distance to the axis of three coupled oscillators of 1 rad/s is attained at 0.991 rad/s.
 
     At the frequencies of the eigenvalues the singular value is larger.
     """
     oscillators = np.kron(np.eye(3), [[-1.0, 1.0], [-1.0, -1.0]]) + 3.0 * np.eye(6, k=2)
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((6, 6)))[0]
-    computed = spectrum(turn @ oscillators @ turn.T)
-    distance, frequency = computed.nearest_to_axis()
-    size = distance * np.linalg.norm(computed.balanced, 2)
-    least = min(least_singular_value(computed.balanced, w) for w in np.linspace(0.9, 1.1, 2001))
-    at_eigenvalues = min(
-        least_singular_value(computed.balanced, abs(value.imag)) for value in computed.eigenvalues
-    )
+    matrix = balanced(turn @ oscillators @ turn.T)[0]
+    distance, frequency = distance_to_instability(matrix, is_discrete=False)
+    size = distance * np.linalg.norm(matrix, 2)
+    least = min(least_singular_value(matrix, w) for w in np.linspace(0.9, 1.1, 2001))
+    values = np.linalg.eigvals(matrix)
+    at_eigenvalues = min(least_singular_value(matrix, abs(value.imag)) for value in values)
     assert size == pytest.approx(least, rel=1e-6)  # the claimed accuracy; the grid adds 1e-8
     assert size < (1.0 - 5e-5) * at_eigenvalues
     assert frequency == pytest.approx(0.991, abs=1e-3)
@@ -226,7 +230,16 @@ def test_one_mode_on_the_axis_is_detected() -> None:
     turn = np.linalg.qr(rng.standard_normal((60, 60)))[0]
     damped = np.kron(np.diag(rng.uniform(1.0, 9.0, 30)), [[-0.1, 1.0], [-1.0, -0.1]])
     damped[-2:, -2:] = [[0.0, 3.0], [-3.0, 0.0]]
-    assert spectrum(turn @ damped @ turn.T).axis_distance() <= 1e-15
+    found = distance_to_instability(turn @ damped @ turn.T, is_discrete=False)
+    assert found.distance <= 1e-15
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, np.pi])
+def test_a_damped_rotation_is_as_far_from_the_circle_as_its_radius(angle: float) -> None:
+    """The distance of a normal matrix with eigenvalues r e^±jω is (1 - r) / r, at ω."""
+    turn = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    found = distance_to_instability(0.8 * np.array(turn), is_discrete=True)
+    assert found == pytest.approx((0.25, angle), rel=1e-12)
 
 
 @pytest.mark.parametrize("reach", [1e-2, 1e-4])

@@ -65,7 +65,7 @@ def test_flights_of_a_saddle_end_as_their_exponentials_do() -> None:
     outcomes = RULE.outcomes(history.states[:, 0]).tolist()
     assert outcomes == [Outcome.CONVERGED, Outcome.LEFT, Outcome.CONVERGED]
     times = [math.log(5.0), math.log(20.0), math.log(5.0)]
-    assert ends * loop.step == pytest.approx(times, abs=0.05)
+    assert ends * history.step == pytest.approx(times, abs=0.05)
 
 
 #: Motions x = start e^(growth t) cos(frequency t) + shift: start, growth, frequency, shift, outcome.
