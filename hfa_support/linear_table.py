@@ -50,10 +50,13 @@ class LinearTable(ByValue):
         The shape of the result is the shape of x, followed by the shape of the tabulated array.
         """
         x = np.clip(where, self.breakpoints[0], self.breakpoints[-1])
-        count = len(self.breakpoints)
-        if count == 1:
+        if len(self.breakpoints) == 1:
             return np.broadcast_to(self.values[0], (*np.shape(x), *self.values.shape[1:])).copy()
-        i = np.clip(np.searchsorted(self.breakpoints, x, side="right") - 1, 0, count - 2)
-        share = (x - self.breakpoints[i]) / (self.breakpoints[i + 1] - self.breakpoints[i])
+        last = len(self.breakpoints) - 2
+        left = np.clip(np.searchsorted(self.breakpoints, x, side="right") - 1, 0, last)
+        right = left + 1
+        width = self.breakpoints[right] - self.breakpoints[left]
+        share = (x - self.breakpoints[left]) / width
         share = share.reshape(np.shape(share) + (1,) * (self.values.ndim - 1))
-        return np.asarray(self.values[i] + share * (self.values[i + 1] - self.values[i]))
+        change = self.values[right] - self.values[left]
+        return np.asarray(self.values[left] + share * change)

@@ -19,7 +19,7 @@ from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_support.errors import NoSolutionError
-from verification.critic_errors import matrix_errors, relative_error
+from verification.critic_errors import Exact, matrix_errors, relative_error
 from verification.judged_game import JudgedGame
 
 #: Largest error of an entry without the mistake, and largest part of the error with the mistake.
@@ -66,32 +66,54 @@ def reason_for(judged: JudgedGame, critic: Critic, limit: float, searched: float
     """
     game, exact = judged.game, judged.exact
     if critic.network:
-        P_error = 0.0 if critic.P is None else relative_error(critic.P, exact.P)
-        at_origin = max(P_error, relative_error(critic.K, exact.K))
-        return f"off by {at_origin:.2g} at the origin, and by {searched:.2g} in the box"
+        return _errors_of_network(critic, exact, searched)
     if critic.P is None:
         return _named(critic.K, exact.K, _of_gain(game, critic.K, exact.K)) or _lqr(game, critic)
-    P_is_right = all(check.ok for check in matrix_errors(game, "P", critic.P, exact, limit))
-    if P_is_right and critic.feedback is not None and critic.is_quadratic:
-        error = relative_error(critic.K, exact.K)
+    if all(check.ok for check in matrix_errors(game, "P", critic.P, exact, limit)):
+        return _reason_for_policy(judged, critic, critic.P)
+    mistakes = itertools.chain(_of_value(critic.P, exact.P), _of_weights(critic))
+    return (
+        _named(critic.P, exact.P, mistakes)
+        or _lqr(game, critic)
+        or _not_of_value(judged, critic.K, critic.P)
+        or _another_root(judged, critic.P)
+    )
+
+
+def _errors_of_network(critic: Critic, exact: Exact, searched: float) -> str:
+    """Return the sentence on the errors of a network at the origin and in the box."""
+    errors = [relative_error(critic.K, exact.K)]
+    if critic.P is not None:
+        errors.append(relative_error(critic.P, exact.P))
+    return f"off by {max(errors):.2g} at the origin, and by {searched:.2g} in the box"
+
+
+def _reason_for_policy(judged: JudgedGame, critic: Critic, P: np.ndarray) -> str:
+    """Return a sentence on the wrong policy of a critic with a right P, or ""."""
+    exact = judged.exact
+    if critic.feedback is not None and critic.is_quadratic:
         return (
-            f"P is right within the limit; the K that follows from it is off by {error:.2g}: it "
-            "needs more digits of P"
+            "P is right within the limit; the K that follows from it is off by"
+            f" {relative_error(critic.K, exact.K):.2g}: it needs more digits of P"
         )
-    if P_is_right:
-        mistakes = _of_gain(game, critic.K, exact.K)
-        named = _beyond_quadratic(critic) or _named(critic.K, exact.K, mistakes)
-    else:
-        mistakes = itertools.chain(_of_value(critic.P, exact.P), _of_weights(critic))
-        named = _named(critic.P, exact.P, mistakes) or _lqr(game, critic)
-    if named:
-        return named
-    if relative_error(critic.K - game.gain(critic.P) + exact.K, exact.K) > APART:
-        return (
-            "K is not the gain that P implies: the stored K and P do not belong together, or not "
-            "to this plant and R"
-        )
-    return "" if P_is_right else _another_root(judged, critic.P)
+    mistakes = _of_gain(judged.game, critic.K, exact.K)
+    return (
+        _beyond_quadratic(critic)
+        or _named(critic.K, exact.K, mistakes)
+        or _not_of_value(judged, critic.K, P)
+    )
+
+
+def _not_of_value(judged: JudgedGame, K: np.ndarray, P: np.ndarray) -> str:
+    """Return a sentence that K is not the gain that P implies, or "" if it is."""
+    exact_K = judged.exact.K
+    difference = K - judged.game.gain(P)
+    if relative_error(exact_K + difference, exact_K) <= APART:
+        return ""
+    return (
+        "K is not the gain that P implies: the stored K and P do not belong together, or not "
+        "to this plant and R"
+    )
 
 
 def _named(given: np.ndarray, exact: np.ndarray, mistakes: Iterator[Mistake]) -> str:

@@ -344,18 +344,17 @@ class Endings:
     def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
         """Return a mask of the flights in a limit cycle, decided at the end of each block."""
         patience = self._patience
-        blocks = self._swings[:, flying]
-        blocks[0] = np.minimum(blocks[0], swings)
-        cycling = np.zeros(len(flying), dtype=bool)
-        if (number + 1) % patience.block == 0:
-            least = blocks.min(axis=0)
-            most = blocks.max(axis=0)
-            is_large = least >= patience.cycles
-            is_same = most - least <= patience.same * least
-            rises = (blocks[0] > blocks[1]) & (blocks[1] > blocks[2])
-            falls = (blocks[0] < blocks[1]) & (blocks[1] < blocks[2])
-            cycling = np.any(is_large & is_same & ~rises & ~falls, axis=1)
-            blocks[1:] = blocks[:-1].copy()
-            blocks[0] = np.inf
-        self._swings[:, flying] = blocks
-        return cycling
+        this, last, before_last = self._swings[:, flying]
+        this = np.minimum(this, swings)
+        if (number + 1) % patience.block:
+            self._swings[0, flying] = this
+            return np.zeros(len(flying), dtype=bool)
+        least = np.minimum(np.minimum(this, last), before_last)
+        most = np.maximum(np.maximum(this, last), before_last)
+        is_large = least >= patience.cycles
+        is_same = most - least <= patience.same * least
+        rises = (this > last) & (last > before_last)
+        falls = (this < last) & (last < before_last)
+        next_block = np.full_like(this, np.inf)
+        self._swings[:, flying] = next_block, this, last
+        return np.asarray((is_large & is_same & ~rises & ~falls).any(axis=1))

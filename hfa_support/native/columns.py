@@ -41,20 +41,26 @@ def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
     arguments = [ca.MX.sym("rows", rows, size) for size in sizes]
     columns = [ca.horzsplit(argument) if argument.numel() else [] for argument in arguments]
     results = [[ca.MX()] * function.numel_out(index) for index in range(function.n_out())]
-    memory: dict[int, ca.MX] = {}
+    memory: dict[int, ca.MX] = {}  # cell -> column that it contains
     for k, operation in enumerate(operations):
-        source = function.instruction_input(k)
-        target = function.instruction_output(k)
+        sources = function.instruction_input(k)
+        targets = function.instruction_output(k)
+        if operation == ca.OP_OUTPUT:
+            result, entry = targets
+            (cell,) = sources
+            results[result][entry] = memory[cell]
+            continue
+        (cell,) = targets
         if operation == ca.OP_INPUT:
-            memory[target[0]] = columns[source[0]][source[1]]
-        elif operation == ca.OP_OUTPUT:
-            results[target[0]][target[1]] = memory[source[0]]
+            argument, entry = sources
+            memory[cell] = columns[argument][entry]
         elif operation == ca.OP_CONST:
-            memory[target[0]] = ca.MX(function.instruction_constant(k))
-        elif len(source) == 1:
-            memory[target[0]] = ca.MX.unary(operation, memory[source[0]])
+            memory[cell] = ca.MX(function.instruction_constant(k))
+        elif len(sources) == 1:
+            memory[cell] = ca.MX.unary(operation, memory[sources[0]])
         else:
-            memory[target[0]] = ca.MX.binary(operation, memory[source[0]], memory[source[1]])
+            left, right = (memory[source] for source in sources)
+            memory[cell] = ca.MX.binary(operation, left, right)
     tables = [_side_by_side(result, rows) for result in results]
     return ca.Function(function.name(), arguments, tables)
 

@@ -402,14 +402,14 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
         )
     own = replace(aircraft(), equations=Equations(variant_named(model.point.dynamics)))
     shown = model.model
-    values = [model.point.values[name] for name in own.variables]
-    at = shown.native_values(own.variables, values), np.array(parameters.values)
+    variables = [model.point.values[name] for name in own.variables]
+    v = shown.native_values(own.variables, variables)
     free = [own.variables.index(name) for name in condition.free]
     rows = [STATES.index(name) for name in STATES if name in condition.rates]
-    known = [Parameters._fields.index(name) for name in parameters.identified]
-    jacobian = entries_at(own.layout, *at, free, rows)[1][:, known]
-    both = 2 * np.sqrt(quadratic_forms(jacobian, parameters.covariance))
-    entries = both.reshape(len(LINEAR_STATES), -1, order="F")
+    identified = [Parameters._fields.index(name) for name in parameters.identified]
+    _, by_parameters = entries_at(own.layout, v, np.array(parameters.values), free, rows)
+    variances = quadratic_forms(by_parameters[:, identified], parameters.covariance)
+    entries = (2 * np.sqrt(variances)).reshape(len(LINEAR_STATES), -1, order="F")
     if shown.source.native is not None:
         rows_in_si = np.array([si_factor(own.unit(name)) for name in LINEAR_STATES])
         columns_in_si = np.array([si_factor(own.unit(name)) for name in (*LINEAR_STATES, *INPUTS)])
@@ -433,30 +433,44 @@ def entries_at(
     rows: indices of the states with imposed rates
     """
     zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
-    entries, *derivatives = _derivatives(layout, tuple(free), zero)(v[None], p[None])
-    columns = len(free), len(p), len(free), len(p)
-    by_v, by_p, rates_by_v, rates_by_p = (
-        part[0].reshape(-1, width, order="F")
-        for part, width in zip(derivatives, columns, strict=True)
-    )
-    free_by_p = -np.linalg.lstsq(rates_by_v[rows], rates_by_p[rows])[0]
-    return entries[0], by_p + by_v @ free_by_p
+    found = _derivatives(layout, tuple(free), zero)(v[None], p[None])
+    entries, by_v, by_p, rates_by_v, rates_by_p = (part[0] for part in found)
+
+    def matrix(derivatives: np.ndarray, columns: int) -> np.ndarray:
+        return derivatives.reshape(-1, columns, order="F")
+
+    k, P = len(free), len(p)
+    moved_rates = matrix(rates_by_p, P)[rows]
+    free_by_p = -np.linalg.lstsq(matrix(rates_by_v, k)[rows], moved_rates)[0]
+    return entries, matrix(by_p, P) + matrix(by_v, k) @ free_by_p
 
 
 @lru_cache(maxsize=16)
 def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -> RowFunction:
-    """Return the Function (v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p."""
-    # v are the variables of a trim, from which states and inputs follow. f are the rates of all
-    # states.
-    (x, u, p), v = layout.symbols("x", "u", "p"), ca.SX.sym("v", len(layout.variables))
+    """Return the Function (v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p.
+
+    v are the variables of a trim, from which states and inputs follow, and f the rates of all
+    states. The derivatives are those by the free variables.
+
+    free: indices of the free variables in v
+    zero: indices of variables that are 0
+    """
+    x, u, p = layout.symbols("x", "u", "p")
+    f, _ = layout.expressions([components(vector) for vector in (x, u, p)], ())
+    A = ca.densify(ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS])
+    B = ca.densify(ca.jacobian(f, u)[LINEAR_ROWS, :])
+    entries = ca.vertcat(ca.vec(A), ca.vec(B))
+    v = ca.SX.sym("v", len(layout.variables))
     values = {name: ca.SX(0) if i in zero else v[i] for i, name in enumerate(layout.variables)}
-    f, _ = layout.expressions(list(map(components, (x, u, p))), ())
-    A, B = ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS], ca.jacobian(f, u)[LINEAR_ROWS, :]
-    entries = ca.vertcat(ca.vec(ca.densify(A)), ca.vec(ca.densify(B)))
-    at = layout.in_variables(values, p, ())[:2]
-    entries, f = ca.substitute([entries, f], [x, u], at)
+    trim_x, trim_u, *_ = layout.in_variables(values, p, ())
+    entries, f = ca.substitute([entries, f], [x, u], [trim_x, trim_u])
     moving = ca.vertcat(*(v[i] for i in free))
-    jacobians = [ca.jacobian(part, by) for part in (entries, f) for by in (moving, p)]
-    return RowFunction(
-        ca.Function("entry_derivatives", [v, p], list(map(ca.densify, (entries, *jacobians))))
-    )
+    results = [
+        entries,
+        ca.jacobian(entries, moving),
+        ca.jacobian(entries, p),
+        ca.jacobian(f, moving),
+        ca.jacobian(f, p),
+    ]
+    dense = [ca.densify(result) for result in results]
+    return RowFunction(ca.Function("entry_derivatives", [v, p], dense))

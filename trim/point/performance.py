@@ -278,20 +278,24 @@ def largest_lift(point: OperatingPoint) -> LargestLift | None:
         declared = point["largest_lift_coefficient"]
         return LargestLift(point["dynamic_pressure"] * point["reference_area"] * declared)
     alpha = recognized(model.states)["alpha"]
-    ends = [model.states[alpha].min, model.states[alpha].max]
+    lowest, highest = model.states[alpha].min, model.states[alpha].max
     if "alpha" in model.domain.range:
-        low, high, _ = model.domain.range["alpha"]
-        ends = [max(ends[0], low), min(ends[1], high)]
-    if not np.isfinite(ends).all():
+        valid_from, valid_to, _ = model.domain.range["alpha"]
+        lowest, highest = max(lowest, valid_from), min(highest, valid_to)
+    if not np.isfinite([lowest, highest]).all():
         return None
     lift = _lift_over(point, alpha)
-    here = point[alpha]
-    above = np.linspace(here, max(ends[1], here), _ANGLES)
-    rises = np.diff(lift(above))
-    passed = bool(rises.size and rises[0] < 0.0)
-    angles = np.linspace(min(ends[0], here), here, _ANGLES)[::-1] if passed else above
+    trimmed = point[alpha]
+    angles = np.linspace(trimmed, max(highest, trimmed), _ANGLES)
+    slopes = np.diff(lift(angles))
+    is_stalled = bool(slopes.size and slopes[0] < 0.0)
+    if is_stalled:
+        angles = np.linspace(trimmed, min(lowest, trimmed), _ANGLES)
     peak = _first_peak(lift, angles)
-    return None if peak is None else LargestLift(float(lift(np.array([peak]))[0]), peak, passed)
+    if peak is None:
+        return None
+    (largest,) = lift(np.array([peak]))
+    return LargestLift(float(largest), peak, is_stalled)
 
 
 def _first_peak(lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> float | None:
@@ -370,30 +374,27 @@ def quasi_steady(point: OperatingPoint) -> QuasiSteady:
     model = point.model
     slopes = point.slopes
     names = model.state_names
-    moving = {*recognized(model.states).values(), "altitude"}
-    for i, row in enumerate(slopes.A):
-        if np.count_nonzero(row) == 1 and row.sum() == 1.0 and not slopes.B[i].any():
-            moving |= {names[i], names[int(np.argmax(row))]}
-    lags = [i for i, name in enumerate(names) if name in model.linear and name not in moving]
-    A22 = slopes.A[np.ix_(lags, lags)]
-    if lags and np.linalg.eigvals(A22).real.max() >= 0.0:
+    of_motion = {*recognized(model.states).values(), "altitude"}
+    for position, row in enumerate(slopes.A):
+        is_rate_of_position = np.count_nonzero(row) == 1 and row.sum() == 1.0
+        if is_rate_of_position and not slopes.B[position].any():
+            of_motion |= {names[position], names[int(np.argmax(row))]}
+    lags = [i for i, name in enumerate(names) if name in model.linear and name not in of_motion]
+    if lags and np.linalg.eigvals(slopes.A[np.ix_(lags, lags)]).real.max() >= 0.0:
         lags = []
     kept = [i for i in range(len(names)) if i not in lags]
     A22 = slopes.A[np.ix_(lags, lags)]
-    by_states = -np.linalg.solve(A22, slopes.A[np.ix_(lags, kept)])
-    by_inputs = -np.linalg.solve(A22, slopes.B[lags])
-    across = slopes.A[np.ix_(kept, lags)]
-    outputs = {}
-    for name in point.sloped:
-        of_states, of_inputs = point._slopes_of(name)
-        followed = of_states[lags]
-        outputs[name] = of_states[kept] + followed @ by_states, of_inputs + followed @ by_inputs
-    return QuasiSteady(
-        tuple(names[i] for i in kept),
-        slopes.A[np.ix_(kept, kept)] + across @ by_states,
-        slopes.B[kept] + across @ by_inputs,
-        outputs,
-    )
+    lags_by_states = -np.linalg.solve(A22, slopes.A[np.ix_(lags, kept)])
+    lags_by_inputs = -np.linalg.solve(A22, slopes.B[lags])
+
+    def with_lags(of_states: np.ndarray, of_inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the slopes by the kept states and by the inputs while the lags follow."""
+        of_lags = of_states[..., lags]
+        return of_states[..., kept] + of_lags @ lags_by_states, of_inputs + of_lags @ lags_by_inputs
+
+    A, B = with_lags(slopes.A[kept], slopes.B[kept])
+    outputs = {name: with_lags(*point._slopes_of(name)) for name in point.sloped}
+    return QuasiSteady(tuple(names[i] for i in kept), A, B, outputs)
 
 
 #: Figures that require the load factor.
