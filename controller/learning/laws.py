@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from controller.critic.training_run import TrainingRun
 from controller.game.zero_sum import Game
 from controller.learning.policy_iteration import policy_iteration
@@ -62,8 +60,7 @@ def learn(
                 "a game in discrete time is learned by Q-learning from its own samples; leave out"
                 " law and pool"
             )
-        run, H = learn_steps(game, seed, progress=progress)
-        return replace(run, H=H)
+        return learn_steps(game, seed, progress)
     if pool is not None:
         need(pool, Stack, "learn: pool", Stack._how_to_make)
     if not game.without_cross_weights.Q.any():

@@ -8,27 +8,45 @@ Source: Ozaki, Ogita, Oishi and Rump, Numerical Algorithms 59 (2012), 95-118.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 #: Number of slices, of 22 to 25 bits each for up to 100 columns. The rounding error of the products
 #: with the remainder is smaller than the last digit of a pair.
 SLICES = 3
 
-#: (high, low), two arrays of equal shape.
-Pair = tuple[np.ndarray, np.ndarray]
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Pair:
+    """Matrix high + low, |low| <= 2^-53 |high|, with sums and products of pairs.
+
+    The error of a sum is about 2^-104 of the larger summand, and that of a product about 2^-104 of
+    the product of the largest entries of the row and the column.
+    """
+
+    high: np.ndarray
+    low: np.ndarray
+
+    @property
+    def mT(self) -> Pair:
+        """The transposed matrix."""
+        return Pair(self.high.mT, self.low.mT)
+
+    def __neg__(self) -> Pair:
+        return Pair(-self.high, -self.low)
+
+    def __add__(self, other: Pair) -> Pair:
+        return _sum(self.high, other.high, self.low + other.low)
+
+    def __matmul__(self, other: Pair) -> Pair:
+        mixed = self.high @ other.low + self.low @ other.high
+        return product_of_doubles(self.high, other.high) + exact(mixed)
 
 
 def exact(matrix: np.ndarray) -> Pair:
-    """Return a matrix of doubles as a pair (high, low) with low = 0."""
-    return matrix, np.zeros_like(matrix)
-
-
-def add(left: Pair, right: Pair) -> Pair:
-    """Return the sum of two pairs as a pair.
-
-    The error is about 2^-104 of the larger summand.
-    """
-    return _sum(left[0], right[0], left[1] + right[1])
+    """Return a matrix of doubles as a pair with low = 0."""
+    return Pair(matrix, np.zeros_like(matrix))
 
 
 def _sum(left: np.ndarray, right: np.ndarray, low: np.ndarray) -> Pair:
@@ -37,41 +55,25 @@ def _sum(left: np.ndarray, right: np.ndarray, low: np.ndarray) -> Pair:
     back = high - left
     low = (left - (high - back)) + (right - back) + low
     total = high + low
-    return total, low - (total - high)
-
-
-def product(left: Pair, right: Pair) -> Pair:
-    """Return the matrix product left right as a pair.
-
-    The error is about 2^-104 of the product of the largest entries of the row and the column.
-
-    left: (..., p, n)
-    right: (..., n, q)
-    """
-    mixed = left[0] @ right[1] + left[1] @ right[0]
-    return add(product_of_doubles(left[0], right[0]), exact(mixed))
+    return Pair(total, low - (total - high))
 
 
 def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
-    """Return the matrix product of two matrices of doubles as a pair, as accurate as `product`."""
+    """Return the matrix product of two matrices of doubles, as accurate as that of pairs."""
     p = left.shape[-2]
     slices, left_over = _slices(np.concatenate([left, right.mT], axis=-2))
     rows = [each[..., :p, :] for each in (*slices, left_over[-1])]
-    # Products of slices of equal size are added exactly, the largest first; products with the
-    # remainders are added last.
-    parts = []
+    # The sums of products of slices of equal size are exact, the first is the largest. The last sum
+    # is that of the products with remainders.
+    sums = []
     for factors in (slices[:1], slices[:2], slices, left_over):
         columns = [each[..., p:, :].mT for each in factors[::-1]]
-        parts.append(sum(map(np.matmul, rows, columns)))
-    low, high = parts.pop(), parts.pop()
-    while parts:
-        high, low = _sum(parts.pop(), high, low)
-    return high, low
-
-
-def transposed(pair: Pair) -> Pair:
-    """Return the transposed matrix of a pair, as a pair."""
-    return pair[0].mT, pair[1].mT
+        sums.append(sum(map(np.matmul, rows, columns)))
+    *larger, smallest, rest = sums
+    pair = Pair(smallest, rest)
+    for total in reversed(larger):
+        pair = _sum(total, pair.high, pair.low)
+    return pair
 
 
 def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -86,12 +88,11 @@ def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndar
     factors = np.diag(right)
     if np.count_nonzero(right) > np.count_nonzero(factors):
         columns = np.broadcast_to(right.T, (*left.shape[:-2], *right.T.shape))
-        high, low = product_of_doubles(left, columns)
-        return (total - high) - low
-    high, low = _halves(left)
-    of_factors = _halves(factors)
-    left_over = total - high * of_factors[0] - high * of_factors[1]
-    return left_over - low * of_factors[0] - low * of_factors[1]
+        products = product_of_doubles(left, columns)
+        return (total - products.high) - products.low
+    left_high, left_low = _halves(left)
+    high, low = _halves(factors)
+    return total - left_high * high - left_high * low - left_low * high - left_low * low
 
 
 def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -121,16 +121,16 @@ def loop_gain(loop: System, *, is_discrete: bool) -> LoopGain:
     Raises NoSolutionError as `system_gain` does.
     """
     if not is_discrete:
-        low, high, frequency = gain_bounds(*loop)
-        return LoopGain(low, high, 1j * frequency)
+        gain = gain_bounds(*loop)
+        return LoopGain(gain.low, gain.high, 1j * gain.frequency)
     if not spectral_radius(loop.A) < 1.0:
         return LoopGain(math.inf, math.inf, 1.0)
     # The gain at infinite frequency, z = -1, makes the search inaccurate. It is the smaller one of
     # those at z = 1 and -1 if z and A change their sign where necessary.
     ends = [np.linalg.norm(loop.C @ responses_at(loop.A, loop.B, z), 2) for z in (1.0, -1.0)]
     sign = 1.0 if ends[0] >= ends[1] else -1.0
-    low, high, frequency = gain_bounds(*in_continuous_time(loop._replace(A=sign * loop.A)))
-    return LoopGain(low, high, sign * cmath.exp(2j * math.atan(frequency)))
+    gain = gain_bounds(*in_continuous_time(loop._replace(A=sign * loop.A)))
+    return LoopGain(gain.low, gain.high, sign * cmath.exp(2j * math.atan(gain.frequency)))
 
 
 def closed_loop(game: Game, K: np.ndarray) -> System:
@@ -160,14 +160,24 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
 
     Raises NoSolutionError if a pole is on the imaginary axis within rounding.
     """
-    return gain_bounds(A, B, C, D)[1]
+    return gain_bounds(A, B, C, D).high
 
 
-def gain_bounds(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
-) -> tuple[float, float, float]:
-    """Return a gain of C (sI - A)⁻¹ B + D, an upper bound of all its gains, and the frequency of
-    the first, rad/s.
+class GainBounds(NamedTuple):
+    """Bounds of the L2 gain of a system.
+
+    low: gain at the frequency
+    high: upper bound of the gains at all frequencies
+    frequency: rad/s
+    """
+
+    low: float
+    high: float
+    frequency: float
+
+
+def gain_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> GainBounds:
+    """Return bounds of the L2 gain of C (sI - A)⁻¹ B + D.
 
     The bounds differ by `TOLERANCE`. The lower one is the largest singular value at the frequency.
     Above the upper one, the bounded-real Hamiltonian has no eigenvalue on the imaginary axis.
@@ -177,31 +187,34 @@ def gain_bounds(
     """
     poles = spectrum(A).eigenvalues
     if poles.real.max() >= 0.0:
-        return math.inf, math.inf, float(abs(poles[-1].imag))
+        return GainBounds(math.inf, math.inf, float(abs(poles[-1].imag)))
     if len(C) > len(A) and not D.any():
         C = np.linalg.qr(C).R  # the same gains by fewer outputs
         D = D[: len(C)]
     typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
-    through = float(np.linalg.norm(D, 2)) if D.size else 0.0
+    at_infinity = float(np.linalg.norm(D, 2)) if D.size else 0.0
     if typical == 0.0:
-        return through, through, 0.0
-    likely = poles[np.argsort(-poles.real / np.abs(poles))[:STARTS]]
-    frequencies = np.unique(np.concatenate([[0.0], np.abs(likely), np.abs(likely.imag)]))
-    low, at = max(ZERO * typical, through), math.inf
+        return GainBounds(at_infinity, at_infinity, 0.0)
+    least_damped = poles[np.argsort(-poles.real / np.abs(poles))[:STARTS]]
+    resonances = np.concatenate([np.abs(least_damped), np.abs(least_damped.imag)])
+    frequencies = np.unique(np.append(resonances, 0.0))
+    largest, frequency = max(ZERO * typical, at_infinity), math.inf
     is_first = True
     while len(frequencies):
         gains = gains_at(A, B, C, D, frequencies, 1.0)
         place = int(gains.argmax())
-        if gains[place] > low:
-            low, at = float(gains[place]), float(frequencies[place])
+        if gains[place] > largest:
+            largest, frequency = float(gains[place]), float(frequencies[place])
         elif not is_first:  # crossings without a larger gain are rounding
             break
         is_first = False
-        near = level_crossings(A, B, C, D, low * (1.0 + TOLERANCE), NEAR_AXIS)
-        frequencies = (near[1:] + near[:-1]) / 2.0 if len(near) > 1 else near
-    if low <= max(10.0 * ZERO * typical, through):
-        return (through, through, at) if through else (0.0, 0.0, 0.0)
-    return low, low * (1.0 + TOLERANCE), at
+        ends = level_crossings(A, B, C, D, largest * (1.0 + TOLERANCE), NEAR_AXIS)
+        frequencies = (ends[1:] + ends[:-1]) / 2.0 if len(ends) > 1 else ends
+    if largest > max(10.0 * ZERO * typical, at_infinity):
+        return GainBounds(largest, largest * (1.0 + TOLERANCE), frequency)
+    if at_infinity:
+        return GainBounds(at_infinity, at_infinity, frequency)
+    return GainBounds(0.0, 0.0, 0.0)
 
 
 def gains_at(

@@ -8,14 +8,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import stability
-from controller.riccati.double_double import (
-    Pair,
-    add,
-    exact,
-    product,
-    product_of_doubles,
-    transposed,
-)
+from controller.riccati.double_double import Pair, exact, product_of_doubles
 from controller.riccati.form import LAST_CORRECTION
 from controller.riccati.frequency_response import closed_loop, loop_gain, responses_at
 from controller.riccati.lyapunov import Lyapunov
@@ -62,12 +55,12 @@ def cost_matrix(
     Raises NoSolutionError if F (√α F) is not stable. The cost is then not finite.
     """
     root = math.sqrt(game.discount)
-    moved = add(product_of_doubles(-root * game.B, K), product_of_doubles(root * game.E, L))
-    loop = add(exact(root * game.A), moved)
-    size, limit = stability(loop[0], is_discrete=game.is_discrete)
+    moved = product_of_doubles(-root * game.B, K) + product_of_doubles(root * game.E, L)
+    loop = exact(root * game.A) + moved
+    size, limit = stability(loop.high, is_discrete=game.is_discrete)
     if not size < limit:
         raise NoSolutionError("A - B K + E L is not stable: these policies have infinite cost")
-    equation = Lyapunov.of_steps(loop[0]) if game.is_discrete else Lyapunov(loop[0])
+    equation = Lyapunov.of_steps(loop.high) if game.is_discrete else Lyapunov(loop.high)
     pair = np.vstack([np.eye(len(K.T)), -K])
     weighted = game.delta * L if math.isfinite(game.delta) else 0.0 * L
     X, _ = equation.solve(weighted.T @ weighted - pair.T @ game.weights @ pair)
@@ -86,20 +79,16 @@ def _cost_residual(
 
     loop: √α (A - B K + E L)
     """
-    cost = add(exact(game.Q), product(product_of_doubles(K.T, game.R), exact(K)))
+    cost = exact(game.Q) + product_of_doubles(K.T, game.R) @ exact(K)
     if game.N.any():
         mixed = product_of_doubles(-game.N, K)
-        cost = add(cost, add(mixed, transposed(mixed)))
+        cost = cost + (mixed + mixed.mT)
     if math.isfinite(game.delta):
         weighted = product_of_doubles(game.delta * np.eye(len(L)), L)
-        earned = product(transposed(weighted), weighted)
-        cost = add(cost, (-earned[0], -earned[1]))
-    moved = product(exact(X), loop)
-    if game.is_discrete:
-        change = add(product(transposed(loop), moved), exact(-X))
-    else:
-        change = add(moved, transposed(moved))
-    return add(change, cost)[0]
+        cost = cost + -(weighted.mT @ weighted)
+    moved = exact(X) @ loop
+    change = loop.mT @ moved + exact(-X) if game.is_discrete else moved + moved.mT
+    return (change + cost).high
 
 
 def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:

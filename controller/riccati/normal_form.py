@@ -19,7 +19,7 @@ from controller.riccati.balancing import (
     units_of,
 )
 from controller.riccati.delta_search import Answer
-from controller.riccati.double_double import add, exact, product_of_doubles, transposed
+from controller.riccati.double_double import Pair, exact, product_of_doubles
 from controller.riccati.form import (
     BARELY,
     HIDDEN,
@@ -103,13 +103,13 @@ class NormalForm(Form):
     def residual(self, X: np.ndarray) -> np.ndarray:
         """Return A'X + X A + Q - X S X, (n, n), in twice the precision."""
         n, m = self.B.shape
-        high, low = product_of_doubles(X, np.hstack([self.A, self.B, self.E]))
-        linear = high[:, :n], low[:, :n]
-        signed = high[:, n:] * np.repeat([-1.0, 1.0], [m, self.E.shape[1]])
-        square = product_of_doubles(signed, high[:, n:].T)
-        total = add(add(linear, transposed(linear)), add(exact(self.Q), square))
-        mixed = signed @ low[:, n:].T
-        return total[0] + mixed + mixed.T
+        products = product_of_doubles(X, np.hstack([self.A, self.B, self.E]))
+        XA = Pair(products.high[:, :n], products.low[:, :n])
+        XG, XG_low = products.high[:, n:], products.low[:, n:]  # of G = [B E], X S X = X G W G'X
+        negative = XG * np.repeat([-1.0, 1.0], [m, self.E.shape[1]])
+        total = XA + XA.mT + (exact(self.Q) + product_of_doubles(negative, XG.T))
+        mixed = negative @ XG_low.T
+        return total.high + mixed + mixed.T
 
     def relative_residual(self, X: np.ndarray) -> float:
         """Return the largest residual for X relative to its terms.

@@ -13,13 +13,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import largest, largest_or_1, units_of
 from controller.riccati.delta_search import Answer
-from controller.riccati.double_double import (
-    add,
-    exact,
-    product,
-    product_of_doubles,
-    transposed,
-)
+from controller.riccati.double_double import exact, product_of_doubles
 from controller.riccati.form import (
     BARELY,
     HIDDEN,
@@ -90,11 +84,11 @@ class StepForm(Form):
         The residual is that of the cost of both policies. Their errors affect it to second order.
         """
         gains = self._both_gains(X)
-        loop = add(exact(self.A), product_of_doubles(-self.G, gains))
-        paid = product(product_of_doubles(gains.T, self.W), exact(gains))
-        after = product(transposed(loop), product(exact(X), loop))
-        left = add(add(exact(self.Q), paid), add(exact(-X), after))[0]
-        return (left + left.T) / 2.0, loop[0]
+        loop = exact(self.A) + product_of_doubles(-self.G, gains)
+        paid = product_of_doubles(gains.T, self.W) @ exact(gains)
+        after = loop.mT @ (exact(X) @ loop)
+        residual = ((exact(self.Q) + paid) + (exact(-X) + after)).high
+        return (residual + residual.T) / 2.0, loop.high
 
     def relative_residual(self, X: np.ndarray) -> float:
         """Return the largest residual of Bellman's equation for X relative to its terms.

@@ -22,7 +22,6 @@ from controller.game.basis import monomials
 from controller.game.weights import cost_text, nominal_weights
 from controller.game.zero_sum import game_report
 from controller.hfa_game import paper_game
-from controller.learning.q_learning import Steps, learn_steps
 from controller.reference import feedforward
 from controller.riccati.loop_margins import loop_margins, margins
 from hfa import BadInputError, Game, solve
@@ -74,10 +73,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "singular H": (
         lambda: from_q_function(STEP, np.diag([1.0, 1.0, 0.0])),
         "the block of H over the inputs is singular",
-    ),
-    "columns of steps": (
-        lambda: learn_steps(STEP, steps=Steps(*(np.ones((9, k)) for k in (2, 1, 2, 2)))),
-        "the steps have 5 columns of x, u and w, but the game requires 4",
     ),
 }  # fmt: skip
 

@@ -165,48 +165,54 @@ def _calls_functions(layout: Layout) -> bool:
 
 @lru_cache(maxsize=16)
 def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
-    """Return a function that shows how near points (x, u, p) are to each switch, or None."""
-    # A switch is a zero of an expression s, at which an operation |.|, sign, min, max, comparison
-    # or rounding in the equations switches. The arguments and results of the function have one row
-    # for each point. For each switch, the function returns |s| - 2 Σ m and the changes m = |∂s/∂(x,
-    # u)| steps. Near the switch, |s| - 2 Σ m is not positive. The result is None if the equations
-    # have no such operation, or if they call functions.
+    """Return a function that shows how near points (x, u, p) are to each switch, or None.
+
+    For each switch s, the function returns |s| - 2 Σ m and the changes m = |∂s/∂(x, u)| steps. Near
+    the switch, |s| - 2 Σ m is not positive. The result is None if the equations have no switch, or
+    if they call functions.
+    """
     if _calls_functions(layout):
         return None
-    rates = rates_of(layout)
-    instructions = range(rates.n_instructions())
-    operations = {rates.instruction_id(k) for k in instructions}
-    if not operations & {*_ONE_ARGUMENT, *_TWO_ARGUMENTS, *_ROUNDING}:
+    x, u, p = layout.symbols("x", "u", "p")
+    switches = _switching(rates_of(layout), [x, u, p])
+    if not switches:
         return None
-    vectors = layout.symbols("x", "u", "p")
-    switching = []
-    work = [ca.SX(0) for _ in range(rates.sz_w())]
-    for k in instructions:
-        operation = rates.instruction_id(k)
-        sources = rates.instruction_input(k)
-        target = rates.instruction_output(k)[0]
-        if operation == ca.OP_INPUT:
-            work[target] = vectors[sources[0]][sources[1]]
-        elif operation == ca.OP_CONST:
-            work[target] = ca.SX(rates.instruction_constant(k))
-        elif operation != ca.OP_OUTPUT:
-            values = [work[source] for source in sources]
-            if operation in _ONE_ARGUMENT:
-                switching.append(values[0])
-            elif operation in _TWO_ARGUMENTS:
-                switching.append(values[0] - values[1])
-            elif operation in _ROUNDING:
-                switching.append(ca.sin(ca.pi * values[0]))
-            make = ca.SX.unary if len(values) == 1 else ca.SX.binary
-            work[target] = make(operation, *values)
-    s = ca.vertcat(*(value for value in switching if not value.is_constant()))
-    if not s.numel():
-        return None
-    moved = ca.vertcat(*vectors[:2])
-    moves = ca.fabs(ca.densify(ca.jacobian(s, moved))) @ ca.diag(ca.DM(steps))
+    s = ca.vertcat(*switches)
+    moves = ca.fabs(ca.densify(ca.jacobian(s, ca.vertcat(x, u)))) @ ca.diag(ca.DM(steps))
     distances = ca.fabs(s) - 2 * ca.sum2(moves)
     parts = [ca.densify(distances), ca.vec(ca.densify(moves).T)]
-    return RowFunction(ca.Function("switches", vectors, parts))
+    return RowFunction(ca.Function("switches", [x, u, p], parts))
+
+
+def _switching(rates: ca.Function, vectors: list[ca.SX]) -> list[ca.SX]:
+    """Return the expressions at whose zeros an operation of the rates switches.
+
+    These operations are |.|, sign, min, max, comparison and rounding.
+
+    vectors: the symbols of the arguments
+    """
+    switches = []
+    memory = [ca.SX(0) for _ in range(rates.sz_w())]
+    for k in range(rates.n_instructions()):
+        operation = rates.instruction_id(k)
+        sources = rates.instruction_input(k)
+        (target, *_) = rates.instruction_output(k)
+        if operation == ca.OP_INPUT:
+            vector, entry = sources
+            memory[target] = vectors[vector][entry]
+        elif operation == ca.OP_CONST:
+            memory[target] = ca.SX(rates.instruction_constant(k))
+        elif operation != ca.OP_OUTPUT:
+            operands = [memory[source] for source in sources]
+            if operation in _ONE_ARGUMENT:
+                switches.append(operands[0])
+            elif operation in _TWO_ARGUMENTS:
+                switches.append(operands[0] - operands[1])
+            elif operation in _ROUNDING:
+                switches.append(ca.sin(ca.pi * operands[0]))
+            make = ca.SX.unary if len(operands) == 1 else ca.SX.binary
+            memory[target] = make(operation, *operands)
+    return [switch for switch in switches if not switch.is_constant()]
 
 
 def _beside(
@@ -235,21 +241,23 @@ def _beside(
     chosen = np.where(kinks, np.where(is_below, below, above), slopes)
     matrix = "A" if column < len(model.states) else "B"
     notes: dict[int, list[str]] = {}
-    for k, i in np.argwhere(kinks | jumps).tolist():
-        state = model.state_names[i]
+    for point, row in np.argwhere(kinks | jumps).tolist():
+        state = model.state_names[row]
         entry = f"{matrix}({state}, {name})"
-        side = "below" if is_below[k, 0] else "above"
-        if jumps[k, i]:
+        if jumps[point, row]:
+            slope = chosen[point, row] + 0.0  # without -0
             note = (
                 f"jump: the rate of {state} jumps as {name} passes its value; {entry} is "
-                f"{chosen[k, i] + 0.0:.5g}, without the jump"
+                f"{slope:.5g}, without the jump"
             )
         else:
+            side = "below" if is_below[point, 0] else "above"
+            slope_below, slope_above = below[point, row] + 0.0, above[point, row] + 0.0
             note = (
-                f"kink: {entry} is {below[k, i] + 0.0:.5g} below and {above[k, i] + 0.0:.5g} above "
+                f"kink: {entry} is {slope_below:.5g} below and {slope_above:.5g} above "
                 f"the trim; the slope {side} is used"
             )
-        notes.setdefault(k, []).append(note)
+        notes.setdefault(point, []).append(note)
     return chosen, notes
 
 

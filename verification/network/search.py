@@ -196,32 +196,34 @@ def search(about: Comparison) -> tuple[float, tuple[Found, ...]]:
     the worst state. For a network that is not wide, further maximizations begin at the `CLIMBS`
     worst corners and at the `CLIMBS` worst other states.
     """
-    b = about.box
+    box = about.box
     z = about.critic.symbols
     names, errors = about.errors(z)
-    values = ca.Function("values", [z], [errors])
-    climb = _climber(errors, z, b)
+    errors_at = ca.Function("errors_at", [z], [errors])
+    climb = _climber(errors, z, box)
     climbs = 0 if about.critic.wide else CLIMBS
-    starts = starts_in(np.ones(len(b)), starts_of(about.critic), seed=0)
-    ends = []
-    for sampled, unit in zip(np.array(values((b * starts).T)), np.eye(len(names)), strict=True):
-        sizes = np.where(np.isfinite(sampled), np.abs(sampled), math.inf)
-        order = np.argsort(-sizes, kind="stable")
-        ends.append(starts[order[0]])
-        if not math.isfinite(sizes[order[0]]):
+    # Each corner of the unit box is followed by a state inside.
+    starts = starts_in(np.ones(len(box)), starts_of(about.critic), seed=0)
+    reached = []
+    sampled = np.array(errors_at((box * starts).T))
+    for error, weights in zip(sampled, np.eye(len(names)), strict=True):
+        sizes = np.where(np.isfinite(error), np.abs(error), math.inf)
+        worst, *_ = ranking = np.argsort(-sizes, kind="stable")
+        reached.append(starts[worst])
+        if not math.isfinite(sizes[worst]):
             continue
-        corners = order[order % 2 == 0][:climbs]
-        inside = order[order % 2 == 1][:climbs]
-        for index in (order[0], *corners, *inside):
-            ends.append(climb(np.copysign(unit, sampled[index]), starts[index]))
-    reached = b * np.array(ends)
-    sizes = _sizes(values(reached.T))
+        corners = ranking[ranking % 2 == 0][:climbs]
+        inside = ranking[ranking % 2 == 1][:climbs]
+        for start in (worst, *corners, *inside):
+            reached.append(climb(np.copysign(weights, error[start]), starts[start]))
+    states = box * np.array(reached)
     largest: dict[str, Found] = {}
-    for name, row in zip(names, sizes, strict=True):
-        worst = int(np.argmax(row))
-        if name not in largest or row[worst] > largest[name].error:
-            largest[name] = Found(name, float(row[worst]), reached[worst])
-    return float(_sizes(values(np.zeros(len(b)))).max()), tuple(largest.values())
+    for name, sizes in zip(names, _sizes(errors_at(states.T)), strict=True):
+        worst = int(np.argmax(sizes))
+        if name not in largest or sizes[worst] > largest[name].error:
+            largest[name] = Found(name, float(sizes[worst]), states[worst])
+    at_origin = float(_sizes(errors_at(np.zeros(len(box)))).max())
+    return at_origin, tuple(largest.values())
 
 
 def _sizes(values: ca.DM) -> np.ndarray:

@@ -7,9 +7,9 @@ import pytest
 
 from controller import minimum_delta
 from controller.game.q_function import of_q_function, q_function
-from controller.learning.q_learning import Steps, _QLearner, learn_steps, random_steps
+from controller.learning.q_learning import QLearner, random_steps
 from controller.learning.recording import natural_spread
-from hfa import BadInputError, Game, NoSolutionError, solve
+from hfa import Game, NoSolutionError, learn, solve
 from tests.support.steps_of import in_steps
 
 
@@ -34,32 +34,21 @@ def test_q_learning_finds_the_exact_q_function(seed, margin):
     if np.isfinite(margin):
         problem = _problem(seed, margin * minimum_delta(problem).value)
     exact = solve(problem)
-    run, H = learn_steps(problem, seed)
+    run = learn(problem, seed=seed)
+    H = run.H
     assert np.abs(run.P - exact.P).max() <= 1e-9 * np.abs(exact.P).max()
     assert np.abs(H - exact.H).max() <= 1e-9 * np.abs(exact.H).max()
     assert run.settled
 
 
-def test_unusable_games_and_steps_are_refused():
-    """Games without a solution, and recorded steps without excitation or of unequal number, are
-    refused.
-    """
-    problem = _problem(2)
-    smallest = minimum_delta(problem).value
+def test_games_without_a_solution_are_refused():
+    """A delta below the smallest, and a plant that no input reaches, have no solution."""
+    smallest = minimum_delta(_problem(2)).value
     with pytest.raises(NoSolutionError, match="delta"):
-        learn_steps(_problem(2, 0.9 * smallest))
+        learn(_problem(2, 0.9 * smallest))
     unreached = in_steps(Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf))
     with pytest.raises(NoSolutionError, match="Q-learning diverges"):
-        learn_steps(unreached)
-    steps = random_steps(problem, 0)
-    parts = [steps.states, 0.0 * steps.inputs, steps.disturbances, steps.next_states]
-    with pytest.raises(BadInputError, match="is 0 in every step"):
-        learn_steps(problem, steps=Steps(*parts))
-    parts[1] = steps.states[:, :2]
-    with pytest.raises(BadInputError, match="the rank of the recorded steps is"):
-        learn_steps(problem, steps=Steps(*parts))
-    with pytest.raises(BadInputError, match="recorded inputs has"):
-        Steps(steps.states, steps.inputs[:3], steps.disturbances, steps.next_states)
+        learn(unreached)
 
 
 @pytest.mark.parametrize("price", [1.0, 1e4])
@@ -72,12 +61,14 @@ def test_random_steps_move_and_cost_no_more_than_the_states(price):
     units = np.arange(1.0, 1.0 + len(problem.A))  # the spread of the states differs
     step = replace(problem, Q=np.diag(units), R=price * np.eye(2), delta=5.0 * price)
     problem = step
-    steps = random_steps(problem, 3)
+    begins, ends = random_steps(problem, 3)
+    n, m = step.B.shape
+    states, inputs, disturbances = np.split(begins, [n, n + m], axis=1)
     spread = natural_spread(step)
     budget = float(np.diag(step.Q) @ spread**2)
     for moved, matrix, prices in (
-        (steps.inputs, step.B, np.diag(step.R)),
-        (steps.disturbances, step.E, np.full(step.E.shape[1], step.delta**2)),
+        (inputs, step.B, np.diag(step.R)),
+        (disturbances, step.E, np.full(step.E.shape[1], step.delta**2)),
     ):
         most = np.abs(moved).max(axis=0)
         reached = np.maximum(
@@ -86,10 +77,10 @@ def test_random_steps_move_and_cost_no_more_than_the_states(price):
         )
         assert (reached <= 1.0).all()
         assert (reached >= 0.8).all()
-    assert (np.abs(steps.states).max(axis=0) <= spread).all()
-    assert (np.abs(steps.states).max(axis=0) >= 0.8 * spread).all()
-    expected = steps.states @ step.A.T + steps.inputs @ step.B.T + steps.disturbances @ step.E.T
-    np.testing.assert_allclose(steps.next_states, expected, rtol=1e-12)
+    assert (np.abs(states).max(axis=0) <= spread).all()
+    assert (np.abs(states).max(axis=0) >= 0.8 * spread).all()
+    expected = states @ step.A.T + inputs @ step.B.T + disturbances @ step.E.T
+    np.testing.assert_allclose(ends, expected, rtol=1e-9, atol=1e-12 * np.abs(ends).max())
 
 
 def test_only_the_exact_q_function_is_settled():
@@ -97,11 +88,11 @@ def test_only_the_exact_q_function_is_settled():
     free = _problem(0)
     problem = _problem(0, 1.1 * minimum_delta(free).value)
     exact = solve(problem)
-    learner = _QLearner.of(problem, random_steps(problem, 1))
+    learner = QLearner(problem, random_steps(problem, 1))
     H = exact.H
     assert learner.is_settled(H, H)
     np.testing.assert_allclose(learner.policy_iteration(H), H, atol=1e-8 * np.abs(H).max())
-    np.testing.assert_allclose(learner.value_iteration(H), H, atol=1e-8 * np.abs(H).max())
+    np.testing.assert_allclose(learner.value_iteration(exact.P), H, atol=1e-8 * np.abs(H).max())
     assert not learner.is_settled((1.0 + 1e-5) * H, H)
     n, m = problem.B.shape
     for block, factor in ((slice(n, n + m), -1.0), (slice(n + m, None), -1.0)):
@@ -128,7 +119,7 @@ def test_only_the_exact_q_function_is_settled():
     ]
     assert radii[0] < 1.0 < radii[1]
     assert not learner.is_settled(pushed, pushed)
-    x, after = learner.steps.together, learner.steps.next_states
+    x, after = learner.steps
     wrong = 1.1 * H
     values = np.einsum("ji,ik,jk->j", x, wrong, x)
     costs = np.einsum("ji,ik,jk->j", x, q_function(problem, np.zeros((n, n))), x)
@@ -136,5 +127,5 @@ def test_only_the_exact_q_function_is_settled():
     next_values = problem.discount * np.einsum("ji,ik,jk->j", after, P, after)
     error = np.linalg.norm(values - costs - next_values)
     terms = np.linalg.norm(np.abs(values) + np.abs(costs) + np.abs(next_values))
-    assert learner.residual(wrong) == pytest.approx((error / np.linalg.norm(costs), error / terms))
-    assert learner.residual(H).of_terms < 1e-9
+    assert learner.residuals(wrong) == pytest.approx((error / np.linalg.norm(costs), error / terms))
+    assert learner.residuals(H)[1] < 1e-9

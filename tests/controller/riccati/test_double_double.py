@@ -20,7 +20,8 @@ def test_products_have_twice_the_digits(n: int) -> None:
     random = np.random.default_rng(n)
     sizes = np.exp2(random.integers(-30, 30, (2, 3, n)))
     left, columns = random.normal(size=(2, 3, n)) * sizes
-    high, low = product_of_doubles(left, columns.T)
+    products = product_of_doubles(left, columns.T)
+    high, low = products.high, products.low
     for i, row in enumerate(left.tolist()):
         for j, column in enumerate(columns.tolist()):
             exact = sum(Fraction(a) * Fraction(b) for a, b in zip(row, column, strict=True))
