@@ -12,6 +12,10 @@ from hfa_support.progress import Progress
 #: Largest and smallest δ of the search, as multiples of the first one.
 MOST = 1e12
 LEAST = 1e-12
+#: Relative distance of the two δ from which the excess is extrapolated to 0.
+ZERO_STEP = 1e-4
+#: A smaller excess may be rounding.
+ROUNDED = 1e-11
 
 
 class Answer(NamedTuple):
@@ -64,8 +68,10 @@ def smallest_delta(
                 f"the game has no solution for any delta up to {high / 4.0:.4g}: {answer.reason}; "
                 "check the scaling of A, B, E, Q and R"
             )
+    accepted = answer
     low = high / 4.0
     while (answer := existence_at(low)).exists:
+        accepted = answer
         high, low = low, low / 4.0
         if low < begin * LEAST:
             return Bracket(0.0, 0.0, answer)
@@ -73,9 +79,25 @@ def smallest_delta(
         middle = math.sqrt(low * high)
         found = existence_at(middle)
         if found.exists:
-            high = middle
+            high, accepted = middle, found
         else:
             low, answer = middle, found
         if progress is not None:
             progress(min(1.0, tolerance / math.log(high / low)), 1.0)
+    if accepted.excess < 0.0:
+        high = _zero_of_excess(existence_at, high)
     return Bracket(high, low, answer)
+
+
+def _zero_of_excess(existence_at: Callable[[float], Answer], smallest: float) -> float:
+    """Return the δ at which the excess passes through 0, by a line through two larger δ.
+
+    If the excess is rounding there also, as in a game whose P is singular at every δ, `smallest` is
+    returned, at which its sign is rounding.
+    """
+    near, far = smallest * (1.0 + ZERO_STEP), smallest * (1.0 + 2.0 * ZERO_STEP)
+    excess, excess_far = existence_at(near).excess, existence_at(far).excess
+    if not ROUNDED < excess < excess_far:
+        return smallest
+    zero = near - excess * (far - near) / (excess_far - excess)
+    return max(smallest, zero)
