@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from controller.learning.law_names import DEFAULT_LAW, LAW_NAMES
 from hfa.options.argument_types import one_of, whole
 from hfa.options.output import ProgressLine
 from hfa.options.part import Part, option
@@ -16,19 +17,15 @@ if TYPE_CHECKING:
     from controller.critic.training_run import TrainingRun
     from controller.game.zero_sum import Game
 
-DEFAULT_LAW = "policy-iteration"
-#: The laws of `controller.learning.laws`, whose import would delay every help.
-LEARNING_LAWS = (DEFAULT_LAW, "published")
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Learning(Part):
     """The learning law and the seed of its samples."""
 
     law: str = option(
-        f"learning law: {', '.join(LEARNING_LAWS)}; default {DEFAULT_LAW}",
+        f"learning law: {', '.join(LAW_NAMES)}; default {DEFAULT_LAW}",
         "NAME",
-        one_of(*LEARNING_LAWS),
+        one_of(*LAW_NAMES),
         default=DEFAULT_LAW,
     )
     seed: int = option("seed of all random numbers; default 0", "N", whole(0), default=0, rare=True)

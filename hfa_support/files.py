@@ -8,7 +8,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import re
 import shutil
 import tomllib
 from collections.abc import Iterator
@@ -23,12 +22,6 @@ LARGEST = 2**28
 #: Suffixes of the files that `hfa_support/arrays/read.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
-#: Largest number of dots in a key of a TOML file, whose tables take memory with its square.
-_MOST_DOTS = 100
-_KEY = rb"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
-_NESTED_KEY = re.compile(
-    rb"(?:^|[\[{,])[ \t]*(?:%s[ \t]*\.[ \t]*){%d}" % (_KEY, _MOST_DOTS + 1), re.M
-)
 #: Inside `inputs_kept`: real paths of the files that were read.
 _INPUTS: set[str] | None = None
 
@@ -143,8 +136,6 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     Raises OSError if the file cannot be read, and BadInputError if it is not valid TOML.
     """
     text = regular_file(path).read_bytes()
-    if _NESTED_KEY.search(text):
-        raise BadInputError(f"{path}: a key has more than {_MOST_DOTS} dots; correct the file")
     try:
         return tomllib.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:

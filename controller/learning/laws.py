@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from controller.critic.training_run import TrainingRun
 from controller.game.zero_sum import Game
+from controller.learning.law_names import DEFAULT_LAW, LAW_NAMES
 from controller.learning.policy_iteration import policy_iteration
 from controller.learning.published import published_law
 from controller.learning.q_learning import learn_steps
@@ -12,15 +13,14 @@ from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.progress import Progress
 
-#: Name -> law. The first is that of `learn` by default.
-LAWS = {"policy-iteration": policy_iteration, "published": published_law}
-DEFAULT = next(iter(LAWS))
+#: Name -> law.
+LAWS = dict(zip(LAW_NAMES, (policy_iteration, published_law), strict=True))
 
 
 @checks_arguments
 def learn(
     game: Game,
-    law: str = DEFAULT,
+    law: str = DEFAULT_LAW,
     seed: int = 0,
     *,
     pool: Stack | None = None,
@@ -55,7 +55,7 @@ def learn(
     need(game, Game, "learn: game", "a game: hfa.game(linear, Q, R, delta)")
     refuse_unknown("unknown law", law, LAWS)
     if game.is_discrete:
-        if law != DEFAULT or pool is not None:
+        if law != DEFAULT_LAW or pool is not None:
             raise BadInputError(
                 "a game in discrete time is learned by Q-learning from its own samples; leave out"
                 " law and pool"

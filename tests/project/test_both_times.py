@@ -76,6 +76,8 @@ def _bound() -> None:
         proof = hfa_prove.error_bound(GAME, hfa.from_network(GAME, value))
         assert proof is not None
         assert (proof.fraction == 1.0) == (proof.beyond is None) == is_bounded
+        assert proof.left_out == ("policy",)
+        assert ("not of the policy" in proof.sentence()) == is_bounded
 
 
 #: Public name -> test that it is right in discrete time, or, with the prefix "refused", a call that

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     import control
     import xarray
     from matplotlib.axes import Axes
-    from scipy.signal import StateSpace
 
     from hfa_aircraft.model import Model
     from hfa_support.reporting.named import ByName
@@ -515,12 +514,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
             "rate": ("rate", list(self.states)),
         }
         return dataset(matrices, names, self.model.title)
-
-    def to_scipy(self) -> StateSpace:
-        """Return the linear model as a `scipy.signal.StateSpace`."""
-        from scipy.signal import StateSpace
-
-        return StateSpace(*self)
 
 
 def _labels(matrix: Any, axis: int) -> tuple[str, ...]:

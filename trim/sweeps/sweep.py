@@ -261,25 +261,17 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             parts.append(("the slow modes", slow))
         panels = figure.subplots(1, len(parts), squeeze=False)[0]
         for axes, (title, columns) in zip(panels, parts, strict=True):
-            ends = columns if len(parts) == 1 or columns is slow else ~slow
-            self._draw(axes, columns, ends)
-            if columns is not ends:
-                axes.annotate(
-                    "slow modes",
-                    (0.0, 0.0),
-                    (-8, 16),
-                    textcoords="offset points",
-                    ha="right",
-                    fontsize=7,
-                )
+            self._draw(axes, columns)
             axes.set_title(f"{self.model.title}, {title}", fontsize=10)
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8)
         return figure
 
-    def _draw(self, axes: Axes, columns: np.ndarray, ends: np.ndarray) -> None:
-        """Draw the paths of some eigenvalues, and mark the first and last values of some paths."""
-        # columns (k,), ends (k,)
+    def _draw(self, axes: Axes, columns: np.ndarray) -> None:
+        """Draw the paths of some eigenvalues, and mark their first and last values.
+
+        columns: mask of the eigenvalues, (n,)
+        """
         names = list(dict.fromkeys(self.mode_names))
         for column in np.flatnonzero(columns).tolist():
             name = self.mode_names[column]
@@ -290,7 +282,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             axes.plot(roots.real, roots.imag, style, color=f"C{number}", label=label)
         unit = self.plan.units[-1]
         for end, marker in zip(np.flatnonzero(self.trimmed)[[0, -1]], "os", strict=True):
-            roots = self.eigenvalues[end, ends]
+            roots = self.eigenvalues[end, columns]
             value = shown_value(self.values[end, -1], unit, ".4g")
             axes.plot(
                 roots.real,

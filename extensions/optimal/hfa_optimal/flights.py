@@ -43,9 +43,8 @@ class SimulatedFlight(NamedTuple):
     times: s, (N,)
     states: absolute states, (N, n)
     inputs: absolute inputs, (N, m)
-    running_cost: cost until the end of the flight
     tail: linear cost z'Pz after the end of the flight
-    cost: running cost plus tail, or inf if the flight does not converge to the trim
+    cost: cost of the flight plus tail, or inf if the flight does not converge to the trim
     departure: first departure from the envelope, or None if the flight stays within
     saturated: names of the inputs that reach a limit
     integration: change of the cost and of the departure with half the integration step
@@ -55,7 +54,6 @@ class SimulatedFlight(NamedTuple):
     times: np.ndarray
     states: np.ndarray
     inputs: np.ndarray
-    running_cost: float
     tail: float
     cost: float
     departure: Departure | None
@@ -271,8 +269,7 @@ class Flights:
         left = departure(problem.envelope, rows.times, states, moving_air=False)
         with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
             tail = float(z[-1] @ problem.P @ z[-1])
-            running = float(rows.cost[-1])
-        cost = running + tail
+            cost = float(rows.cost[-1]) + tail
         if not has_decayed(tail, cost, OF_COST):
             cost = math.inf
         lowest, highest = problem.input_limits
@@ -280,5 +277,5 @@ class Flights:
         at_limit = ((v <= lowest + slack) | (v >= highest - slack)).any(axis=0)
         saturated = tuple(np.array(problem.inputs)[at_limit].tolist())
         inputs = rows.inputs + np.array(problem.point.inputs)
-        costs = (running, tail, cost)
-        return SimulatedFlight(policy.name, rows.times, states, inputs, *costs, left, saturated)
+        flown = rows.times, states, inputs
+        return SimulatedFlight(policy.name, *flown, tail, cost, left, saturated)

@@ -61,7 +61,6 @@ def test_a_flight_costs_its_integral_and_the_linear_tail() -> None:
     law = SimpleNamespace(name="law")
     flown = Flights(PROBLEM).priced(law, rows)
     tail = z[-1] @ PROBLEM.P @ z[-1]
-    assert flown.running_cost == 14.0
     assert (flown.tail, flown.cost) == (pytest.approx(tail), pytest.approx(14.0 + tail))
     assert (flown.converges, flown.lost, flown.departure) == (True, False, None)
     assert flown.saturated == ("force",)

@@ -1,5 +1,3 @@
-from hfa_prove.bound import lower_bound as lower_bound
-from hfa_prove.check import check_certificate as check_certificate
 from hfa_prove.network import error_bound as error_bound
 from hfa_prove.search.family import (
     Family as Family,

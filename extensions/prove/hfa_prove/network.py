@@ -34,7 +34,8 @@ class Proof(NamedTuple):
     fraction: the bound is proved for |z_i| <= fraction b_i. It is 0 if nothing is proved.
     boxes: number of boxes for which bounds were computed.
     beyond: state (n,) whose error exceeds the bound, or None if no such state was found.
-    is_of_all: whether the bound covers all errors that are compared.
+    left_out: compared functions whose errors are not bounded: the policy that follows from a V in
+        discrete time, which minimizes the cost of each step.
     """
 
     what: str
@@ -42,7 +43,7 @@ class Proof(NamedTuple):
     fraction: float
     boxes: int
     beyond: np.ndarray | None = None
-    is_of_all: bool = True
+    left_out: tuple[str, ...] = ()
 
     @property
     def where(self) -> str:
@@ -56,18 +57,19 @@ class Proof(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the bound of all errors is proved in the whole box."""
-        return self.fraction == 1.0 and self.is_of_all
+        """Whether the bound of the covered errors is proved in the whole box."""
+        return self.fraction == 1.0
 
     def sentence(self) -> str:
-        """Return what is proved, or why it is not, in a line."""
+        """Return what is proved of which errors, or why it is not, in a line."""
         if self.beyond is not None:
             state = ", ".join(f"{each:.3g}" for each in self.beyond)
             return f"FAIL: an error of the network exceeds {self.error:g} at z = ({state})"
-        if not self.is_of_all:
-            return f"FAIL: only a part of the errors has a proved bound, {self.error:g}"
         if not self.holds:
             return f"FAIL: no error above {self.error:g} is proved {self.where} alone; time is over"
+        if self.left_out:
+            others = " and ".join(self.left_out)
+            return f"Proved, but not of the {others}: no error exceeds {self.error:g} in the box"
         return f"Proved: no error of the network exceeds {self.error:g} in the box"
 
 
@@ -83,8 +85,9 @@ def error_bound(
     """Prove that no error of a network exceeds a limit in a box of states.
 
     The errors are those of all functions that the network has, V, dV/dz and the policy, relative to
-    the exact solution of the game. The proof holds for the expression as CasADi simplifies it. The
-    result is None if no bound is implemented for an operation of the network.
+    the exact solution of the game. Of the V of a game in discrete time, the policy is left out
+    (`Proof.left_out`). The proof holds for the expression as CasADi simplifies it. The result is
+    None if no bound is implemented for an operation of the network.
 
     box: box of states, by default the usual box of the game
     limit: relative error to be proved
@@ -99,7 +102,8 @@ def error_bound(
     if not kinds:
         return None
     proof = prove("error", about.function(kinds), b, limit, seconds, progress)
-    return None if proof is None else proof._replace(is_of_all=kinds == tuple(functions))
+    left_out = tuple(kind for kind in functions if kind not in kinds)
+    return None if proof is None else proof._replace(left_out=left_out)
 
 
 class ProvedReport(NamedTuple):

@@ -485,10 +485,7 @@ def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:
     roots = swept.eigenvalues
     assert not swept.trimmed[0]
     whole, near = swept.plot()
-    for panel, shown, ends in (
-        (whole, ~swept.slow | swept.slow, ~swept.slow),
-        (near, swept.slow, swept.slow),
-    ):
+    for panel, shown in ((whole, ~swept.slow | swept.slow), (near, swept.slow)):
         drawn = {"o": [], "s": [], "None": []}
         for line in panel.lines:
             path = np.array(line.get_xdata()) + 1j * np.array(line.get_ydata())
@@ -498,7 +495,7 @@ def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:
         for marker, row, label in (("o", 1, "speed 56 ft/s"), ("s", 9, "speed 100 ft/s")):
             ((said, marked),) = drawn[marker]
             assert said == label
-            np.testing.assert_array_equal(marked, roots[row, ends])
+            np.testing.assert_array_equal(marked, roots[row, shown])
     assert [axes.get_xlabel() for axes in (whole, near)] == ["real part, 1/s"] * 2
     pyplot.close("all")
 

@@ -55,15 +55,10 @@ class LoopValues:
         return values[:, :n], values[:, n:]
 
     @cached_property
-    def _slopes(self) -> np.ndarray:
-        """Jacobian (n + p, n) of the rates and the limited outputs at the equilibrium."""
-        at = Intervals(self._x, np.zeros_like(self._x))
-        return jacobian(self._program, at).slopes.middle
-
-    @property
     def J(self) -> np.ndarray:
         """Jacobian of the rates at the equilibrium, (n, n)."""
-        return self._slopes[: len(self._x)]
+        at = Intervals(self._x, np.zeros_like(self._x))
+        return jacobian(self._program, at).slopes.middle[: len(self._x)]
 
     @cached_property
     def nominal(self) -> np.ndarray:
