@@ -586,6 +586,16 @@ def _of_two_states(W: Polynomial, c: float, Q: np.ndarray, R: np.ndarray) -> Cos
     return CostInequality(plant, equilibrium, Piece(np.eye(2), W, c), Q, R)
 
 
+def test_a_set_may_not_leave_the_cube_beside_the_center_of_a_face() -> None:
+    """A narrow valley of W that ends in the corner (1, 1) is refused, although g > 0 in it."""
+    valley = ((0.1, (2, 0)), (-0.2 + 2.0**-14, (1, 1)), (0.1, (0, 2)))
+    inequality = _of_two_states(Polynomial(2, valley), 1e-4, np.eye(2), ONE)
+    with pytest.raises(NoSolutionError):
+        inequality.proved(10**4)
+    shorter = _of_two_states(Polynomial(2, valley), 5e-5, np.eye(2), ONE)
+    assert shorter.proved(10**5) > 0
+
+
 def test_the_loss_covers_guesses_of_both_signs() -> None:
     """`_loss` bounds the suboptimality of an input guess that varies from -0.2 to 0.2 over a box.
 
@@ -642,6 +652,7 @@ def test_the_hessian_covers_all_inputs_within_radii() -> None:
     box = Boxes(np.zeros((1, 1)), np.full((1, 1), 10))
     assert inequality._is_convex(box, np.array([1e-3]))
     assert not inequality._is_convex(box, np.array([1.0]))
+    assert not _on_a_line(SLED, 0.5, radius=1.0)._is_convex(box, np.array([1e-3]))
 
 
 def test_the_hessian_covers_both_ends_of_entries() -> None:

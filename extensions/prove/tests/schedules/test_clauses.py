@@ -104,6 +104,22 @@ def test_the_trim_is_within_its_limits(high: float, reason: str | None) -> None:
         proved(1.0, high, decay_rate=0.1)
 
 
+def test_a_trim_curved_in_the_scheduling_variable_is_within_its_limits() -> None:
+    """The trim u = p² of x' = u - p² - x is 0 with slope 0 at p = 0, and beyond 0.9 at p = ±1."""
+    model = Model(
+        "bowl", {"x": Signal()}, {"u": Signal("1", 1.0, -9.0, 0.9)},
+        lambda x, u, p, w: ({"x": u.u - p.p * p.p - x.x}, {}),
+        parameters={"p": Signal(start=0.0)}, schedule="p", trim={"x": 0.0},
+    )  # fmt: skip
+    gains = Gains(np.array([0.0]), np.zeros((1, 1, 1)))
+    flight = Family(model).flight(-0.9, 0.9)
+    witness = ScheduleWitness(10**3, np.zeros(0), np.zeros((0, 1, 1)))
+    assert check_schedule(ScheduleStatement(flight, gains, 0.5), witness) > 0
+    beyond = replace(flight, range=(-0.94, 1.0), first={"u": 0.94**2})
+    with pytest.raises(NoSolutionError, match="u is not proved to be within its limits"):
+        check_schedule(ScheduleStatement(beyond, gains, 0.5), witness)
+
+
 def test_branches_of_trims_are_told_apart() -> None:
     """The trims u = ±√p of x' = u² - p are one branch each for p > 0, and meet at p = 0."""
     model = Model(
