@@ -18,7 +18,7 @@ from controller.critic.reading import DIMENSIONS, CriticReader, Reading, in_plan
 from controller.game.basis import Basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
-from hfa_aircraft.readers.matrices_file import file_scales, found_in
+from hfa_aircraft.readers.matrices_file import file_scales, found_in, sample_time
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.arrays.one_matrix import UNKNOWN
 from hfa_support.arrays.read import read_arrays
@@ -193,8 +193,12 @@ def entries_in(path: str | Path) -> dict[str, Any]:
     """Return name -> value for the entries of a critic file.
 
     An entry with an alias as its name, such as `weights`, is returned under both names.
+
+    Raises BadInputError for an entry `dt` that is no sample time.
     """
     stored = read_arrays(path)
+    with prefix_errors(path):
+        sample_time(stored)
     return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
 
 

@@ -113,7 +113,7 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     needed: required entries. If none of them is at the top level, all entries are read from the
         only structure that contains all required ones.
 
-    Raises BadInputError if the entry `dt` of python-control is neither 0 nor None.
+    Raises BadInputError if the entry `dt` is no sample time (`sample_time`).
     """
     notes: list[str] = []
     if not needed & set(found):
@@ -126,11 +126,29 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
             found = found[plants[0]]
             notes.append(f"{' and '.join(sorted(needed))} are read from the structure {plants[0]}")
     stored = {_OF_CONTROL.get(key, key): value for key, value in found.items()}
-    # python-control stores 0 or None for continuous time.
-    dt = np.asarray(stored.pop("dt", None), dtype=object)
-    if np.any((dt != 0) & (dt != None)):  # noqa: E711  entry by entry
-        stored["dt"] = dt.item() if dt.size == 1 else dt.tolist()
+    dt = sample_time(stored)
+    stored.pop("dt", None)
+    if dt is not None:
+        stored["dt"] = dt
     return stored, notes
+
+
+def sample_time(stored: Mapping[str, Any]) -> float | None:
+    """Return the sample time in the entry `dt` of a file, s.
+
+    The result is True if it is unknown, and None in continuous time, for which python-control
+    stores 0 or None.
+
+    Raises BadInputError for any other entry.
+    """
+    entry = np.asarray(stored.get("dt"), dtype=object)
+    dt = entry.item() if entry.size == 1 else entry.tolist()
+    if dt is None or isinstance(dt, bool):
+        return True if dt else None
+    seconds = one_number("dt", dt)
+    if not 0.0 <= seconds < math.inf:
+        raise BadInputError(f"dt is {seconds:g}; give the sample time in s, a positive number")
+    return seconds or None
 
 
 def is_discrete(stored: Mapping[str, Any]) -> bool:
@@ -143,10 +161,10 @@ def is_discrete(stored: Mapping[str, Any]) -> bool:
     time = words(stored, "time")
     if time and time not in (("discrete",), ("continuous",)):
         raise BadInputError(f'time is {shortened(time[0])}; give "continuous" or "discrete"')
-    has_dt = "dt" in stored and np.any(stored["dt"])
+    has_dt = sample_time(stored) is not None
     if time == ("continuous",) and has_dt:
         raise BadInputError('dt denotes discrete time, but time is "continuous"; remove dt or time')
-    return time == ("discrete",) or bool(has_dt)
+    return time == ("discrete",) or has_dt
 
 
 def one_number(name: str, value: Any) -> float:

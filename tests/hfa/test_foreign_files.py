@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib.util
 import json
 import shlex
 from pathlib import Path
@@ -11,6 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from cli import hfa
+
+from hfa.main import BAD_INPUT
 
 #: Commands that write .csv files -> columns of numbers without a unit.
 _ENTRIES = ("half_units", "percent")
@@ -109,3 +112,26 @@ def has_unit(name: str, header: list[str]) -> bool:
         name in ("value", "band", "learned", "exact", "printed", "computed") and "unit" in header
     )
     return beside or name.endswith("]") or name.endswith("_deg")
+
+
+@pytest.mark.parametrize("dt", [np.ones((2, 4)), [], -0.1, np.nan, np.inf, "fast"], ids=str)
+@pytest.mark.usefixtures("folder")
+def test_an_entry_dt_that_is_no_sample_time_is_refused(dt: object) -> None:
+    """Files of plants and of gains are refused in one line, by every command that reads them."""
+    plant = {"A": [[0.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": np.eye(2), "R": [[1.0]]}
+    np.savez("right.npz", **plant)
+    np.savez("plant.npz", **plant, dt=dt)
+    np.savez("gain.npz", K=[[8.0, 4.0]], dt=dt)
+    own = ("--model", "right.npz")
+    commands = [
+        ("solve", "--model", "plant.npz"),
+        ("linearize", "--model", "plant.npz"),
+        ("verify", *own, "--weights", "gain.npz"),
+    ]
+    if importlib.util.find_spec("hfa_policy"):
+        commands.append(("assess", "gain.npz", *own, "--sample-time", "0.1"))
+    for words in commands:
+        result = hfa(*words)
+        assert (result.code, result.out) == (BAD_INPUT, "")
+        assert len(result.err.splitlines()) == 1
+        assert ".npz: dt " in result.err

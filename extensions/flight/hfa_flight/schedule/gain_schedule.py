@@ -11,7 +11,7 @@ import numpy as np
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
-from hfa_aircraft.readers.matrices_file import file_scales, words
+from hfa_aircraft.readers.matrices_file import file_scales, sample_time, words
 from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors
@@ -119,6 +119,7 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     key = model.schedule_key
     plant = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
     with prefix_errors(path):
+        sample_time(stored)
         if "K" not in stored:
             raise BadInputError(
                 f"K is missing; add a K of {m} x {n}, or one for each value of {key}"

@@ -13,6 +13,7 @@ import numpy as np
 from controller.critic.network.network_file import network_in
 from controller.critic.network.row_network import RowNetwork
 from controller.critic.network.tensors import tensors_in
+from hfa_aircraft.readers.matrices_file import sample_time
 from hfa_flight.policies.deployment.stable_baselines import Zip, is_stable_baselines, read_zip
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shown
@@ -136,6 +137,7 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     if gain is not None:
         entries_of_gain = read_arrays(path)
         said = {name: entries_of_gain[name] for name in _OF_GAIN if name in entries_of_gain}
+        said["dt"] = sample_time(entries_of_gain)
         chain = f"a gain {gain.shape[0]} x {gain.shape[1]}"
         return Actor(gain_function(gain), chain, squash, of_gain=said)
     if path.suffix.lower() == ".onnx" and "activation" in entries:

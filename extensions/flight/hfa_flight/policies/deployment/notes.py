@@ -67,7 +67,7 @@ def _notes_on_gain(deployed: Deployed) -> list[str]:
             deployed, observed, [str(unit) for unit in said.get("state_units", ())]
         )
     dt = said.get("dt")
-    if dt is not None and not math.isclose(float(dt), deployment.dt, rel_tol=1e-6):
+    if dt not in (None, True) and not math.isclose(float(dt), deployment.dt, rel_tol=1e-6):
         notes.append(f"K is a gain for dt = {float(dt):g} s, but timing.dt is {deployment.dt:g} s")
     return notes
 
