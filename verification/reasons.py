@@ -166,23 +166,40 @@ def _of_value(P: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
         yield Mistake(says, half + half.T - np.diag(np.diag(half)))
     P = (P + P.T) / 2.0
     yield from _factors("P", "value", "V is z'Pz, without a factor 1/2", P, exact)
-    beside = np.where(np.eye(len(P), dtype=bool), 1.0, 0.5)
+    halves = np.where(np.eye(len(P), dtype=bool), 1.0, 0.5)
     says = "the entries of P off the diagonal are twice too large: they must be W / 2"
-    yield Mistake(says, beside * P)
-    with np.errstate(all="ignore"):
-        largest = int(np.argmax(np.diag(exact)))
-        signs = np.where(P[largest] * exact[largest] < 0.0, -1.0, 1.0)
-        if np.sum(signs) < 0.0:  # only products of two signs are known
-            signs = -signs
-        factors = signs * np.sqrt(np.abs(np.diag(P) / np.diag(exact)))
-        rows = np.sort(P)[:, None]
-        exact_rows = np.sort(exact)[None]
-        apart = np.abs(rows - exact_rows) / (np.abs(rows) + np.abs(exact_rows))
-    order = _assigned(np.nan_to_num(apart).sum(axis=-1))
-    yield Mistake(_order_text("state", order), P[np.ix_(np.argsort(order), np.argsort(order))])
-    for says, divisors in _units("state", factors, DEGREE):
+    yield Mistake(says, halves * P)
+    order = _order_of_states(P, exact)
+    places = np.argsort(order)
+    yield Mistake(_order_text("state", order), P[np.ix_(places, places)])
+    for says, divisors in _units("state", _factors_of_states(P, exact), DEGREE):
         yield Mistake(says, P / np.outer(divisors, divisors))
     yield from _one_entry("P", P, exact)
+
+
+def _order_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
+    """Return the order of the states in P for which the sorted entries of the rows fit best, (n,).
+
+    A change of order permutes the entries of a row.
+    """
+    rows = np.sort(P)[:, None]
+    exact_rows = np.sort(exact)[None]
+    with np.errstate(all="ignore"):
+        differences = np.abs(rows - exact_rows) / (np.abs(rows) + np.abs(exact_rows))
+    return _assigned(np.nan_to_num(differences).sum(axis=-1))
+
+
+def _factors_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
+    """Return the factor on each state that the diagonals and the signs of a row of P suggest, (n,).
+
+    P determines only products of two signs. Most of the states have the right sign.
+    """
+    largest = int(np.argmax(np.diag(exact)))
+    signs = np.where(P[largest] * exact[largest] < 0.0, -1.0, 1.0)
+    if np.sum(signs) < 0.0:
+        signs = -signs
+    with np.errstate(all="ignore"):
+        return signs * np.sqrt(np.abs(np.diag(P) / np.diag(exact)))
 
 
 def _of_gain(game: Game, K: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
@@ -194,21 +211,28 @@ def _of_gain(game: Game, K: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
         yield Mistake("R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(game.R, K))
     says = "K was read row by row, but its entries are stored column by column"
     yield Mistake(says, K.reshape(K.shape[::-1]).T)
-    for noun, degree, side in (("input", 1.0 / DEGREE, 0), ("state", DEGREE, 1)):
-        given, right = (K, exact) if side == 0 else (K.T, exact.T)
-        scaled = right / np.maximum(np.abs(right).max(axis=0), TINY)
-        judged = given / np.maximum(np.abs(right).max(axis=0), TINY)
-        with np.errstate(over="ignore"):  # of a K with a zero column
-            away = np.sum((judged[:, None] - scaled) ** 2, axis=-1)
-        order = _assigned(np.nan_to_num(away, nan=1e300, posinf=1e300))
-        undone = given[np.argsort(order)]
-        yield Mistake(_order_text(noun, order), undone if side == 0 else undone.T)
-        with np.errstate(all="ignore"):
-            factors = np.sum(judged * scaled, axis=1) / np.sum(scaled**2, axis=1)
-        for says, divisors in _units(noun, factors, degree):
-            undone = given / divisors[:, None]
-            yield Mistake(says, undone if side == 0 else undone.T)
+    yield from _of_rows("input", 1.0 / DEGREE, K, exact)
+    for says, undone in _of_rows("state", DEGREE, K.T, exact.T):
+        yield Mistake(says, undone.T)
     yield from _one_entry("K", K, exact)
+
+
+def _of_rows(noun: str, degree: float, given: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
+    """Yield that the rows of K are in another order, or that some have a wrong sign or unit.
+
+    noun: what the rows belong to
+    degree: factor on a row in degrees
+    """
+    columns = np.maximum(np.abs(exact).max(axis=0), TINY)
+    rows, exact_rows = given / columns, exact / columns
+    with np.errstate(over="ignore"):  # of a K with a zero column
+        distances = np.sum((rows[:, None] - exact_rows) ** 2, axis=-1)
+    order = _assigned(np.nan_to_num(distances, nan=1e300, posinf=1e300))
+    yield Mistake(_order_text(noun, order), given[np.argsort(order)])
+    with np.errstate(all="ignore"):
+        factors = np.sum(rows * exact_rows, axis=1) / np.sum(exact_rows**2, axis=1)
+    for says, divisors in _units(noun, factors, degree):
+        yield Mistake(says, given / divisors[:, None])
 
 
 def _factors(

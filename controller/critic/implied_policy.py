@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -31,39 +32,61 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
     gradient: function x (n,) -> ∂V/∂x (n,)
     P: quadratic part of V, (n, n)
     """
+    m = problem.B.shape[1]
+    actions = _actions(problem, P)
+    x = symbols_for([gradient], len(problem.A))
+    scaled = symbols_for([gradient], len(actions.sizes))
+    a = ca.DM(actions.sizes) * scaled
+    after = ca.DM(problem.A) @ x + ca.DM(actions.columns) @ a
+    paid = ca.DM(actions.price) @ a
+    crossed = ca.DM(actions.cross) @ x
+    valued = 0.5 * problem.discount * (ca.DM(actions.columns).T @ gradient(after))
+    units = ca.DM(np.abs(np.diag(actions.price)) * actions.sizes)
+    slope = ca.densify((paid + crossed + valued) / units)
+    terms = (ca.fabs(paid) + ca.fabs(crossed) + ca.fabs(valued)) / units
+    edge = 1.0
+    if problem.half_widths is not None:
+        edge = float(np.max(np.sqrt(np.diag(P).clip(0.0)) * problem.half_widths)) or 1.0
+    residual = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), edge)
+    options = {"max_iter": _STEPS, "error_on_fail": False, "show_eval_warnings": False}
+    root = ca.rootfinder("root", "newton", {"x": scaled, "p": x, "g": slope}, options)
+    state = ca.MX.sym("x", len(problem.A))
+    start = ca.DM(actions.gains / actions.sizes[:, None]) @ state
+    found = root(x0=start, p=state)["x"]
+    is_found = ca.Function("residual", [x, scaled], [residual])(state, found) <= _LEFT
+    u = ca.DM(actions.sizes[:m]) * found[:m]
+    return ca.Function("policy", [state], [ca.if_else(is_found, 1.0, math.nan) * u])
+
+
+class _Actions(NamedTuple):
+    """The actions a = (u, δ w) of a step, or u alone without disturbance: x⁺ = A x + columns a.
+
+    columns: [B E/δ], (n, k)
+    price: weights of a in the cost, (k, k)
+    cross: weights of a with x in the cost, (k, n)
+    gains: policy a = gains x of the quadratic part of V, (k, n)
+    sizes: sizes of the actions at states with the value 1, (k,)
+    """
+
+    columns: np.ndarray
+    price: np.ndarray
+    cross: np.ndarray
+    gains: np.ndarray
+    sizes: np.ndarray
+
+
+def _actions(problem: Game, P: np.ndarray) -> _Actions:
+    """Return the actions of a step of a game, whose value begins with x'P x."""
     n, m = problem.B.shape
     K, L = problem.policies(P)
-    gains = -K
-    columns = problem.B
-    price = problem.R
-    cross = problem.N.T
-    if math.isfinite(problem.delta):  # with w multiplied by delta as unknown
+    columns, price, cross, gains = problem.B, problem.R, problem.N.T, -K
+    if math.isfinite(problem.delta):
         k = problem.E.shape[1]
-        gains = np.vstack([gains, problem.delta * L])
         columns = np.hstack([columns, problem.E / problem.delta])
         price = np.block([[price, np.zeros((m, k))], [np.zeros((k, m)), -np.eye(k)]])
         cross = np.vstack([cross, np.zeros((k, n))])
-    costly = np.diag(P) > 0.0
-    sizes = np.abs(gains[:, costly]) @ np.diag(P)[costly] ** -0.5  # of states with the value 1
-    sizes = np.where(sizes > 0.0, sizes, 1.0)
-    x = symbols_for([gradient], n)
-    scaled = symbols_for([gradient], len(gains))
-    a = ca.DM(sizes) * scaled
-    paid = ca.DM(price) @ a
-    crossed = ca.DM(cross) @ x
-    after = ca.DM(problem.A) @ x + ca.DM(columns) @ a
-    valued = 0.5 * problem.discount * (ca.DM(columns).T @ gradient(after))
-    units = ca.DM(np.abs(np.diag(price)) * sizes)
-    slope = ca.densify((paid + crossed + valued) / units)
-    terms = (ca.fabs(paid) + ca.fabs(crossed) + ca.fabs(valued)) / units
-    box = 1.0
-    if problem.half_widths is not None:
-        box = float(np.max(np.sqrt(np.diag(P).clip(0.0)) * problem.half_widths)) or 1.0
-    left = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), box)
-    options = {"max_iter": _STEPS, "error_on_fail": False, "show_eval_warnings": False}
-    root = ca.rootfinder("root", "newton", {"x": scaled, "p": x, "g": slope}, options)
-    state = ca.MX.sym("x", n)
-    found = root(x0=ca.DM(gains / sizes[:, None]) @ state, p=state)["x"]
-    is_found = ca.Function("left", [x, scaled], [left])(state, found) <= _LEFT
-    u = ca.DM(sizes[:m]) * found[:m]
-    return ca.Function("policy", [state], [ca.if_else(is_found, 1.0, math.nan) * u])
+        gains = np.vstack([gains, problem.delta * L])
+    values = np.diag(P)
+    costly = values > 0.0
+    sizes = np.abs(gains[:, costly]) @ values[costly] ** -0.5
+    return _Actions(columns, price, cross, gains, np.where(sizes > 0.0, sizes, 1.0))

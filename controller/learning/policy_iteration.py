@@ -119,14 +119,18 @@ class RecordedGame:
         return np.asarray(np.einsum("jmi,ji->jm", self.gradient, rates))
 
     def evaluated(self, P: np.ndarray, problem: Problem) -> np.ndarray:
-        """Return the matrix (n, n) of the value of the policies of P."""
+        """Return the matrix (n, n) of the value of the policies of P.
+
+        The equations are divided by the lengths of their rows, and the weights are those of columns
+        of equal length.
+        """
         regressors = self.regressors(P, problem)
         costs = self.quadratic(self.Q + P @ self.worth(problem) @ P)
-        sizes = np.linalg.norm(regressors, axis=1)
-        rows = regressors / sizes[:, None]
-        columns = np.linalg.norm(rows, axis=0)
-        weights = np.linalg.lstsq(rows / columns, -costs / sizes, rcond=None)[0] / columns
-        return self.psi.matrix(weights)
+        row_lengths = np.linalg.norm(regressors, axis=1)
+        equations = regressors / row_lengths[:, None]
+        column_lengths = np.linalg.norm(equations, axis=0)
+        scaled, *_ = np.linalg.lstsq(equations / column_lengths, -costs / row_lengths, rcond=None)
+        return self.psi.matrix(scaled / column_lengths)
 
     def iterated(self, P: np.ndarray, problem: Problem, most: int) -> np.ndarray | None:
         """Return P (n, n) after policy iterations for a problem, or None without convergence."""

@@ -188,18 +188,18 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
             break
         grid = np.insert(grid, jumps + 1, (grid[jumps] + grid[jumps + 1]) / 2.0)
     at_zero = seen[0]
-    static = at_zero[np.abs(at_zero.imag) <= ROUNDING * np.abs(at_zero)].real
-    reals = np.concatenate([static, real.values.real])
-    if loop is not None:
-        reals = np.append(reals, loop.D)
-    with np.errstate(divide="ignore"):
-        gains = (reals + 0.5) / (reals - 0.5)  # -1 / l
-    gains = gains[(gains > ROUNDING) & (gains < 1.0 / ROUNDING)]
-    angles = np.angle((imaginary.values - 0.5) / (imaginary.values + 0.5))  # of -l
-    phases = np.degrees(np.abs(angles))
+    static = at_zero[np.abs(at_zero.imag) <= ROUNDING * np.abs(at_zero)]
+    real_values = np.concatenate([static.real, real.values.real])
     frequencies = imaginary.frequencies
     if loop is not None:
+        real_values = np.append(real_values, loop.D)
         frequencies = loop.rate(frequencies)
+    # With M = S - I/2, a factor f on the loop reaches -1 where f = (M + 1/2) / (M - 1/2).
+    with np.errstate(divide="ignore"):
+        gains = (real_values + 0.5) / (real_values - 0.5)
+    gains = gains[(gains > ROUNDING) & (gains < 1.0 / ROUNDING)]
+    angles = np.angle((imaginary.values - 0.5) / (imaginary.values + 0.5))
+    phases = np.degrees(np.abs(angles))
     return LoopMargin(
         gain_low=float(gains[gains < 1.0].max(initial=0.0)),
         gain_high=float(gains[gains > 1.0].min(initial=math.inf)),

@@ -29,6 +29,7 @@ from controller.riccati.form import (
     UNREACHED,
     Form,
     dependence,
+    doubled,
     modes_of,
 )
 from controller.riccati.frequency_response import square_root, system_gain
@@ -41,8 +42,6 @@ from hfa_support.reporting.checks import Check, at_least, at_most, below, checke
 AXIS_DISTANCE = 1e-12
 #: Relative change of A below which a matrix counts as rank-deficient.
 RANK = 1e-13
-#: Largest number of doublings; 5 to 10 are usual.
-DOUBLINGS = 50
 #: Magnitude of a negative eigenvalue of X1'X2 that counts as rounding.
 SIGN_ROUNDING = 1e-12
 _NO_GRAPH = "the Hamiltonian has no stable subspace that is the graph of a P"
@@ -179,14 +178,10 @@ class NormalForm(Form):
 
         T = -2c [[A - S p - c I, -S], [-Q - p (A + A' - S p), -(A - S p - c I)']]^-1
 
-        T defines a game in steps with E = I - T11, G = T12 and the cost X = T21 of one step. With
-        V = (I + G X)^-1, each doubling replaces
-
-        X <- X + E'X V E,  G <- G + E V G E',  E <- E V E
-
-        until E is 0 up to rounding. The solution of the given game is p I + X. c is slightly below
-        the geometric mean of the largest and the smallest |λ|, because an eigenvalue may be at the
-        mean itself. Source: Chu, Fan and Lin, Linear Algebra Appl. 396 (2005), 55-80.
+        T defines a game in steps with the loop I - T11, S = T12 and the cost Y = T21 of one step
+        (`doubled`). The solution of the given game is p I + Y. c is slightly below the geometric
+        mean of the largest and the smallest |λ|, because an eigenvalue may be at the mean itself.
+        Source: Chu, Fan and Lin, Linear Algebra Appl. 396 (2005), 55-80.
 
         Raises NoSolutionError if a matrix is singular.
         """
@@ -199,16 +194,10 @@ class NormalForm(Form):
         try:
             with np.errstate(all="ignore"):
                 T = -2.0 * c * np.linalg.inv(hamiltonian(A - c * one, self.S, Q))
-                E, G, X = one - T[:n, :n], T[:n, n:], T[n:, :n]
-                for _ in range(DOUBLINGS):
-                    V = np.linalg.inv(one + G @ X)
-                    EV = E @ V
-                    X, G, E = X + E.T @ X @ V @ E, G + EV @ G @ E.T, EV @ E
-                    if np.abs(E).max() <= 1e-8:
-                        break
+                Y = doubled(one - T[:n, :n], T[:n, n:], T[n:, :n])
         except np.linalg.LinAlgError as error:
             raise NoSolutionError("doubling meets a singular matrix") from error
-        return self.refined(X + LAST * one)
+        return self.refined(Y + LAST * one)
 
     @property
     def _is_finite(self) -> bool:

@@ -23,6 +23,7 @@ from controller.riccati.form import (
     UNREACHED,
     Form,
     dependence,
+    doubled,
     modes_of,
 )
 from controller.riccati.lyapunov import Lyapunov
@@ -32,8 +33,6 @@ from hfa_support.reporting.checks import Check, at_least, at_most, below
 
 #: Lower bound of the smallest eigenvalue of I - E'X E and, relative, of R + B'X B.
 SADDLE = 1e-12
-#: Largest number of doublings.
-DOUBLINGS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +149,8 @@ class StepForm(Form):
         """Return X as the limit of the costs over 2^k steps, with the cost p I of the final state,
         after Newton steps.
 
-        X = p I + Y, and the first step with the final cost p I gives a game of Y without R. With
-        V = (I + S Y)^-1, each doubling replaces
-
-        Y <- Y + A'Y V A,  S <- S + A V S A',  A <- A V A
+        X = p I + Y, and the first step with the final cost p I gives a game of Y without R
+        (`doubled`).
 
         Source: Chu, Fan, Lin and Wang, Int. J. Control 77 (2004).
         """
@@ -167,11 +164,7 @@ class StepForm(Form):
             Y = self.Q + LAST * (self.A.T @ self.A - one) - crossed.T @ gains
             S = G @ np.linalg.solve(weights, G.T)
             with np.errstate(all="ignore"):
-                for _ in range(DOUBLINGS):
-                    V = np.linalg.inv(one + S @ Y)
-                    A, S, Y = A @ V @ A, S + A @ V @ S @ A.T, Y + A.T @ Y @ V @ A
-                    if np.abs(A).max() <= 1e-8:
-                        break
+                Y = doubled(A, S, Y)
         return self.refined(Y + LAST * one)
 
     def axis_checks(self) -> tuple[Check, ...]:

@@ -6,7 +6,7 @@ import csv
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -64,37 +64,52 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
     return np.array(rows, dtype=float), row_names, column_names
 
 
+class _Label(NamedTuple):
+    """Name of a row or a column, and its unit or ""."""
+
+    name: str
+    unit: str
+
+    @classmethod
+    def of(cls, text: str) -> _Label:
+        """Return the label of a text such as "speed [ft/s]"."""
+        ((name, unit),) = re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", text.strip(), re.DOTALL)
+        return cls(name, unit)
+
+
 def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
-    """Return the names and units of the states and inputs that .csv files contain."""
-    # The result has the keys "states", "inputs", "state_units" and "input_units", as far as known.
-    # Names of states come from the matrix A and names of inputs from the columns of B. Units are
-    # returned only if each state, or each input, has a unit.
-    # Raises ValueError if another matrix names the states in another order.
-    parts = {
-        name: [
-            [re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", word.strip(), re.DOTALL)[0] for word in side]
-            for side in both
-        ]
-        for name, both in sides.items()
+    """Return the names and units of the states and inputs that .csv files contain.
+
+    The result has the keys "states", "inputs", "state_units" and "input_units", as far as known.
+    Names of states come from the matrix A, and names of inputs from the columns of B. Units are
+    returned only if each state, or each input, has a unit.
+
+    sides: matrix -> texts of its rows, and texts of its columns
+
+    Raises ValueError if another matrix names the states in another order.
+    """
+    labels = {
+        matrix: [[_Label.of(text) for text in texts] for texts in both]
+        for matrix, both in sides.items()
     }
-    A = parts.get("A", [[], []])
-    B = parts.get("B", [[], []])
-    names = {}
-    for kind, pairs in (("state", A[0] or A[1]), ("input", B[1])):
-        if pairs:
-            names[f"{kind}s"] = [name for name, _ in pairs]
-        if pairs and all(unit for _, unit in pairs):
-            names[f"{kind}_units"] = [unit for _, unit in pairs]
-    of_A = names.get("states", [])
-    for matrix, both in parts.items():
+    rows_of_A, columns_of_A = labels.get("A", [[], []])
+    _, columns_of_B = labels.get("B", [[], []])
+    found = {}
+    for kind, signals in (("state", rows_of_A or columns_of_A), ("input", columns_of_B)):
+        if signals:
+            found[f"{kind}s"] = [label.name for label in signals]
+        if signals and all(label.unit for label in signals):
+            found[f"{kind}_units"] = [label.unit for label in signals]
+    states = found.get("states", [])
+    for matrix, both in labels.items():
         for side in _STATES.get(matrix, ()):
-            here = [name for name, _ in both[side]]
-            if here != of_A and sorted(here) == sorted(of_A):
+            names = [label.name for label in both[side]]
+            if names != states and sorted(names) == sorted(states):
                 where = f"the {('rows', 'columns')[side]} of {matrix}"
                 raise ValueError(
-                    f"{where} are {', '.join(here)}, but A has {', '.join(of_A)}; use A's order"
+                    f"{where} are {', '.join(names)}, but A has {', '.join(states)}; use A's order"
                 )
-    return names
+    return found
 
 
 def _is_number(text: str) -> bool:
