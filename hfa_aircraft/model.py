@@ -79,9 +79,9 @@ def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
     """
     found = recognized(states)
     modes: dict[str, tuple[str, ...]] = {}
-    for mode, (roles, beside) in _MODES.items():
-        needed = (*roles, *_MODES[beside][0])
-        if all(role in found for role in needed):
+    for mode, (roles, other_mode) in _MODES.items():
+        other_roles, _ = _MODES[other_mode]
+        if all(role in found for role in (*roles, *other_roles)):
             modes[mode] = tuple(found[role] for role in roles)
     return modes
 

@@ -60,31 +60,19 @@ def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     Raises ValueError if an entry is not finite.
     """
-    scaled, scalings = balanced_stack(matrix[None])
-    return scaled[0], scalings[0]
-
-
-def balanced_stack(matrices: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return the balanced forms D⁻¹ M D of matrices M, (N, n, n), and the diagonals of D, (N, n).
-
-    The diagonals consist of powers of two.
-
-    Raises ValueError if an entry is not finite.
-    """
     from scipy.linalg.lapack import dgebal
 
-    found = [dgebal(matrix, scale=1, permute=0) for matrix in np.asarray_chkfinite(matrices)]
-    return [each[0] for each in found], np.array([each[3] for each in found])
+    scaled, _, _, scaling, _ = dgebal(np.asarray_chkfinite(matrix), scale=1, permute=0)
+    return scaled, scaling
 
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """Return the Hamiltonian matrix [[A, -S], [-Q, -A']], (..., 2n, 2n)."""
-    rows = [np.concatenate(row, axis=-1) for row in ([A, -S], [-Q, -A.mT])]
-    return np.concatenate(rows, axis=-2)
+    """Return the Hamiltonian matrix [[A, -S], [-Q, -A']], (2n, 2n)."""
+    return np.block([[A, -S], [-Q, -A.T]])
 
 
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """Return units u (..., n) for which the Hamiltonian in the coordinates y, z_i = u_i y_i, is
+    """Return units u (n,) for which the Hamiltonian in the coordinates y, z_i = u_i y_i, is
     balanced.
 
     The units are powers of two. The change of units therefore causes no rounding. The units do not
@@ -92,36 +80,30 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     A and S are not 0, the units also make the largest entry of S in y about as large as the largest
     entry of A.
 
-    A: (..., n, n)
-    S: (..., n, n)
-    Q: (..., n, n)
+    A, S, Q: (n, n)
 
     Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001).
     """
-    n = A.shape[-1]
-    matrices = hamiltonian(A, S, Q).reshape(-1, 2 * n, 2 * n)
-    scaling = balanced_stack(matrices)[1]
-    logarithms = 0.5 * (np.log2(scaling[:, :n]) - np.log2(scaling[:, n:]))
-    units = np.exp2(np.round(logarithms)).reshape(A.shape[:-1])
-    free = ~Q.any(axis=(-2, -1))
-    if np.any(free):
-        free &= S.any(axis=(-2, -1)) & A.any(axis=(-2, -1))
-        in_y = S / (units[..., None] * units[..., None, :])
+    _, scaling = balanced(hamiltonian(A, S, Q))
+    of_states, of_costates = np.split(np.log2(scaling), 2)
+    units = np.exp2(np.round(0.5 * (of_states - of_costates)))
+    if S.any() and A.any() and not Q.any():
+        S_in_units = S / np.outer(units, units)
         with np.errstate(all="ignore"):
-            exponent = np.round(0.5 * (np.log2(largest(in_y)) - np.log2(largest(A))))
-        units = units * np.exp2(np.where(free, exponent, 0.0))[..., None]
+            logarithm = np.log2(largest(S_in_units)) - np.log2(largest(A))
+            units = units * np.exp2(np.round(0.5 * logarithm))
     return units
 
 
-def largest(matrices: np.ndarray) -> np.ndarray:
-    """Return the largest magnitude of an entry of each matrix, (...), for matrices (..., n, m)."""
-    return np.abs(matrices).max(axis=(-2, -1))
+def largest(matrix: np.ndarray) -> float:
+    """Return the largest magnitude of an entry of a matrix."""
+    return float(np.abs(matrix).max())
 
 
-def largest_or_1(matrices: np.ndarray) -> np.ndarray:
-    """Return the largest magnitude of an entry of each matrix, or 1 for a zero matrix, (...)."""
-    sizes = largest(matrices)
-    return np.where(sizes > 0.0, sizes, 1.0)
+def largest_or_1(matrix: np.ndarray) -> float:
+    """Return the largest magnitude of an entry of a matrix, or 1 if this is not positive."""
+    size = largest(matrix)
+    return size if size > 0.0 else 1.0
 
 
 def norms(matrices: np.ndarray) -> np.ndarray:

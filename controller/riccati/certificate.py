@@ -76,7 +76,7 @@ def certified_solution(form: Form) -> Certified:
 
 def agreement(X: np.ndarray, second_X: np.ndarray) -> Check:
     """Return the check that two derivations of the solution agree, max |X - X2| / max |X|."""
-    difference = float(largest(X - second_X) / largest_or_1(X))
+    difference = largest(X - second_X) / largest_or_1(X)
     apart = f"the second derivation gives another P (difference {difference:.2g})"
     return at_most("second_derivation", difference, DISAGREEMENT, apart)
 

@@ -164,7 +164,7 @@ class Form(ABC):
             with np.errstate(all="ignore"):  # an overflow is refused
                 correction = self.newton_step(X)
             X = X + correction
-            size = float(largest(correction))
+            size = largest(correction)
             if size < smallest:
                 best, smallest = X, size
             if size <= LAST_CORRECTION * largest(X):

@@ -8,7 +8,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import stability
-from controller.riccati.double_double import Pair, exact, product_of_doubles
+from controller.riccati.double_double import exact, product_of_doubles
 from controller.riccati.form import LAST_CORRECTION
 from controller.riccati.frequency_response import closed_loop, loop_gain, responses_at
 from controller.riccati.lyapunov import Lyapunov
@@ -55,30 +55,27 @@ def cost_matrix(
     Raises NoSolutionError if F (√α F) is not stable. The cost is then not finite.
     """
     root = math.sqrt(game.discount)
-    moved = product_of_doubles(-root * game.B, K) + product_of_doubles(root * game.E, L)
-    loop = exact(root * game.A) + moved
-    size, limit = stability(loop.high, is_discrete=game.is_discrete)
+    loop = root * (game.A - game.B @ K + game.E @ L)
+    size, limit = stability(loop, is_discrete=game.is_discrete)
     if not size < limit:
         raise NoSolutionError("A - B K + E L is not stable: these policies have infinite cost")
-    equation = Lyapunov.of_steps(loop.high) if game.is_discrete else Lyapunov(loop.high)
+    equation = Lyapunov.of_steps(loop) if game.is_discrete else Lyapunov(loop)
     pair = np.vstack([np.eye(len(K.T)), -K])
     weighted = game.delta * L if math.isfinite(game.delta) else 0.0 * L
     X, _ = equation.solve(weighted.T @ weighted - pair.T @ game.weights @ pair)
     for _ in range(refinements):
-        correction, _ = equation.solve(-_cost_residual(game, K, L, loop, X))
+        correction, _ = equation.solve(-_cost_residual(game, K, L, X))
         X = X + correction
         if np.abs(correction).max() <= LAST_CORRECTION * np.abs(X).max():
             break
     return X
 
 
-def _cost_residual(
-    game: Game, K: np.ndarray, L: np.ndarray, loop: Pair, X: np.ndarray
-) -> np.ndarray:
-    """Return the residual of the equation of `cost_matrix`, (n, n), in twice the precision.
-
-    loop: √α (A - B K + E L)
-    """
+def _cost_residual(game: Game, K: np.ndarray, L: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Return the residual of the equation of `cost_matrix`, (n, n), in twice the precision."""
+    root = math.sqrt(game.discount)
+    moved = product_of_doubles(-root * game.B, K) + product_of_doubles(root * game.E, L)
+    loop = exact(root * game.A) + moved
     cost = exact(game.Q) + product_of_doubles(K.T, game.R) @ exact(K)
     if game.N.any():
         mixed = product_of_doubles(-game.N, K)

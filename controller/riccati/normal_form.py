@@ -122,7 +122,7 @@ class NormalForm(Form):
         residual = linear + linear.T + self.Q - X @ self.S @ X
         terms = size @ np.abs(self.A)
         terms = terms + terms.T + np.abs(self.Q) + size @ S_size @ size
-        return float(largest(residual) / largest_or_1(terms))
+        return largest(residual) / largest_or_1(terms)
 
     def newton_step(self, X: np.ndarray) -> np.ndarray:
         """Return the Newton correction Z, (n, n): (A - S X)'Z + Z (A - S X) + residual(X) = 0.

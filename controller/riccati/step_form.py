@@ -103,7 +103,7 @@ class StepForm(Form):
         K, _ = self.gains(X)
         loop = np.abs(self.A - self.inputs @ K)
         terms = np.abs(self.Q) + np.abs(K.T @ self.R @ K) + np.abs(X) + loop.T @ np.abs(X) @ loop
-        return float(largest(residual) / (float(terms.max()) or 1.0))
+        return largest(residual) / (float(terms.max()) or 1.0)
 
     def newton_step(self, X: np.ndarray) -> np.ndarray:
         """Return the Newton correction Z, (n, n): Z = F'Z F + residual(X), F the loop of X.
@@ -176,16 +176,16 @@ class StepForm(Form):
 
         Raises NoSolutionError if a matrix is singular.
         """
-        size = float(largest_or_1(X))
+        size = largest_or_1(X)
         with _no_singularity():
             K, _ = self.gains(X)
             _, game_loop = self._residual(X)
         residual = self.relative_residual(X)
-        error = float(largest(self.newton_step(X))) / size
+        error = largest(self.newton_step(X)) / size
         smallest = _least(X) / size
         paid = _least(np.eye(self.E.shape[1]) - self.E.T @ X @ self.E)
         price = self.R + self.inputs.T @ X @ self.inputs
-        weight = _least(price) / float(largest_or_1(price))
+        weight = _least(price) / largest_or_1(price)
         game_radius = spectral_radius(game_loop)
         radius = spectral_radius(self.A - self.inputs @ K)
         unsolved = f"the residual of Bellman's equation is {residual:.2g}"

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import largest
 from controller.riccati.gare import unconfirmed_solution
 
 #: Largest number of doublings of the horizon for an approximate value.
@@ -166,7 +165,8 @@ def rough_values(plants: Plant) -> np.ndarray:
             S = S + A @ M @ S @ A.mT
             P = P + (increase + increase.mT) / 2.0
             A = A @ M @ A
-            if not (largest(increase) > _SETTLED * largest(P)).any():
+            sizes, changes = (np.abs(each).max(axis=(-2, -1)) for each in (P, increase))
+            if not (changes > _SETTLED * sizes).any():
                 break
     return P
 
