@@ -216,7 +216,7 @@ def _assess_line(request: VerifyRequest, source: str) -> str:
     if any(name.startswith("trim.") and name != "trim.at" for name in request.typed):
         words.append("with the same options of the trim")
     if not is_deployment:
-        words.append(f"(a file that names {source}, its observations and actions)")
+        words.append(f"(DEPLOYMENT.toml names {source}, its observations and actions)")
     return " ".join(words)
 
 

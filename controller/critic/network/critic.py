@@ -223,9 +223,10 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str
             fitting = ["gradient"]  # V+policy has equal size if 1 + m = n; it must be named
         if not fitting:
             meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
+            held = ", or the inputs that it moves (--inputs, game.select)" if size < m else ""
             raise BadInputError(
                 f"the network has {size} outputs, but for this plant {meanings}; give a network "
-                "with such a number of outputs"
+                f"with such a number of outputs{held}"
             )
         if len(fitting) > 1:
             raise BadInputError(
