@@ -164,7 +164,7 @@ def _sweep(
     high: float,
     goal: float,
 ) -> Comparison:
-    count, peer_count = (500, 2) if quick else (10_000, 50)
+    count, peer_count = (500, 5) if quick else (10_000, 50)  # python-control needs small steps
     values = np.linspace(low, high, count)
 
     def ours() -> None:
