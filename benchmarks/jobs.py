@@ -296,7 +296,7 @@ def predictive(quick: bool) -> list[Comparison]:
 
 
 def proof(quick: bool) -> list[Comparison]:
-    """Return the time of the proof of a schedule of gains, whose search ends by itself, and a goal."""
+    """Return the time of a proof of a schedule, whose search ends by itself, and a goal."""
     interval = "14:15" if quick else "0:20"
 
     def ours() -> None:
