@@ -1,6 +1,11 @@
 """Checks of critics against the exact game solution, and of linear models against printed
 matrices."""
 
+from .box import Box as Box
 from .critic_errors import relative_error as relative_error
 from .regeneration import regenerate_all as regenerate_all
-from .scope import Scope as Scope
+from .scope import (
+    NonlinearPlant as NonlinearPlant,
+    Scope as Scope,
+    nonlinear_plant as nonlinear_plant,
+)

@@ -14,11 +14,8 @@ from hypothesis import assume, given, strategies as st
 from strategies import changed_matrix, coordinates, games, in_coordinates
 
 import hfa
-from controller import load_game, minimum_delta
-from controller.critic.critic import from_gain, from_value
-from controller.riccati.loop_margins import loop_margins
-from controller.riccati.margins import disk_margin
-from hfa import Game, NoSolutionError, solve, verify
+from controller import disk_margin, load_game, minimum_delta
+from hfa import Game, NoSolutionError, from_gain, from_value, solve, verify
 
 #: Relative accuracy of two brackets of delta_min.
 CLOSE = 3e-6
@@ -114,7 +111,8 @@ def test_margins_agree_with_the_definition(game: Game) -> None:
     if least is not None:
         assert disk_margin(game, K).disk <= min(least, 2.0) * (1 + 1e-9)
         assert disk_margin(game, K).disk == pytest.approx(min(least, 2.0), rel=2e-2)
-    for i, margin in enumerate(loop_margins(game, K)):
+    margins = hfa.margins(hfa.LinearModel.of(game.A, game.B), K)
+    for i, margin in enumerate(margins.values()):
         # The margin of an input, with the other loops closed.
         others = np.delete(K, i, axis=0)
         A = game.A - np.delete(game.B, i, axis=1) @ others

@@ -11,22 +11,31 @@ import pytest
 
 pytest.importorskip("hfa_flight")
 
+from typing import Any
+
 from game_samples import INITIAL, game_models
 from linear_flight import LinearFlight, simulate
 
-from controller.reference import feedforward
-from hfa import BadInputError, Game, solve
-from hfa_aircraft.waveform import Harmonic, Waveform, channel
+from hfa import BadInputError, Game, LinearModel, solve, track
 
 #: Constant, ramp and two sinusoids in several states.
-REFERENCE = Waveform(
-    np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0]),
-    np.array([0.01, 0.0, 0.002, 0.0, 0.0, 0.0]),
-    (
-        Harmonic(0.5, np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(6)),
-        Harmonic(1.3, np.array([0.0, 0.0, 0.02, 0.0, 0.1, 0.0]), np.full(6, 0.03)),
-    ),
-)
+COMMAND = {
+    "x1": "7+0.01t+2sin(0.5t)",
+    "x2": "0.1+0.03cos(1.3t)",
+    "x3": "0.002t+0.02sin(1.3t)",
+    "x5": "0.5+0.1sin(1.3t)",
+}
+
+
+PLANT = LinearModel.of([[-1.0]], [[1.0]])
+SCALAR = solve(Game(PLANT.A, PLANT.B, Q=[1.0], R=[1.0]))
+
+
+def exact_feedforward(game: Game) -> Any:
+    """Return the exact feedforward of a game for the command."""
+    linear = LinearModel.of(game.A, game.B)
+    own = Game(game.A, game.B, game.E, game.Q, game.R, game.delta, game.N)
+    return track(linear, solve(own), COMMAND).exact
 
 
 @pytest.fixture(params=["plain", "cross weights"])
@@ -42,26 +51,17 @@ def game(request: pytest.FixtureRequest) -> Game:
 def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
     """The costate s(t) satisfies -s' = (A - S P)'s + P r, with derivatives by central differences."""
     P = solve(game).P
-    s = feedforward(game, P, REFERENCE).costate
+    exact = exact_feedforward(game)
+    s, reference = exact.costate, exact.reference
     plain = game.without_cross_weights
     loop = plain.A - plain.S @ P
     step = 1e-3
     weights = np.array([1.0, -8.0, 8.0, -1.0]) / 12e-3
     for t in (0.0, 3.0, 17.0):
         around = [t + k * step for k in (-2, -1, 1, 2)]
-        r = game.A @ REFERENCE.at(t) - weights @ np.array([REFERENCE.at(each) for each in around])
+        r = game.A @ reference.at(t) - weights @ np.array([reference.at(each) for each in around])
         rate = weights @ np.array([s.at(each) for each in around])
         assert np.abs(rate + loop.T @ s.at(t) + P @ r).max() < 1e-9 * np.abs(P @ r).max()
-
-
-def test_a_wrong_solution_or_reference_is_refused() -> None:
-    """A P whose loop is not Hurwitz, and a reference of another size, are refused."""
-    game = game_models()[min(game_models())]
-    P = solve(game).P
-    with pytest.raises(BadInputError, match="give the stabilizing P of the game"):
-        feedforward(game, -P, REFERENCE)
-    with pytest.raises(BadInputError, match="the reference has 1 states; the game has 6"):
-        feedforward(game, P, channel("7"))
 
 
 @pytest.mark.parametrize(
@@ -73,17 +73,18 @@ def test_a_wrong_solution_or_reference_is_refused() -> None:
         ("3 sin(t) + 2e1cos(.1t) - 4", lambda t: 3 * math.sin(t) + 20 * math.cos(0.1 * t) - 4),
     ],
 )
-def test_a_written_signal_is_read(text: str, value: Callable[[float], float]) -> None:
+def test_a_written_command_is_read(text: str, value: Callable[[float], float]) -> None:
     """Sums of constants, ramps, sines and cosines are read, with and without spaces and `*`."""
+    reference = track(PLANT, SCALAR, {"x1": text}).exact.reference
     for t in (0.0, 1.7, 30.0):
-        assert channel(text).at(t)[0] == pytest.approx(value(t), rel=1e-14, abs=1e-14)
+        assert reference.at(t)[0] == pytest.approx(value(t), rel=1e-14, abs=1e-14)
 
 
 @pytest.mark.parametrize("text", ["", "t^2", "2sin(0.5)", "exp(t)", "2 3", "7+", "nan", "sin(ut)"])
-def test_another_signal_is_refused(text: str) -> None:
-    """A text that is no such sum is refused in one line."""
+def test_another_command_is_refused(text: str) -> None:
+    """A text that is no such sum is refused."""
     with pytest.raises(BadInputError, match="write"):
-        channel(text)
+        track(PLANT, SCALAR, {"x1": text})
 
 
 class _Tracking:
@@ -91,7 +92,7 @@ class _Tracking:
 
     def __init__(self, game: Game) -> None:
         self.game, self.P = game, solve(game).P
-        self.exact = feedforward(game, self.P, REFERENCE)
+        self.exact = exact_feedforward(game)
 
     def fly(
         self,
@@ -109,7 +110,7 @@ class _Tracking:
                 + self.exact.disturbance.at(t)
                 + gust(t)
             ),
-            INITIAL - REFERENCE.at(0.0),
+            INITIAL - self.exact.reference.at(0.0),
             np.array([0.0, end]),
             self.exact.forcing.at,
         )

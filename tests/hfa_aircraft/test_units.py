@@ -12,7 +12,8 @@ from extension import Extension
 import hfa
 from hfa import BadInputError, Game, Model, Signal, TrimCondition, linearize, trim
 from hfa.paper import published_game
-from hfa_aircraft.units import in_si, signal_unit
+from hfa_aircraft import in_si
+from hfa_aircraft.units import signal_unit
 from hfa_support.units import conversion, si_factor, si_unit
 from trim import usual_condition
 from trim.point.performance import figures_of

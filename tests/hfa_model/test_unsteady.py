@@ -23,7 +23,7 @@ from hfa_model import STATES, UNSTEADY, VARIANTS, Input, Parameters, State
 from hfa_model.atmosphere import density
 from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.unsteady import EFFECTS, KUESSNER, LAG_STATES, WAGNER, Lag
-from trim.point.condition import usual_condition
+from trim import usual_condition
 
 DEGREES = np.pi / 180
 

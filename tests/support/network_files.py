@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.critic.network.network_file import network_in
-from hfa import BadInputError
+from hfa import BadInputError, Critic, Game, from_network
 
 #: Nodes of z'Pz: x P, multiplied by x, summed.
 QUADRATIC = [("MatMul", "x P", "h"), ("Mul", "x h", "terms"), ("MatMul", "terms ones", "y")]
@@ -148,15 +147,23 @@ def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
     }
 
 
+def read(path: str | Path, *, states: int = 6, inputs: int = 5, **how: Any) -> Critic:
+    """Return the network in a file as a critic of a plant with these numbers of states and inputs.
+
+    how: keyword arguments of `from_network`
+    """
+    B = np.ones((states, inputs))
+    game = Game(-np.eye(states), B, Q=np.ones(states), R=np.ones(inputs))
+    return from_network(game, path, **how)
+
+
 def refusal(path: str | Path, **how: Any) -> str:
-    """Return the message with which `network_in` refuses a file.
+    """Return the message with which a file is refused: one line that begins with the path.
 
-    The function asserts that the message is one line and begins with the path.
-
-    how: keyword arguments of `network_in`
+    how: keyword arguments of `read`
     """
     with pytest.raises(BadInputError) as caught:
-        network_in(path, 6, **how)
+        read(path, **how)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
     return str(caught.value)

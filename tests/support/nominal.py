@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 import hfa
-from controller.game.weights import nominal_weights
 
 
 def nominal_game(linear: hfa.LinearModel) -> hfa.Game:
     """Return the game on a linear model with the weights diag(1/nominal²)."""
-    Q = nominal_weights(linear.model, linear.states)
-    R = nominal_weights(linear.model, linear.inputs)
+    signals = {**linear.model.states, **linear.model.inputs}
+    Q, R = (
+        np.array([signals[name].nominal for name in names]) ** -2.0
+        for names in (linear.states, linear.inputs)
+    )
     return hfa.game(linear, Q, R)

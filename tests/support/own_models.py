@@ -7,8 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hfa import Model, OperatingPoint, trim
-from trim import release
-from trim.point.condition import usual_condition
+from trim import release, usual_condition
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
 import navion as navion

@@ -20,7 +20,8 @@ from hfa import BadInputError, LinearModel, Model, Signal, TrimCondition
 from hfa.paper import default_parameters, level_flight
 from hfa_aircraft import from_control
 from hfa_aircraft.loading import reloaded
-from hfa_aircraft.waveform import Waveform, constant
+from hfa_aircraft.waveform import constant
+from hfa_flight import Waveform
 from trim import InterpolatedModel, entry_bands, modes_of, release, trim_points
 
 HFA = hfa.aircraft()

@@ -10,18 +10,15 @@ import mpmath
 import numpy as np
 import pytest
 from known_models import game_at, model_at
+from nominal import nominal_game
 from own_models import GTM, NAVION
 from project import ROOT
 
 import hfa
-from controller.expansion.deviations import deviation_rates
-from controller.expansion.expansion import Expansion, expand
-from controller.expansion.monomials import homogeneous, in_coordinates
-from controller.hfa_game import usual_game
-from hfa import BadInputError, Game, LinearModel, Model, NoSolutionError, Signal
-from hfa_aircraft.units import in_si
-from hfa_support.units import si_factor
-from trim.point.condition import usual_condition
+from hfa import BadInputError, Expansion, Game, LinearModel, Model, NoSolutionError, Signal, expand
+from hfa.paper import published_game
+from hfa_aircraft import in_si
+from trim import usual_condition
 
 #: Rounding of the identity, relative to the sizes of its terms.
 ROUNDING = 1e-12
@@ -151,7 +148,8 @@ def test_weights_of_monomials_are_those_of_the_functions() -> None:
     expansion = expand(linear, hfa.solve(mixed_game(linear, 3.0)), 5)
     z = np.random.default_rng(0).standard_normal((20, 2))
     values = expansion.basis.psi(z) @ expansion.weights
-    psi = np.hstack([homogeneous(2, degree).psi(z) for degree in range(1, 5)])
+    a, b = z.T
+    psi = np.array([a ** (d - k) * b**k for d in range(1, 5) for k in range(d + 1)]).T
     inputs = psi @ expansion.policy_weights.T
     assert values == pytest.approx(np.array(expansion.V(z.T))[0], rel=1e-11)
     assert inputs == pytest.approx(np.array(expansion.policy(z.T)).T, rel=1e-10, abs=1e-11)
@@ -173,16 +171,20 @@ def test_value_does_not_depend_on_units() -> None:
     expansions = []
     for model in (aircraft, in_si(aircraft)):
         linear = linear_of(model)
-        game = usual_game(model, linear.A, linear.B)
+        game = published_game(linear)
         expansions.append(expand(linear, hfa.solve(game), 4))
     english, si = expansions
-    factors = [si_factor(aircraft.unit(name)) for name in aircraft.linear]
+    factors = [0.3048, 1.0, 1.0, 1.0, 1.0, 1.0]
     y = np.random.default_rng(3).standard_normal((english.states, 20))
     z = np.linalg.solve(english.root.T, y)
     in_si_units = np.array(factors)[:, None] * z
     for degree in (3, 4):
         V = np.array(english.value_to(degree)(z))
         assert np.array(si.value_to(degree)(in_si_units)) == pytest.approx(V, rel=1e-9)
+
+
+def usual_game(linear: LinearModel) -> Game:
+    return published_game(linear) if len(linear.inputs) == 5 else nominal_game(linear)
 
 
 def smooth_aircraft(name: str) -> LinearModel:
@@ -196,7 +198,7 @@ def smooth_aircraft(name: str) -> LinearModel:
 @pytest.mark.parametrize("name", ["flexible", "gtm", "navion", "uav.toml", "f16_constant.py:F16"])
 def test_smooth_aircraft_satisfy_the_identity(name: str) -> None:
     linear = smooth_aircraft(name)
-    solution = hfa.solve(usual_game(linear.model, linear.A, linear.B))
+    solution = hfa.solve(usual_game(linear))
     for delta in (solution.game.delta, 1.05 * solution.delta_min):
         exact = hfa.solve(solution.game.with_delta(delta))
         assert expand(linear, exact, 4).residual <= ROUNDING
@@ -207,8 +209,9 @@ def test_smooth_aircraft_satisfy_the_identity(name: str) -> None:
 def test_mixed_units_satisfy_the_identity(name: str) -> None:
     """With each state in a unit of its own, the identity holds and the values are the same."""
     linear = smooth_aircraft(name)
-    game = usual_game(linear.model, linear.A, linear.B)
-    rates = deviation_rates(linear, game)
+    game = usual_game(linear)
+    plain = expand(linear, hfa.solve(game), 4)
+    rates = plain.rates
     units = 10.0 ** np.random.default_rng(5).uniform(-3.0, 3.0, len(linear.states))
 
     def equations(x, u, p, w):
@@ -223,7 +226,6 @@ def test_mixed_units_satisfy_the_identity(name: str) -> None:
     of_mixed = hfa.game(mixed, Q, game.R, game.delta, E=units[:, None] * game.E)
     expansion = expand(mixed, hfa.solve(of_mixed), 4)
     assert expansion.residual <= ROUNDING
-    plain = expand(linear, hfa.solve(game), 4)
     y = np.random.default_rng(3).standard_normal((len(states), 20))
     z = np.linalg.solve(plain.root.T, y)
     V = np.array(plain.V(z))
@@ -239,18 +241,6 @@ def test_linear_plant_has_no_further_terms() -> None:
     assert all(not term.any() for term in expansion.policy_terms[1:])
     P = expansion.basis.matrix(expansion.weights)
     assert pytest.approx(solution.P, rel=1e-14) == P
-
-
-def test_coordinates_and_powers() -> None:
-    """A polynomial of y = T z has the same values with the weights in z."""
-    random = np.random.default_rng(7)
-    T = random.standard_normal((3, 3))
-    z = random.standard_normal((10, 3))
-    for degree in (1, 2, 4):
-        basis = homogeneous(3, degree)
-        weights = random.standard_normal((2, basis.size))
-        in_z = in_coordinates(weights, degree, T)
-        assert basis.psi(z) @ in_z.T == pytest.approx(basis.psi(z @ T.T) @ weights.T, rel=1e-9)
 
 
 # Refusals
@@ -298,7 +288,7 @@ def test_a_point_with_rates_is_refused() -> None:
     """In an accelerated flight the deviations have no equilibrium."""
     condition = replace(usual_condition(GTM), rates={**usual_condition(GTM).rates, "speed": 0.5})
     linear = hfa.linearize(GTM, hfa.trim(GTM, condition))
-    solution = hfa.solve(usual_game(GTM, linear.A, linear.B))
+    solution = hfa.solve(nominal_game(linear))
     with pytest.raises(BadInputError, match="rate of speed"):
         expand(linear, solution, 3)
 

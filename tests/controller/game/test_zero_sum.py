@@ -16,8 +16,6 @@ from game_samples import game_models
 from tolerances import SAME_FORMULA
 
 from controller import basis
-from controller.game.basis import BASES, Basis
-from controller.game.zero_sum import is_semidefinite
 from hfa import BadInputError, Game, from_weights, solve
 from hfa.paper import published_game
 from hfa_model import LINEAR_STATES, published_models
@@ -138,7 +136,8 @@ def test_published_game_has_the_settings_of_the_paper() -> None:
 
 # The basis of the value.
 
-ALL = [basis(name, 6) for name in BASES]
+NAMES = ("quadratic", "quadratic+linear", "quadratic+quartic", "cubic", "quartic", "paper")
+ALL = [basis(name, 6) for name in NAMES]
 
 
 def taylor_slope(
@@ -176,7 +175,7 @@ def test_quadratic_monomials_come_first_row_by_row() -> None:
 
 
 @pytest.mark.parametrize("functions", ALL)
-def test_gradient_has_second_order_remainder(functions: Basis) -> None:
+def test_gradient_has_second_order_remainder(functions: Any) -> None:
     """The Taylor remainder of each basis is of second order.
 
     With a planted error in the gradient, the order is below 1.5.
@@ -218,11 +217,8 @@ def test_weights_and_matrix_agree_in_any_units() -> None:
     ],
 )
 def test_semidefiniteness_is_decided_in_any_units(matrix: Any, semidefinite: bool) -> None:
-    """`is_semidefinite` and `Game` decide correctly for matrices with entries of very different
-    size.
-    """
+    """Semidefiniteness is decided correctly for entries of very different size."""
     matrix = np.asarray(matrix, dtype=float)
-    assert is_semidefinite(matrix) is semidefinite
     n = len(matrix)
     parts = {"A": -np.eye(n), "B": np.eye(n), "E": np.eye(n), "R": np.eye(n), "delta": np.inf}
     if semidefinite:

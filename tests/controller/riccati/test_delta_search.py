@@ -10,36 +10,7 @@ import numpy as np
 import pytest
 
 from controller import minimum_delta
-from controller.riccati.delta_search import Answer, smallest_delta
 from hfa import Game, NoSolutionError, solve
-
-EXACT = 0.6823938
-
-
-def truth(delta: float) -> Answer:
-    return Answer(True) if delta > EXACT else Answer(False, "shown", "of it")
-
-
-def test_wrong_refusals_above_a_solution_are_ignored() -> None:
-    """The search ignores wrong refusals from 8 to 11.38, because a smaller delta has a solution."""
-
-    def existence_at(delta: float) -> Answer:
-        return Answer(False, "rounding") if 8.0 < delta < 11.379426 else truth(delta)
-
-    value, refused, _ = smallest_delta(existence_at, 20.0, 1e-6)
-    assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
-
-
-def test_the_bracket_is_zero_if_all_deltas_solve() -> None:
-    """If every delta has a solution, the bracket is (0, 0).
-
-    If no delta has a solution, the error states the reason.
-    """
-    assert smallest_delta(lambda _: Answer(True), 1.0, 1e-6)[:2] == (0.0, 0.0)
-    with pytest.raises(
-        NoSolutionError, match=r"^the game has no solution for any delta up to 2\.749e\+11: shown; "
-    ):
-        smallest_delta(lambda _: Answer(False, "shown"), 1.0, 1e-6)
 
 
 def chain(rates: list[float], coupling: float) -> Game:

@@ -13,10 +13,7 @@ from reference_riccati import reference_solution, relative_error
 from tolerances import SAME_FORMULA
 
 from controller import minimum_delta
-from controller.riccati.normal_form import NormalForm
-from controller.riccati.smallest_delta import DeltaMin
 from hfa import BadInputError, Game, NoSolutionError, solve
-from hfa_support.reporting.text import controller_tables
 
 MODELS = sorted(game_models())
 OURS = regenerated_models()
@@ -42,8 +39,6 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
     assert relative_error(solution.K, reference.K) < 1e-12
     units = 1.0 / np.sqrt(np.diag(reference.P))  # every entry, in balanced units
     assert np.abs((solution.P - reference.P) * np.outer(units, units)).max() < 1e-12
-    form = NormalForm.of(game)
-    assert relative_error(form.value(form.by_doubling()), reference.P) < 1e-12
 
 
 def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
@@ -85,7 +80,7 @@ def test_a_defective_plant_without_cost_has_zero_value() -> None:
     """A stable plant with a defective eigenvalue and without cost has P = 0 and delta_min 0."""
     game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], I2, 0.0 * I2, [[1.0]], 0.01)
     assert not solve(game).P.any()
-    assert minimum_delta(game) == DeltaMin(0.0, 0.0)
+    assert (minimum_delta(game).value, minimum_delta(game).refused) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -197,20 +192,6 @@ def test_minimum_deltas_of_random_games_are_bracketed(games: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("games", [8, pytest.param(40, marks=pytest.mark.slow)])
-def test_existence_agrees_with_the_reference_solver(games: int) -> None:
-    """The decision on existence agrees with the reference solver for random games of both kinds."""
-    rng = np.random.default_rng(12)
-    verdicts = [0, 0]
-    for number in range(games):
-        game = random_game(rng, scaled=number % 2 == 0)
-        exists = reference_solution(game).exists
-        assert NormalForm.of(game).existence().exists == exists
-        verdicts[exists] += 1
-    assert min(verdicts) >= games // 4
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_an_undamped_costless_mode_is_named(size: float) -> None:
     """An undamped mode without cost is named, although rounding moves its eigenvalues off the
@@ -247,10 +228,3 @@ def test_the_printed_gain_stabilizes(slow: float, is_refined: bool) -> None:
     assert np.linalg.eigvals(A - B @ printed).real.max() < 0.0
     assert (np.linalg.eigvals(A - B @ solution.K.round(4)).real.max() > 0.0) == is_refined
     assert np.array_equal(printed, solution.K.round(4)) != is_refined
-
-
-def test_a_gain_that_no_digits_print_refers_to_the_file() -> None:
-    """If no printed matrix stabilizes, the report refers to -o."""
-    matrices = {"K": (("u1",), ("x1",), np.array([[1.0 / 3.0]]))}
-    *_, note = controller_tables(matrices, lambda printed: False)
-    assert "-o" in note

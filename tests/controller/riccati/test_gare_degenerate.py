@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from reference_riccati import reference_solution
 
-from controller.riccati.gare import unconfirmed_solution
 from hfa import Game, NoSolutionError, solve
 
 #: Largest error of P in units in which its diagonal is 1.
@@ -25,13 +24,13 @@ def error(game: Game, P: np.ndarray | None = None) -> float:
 
     The game must have a solution.
 
-    P: the matrix to compare; by default that of `unconfirmed_solution`
+    P: the matrix to compare; by default that of `solve`
     """
     reference = reference_solution(game)
     assert reference.exists
     size = np.sqrt(np.diag(reference.P))
     units = np.divide(1.0, size, out=np.ones_like(size), where=size > 0.0)
-    candidate = unconfirmed_solution(game).P if P is None else P
+    candidate = solve(game).P if P is None else P
     return float(np.abs((candidate - reference.P) * np.outer(units, units)).max())
 
 

@@ -20,10 +20,10 @@ from hfa.paper import level_flight
 from hfa_model import DEGREE, INPUTS, STATES, Parameters, choice
 from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
 from hfa_support.linear_table import LinearTable
-from trim import TrimError, load_condition, release
+from trim import TrimError, load_condition, release, trim_points
 from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.point.system import TrimSystem
-from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at, trim_points
+from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at
 from trim.sweeps.sweep import Sweep, run_plan, run_points
 from trim.sweeps.sweep_plan import Steps, SweepPlan
 

@@ -13,15 +13,10 @@ from game_files import AT_15, stored
 from game_samples import failed_names, game_in
 from planted_critics import gain, solved, value, weights_of
 
-from controller import basis, critics_over_time
-from controller.critic.critic import Critic
-from controller.critic.training_run import Excitation, TrainingRun
-from controller.game.basis import BASES
-from controller.game.linear_game import widths_within_limits
-from controller.hfa_game import ORDINARY_DEVIATIONS
-from controller.riccati.normal_form import NormalForm
+from controller import basis, critics_over_time, load_game
 from hfa import (
     BadInputError,
+    Critic,
     Game,
     LinearModel,
     Model,
@@ -40,21 +35,11 @@ from hfa import (
 )
 from hfa.main import BAD_INPUT
 from hfa_model import INPUTS, LINEAR_STATES
-from verification.box import ordinary_box
-from verification.critic_errors import (
-    SMALL,
-    box_errors,
-    critic_errors,
-    disturbance_errors,
-    entry_error,
-    relative_error,
-)
-from verification.figures import verdict_figure
-from verification.scope import LIMIT
+from verification import Box, Scope, relative_error
 
 QUADRATIC = basis("quadratic", 6)
 RICHER = pytest.mark.parametrize("name", ["quadratic+linear", "quadratic+quartic", "paper"])
-BOX = np.array(ORDINARY_DEVIATIONS)
+BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
 pytestmark = pytest.mark.usefixtures("folder")
 
 
@@ -63,13 +48,11 @@ def failed(game: Game, candidate: Critic, **how: Any) -> set[str]:
 
 
 def over_the_box(game: Game, candidate: Critic) -> dict[str, float]:
-    exact = solved(game)
-    errors = box_errors(game, candidate, exact, BOX, LIMIT)
-    errors += disturbance_errors(game, candidate, exact, BOX, LIMIT)
-    return {check.name: check.value for check in errors}
+    checks = verify(game, candidate, scope=Scope(flights=1)).checks
+    return {check.name: check.value for check in checks}
 
 
-@pytest.mark.parametrize("name", BASES)
+@pytest.mark.parametrize("name", ["quadratic", "quadratic+quartic", "paper", "cubic"])
 def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
     """The weights of the exact V pass in each basis, with the disk margin of the exact solution."""
     functions = basis(name, 6)
@@ -109,12 +92,19 @@ def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
     )
 
 
-def result_of(game: Game, weights: np.ndarray, rank: int) -> TrainingRun:
+def result_of(game: Game, weights: np.ndarray, rank: int) -> Any:
     P = QUADRATIC.matrix(weights)
     ends = np.array([1.0, 1e-12])
-    richness = Excitation(rank, 21, 50, 1e3)
-    rows = np.array([0.0, 1.0]), np.array([1.1 * weights, weights]), ends, ends
-    return TrainingRun("certified", "quadratic", *rows, game.gain(P), richness, 0)
+    run = learn(game, seed=0)
+    return replace(
+        run,
+        time=np.array([0.0, 1.0]),
+        weights=np.array([1.1 * weights, weights]),
+        residual_norm=ends,
+        settling_residual=ends,
+        K=game.gain(P),
+        excitation=replace(run.excitation, rank=rank),
+    )
 
 
 def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
@@ -274,14 +264,13 @@ def test_the_box_extends_to_the_nearer_limit(speed: float, half_width: float | N
     model = Model("toy", states, inputs, equations, trim={"speed": 120.0})
     condition = TrimCondition(model, {"speed": speed}, limits={"speed": (0.0, 300.0)})
     linear = linearize(model, trim(model, condition))
-    half_widths = widths_within_limits(linear)
     game = game_on(linear, np.eye(2), np.eye(1))
-    compared = verify(game, from_gain(game, np.ones((1, 2)))).to_dict()["box"]["half_widths"]
+    box = verify(game, from_gain(game, np.ones((1, 2)))).box
     if half_width is None:
-        assert half_widths is None
+        assert box.name == "balanced box"
     else:
-        assert half_widths == pytest.approx([half_width, 1.0])
-        assert compared == pytest.approx([half_width, 1.0])
+        assert box.name == "box of limits"
+        assert box.half_widths == pytest.approx([half_width, 1.0])
 
 
 # The verdict does not depend on the units of the states and inputs.
@@ -346,7 +335,7 @@ def test_every_wrong_nonquadratic_weight_is_detected(game: Game, name: str) -> N
         weights = exact.copy()
         weights[index] = 1e-5 * np.abs(weights * at_corner).sum() / at_corner[index]
         assert (
-            over_the_box(game, from_weights(game, weights, functions))["value_rel_error"] > LIMIT
+            over_the_box(game, from_weights(game, weights, functions))["value_rel_error"] > 1e-6
         ), index
     exact[24 if name == "paper" else 25] = 1e12
     unseen = from_weights(game, exact, functions)
@@ -361,7 +350,7 @@ def test_errors_are_those_of_their_definitions() -> None:
     R = np.array([[4.0, 1.0], [1.0, 9.0]])
     game = Game(A, B, E, np.diag([1.0, 1e4, 1e-3]), R, 1e3)
     exact = solved(game)
-    units = NormalForm.of(game).units
+    units = verify(game, exact).box.half_widths
     K = exact.K + 0.1 * rng.standard_normal((2, 3))
     change = rng.uniform(0.1, 0.2, (3, 3)) * np.abs(exact.P)
     part = exact.P + change + change.T  # z'Pz depends on the symmetric part alone
@@ -373,7 +362,7 @@ def test_errors_are_those_of_their_definitions() -> None:
 
     def entry(difference: np.ndarray, right: np.ndarray) -> float:
         return float(
-            (np.abs(difference) / np.maximum(np.abs(right), SMALL * np.abs(right).max())).max()
+            (np.abs(difference) / np.maximum(np.abs(right), 1e-5 * np.abs(right).max())).max()
         )
 
     both = np.outer(units, units)
@@ -397,16 +386,15 @@ def test_errors_are_those_of_their_definitions() -> None:
         ),
     }
     critic = Critic(K, P, "P and K")
-    checks = critic_errors(game, critic, exact, LIMIT, box)
-    checks += disturbance_errors(game, critic, exact, box, LIMIT)
-    assert {check.name: check.value for check in checks} == pytest.approx(expected, rel=1e-9)
+    scope = Scope(Box(box, "planted"), flights=1)
+    found = {check.name: check.value for check in verify(game, critic, scope=scope).checks}
+    assert {name: found[name] for name in expected} == pytest.approx(expected, rel=1e-9)
     quartic = basis("quadratic+quartic", 3)
     weights = quartic.weights(exact.P)
     weights[-1] = 1e-3  # of the last state to the fourth
     critic = from_weights(game, weights, quartic)
     slopes = 4e-3 * 3.0**3 * 10.0**2 * np.eye(3)[2]  # in a box ten times as large, over its size
-    over_the_box = box_errors(game, critic, exact, box, LIMIT)
-    over_the_box += disturbance_errors(game, critic, exact, box, LIMIT)
+    found = {check.name: check.value for check in verify(game, critic, scope=scope).checks}
     expected = {
         "policy_rel_error": entry(
             np.sqrt(np.diag(R)) * np.abs(np.linalg.solve(R, B.T) @ slopes) / 2.0,
@@ -416,13 +404,10 @@ def test_errors_are_those_of_their_definitions() -> None:
         "gradient_rel_error": entry(box * slopes, 2.0 * box * (np.abs(exact.P) @ box)),
         "disturbance_rel_error": entry(np.abs(E.T @ slopes) / 2.0, np.abs(E.T @ exact.P) @ box),
     }
-    assert {check.name: check.value for check in over_the_box} == pytest.approx(expected, rel=1e-9)
+    assert {name: found[name] for name in expected} == pytest.approx(expected, rel=1e-9)
     assert relative_error(np.zeros(2), np.zeros(2)) == 0.0
     assert relative_error(np.ones(2), np.zeros(2)) == math.inf
     assert relative_error(np.array([1.0, np.nan]), np.ones(2)) == math.inf
-    assert entry_error(np.array([np.nan, 0.0]), np.ones(2)) == math.inf
-    assert entry_error(np.array([1.0, 0.0]), np.zeros(2)) == math.inf
-    assert entry_error(np.zeros(2), np.zeros(2)) == 0.0
     with pytest.raises(BadInputError, match="give equal shapes"):
         relative_error(np.ones(2), np.ones(3))
 
@@ -461,48 +446,41 @@ def test_bounds_are_valid_in_the_whole_box(game: Game, name: str, disturbances: 
 
 # The box: that of the aircraft if the plant has its names, otherwise a stated convention.
 
-REST = ("rad", "rad", "rad/s", "rad", "rad/s")
-Names = tuple[str, ...]
-
-
-@pytest.mark.parametrize(
-    ("states", "inputs", "units", "speed"),
-    [
-        (LINEAR_STATES, INPUTS, (), 7.0),
-        (LINEAR_STATES, INPUTS, ("ft/s", *REST), 7.0),
-        (LINEAR_STATES, INPUTS, ("m/s", *REST), 7.0 * 0.3048),
-        (LINEAR_STATES, INPUTS, ("km/h", *REST), None),
-        (tuple("abcdef"), INPUTS, (), None),
-        (LINEAR_STATES[::-1], INPUTS, (), None),
-        (LINEAR_STATES, tuple("abcde"), (), None),
-    ],
-)
-def test_the_box_requires_equal_names_and_units(
-    states: Names, inputs: Names, units: Names, speed: float | None
-) -> None:
-    """The box of typical deviations is used only for a plant with the aircraft's names and
-    units.
-    """
-    box = ordinary_box(states, inputs, units)
-    if speed is None:
-        assert box is None
-        return
-    assert box is not None
-    assert box.half_widths.tolist() == [speed, *ORDINARY_DEVIATIONS[1:]]
-    shown = f"{speed:.4g} m/s" if units[:1] == ("m/s",) else "7 ft/s"
-    assert box.about.startswith(f"typical deviations of the aircraft, {shown}, ")
-
 
 def test_a_plant_like_the_aircraft_has_its_box() -> None:
     """For a plant of the aircraft's size without signal names, the default box is used.
 
-    The half-widths of the default box are the balanced units of the game.
+    The half-widths of the default box are the balanced units of the game, in which P is of size 1.
     """
     Q = np.diag([1.0, 1e6, 1.0, 1.0, 1.0, 1.0])
     game = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), Q, np.eye(5), 5.0)
     data = verify(game, from_gain(game, gain(game))).to_dict()
-    assert data["box"]["half_widths"] == NormalForm.of(game).units.tolist()
-    assert "a convention" in data["box"]["about"]
+    assert data["box"]["name"] == "balanced box"
+    sizes = np.array(data["box"]["half_widths"]) * np.sqrt(np.diag(value(game)))
+    assert sizes.max() < 10.0 * sizes.min()
+
+
+@pytest.mark.parametrize(
+    ("change", "speed"),
+    [
+        ({}, 7.0),
+        ({"state_units": ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]}, 7.0 * 0.3048),
+        ({"state_units": ["km/h", "rad", "rad", "rad/s", "rad", "rad/s"]}, None),
+        ({"states": list("abcdef")}, None),
+        ({"inputs": list("abcde")}, None),
+    ],
+)
+def test_the_typical_box_requires_equal_names_and_units(
+    game: Game, change: dict[str, Any], speed: float | None
+) -> None:
+    """Typical deviations are used only for a plant with the aircraft's names and units."""
+    matrices = {name: getattr(game, name) for name in "ABEQR"} | {"delta": 1e4}
+    named = {"states": LINEAR_STATES, "inputs": INPUTS} | change
+    plant = load_game(stored("plant.npz", **matrices, **named))
+    box = verify(plant, from_gain(plant, gain(plant))).box
+    assert (box.name == "typical box") == (speed is not None)
+    if speed is not None:
+        assert box.half_widths == pytest.approx([speed, *BOX[1:]])
 
 
 # Critics over time: planted histories with known settling times.
@@ -540,14 +518,7 @@ def test_a_history_passes_if_its_last_critic_does(
     assert check.table.settling_time == settled
     assert check.table.errors["K_rel_error"] == pytest.approx(sizes, rel=1e-4, abs=1e-15)
     assert np.isnan(check.table.errors["P_rel_error"]).all() == (of == "K")
-    residuals = [math.nan] * len(TIMES)
-    if of != "K":
-        form = NormalForm.of(game)
-        values = np.multiply.outer(1.0 + sizes, value(game))
-        residuals = [float(form.relative_residual(form.of_value(P))) for P in values]
-    assert check.table.errors["riccati_residual"] == pytest.approx(
-        residuals, rel=1e-3, abs=1e-12, nan_ok=True
-    )
+    assert np.isnan(check.table.errors["riccati_residual"]).all() == (of == "K")
     last = check.table.errors["largest_error"][-1]
     assert math.isfinite(settled) or f" ends at {last:.3g} and" in check.table.sentence
     assert check.report().data["history"]["settling_time"] == settled
@@ -563,28 +534,6 @@ def test_settling_time_includes_errors_of_nonquadratic_weights(game: Game) -> No
     assert check.table.errors["P_rel_error"].max() < 1e-12
     assert check.table.settling_time == 5.0
     assert check.ok
-
-
-#: Smaller errors are drawn at this value.
-ROUNDING_SHOWN = 1e-12
-
-
-def test_a_history_is_drawn_with_its_errors(game: Game) -> None:
-    """The figure of the verdict contains the error lines. Differences by rounding are stated in the
-    title.
-    """
-    result = learn(game)
-    history = critics_over_time(game, result.time, W=result.weights, K=result.K)
-    check = verify(game, history)
-    assert check.ok
-    figure = verdict_figure(check)
-    assert [line.get_label() for line in figure.axes[-1].lines[:2]] == ["limit 1e-06", "error of P"]
-    # Relative differences by rounding are stated in the title and have no map.
-    assert "relative differences below 1e-" in figure.get_suptitle()
-    assert not any("exact|" in axes.get_title() for axes in figure.axes)
-    for line in figure.axes[-1].lines[1:3]:
-        assert np.nanmin(line.get_ydata()) >= ROUNDING_SHOWN
-    assert len(check.report().records.rows) == len(result.time)
 
 
 def test_the_last_row_of_a_history_is_checked(

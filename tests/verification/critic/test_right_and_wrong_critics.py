@@ -22,11 +22,9 @@ from project import ROOT
 
 import hfa
 from controller import basis, critics_over_time
-from controller.critic.critic import Critic
-from hfa import solve
+from hfa import Critic, solve
 from tests.support.steps_of import in_steps
 from verification import Scope
-from verification.judged_game import JudgedGame
 
 pytestmark = pytest.mark.usefixtures("folder")
 FAST = Scope(flights=4)
@@ -71,7 +69,7 @@ def case_of(time: str) -> Case:
         game = in_steps(step, 0.97)
     if time == "sampled":
         game = hfa.Game(A, B, 0.3 * E, Q, R, 4.0).sampled(0.05, 0.999)
-    exact = JudgedGame(game).exact
+    exact = solve(game)
     return Case(game, exact.P, exact.K)
 
 
@@ -209,7 +207,7 @@ def games_on_the_command_line() -> Iterator[tuple[list[str], hfa.Game, str]]:
 def test_the_box_is_the_same_on_the_command_line_and_in_python() -> None:
     """The first line names the game and its box, which both ways of the same game share."""
     for words, game, names in games_on_the_command_line():
-        exact = JudgedGame(game).exact
+        exact = solve(game)
         told = hfa.verify(game, hfa.from_gain(game, exact.K))
         data = answer("verify", *words, "--weights", stored("K.npz", K=exact.K))
         assert data["box"]["half_widths"] == pytest.approx(told.box.half_widths, rel=1e-12)

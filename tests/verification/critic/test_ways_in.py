@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,14 +18,10 @@ from network_files import onnx_file, torch_file
 
 import hfa
 from controller import basis, critics_over_time
-from controller.critic.critic import Critic
-from controller.game.zero_sum import Game
-from hfa import from_weights, solve, verify
+from hfa import Critic, Game, Verdict, from_weights, solve, verify
 from hfa.main import FAILED
 from tests.support.steps_of import in_steps
-from verification.box import ordinary_box
-from verification.scope import Scope
-from verification.verdict import Verdict
+from verification import Scope
 
 pytestmark = pytest.mark.usefixtures("folder")
 GAME = game_at(8.0)
@@ -176,7 +171,7 @@ def over_time() -> Verdict:
 def of_a_game_in_steps() -> Verdict:
     problem = in_steps(discounted(), DISCOUNT)
     critic = from_weights(problem, of_steps(), "paper")
-    return verify(problem, critic, scope=replace(FAST, box=ordinary_box()))
+    return verify(problem, critic, scope=FAST)
 
 
 def discounted_file() -> Verdict:

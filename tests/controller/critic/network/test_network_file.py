@@ -12,13 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from network_files import refusal, safetensors_file, square_layers, torch_file, two_layers
+from network_files import read, refusal, safetensors_file, square_layers, torch_file, two_layers
 
-from controller.critic.critic_file import critic_in
-from controller.critic.network.critic import from_network
-from controller.critic.network.network_file import network_in
-from controller.critic.reading import Reading
-from hfa import BadInputError, Game
+from controller import critic_in
+from hfa import BadInputError, Game, from_network
+from hfa.extend import Reading
 
 HERE = Path(__file__).parent
 TORCH = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["state_dict"]
@@ -192,9 +190,9 @@ def test_stable_baselines_networks_are_selected_by_name() -> None:
         archive.write("policy.pth")
         archive.writestr("data", "{}")
         archive.writestr("policy.optimizer.pth", b"no pickle")
-    parts = {"V": "value_net", "policy": "policy_net+action_net"}
-    found = network_in("ppo.zip", 6, "tanh", parts).functions
-    assert {name: each.numel_out(0) for name, each in found.items()} == {"V": 1, "policy": 5}
+    parts = "V=value_net,policy=policy_net+action_net"
+    found = read("ppo.zip", activation="tanh", network=parts).network
+    assert (found["V"].numel_out(0), found["policy"].numel_out(0)) == (1, 5)
     first, bias, last, end = value_net.values()
     inside = np.tanh(last @ np.tanh(first @ X[0] + bias) + end)
     assert float(found["V"](X[0])) == pytest.approx(inside.sum() + 1.0, rel=1e-12)

@@ -33,19 +33,10 @@ from hfa import (
     verify,
 )
 from hfa.main import BAD_INPUT, DONE, FAILED
-from verification.box import ordinary_box
-from verification.scope import Scope
+from verification import Scope
 
 GOPS = json.loads(Path(__file__).with_name("gops.json").read_text(encoding="utf-8"))
 pytestmark = pytest.mark.usefixtures("folder")
-
-
-def on_the_box(flights: int) -> Scope:
-    """Return the scope of a check over the box of ordinary deviations.
-
-    flights: number of simulated flights
-    """
-    return Scope(box=ordinary_box(), flights=flights)
 
 
 # Right networks.
@@ -59,7 +50,7 @@ def test_a_network_that_equals_the_value_passes(game: Game) -> None:
         )
         for kind in ("float64", "float32")
     )
-    check = verify(game, from_network(game, wide), scope=on_the_box(4))
+    check = verify(game, from_network(game, wide), scope=Scope(flights=4))
     assert check.ok
     found = check.to_dict()["network"]
     assert (found["output"], found["precision"]) == ("V", "float64")
@@ -80,7 +71,7 @@ def test_exact_gradient_and_policy_networks_pass(game: Game) -> None:
                 game, write(name, {"actor.0.weight": weight, "actor.0.bias": np.zeros(len(weight))})
             )
             assert set(critic.network) == {output}
-            assert verify(game, critic, scope=on_the_box(1)).ok
+            assert verify(game, critic, scope=Scope(flights=1)).ok
 
 
 def test_published_weights_of_gops_are_checked() -> None:
@@ -118,7 +109,7 @@ def test_the_scale_of_inputs_is_applied(game: Game) -> None:
     """A policy with scaled inputs passes with its scale. A scale of wrong length is refused."""
     scale = np.array([1 / 7.0, *[10.0] * 5])
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
-    assert verify(game, from_network(game, path, scale=scale), scope=on_the_box(1)).ok
+    assert verify(game, from_network(game, path, scale=scale), scope=Scope(flights=1)).ok
     assert (
         "does not consist of 6 finite numbers"
         in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
@@ -167,7 +158,7 @@ def test_v_and_a_policy_are_checked_together(game: Game) -> None:
     for sign, ok in ((-1.0, True), (1.0, False)):
         constants = {"P": value(game), "axes": np.array([1]), "K": sign * gain(game).T}
         path = onnx_file("both.onnx", [*nodes, ("Concat", "V u", "y", {"axis": 1})], constants, 6)
-        check = verify(game, from_network(game, path, network="V+policy="), scope=on_the_box(1))
+        check = verify(game, from_network(game, path, network="V+policy="), scope=Scope(flights=1))
         assert check.ok == ok
         assert check.reason == ("" if ok else "off by 2 at the origin, and by 2 in the box")
     # six outputs of six states are a gradient unless it is said
@@ -194,13 +185,13 @@ def test_a_basis_is_accepted_as_text_or_function(game: Game) -> None:
     )
     assert answer(*words, "speed**2, speed*x2, x2**2, sin(alpha)**4", code=FAILED)["ok"] is False
     weights = np.append(-3.0, weights_of(value(game)))
-    check = verify(game, from_weights(game, weights, FEATURES), scope=on_the_box(1))
+    check = verify(game, from_weights(game, weights, FEATURES), scope=Scope(flights=1))
     assert check.ok
     assert check.to_dict()["network"]["value_at_origin"] == -3.0
     z = ca.SX.sym("z", 6)
     squares = ca.Function("squares", [z], [z**2])
     assert not verify(
-        game, from_weights(game, np.diag(value(game)), squares), scope=on_the_box(1)
+        game, from_weights(game, np.diag(value(game)), squares), scope=Scope(flights=1)
     ).ok
     with pytest.raises(
         BadInputError,

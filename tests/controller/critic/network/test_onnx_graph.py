@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 from cli import hfa
 from game_files import AT_15
-from network_files import ONES, QUADRATIC, onnx_file, refusal, torch_file
-
-from controller.critic.network.network_file import network_in
+from network_files import ONES, QUADRATIC, onnx_file, read, refusal, torch_file
 
 RNG = np.random.default_rng(0)
 X = RNG.normal(size=(7, 6)).astype("float32")
@@ -22,13 +20,14 @@ pytestmark = pytest.mark.usefixtures("folder")
 def assert_as_onnx_runtime(path: str, **tolerance: float) -> None:
     runtime = pytest.importorskip("onnxruntime", reason="the package onnxruntime is not installed")
     session = runtime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    (found,) = network_in(path, 6).functions.values()
+    (states,), (outputs,) = session.get_inputs(), session.get_outputs()
+    policy = read(path, inputs=outputs.shape[1], network="policy=").policy
     for x in 3.0 * X:
-        theirs = session.run(None, {"x": x[None]})[0].ravel()
-        assert np.array(found(x)).ravel() == pytest.approx(theirs, **tolerance)
+        theirs = session.run(None, {states.name: x[None]})[0].ravel()
+        assert np.array(policy(x)).ravel() == pytest.approx(theirs, **tolerance)
 
 
-def test_a_wide_graph_equals_onnxruntime_at_one_state_and_on_rows() -> None:
+def test_a_wide_graph_equals_onnxruntime() -> None:
     """Large products, of rows and of several vectors, are not expanded; branches meet again."""
     rng = np.random.default_rng(9)
     sizes = {"W": (6, 90), "V": (90, 90), "U": (45, 100), "B": (200, 3), "c": (1, 90)}
@@ -50,11 +49,7 @@ def test_a_wide_graph_equals_onnxruntime_at_one_state_and_on_rows() -> None:
     ]
     path = onnx_file("wide.onnx", nodes, constants, 3)
     assert_as_onnx_runtime(path, rel=1e-4, abs=1e-4)
-    read = network_in(path, 6)
-    (function,), (rows,) = read.functions.values(), read.rows.values()
-    assert function.is_a("MXFunction")
-    expected = np.array(function(X.T.astype(float))).T
-    assert rows(X.astype(float)) == pytest.approx(expected, rel=1e-9)
+    assert read(path, inputs=3).policy.is_a("MXFunction")
 
 
 @pytest.mark.parametrize("opset", [9, 11, 13, 20])
@@ -101,8 +96,7 @@ def test_integer_division_in_a_graph_is_truncated() -> None:
         "axis": np.array([1]),
     }
     path = onnx_file("div.onnx", nodes, constants)
-    (summed,) = network_in(path, 6).functions.values()
-    assert float(summed(np.arange(1.0, 7.0))) == 6.0
+    assert float(read(path).value(np.arange(1.0, 7.0))) == 6.0
 
 
 def test_external_weights_are_read_from_the_graphs_folder() -> None:
@@ -119,8 +113,7 @@ def test_external_weights_are_read_from_the_graphs_folder() -> None:
         model, "inside/a.onnx", save_as_external_data=True, location="a.data", size_threshold=0
     )
     assert (Path("inside") / "a.data").exists()
-    (read,) = network_in("inside/a.onnx", 6).functions.values()
-    assert float(read(np.ones(6))) == 21.0
+    assert float(read("inside/a.onnx").value(np.ones(6))) == 21.0
     Path("inside/a.data").rename("elsewhere/a.data")
     assert "cannot be read (No such file" in refusal("inside/a.onnx")
     Path("inside/a.data").symlink_to("../elsewhere/a.data")
@@ -145,7 +138,7 @@ def test_wrong_graphs_are_refused() -> None:
     ten = {"P": np.ones((10, 1), "float32")}
     not_a_number = {"P": np.full((6, 6), np.nan, "float32")}
     for said, nodes, numbers, states in (
-        ("has 10 inputs, but 6 observations are given", [("MatMul", "x P", "y")], ten, 10),
+        ("has 10 inputs", [("MatMul", "x P", "y")], ten, 10),
         ("Cast to the ONNX type number 10", [("Cast", "x", "y", {"to": 10})], constants, 6),
         (
             "BatchNormalization is in training mode",
@@ -159,7 +152,7 @@ def test_wrong_graphs_are_refused() -> None:
     ):
         assert said in refusal(onnx_file("wrong.onnx", nodes, numbers, states=states))
     onnx_file("good.onnx", QUADRATIC, constants)
-    network_in("good.onnx", 6)
+    read("good.onnx")
     assert (
         "an ONNX file already contains the activations"
         in hfa("verify", *AT_15, "--weights", "good.onnx", "--set", "activation=tanh").err
@@ -177,7 +170,7 @@ def test_without_onnx_only_onnx_files_are_refused(
     assert "ONNX files require the package onnx; type python -m pip install onnx" in refusal(
         "a.onnx"
     )
-    network_in(torch_file("a.pt", {"weight": np.zeros((5, 6))}), 6)
+    read(torch_file("a.pt", {"weight": np.zeros((5, 6))}))
 
 
 #: Operators of x alone, some with attributes.
@@ -341,5 +334,5 @@ def test_metadata_of_a_file_are_named_as_not_applied() -> None:
     entry.key, entry.value = "action_scale", "0.25"
     onnx.save(model, "scaled.onnx")
     with pytest.warns(UserWarning, match="action_scale"):
-        (read,) = network_in("scaled.onnx", 6).functions.values()
-    assert float(read(np.ones(6))) == 21.0
+        critic = read("scaled.onnx")
+    assert float(critic.value(np.ones(6))) == 21.0

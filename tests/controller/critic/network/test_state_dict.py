@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from network_files import refusal, torch_file
-
-from controller.critic.network.network_file import network_in
+from network_files import read, refusal, torch_file
 
 RANDOM = np.random.default_rng(7)
 STATES = 6
@@ -63,16 +61,16 @@ def of_one_matrix() -> tuple[dict[str, np.ndarray], str, list[str]]:
 
 @pytest.mark.parametrize("layout", [stable_baselines, of_one_module, of_one_matrix])
 def test_policies_are_read_beside_other_networks(layout) -> None:
-    """Policies give the outputs of their layers, for single states and for rows."""
+    """Policies give the outputs of their layers."""
     tensors, part, layers = layout()
-    stored = network_in(torch_file("a.pt", tensors), STATES, "tanh", {"policy": part})
+    path = torch_file("a.pt", tensors)
+    policy = read(path, inputs=ACTIONS, activation="tanh", network=f"policy={part}").policy
     for x in 3.0 * RANDOM.normal(size=(20, STATES)):
         h = x
         for name in layers:
             h = tensors[f"{name}.weight"] @ h + tensors.get(f"{name}.bias", 0.0)
             h = np.tanh(h) if name != layers[-1] else h
-        assert np.array(stored.functions["policy"](x)).ravel() == pytest.approx(h, rel=1e-9)
-        assert stored.rows["policy"](x[None])[0] == pytest.approx(h, rel=1e-9)
+        assert np.array(policy(x)).ravel() == pytest.approx(h, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -100,6 +98,6 @@ def test_policies_are_read_beside_other_networks(layout) -> None:
 def test_a_tensor_of_unknown_function_is_refused(more, part, named) -> None:
     """A tensor of unknown function that may act on the network is refused by name."""
     path = torch_file("a.pt", actor("actor.") | critic("critic.") | more)
-    said = refusal(path, activation="tanh", parts={"policy": part})
+    said = refusal(path, inputs=ACTIONS, activation="tanh", network=f"policy={part}")
     assert named in said
     assert "ONNX" in said or "select one of the networks" in said
