@@ -7,28 +7,31 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from known_models import model_at
-from random_points import random_points, rising
+from random_points import equations, random_points, wind_of
 
 import hfa
 import hfa_model
 from hfa import BadInputError, Model, trim
 from hfa.paper import level_flight
 from hfa_model import STATES, Input, Parameters, State
-from hfa_model.kinematics import center_height, outer_height
-from hfa_model.outputs import moment_of, outputs_of
 
 
 def outputs(
     aircraft: Model, x: np.ndarray, u: np.ndarray, updraft: float = 0.0
 ) -> dict[str, float]:
-    moment = moment_of(
-        State(*x),
-        Input(*u),
-        hfa_model.parameters_of(aircraft),
-        hfa_model.variant_of(aircraft),
-        rising(updraft),
-    )
-    return {name: float(value) for name, value in outputs_of(moment).items()}
+    dynamics, p = hfa_model.variant_of(aircraft), hfa_model.parameters_of(aircraft)
+    found = equations(State(*x), Input(*u), p, dynamics, wind_of(updraft=updraft))[1]
+    return {name: float(value) for name, value in found.items()}
+
+
+def center_height(dihedral: float, p: Parameters) -> float:
+    """Return the distance of the center panel below the center of mass, ft."""
+    return p.panel_span / 3 * np.sin(dihedral)
+
+
+def outer_height(dihedral: float, p: Parameters) -> float:
+    """Return the distance of an outer panel below the center of mass, ft."""
+    return -p.panel_span / 6 * np.sin(dihedral)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 5.0, 15.0, 20.0])

@@ -11,21 +11,22 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from lagrangian import STILL, winds_of
 from numpy.testing import assert_allclose
-from random_points import random_points, rates
+from random_points import WINDS, random_points, rates, wind_of
 from scipy import special
-from unsteady_energy import derived_unsteady
+from standard_air import density
+from unsteady_energy import GUST, MOTION, derived_unsteady
 
-import hfa_model.unsteady as source
 from hfa import linearize, trim
 from hfa.paper import level_model
-from hfa_model import STATES, UNSTEADY, VARIANTS, Input, Parameters, State
-from hfa_model.atmosphere import density
-from hfa_model.kinematics import DISTURBANCES, winds_named
-from hfa_model.unsteady import EFFECTS, KUESSNER, LAG_STATES, WAGNER, Lag
+from hfa_model import STATES, UNSTEADY, Input, Parameters, State
 from trim import usual_condition
 
 DEGREES = np.pi / 180
+LAG_STATES = tuple(UNSTEADY.states)[len(STATES) :]
+EFFECTS = tuple(UNSTEADY.parameters)[len(Parameters._fields) :][:6]
+Lag = tuple[tuple[float, float], tuple[float, float]]
 
 
 def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -35,7 +36,7 @@ def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarr
     """
     rng, (states, inputs) = np.random.default_rng(seed), random_points(count, seed)
     lags = rng.uniform(-0.3, 0.3, (count, len(LAG_STATES)))
-    winds = rng.uniform(-6, 6, (count, len(DISTURBANCES)))
+    winds = rng.uniform(-6, 6, (count, len(WINDS)))
     return list(zip(np.hstack([states, lags]), inputs, winds, strict=True))
 
 
@@ -54,10 +55,8 @@ def test_without_effects_rates_equal_newton(parameters: Parameters) -> None:
             )
         ]
         computed = plain.equations(*vectors)[0]
-        winds = winds_named(tuple(DISTURBANCES), w.tolist())
-        expected = rates(
-            State(*x[:7].tolist()), Input(*u.tolist()), parameters, VARIANTS["newton"], winds
-        )
+        winds = wind_of(w.tolist())
+        expected = rates(State(*x[:7].tolist()), Input(*u.tolist()), parameters, "newton", winds)
         assert_allclose(
             [float(computed[name]) for name in STATES], expected, rtol=1e-12, atol=1e-11
         )
@@ -93,13 +92,12 @@ def by_energies() -> ca.Function:
     x' are the rates with the wind w. dE/dt and the power of the loads are those without wind for
     the given rates x₀'.
     """
-    vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(DISTURBANCES))]
+    vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(WINDS))]
     x, u, p, w = by_name(*vectors)
-    derived = derived_unsteady(x, u, density(x.altitude), p, winds_named(tuple(DISTURBANCES), w))
+    derived = derived_unsteady(x, u, density(x.altitude), p, winds_of(w))
     derived_rates = ca.vertcat(*derived.rates, *(derived.lag_rates[name] for name in LAG_STATES))
     thin = ca.SX.sym("density")
-    still = winds_named(tuple(DISTURBANCES), [0.0] * len(DISTURBANCES))
-    energetic = derived_unsteady(x, u, thin, p, still)  # the density is constant along the path
+    energetic = derived_unsteady(x, u, thin, p, STILL)  # the density is constant along the path
     moving = ca.SX.sym("moving", vectors[0].numel())
     balance = ca.vertcat(ca.jtimes(energetic.energy, vectors[0], moving), energetic.power)
     return ca.Function(
@@ -116,7 +114,7 @@ def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
 
     effects: (N, 6), values of the effects, used in turn; by default all 1
     """
-    vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(DISTURBANCES))]
+    vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(WINDS))]
     rates_by_name = UNSTEADY.equations(*by_name(*vectors))[0]
     mine = ca.Function(
         "mine", vectors, [ca.vertcat(*(rates_by_name[name] for name in UNSTEADY.states))]
@@ -189,7 +187,7 @@ def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
         np.array([np.linalg.solve(1j * frequency * flow * np.eye(2) - A, b) for frequency in k])
         / steady
     )
-    return 1 - (1 - z) @ np.array(lag.shares)
+    return 1 - (1 - z) @ np.array(lag[0])
 
 
 def theodorsen(k: np.ndarray) -> np.ndarray:
@@ -208,7 +206,7 @@ def sears(k: np.ndarray) -> np.ndarray:
 def test_lags_approximate_theodorsens_function() -> None:
     """Jones's two lags approximate Theodorsen's C(k) within 0.015 and 2.4 % from k = 0.05 to 2."""
     k = np.linspace(0.05, 2.0, 400)
-    error = np.abs(response("lag", WAGNER, k) - theodorsen(k))
+    error = np.abs(response("lag", MOTION, k) - theodorsen(k))
     assert error.max() < 0.015
     assert (error / np.abs(theodorsen(k))).max() < 0.024
 
@@ -231,7 +229,7 @@ def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> n
 
 @pytest.mark.parametrize(
     ("of", "end", "lag", "most"),
-    [(theodorsen, 0.5, WAGNER, 0.0066), (sears, 0.0, KUESSNER, 0.078)],
+    [(theodorsen, 0.5, MOTION, 0.0066), (sears, 0.0, GUST, 0.078)],
     ids=["wagner", "kuessner"],
 )
 def test_step_responses_approximate_theodorsen_and_sears(
@@ -261,7 +259,7 @@ def test_unsteady_trims_equal_quasi_steady_trims(degrees: float) -> None:
     strips = {name: getattr(whole.states, name) for name in LAG_STATES}
     assert all(
         strips[f"lag_{name}_1"] == pytest.approx(strips[f"lag_{name}_2"], abs=1e-12)
-        for name in source.STRIPS
+        for name in ("center", "outer", "tail_center", "tail_outer")
     )
     assert strips["lag_tip_1"] == pytest.approx(0.0, abs=1e-12)
     assert strips["gust_outer_1"] == pytest.approx(0.0)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from cli import answer
 
-from hfa_model import LINEAR_STATES, UNSTEADY
-from hfa_model.unsteady import LAG_STATES
+from hfa_model import LINEAR_STATES, STATES, UNSTEADY
 
+LAG_STATES = tuple(UNSTEADY.states)[len(STATES) :]
 UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
 
 

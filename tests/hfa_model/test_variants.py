@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations
 from math import cos, sin
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -13,29 +14,29 @@ from random_points import random_points
 import hfa
 import hfa_model
 from hfa import Model
-from hfa_model import Parameters, State
-from hfa_model.aerodynamics import Loads
-from hfa_model.variants import Newton, Published
-from hfa_model.vectors import Quantity
+from hfa_model import VARIANTS, Parameters, State
 
 #: Corrections for which the report's equations follow from first principles; `accelerations`
 #: describes them.
 REPAIRS = ("section moment", "hinge inertia", "pitch rate", "moving hinge")
 
 
-class GibsonsLever(Published):
+Published, Newton = (type(VARIANTS[name]) for name in ("published", "newton"))
+
+
+class GibsonsLever(Published):  # type: ignore[misc, valid-type]
     """The published variant with the lever arm of Eq. (42) and the hinge inertia of Eq. (46)."""
 
     outer_lever = Newton.outer_lever
 
-    def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
+    def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
         """Return I_xx + m s²/4 + (m s²/6) cos² η, slug ft^2, with the roll inertia I_xx of a
         panel."""
         return p.inertia_roll + p.panel_mass * p.panel_span**2 * (1 / 4 + ca.cos(dihedral) ** 2 / 6)
 
 
 def accelerations(
-    x: State, found: State, loads: Loads, p: Parameters, repairs: tuple[str, ...]
+    x: State, found: State, loads: Any, p: Parameters, repairs: tuple[str, ...]
 ) -> tuple[float, float]:
     """Return q' and η'' of Eqs. (42) and (44) to (46).
 

@@ -1,16 +1,14 @@
-"""Wind at each panel: Galilean invariance, and the names of the disturbances."""
+"""Uniform wind: Galilean invariance."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
-from random_points import random_points, rates
+from random_points import random_points, rates, wind_of
 
-from hfa_model import STATES, VARIANTS, Input, Parameters, State
-from hfa_model.kinematics import DISTURBANCES, Wind, Winds, winds_named
-from hfa_model.variants import Variant
-
-NAMES = tuple(DISTURBANCES)
+from hfa_model import Input, Parameters, State
 
 
 def state_over_ground(x: State, updraft: float, headwind: float) -> State:
@@ -41,7 +39,7 @@ def inertial(x: State, rate: State) -> np.ndarray:
     )
 
 
-def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np.ndarray:
+def galilean_error(parameters: Parameters, dynamics: str, wind: Any, **drag: bool) -> np.ndarray:
     """Return the largest difference of the accelerations between uniform steady wind and still air,
     (4,).
 
@@ -51,9 +49,11 @@ def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np
     for state, control in zip(*random_points(100, seed=5), strict=True):
         x = State(*state.tolist())
         u = Input(*control.tolist())
-        moving = state_over_ground(x, winds.center.updraft, winds.center.headwind)
-        still = inertial(x, rates(x, u, parameters, variant))
-        error = np.abs(inertial(moving, rates(moving, u, parameters, variant, winds)) - still)
+        moving = state_over_ground(x, wind.updraft, wind.headwind)
+        still = inertial(x, rates(x, u, parameters, dynamics))
+        error = np.abs(
+            inertial(moving, rates(moving, u, parameters, dynamics, wind, **drag)) - still
+        )
         worst = np.maximum(worst, error)
     return worst
 
@@ -67,20 +67,10 @@ def test_steady_wind_changes_published_and_not_newton(
 
     With drag that depends on the speed over ground, wind also changes "newton".
     """
-    winds = winds_named(("updraft", "headwind"), (updraft, headwind))
-    newton, published = (
-        galilean_error(parameters, VARIANTS[name], winds) for name in ("newton", "published")
-    )
+    wind = wind_of(updraft=updraft, headwind=headwind)
+    newton, published = (galilean_error(parameters, name, wind) for name in ("newton", "published"))
     assert newton.max() <= 1e-9
     assert published[:3].max() <= 1e-9  # V over ground occurs only in the equation of the hinge
     assert published[3] > 1e-2
-    over_ground = galilean_error(parameters, VARIANTS["newton"], winds._replace(ground_drag=True))
+    over_ground = galilean_error(parameters, "newton", wind, ground_drag=True)
     assert over_ground.max() > 1e-2
-
-
-def test_winds_of_aircraft_and_panel_are_added() -> None:
-    """Winds named for the aircraft and for a panel are added."""
-    winds = winds_named(NAMES, [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0])
-    assert winds == Winds(Wind(3.0, 24.0, 0.0), Wind(5.0, 40.0, 64.0))
-    assert winds_named(("updraft",), (5.0,)) == Winds(Wind(5.0, 0.0, 0.0), Wind(5.0, 0.0, 0.0))
-    assert set(STATES).isdisjoint(NAMES)

@@ -10,12 +10,12 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
+from standard_air import density
 
 import hfa
 from hfa import Game, LinearModel, Model, solve
 from hfa.paper import level_model, published_game
 from hfa_model import load_parameters
-from hfa_model.atmosphere import density
 
 #: Density in SimVFA (B. Thomsen, 2018) at 40,000 ft, slug/ft³; ours is larger by 1.6e-5 of it.
 _RELEASED_DENSITY = 5.872675956988981e-4

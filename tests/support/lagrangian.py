@@ -8,7 +8,7 @@ panels are written down. The equations of motion follow by differentiation,
 
 T is the kinetic energy of the panels, and U is the potential energy of weight and hinge springs. Q
 contains the generalized forces of the panel loads, the thrust and the hinge dampers, by virtual
-work. `kinematics.py` and `dynamics.py` are not used.
+work. Nothing of the product's equations is used.
 """
 
 from __future__ import annotations
@@ -18,9 +18,6 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from hfa_model import Input, Parameters, State
-from hfa_model.aerodynamics import PanelLoads, panel_loads
-from hfa_model.kinematics import STILL_AIR, Flow, Winds, flow_of
-from hfa_model.vectors import Quantity
 
 
 class Panel(NamedTuple):
@@ -36,13 +33,96 @@ class Panel(NamedTuple):
     spin: ca.SX
 
 
+class Flow(NamedTuple):
+    """Speed of the air at a panel, ft/s, its angle of attack and its sideslip, rad."""
+
+    speed: Any
+    alpha: Any
+    sideslip: Any
+
+
+class Wind(NamedTuple):
+    """Velocity of the air at a panel, ft/s: upward, from ahead, and toward the wing tip."""
+
+    updraft: Any = 0.0
+    headwind: Any = 0.0
+    outward: Any = 0.0
+
+
+class Winds(NamedTuple):
+    """Winds at the center panel and at each outer panel."""
+
+    center: Wind = Wind()
+    outer: Wind = Wind()
+
+
+STILL = Winds()
+
+
+def winds_of(w: Any) -> Winds:
+    """Return the winds at the panels: those of the aircraft and of the panel are added."""
+    return Winds(
+        Wind(w.updraft + w.updraft_center, w.headwind + w.headwind_center),
+        Wind(w.updraft + w.updraft_outer, w.headwind + w.headwind_outer, w.outward_outer),
+    )
+
+
+def flow_of(forward: Any, sideward: Any, downward: Any) -> Flow:
+    """Return the flow at a panel that moves through the air with this velocity, ft/s."""
+    speed = ca.sqrt(forward**2 + sideward**2 + downward**2)
+    return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
+
+
+class PanelLoads(NamedTuple):
+    """Loads on one panel in its axes, lbf and ft lbf; `tail_downward` acts at the boom's end."""
+
+    forward: Any
+    sideward: Any
+    downward: Any
+    tail_downward: Any
+    moment: Any
+
+
+def panel_loads(flow: Flow, speed: Any, aileron: Any, elevator: Any, density: Any, p: Any) -> Any:
+    """Return the loads on one panel (Gibson et al. 2011, Eqs. 36-43).
+
+    L_w = q_i S (C_Lα α_i + C_Lδ δ_a),  L_t = q_i S_t C_Lα (α_i + δ_e),
+    D = q S (C_D0 + κ C_Lw²),  M = q_i c S (C_M0 + C_Mδ δ_a).
+
+    speed: V of q, ft/s
+    """
+    q_local, q = density * flow.speed**2 / 2, density * speed**2 / 2
+    S = p.panel_span * p.chord
+    CL = p.lift_slope * flow.alpha + p.aileron_lift * aileron
+    tail = q_local * p.tail_area * p.lift_slope * (flow.alpha + elevator)
+    lift = q_local * S * CL + tail
+    drag = q * S * (p.zero_lift_drag + p.induced_drag * CL**2)
+    sin, cos = ca.sin(flow.alpha), ca.cos(flow.alpha)
+    along = drag * ca.cos(flow.sideslip)
+    moment = q_local * p.chord * S * (p.zero_lift_moment + p.aileron_moment * aileron)
+    return PanelLoads(
+        lift * sin - along * cos,
+        -drag * ca.sin(flow.sideslip),
+        -lift * cos - along * sin,
+        -tail * cos,
+        moment,
+    )
+
+
 def lagrangian_rates(
-    x: State, u: Input, density: Quantity, p: Parameters, winds: Winds = STILL_AIR
+    x: State,
+    u: Input,
+    density: Any,
+    p: Parameters,
+    winds: Any = STILL,
+    *,
+    ground_drag: bool = False,
 ) -> State:
     """Return dX/dt of the aircraft by the Euler-Lagrange equations, as CasADi expressions.
 
     density: slug/ft^3, or 0 for flight without air
-    winds: velocity of the air at each panel, ft/s
+    winds: velocity of the air at each panel, ft/s (`winds_of`)
+    ground_drag: whether the drag depends on the speed over ground
 
     The airflow at a panel is its inertial velocity minus the velocity of the air. Source:
     Goldstein, Classical Mechanics, Section 1.4.
@@ -51,7 +131,7 @@ def lagrangian_rates(
     v = ca.SX.sym("v", 4)
     panels = panels_at(r, v, p)
     kinetic = sum(kinetic_energy(panel, r, v, p) for panel in panels)
-    force = _generalized_force(panels, r, v, u, density, p, winds)
+    force = _generalized_force(panels, r, v, u, density, p, winds, ground_drag)
     return euler_lagrange(x, kinetic, force, panels, r, v, p)
 
 
@@ -147,9 +227,10 @@ def _generalized_force(
     r: ca.SX,
     v: ca.SX,
     u: Input,
-    density: Quantity,
+    density: Any,
     p: Parameters,
-    winds: Winds,
+    winds: Any,
+    ground_drag: bool,
 ) -> ca.SX:
     # The drag depends on the speed of the common center of mass relative to the air at a panel.
     velocity = ca.jtimes(sum(panel.position for panel in panels) / 3, r, v)
@@ -158,7 +239,7 @@ def _generalized_force(
     places = ((winds.center, 0), (winds.outer, 1), (winds.outer, -1))
     for panel, (aileron, elevator), (wind, side) in zip(panels, controls, places, strict=True):
         air = ca.vertcat(-wind.headwind, side * wind.outward, -wind.updraft)
-        speed = ca.norm_2(velocity if winds.ground_drag else velocity - air)
+        speed = ca.norm_2(velocity if ground_drag else velocity - air)
         loads = panel_loads(_flow(panel, r, v, air), speed, aileron, elevator, density, p)
         force += virtual_work(panel, loads, p.thrust_per_throttle * u.throttle / 3, r, v, p)
     return force
@@ -170,7 +251,7 @@ def _flow(panel: Panel, r: ca.SX, v: ca.SX, air: ca.SX) -> Flow:
 
 
 def virtual_work(
-    panel: Panel, loads: PanelLoads, thrust: Quantity, r: ca.SX, v: ca.SX, p: Parameters
+    panel: Panel, loads: PanelLoads, thrust: Any, r: ca.SX, v: ca.SX, p: Parameters
 ) -> ca.SX:
     """Return the generalized forces Q = Σ (∂point/∂r)' F + (∂spin/∂v)' M of one panel.
 

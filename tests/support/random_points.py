@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
 import hfa
-from hfa_model import Input, Parameters, State
-from hfa_model.kinematics import STILL_AIR, Winds, winds_named
-from hfa_model.outputs import moment_of
-from hfa_model.variants import Variant
-from hfa_model.vectors import INPUT_SIGNALS, STATE_SIGNALS, Quantity
+from hfa_model import STATES, Input, Parameters, State
 
-STATE_SCALES = State(*(s.nominal for s in STATE_SIGNALS))
-INPUT_SCALES = Input(*(s.nominal for s in INPUT_SIGNALS))
+_AIRCRAFT = hfa.aircraft()
+#: Names of the disturbances: a component of the wind at all panels, at the center or outside.
+WINDS = tuple(_AIRCRAFT.disturbances)
+STATE_SCALES = State(*(signal.nominal for signal in _AIRCRAFT.states.values()))
+INPUT_SCALES = Input(*(signal.nominal for signal in _AIRCRAFT.inputs.values()))
 #: Scale of each state derivative.
-RATE_SCALES = State(*map(hfa.aircraft().rate_scale, hfa.aircraft().states))
+RATE_SCALES = State(*map(_AIRCRAFT.rate_scale, _AIRCRAFT.states))
 _LOWEST_STATE = State(20.0, -0.35, 0.0, -1.0, -1.0, -1.2, -1.0)
 _HIGHEST_STATE = State(300.0, 0.35, 65_000.0, 1.0, 1.0, 1.2, 1.0)
 _LOWEST_INPUT = Input(0.0, -0.35, -0.35, -0.5, -0.5)
@@ -32,7 +35,7 @@ def random_points(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 def symbols() -> list[ca.SX]:
     """Return new CasADi symbols [x (7,), u (5,), p (18,)]."""
-    return hfa.aircraft().layout.symbols("x", "u", "p")
+    return _AIRCRAFT.layout.symbols("x", "u", "p")
 
 
 def by_name(x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[State, Input, Parameters]:
@@ -40,22 +43,37 @@ def by_name(x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[State, Input, Parameters]:
     return State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p))
 
 
-def rising(updraft: Quantity) -> Winds:
-    """Return the winds for air that rises by `updraft` ft/s at every panel."""
-    return winds_named(("updraft",), (updraft,))
+def wind_of(values: Sequence[Any] = (), **named: Any) -> Any:
+    """Return a record of all winds, ft/s: values in the order of `WINDS`, or named ones."""
+    values = [*values] or [named.get(name, 0.0) for name in WINDS]
+    return _AIRCRAFT.layout.record("w", values)
 
 
-def rates(x: State, u: Input, p: Parameters, variant: Variant, winds: Winds = STILL_AIR) -> State:
-    """Return dX/dt of the equations of a variant as a named tuple."""
-    return moment_of(x, u, p, variant, winds).rates
+def equations(
+    x: State, u: Input, p: Parameters, dynamics: Any, wind: Any = None, **drag: bool
+) -> tuple[Any, Any]:
+    """Return the rates and outputs of these dynamics, each by name.
+
+    drag: `ground_drag`, whether the drag in wind depends on the speed over ground
+    """
+    of_model = replace(hfa.aircraft(dynamics).equations, **drag)
+    return of_model(x, u, p, wind_of() if wind is None else wind)
 
 
-def state_rates(x: ca.SX, u: ca.SX, p: ca.SX, variant: Variant, winds: Winds = STILL_AIR) -> ca.SX:
-    """Return dX/dt of the equations of a variant as a CasADi column, (7,)."""
-    return ca.vertcat(*rates(*by_name(x, u, p), variant, winds))
+def rates(
+    x: State, u: Input, p: Parameters, dynamics: Any, wind: Any = None, **drag: bool
+) -> State:
+    """Return dX/dt of these dynamics as a named tuple."""
+    found = equations(x, u, p, dynamics, wind, **drag)[0]
+    return State(*(found[name] for name in STATES))
 
 
-def rates_function(variant: Variant) -> ca.Function:
-    """Return the CasADi Function (x, u, p) -> dX/dt of the equations of a variant."""
+def state_rates(x: ca.SX, u: ca.SX, p: ca.SX, dynamics: Any, wind: Any = None) -> ca.SX:
+    """Return dX/dt of these dynamics as a CasADi column, (7,)."""
+    return ca.vertcat(*rates(*by_name(x, u, p), dynamics, wind))
+
+
+def rates_function(dynamics: Any) -> ca.Function:
+    """Return the CasADi Function (x, u, p) -> dX/dt of these dynamics."""
     vectors = symbols()
-    return ca.Function("rates", vectors, [state_rates(*vectors, variant)])
+    return ca.Function("rates", vectors, [state_rates(*vectors, dynamics)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ import hfa
 from hfa import Game, Model, OperatingPoint
 from hfa.paper import default_parameters
 from hfa_model import VARIANTS, Parameters
-from hfa_model.parameters import ParameterSet
 
 
 @pytest.fixture
@@ -23,12 +23,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture(scope="session")
-def parameter_set() -> ParameterSet:
+def parameter_set() -> Any:
     return default_parameters()
 
 
 @pytest.fixture(scope="session")
-def parameters(parameter_set: ParameterSet) -> Parameters:
+def parameters(parameter_set: Any) -> Parameters:
     return parameter_set.values
 
 

@@ -20,19 +20,20 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 from lagrangian import (
+    Flow,
     Panel,
+    Winds,
     at_state,
     euler_lagrange,
+    flow_of,
     kinetic_energy,
     mechanical_energy,
+    panel_loads,
     panels_at,
     virtual_work,
 )
 
 from hfa_model import State
-from hfa_model.aerodynamics import panel_loads
-from hfa_model.kinematics import Flow, Winds, flow_of
-from hfa_model.vectors import Quantity
 
 #: (A_1, A_2), (b_1, b_2): Jones's approximations of Wagner's and Küssner's functions.
 MOTION = ((0.165, 0.335), (0.0455, 0.3))
@@ -54,7 +55,7 @@ class Derived(NamedTuple):
     power: ca.SX
 
 
-def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) -> Derived:
+def derived_unsteady(x: Any, u: Any, density: Any, p: Any, winds: Winds) -> Derived:
     """Return rates, energy and power from the second derivation.
 
     The arguments are named states and inputs (SX), as in `hfa_model.unsteady.UNSTEADY`. The drag
@@ -152,7 +153,7 @@ def _velocity_at(panel: Panel, place: ca.SX, air: ca.SX, r: ca.SX, v: ca.SX) -> 
     return panel.axes.T @ (ca.jtimes(panel.position + panel.axes @ place, r, v) - air)
 
 
-def _flow(panel: Panel, behind: Quantity, air: ca.SX, r: ca.SX, v: ca.SX) -> Flow:
+def _flow(panel: Panel, behind: Any, air: ca.SX, r: ca.SX, v: ca.SX) -> Flow:
     along = _velocity_at(panel, ca.vertcat(-behind, 0, 0), air, r, v)
     return flow_of(along[0], along[1], along[2])
 
@@ -160,7 +161,7 @@ def _flow(panel: Panel, behind: Quantity, air: ca.SX, r: ca.SX, v: ca.SX) -> Flo
 def _along_the_span(
     panel: Panel,
     air: ca.SX,
-    density: Quantity,
+    density: Any,
     slope: Any,
     x: Any,
     r: ca.SX,
@@ -195,7 +196,7 @@ def _along_the_span(
 
 
 def _carried(
-    panel: Panel, air: ca.SX, density: Quantity, r: ca.SX, v: ca.SX, p: Any
+    panel: Panel, air: ca.SX, density: Any, r: ca.SX, v: ca.SX, p: Any
 ) -> tuple[ca.SX, ca.SX]:
     """Return the kinetic energy of the air carried by a panel's wing and tail, and a moment.
 
