@@ -19,7 +19,7 @@ import pytest
 from cli import refusal
 from known_models import model_at, released_simulation
 from project import ROOT
-from random_points import rising
+from random_points import equations, rising
 from servo_cases import simvfa_design
 from tolerances import SAME_FORMULA
 
@@ -33,8 +33,7 @@ from hfa_design.design import NAMED
 from hfa_design.design_model import design_model
 from hfa_flight.actuators import Actuator
 from hfa_flight.policies.controller import MeasuredOutputs
-from hfa_model import LINEAR_STATES
-from hfa_model.outputs import moment_of, outputs_of
+from hfa_model import LINEAR_STATES, Input, State
 
 DESIGNS = ROOT / "extensions/design/hfa_design"
 
@@ -154,22 +153,14 @@ def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
     """
     point = built.model.point
     h = 1e-4
-    winds = (rising(side * h) for side in (1.0, -1.0))
+    p, dynamics = hfa_model.parameters_of(aircraft), hfa_model.variant_of(aircraft)
     up, down = (
-        moment_of(
-            point.states,
-            point.inputs,
-            hfa_model.parameters_of(aircraft),
-            hfa_model.variant_of(aircraft),
-            each,
-        )
-        for each in winds
+        equations(State(*point.states), Input(*point.inputs), p, dynamics, rising(side * h))
+        for side in (1.0, -1.0)
     )
     plain = [built.design.model.part(name)[0] for name in built.design.integrals]
-    rates = [
-        (getattr(up.rates, name) - getattr(down.rates, name)) / (2 * h) for name in LINEAR_STATES
-    ]
-    seen = [{**moment.x._asdict(), **outputs_of(moment)} for moment in (up, down)]
+    rates = [(up[0][name] - down[0][name]) / (2 * h) for name in LINEAR_STATES]
+    seen = [{**point.states._asdict(), **outputs} for _, outputs in (up, down)]
     outputs = [(seen[0][name], seen[1][name]) for name in plain]
     return np.array(
         [float(each) for each in (*rates, 0.0, 0.0, *((a - b) / (2 * h) for a, b in outputs))]
