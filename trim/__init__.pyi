@@ -4,9 +4,11 @@ from .hfa.front_view import trim_figure as trim_figure
 from .hfa.level_flight import load_condition as load_condition
 from .hfa.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
 from .linear.along import models_along as models_along
+from .linear.frequency import transfers as transfers
 from .linear.handling_qualities import handling_qualities as handling_qualities
 from .linear.levels import Airplane as Airplane, graded as graded
 from .linear.modes import modes_of as modes_of
+from .linear.transfer import Transfer as Transfer
 from .point.condition import release as release, usual_condition as usual_condition
 from .point.solve import TrimError as TrimError
 from .point.trim_report import trim_report as trim_report

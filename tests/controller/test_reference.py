@@ -16,7 +16,7 @@ from typing import Any
 from game_samples import INITIAL, game_models
 from linear_flight import LinearFlight, simulate
 
-from hfa import BadInputError, Game, LinearModel, solve, track
+from hfa import Game, LinearModel, solve, track
 
 #: Constant, ramp and two sinusoids in several states.
 COMMAND = {
@@ -25,10 +25,6 @@ COMMAND = {
     "x3": "0.002t+0.02sin(1.3t)",
     "x5": "0.5+0.1sin(1.3t)",
 }
-
-
-PLANT = LinearModel.of([[-1.0]], [[1.0]])
-SCALAR = solve(Game(PLANT.A, PLANT.B, Q=[1.0], R=[1.0]))
 
 
 def exact_feedforward(game: Game) -> Any:
@@ -62,29 +58,6 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
         r = game.A @ reference.at(t) - weights @ np.array([reference.at(each) for each in around])
         rate = weights @ np.array([s.at(each) for each in around])
         assert np.abs(rate + loop.T @ s.at(t) + P @ r).max() < 1e-9 * np.abs(P @ r).max()
-
-
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("7+0.01t+2sin(0.5t)", lambda t: 7 + 0.01 * t + 2 * math.sin(0.5 * t)),
-        ("-.5", lambda t: -0.5),
-        ("1e-3*t - cos(2*t)", lambda t: 1e-3 * t - math.cos(2 * t)),
-        ("3 sin(t) + 2e1cos(.1t) - 4", lambda t: 3 * math.sin(t) + 20 * math.cos(0.1 * t) - 4),
-    ],
-)
-def test_a_written_command_is_read(text: str, value: Callable[[float], float]) -> None:
-    """Sums of constants, ramps, sines and cosines are read, with and without spaces and `*`."""
-    reference = track(PLANT, SCALAR, {"x1": text}).exact.reference
-    for t in (0.0, 1.7, 30.0):
-        assert reference.at(t)[0] == pytest.approx(value(t), rel=1e-14, abs=1e-14)
-
-
-@pytest.mark.parametrize("text", ["", "t^2", "2sin(0.5)", "exp(t)", "2 3", "7+", "nan", "sin(ut)"])
-def test_another_command_is_refused(text: str) -> None:
-    """A text that is no such sum is refused."""
-    with pytest.raises(BadInputError, match="write"):
-        track(PLANT, SCALAR, {"x1": text})
 
 
 class _Tracking:

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
 
+import hfa
 from hfa import BadInputError
-from hfa_aircraft.waveform import Harmonic, channel, stacked
-from hfa_flight import Waveform
 
+PLANT = hfa.LinearModel.of(-np.eye(2), np.eye(2))
+SOLUTION = hfa.solve(hfa.Game(PLANT.A, PLANT.B, Q=np.eye(2), R=np.eye(2)))
 TIMES = np.linspace(0.0, 5.0, 23)
+
+
+def commanded(**texts: str) -> Any:
+    """Return the reference of a command to track, (x1, x2)."""
+    return hfa.track(PLANT, SOLUTION, texts).exact.reference
 
 
 @pytest.mark.parametrize(
@@ -27,28 +35,24 @@ TIMES = np.linspace(0.0, 5.0, 23)
 )
 def test_a_text_is_a_signal_with_its_rate(text: str, value) -> None:  # type: ignore[no-untyped-def]
     """The signal, its expression and its rate are those of the formula."""
-    wave = channel(text)
+    wave = commanded(x1=text)
     np.testing.assert_allclose(wave.sampled(TIMES)[:, 0], value(TIMES), atol=1e-12)
     t = ca.SX.sym("t")
-    function = ca.Function("s", [t], [wave.at(t)])
+    function = ca.Function("s", [t], [wave.at(t)[0]])
     assert [float(function(each)) for each in TIMES] == pytest.approx(value(TIMES))
     slope = (value(TIMES + 1e-6) - value(TIMES - 1e-6)) / 2e-6
     np.testing.assert_allclose(wave.rate().sampled(TIMES)[:, 0], slope, atol=1e-7)
-    assert wave.moving.tolist() == [bool(np.ptp(value(TIMES)) > 0.0)]
-    assert wave.until == (np.inf if "(" in text else 0.0)
 
 
 def test_sums_and_matrices_act_on_the_values() -> None:
-    """A sum joins equal frequencies; M s(t) and the stack of channels have their values."""
-    a, b = channel("1+2t+sin(t)"), channel("3-t+2sin(t)+cos(4t)")
+    """A sum joins equal frequencies; M s(t) has its values."""
+    a = commanded(x1="1+2t+sin(t)", x2="cos(4t)")
+    b = commanded(x1="3-t+2sin(t)+cos(4t)", x2="sin(t)+cos(t)")
     both = a + b
     assert len(both.harmonics) == 2
     np.testing.assert_allclose(both.sampled(TIMES), a.sampled(TIMES) + b.sampled(TIMES))
-    two = stacked({"y": a, "x": b}, ("x", "z", "y"))
-    expected = np.column_stack([b.sampled(TIMES), 0.0 * TIMES, a.sampled(TIMES)])
-    np.testing.assert_allclose(two.sampled(TIMES), expected)
-    M = np.array([[1.0, 2.0, -3.0], [0.5, 0.0, 4.0]])
-    np.testing.assert_allclose(two.through(M).sampled(TIMES), expected @ M.T)
+    M = np.array([[1.0, 2.0], [0.5, 0.0], [-3.0, 4.0]])
+    np.testing.assert_allclose(both.through(M).sampled(TIMES), both.sampled(TIMES) @ M.T)
 
 
 @pytest.mark.parametrize(
@@ -56,15 +60,5 @@ def test_sums_and_matrices_act_on_the_values() -> None:
 )
 def test_another_text_is_refused(text: str) -> None:
     """Only sums of numbers, ramps, sines and cosines are signals."""
-    with pytest.raises(BadInputError, match="signal"):
-        channel(text)
-
-
-def test_parts_of_a_waveform_have_equal_lengths_and_are_finite() -> None:
-    """Each part of other length, and each entry that is not finite, is refused."""
-    two, three = np.zeros(2), np.zeros(3)
-    for parts in ((two, three, ()), (two, two, (Harmonic(1.0, two, three),)), (np.eye(2), two, ())):
-        with pytest.raises(BadInputError, match="shapes"):
-            Waveform(*parts)
-    with pytest.raises(BadInputError, match="not finite"):
-        Waveform(two, two, (Harmonic(1.0, two, np.array([0.0, np.nan])),))
+    with pytest.raises(BadInputError):
+        commanded(x1=text)

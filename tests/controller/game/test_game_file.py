@@ -200,5 +200,8 @@ def test_other_units_and_another_order_of_a_critic_are_refused(content: dict[str
     K = np.array([[1.0, 2.0], [3.0, 4.0]])
     critic = critic_in(stored("K.json", K=K, state_units=["m/s", "deg"]), game)
     np.testing.assert_allclose(critic.K, K * [0.3048, 180.0 / np.pi])
+    for unit, factor in (("kt", 0.3048 * 3600.0 / 1852.0), ("km/h", 0.3048 * 3.6)):
+        critic = critic_in(stored("K.json", K=K, state_units=[unit, "rad"]), game)
+        np.testing.assert_allclose(critic.K, K * [factor, 1.0])
     with pytest.raises(BadInputError):
         critic_in(stored("other.json", K=K, **content), game)

@@ -1,74 +1,60 @@
 """Equations of motion of a rigid body compared with conservation laws."""
 
-from types import SimpleNamespace
+from __future__ import annotations
 
 import casadi as ca
 import numpy as np
 import pytest
+from project import ROOT
 
-from hfa_aircraft.rigid.motion import (
-    STATES,
-    acceleration,
-    angular_acceleration,
-    angular_velocity,
-    rotation,
-    state_rates,
-    wind_axes,
-)
+import hfa
 
-INERTIA = np.array([[9.0, 0.0, -1.0], [0.0, 30.0, 0.0], [-1.0, 0.0, 35.0]])
-VALUES = dict(zip(STATES, (50.0, 0.1, -0.2, 0.3, -0.4, 0.5, 0.6, -0.7, 0.8, 1000.0), strict=True))
+INERTIA = np.array([[948.0, 0.0, -150.0], [0.0, 1346.0, 0.0], [-150.0, 0.0, 1967.0]])
+VALUES = {
+    **{"speed": 150.0, "alpha": 0.1, "beta": -0.2, "altitude": 5000.0},
+    **{"roll_rate": 0.3, "pitch_rate": -0.4, "yaw_rate": 0.5},
+    **{"roll": 0.6, "pitch": -0.7, "yaw": 0.8},
+}
 
 
-def derivative_along_motion(quantity, force, moment):
-    """Return the time derivative of a quantity during the motion, at the state VALUES.
-
-    quantity: function of (state, velocity)
-    force: (3,), force per mass in body axes
-    moment: (3,), in body axes
-    """
-    symbols = {name: ca.SX.sym(name) for name in STATES}
-    x = SimpleNamespace(**symbols)
-    velocity = x.speed * wind_axes(x.alpha, x.beta)[:, 0]
-    velocity_rate = acceleration(velocity, angular_velocity(x), force, ca.SX.zeros(3))
-    rotation_rate = angular_acceleration(angular_velocity(x), moment, ca.DM(INERTIA))
-    climb = -(rotation(x.roll, x.pitch, x.yaw) @ velocity)[2]
-    rates = state_rates(x, velocity, velocity_rate, rotation_rate, climb)
-    value = quantity(x, velocity)
-    columns = [ca.vertcat(*symbols.values()), ca.vertcat(*(rates[name] for name in STATES))]
-    rate = ca.jtimes(value, *columns)
-    found = ca.Function("rate", columns[:1], [rate])(ca.DM(list(VALUES.values())))
-    return found.full().ravel()
+def turned(axis: int, angle: ca.SX) -> ca.SX:
+    """Return the matrix of a rotation about an axis of the body."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    matrix = ca.SX.eye(3)
+    i, j = [k for k in range(3) if k != axis]
+    sign = -1.0 if axis == 1 else 1.0
+    matrix[i, i] = matrix[j, j] = c
+    matrix[i, j], matrix[j, i] = -sign * s, sign * s
+    return matrix
 
 
-def test_without_force_the_ground_velocity_is_constant():
-    """Without a force, the velocity over ground is constant."""
-
-    def over_ground(x, velocity):
-        return rotation(x.roll, x.pitch, x.yaw) @ velocity
-
-    rate = derivative_along_motion(over_ground, ca.SX.zeros(3), ca.DM([1.0, 2.0, 3.0]))
-    np.testing.assert_allclose(rate, 0.0, atol=1e-13)
-
-
-def test_without_moment_angular_momentum_is_constant():
-    """Without a moment, the angular momentum is constant."""
-
-    def momentum(x, velocity):
-        return rotation(x.roll, x.pitch, x.yaw) @ (ca.DM(INERTIA) @ angular_velocity(x))
-
-    rate = derivative_along_motion(momentum, ca.DM([1.0, 2.0, 3.0]), ca.SX.zeros(3))
-    np.testing.assert_allclose(rate, 0.0, atol=1e-13)
+def quantities(x: object) -> tuple[ca.SX, ca.SX]:
+    """Return velocity over ground and angular momentum, both in axes of the ground, (3,)."""
+    body_to_ground = turned(2, x.yaw) @ turned(1, x.pitch) @ turned(0, x.roll)
+    along = ca.cos(x.alpha) * ca.cos(x.beta), ca.sin(x.beta), ca.sin(x.alpha) * ca.cos(x.beta)
+    spin = ca.vertcat(x.roll_rate, x.pitch_rate, x.yaw_rate)
+    momentum = body_to_ground @ (ca.DM(INERTIA) @ spin)
+    return body_to_ground @ (x.speed * ca.vertcat(*along)), momentum
 
 
-def test_rotational_power_equals_the_moments_power():
-    """The rate of the rotational energy equals the power of the moment, M · ω."""
-    moment = np.array([1.0, -2.0, 3.0])
-
-    def energy(x, velocity):
-        rates = angular_velocity(x)
-        return 0.5 * ca.dot(rates, ca.DM(INERTIA) @ rates)
-
-    rate = derivative_along_motion(energy, ca.SX.zeros(3), ca.DM(moment))
-    rates = [VALUES[f"{axis}_rate"] for axis in ("roll", "pitch", "yaw")]
-    assert rate[0] == pytest.approx(moment @ rates, rel=1e-13)
+def test_a_body_without_air_falls_and_keeps_its_angular_momentum() -> None:
+    """Without coefficients and thrust, the velocity changes by gravity alone."""
+    model = hfa.load_model(str(ROOT / "examples/cessna182.toml"))
+    still = {name: 0.0 for name in model.parameters if name[0] == "C"}
+    model = model.with_parameters(**still, Ixz=150.0)
+    x, u = model.layout.symbols("x", "u")
+    state = model.layout.record("x", ca.vertsplit(x))
+    rates = model.equations(
+        state,
+        model.layout.record("u", ca.vertsplit(u)),
+        model.layout.record("p", model.p.tolist()),
+        model.layout.record("w", [0.0] * len(model.disturbances)),
+    )[0]
+    rate = ca.vertcat(*(rates[name] for name in model.states))
+    velocity, momentum = (ca.jtimes(each, x, rate) for each in quantities(state))
+    function = ca.Function("rates", [x, u], [velocity, momentum])
+    point = [VALUES[name] for name in model.states]
+    falling, kept = (np.array(each).ravel() for each in function(point, [0.0] * len(model.inputs)))
+    gravity = model.parameters["gravity"].start
+    np.testing.assert_allclose(falling, [0.0, 0.0, gravity], atol=1e-11)
+    assert np.abs(kept).max() == pytest.approx(0.0, abs=1e-10)

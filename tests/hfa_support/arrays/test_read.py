@@ -4,92 +4,32 @@ line.
 
 from __future__ import annotations
 
-import io
-import struct
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import scipy.io
-from scipy.sparse import csc_array, issparse
 
+import hfa
+from controller import load_game
 from hfa import BadInputError
-from hfa_support.arrays import mat_file
-from hfa_support.arrays.read import read_arrays
 
 pytestmark = pytest.mark.usefixtures("folder")
 
-NUMBERS = 10 * np.random.default_rng(0).normal(size=(4, 4))
-PLAIN = {"full": NUMBERS, "complex": NUMBERS + 1j, "text": "wing"}
-#: Entries that `hfa linearize -o` writes in addition to its matrices, and entries that are omitted.
-TREES = {
-    "sparse": csc_array(NUMBERS * (NUMBERS > 0)),
-    "short": NUMBERS.astype("i2"),
-    "names": np.array(["speed", "", "pitch rate"], dtype=object),
-    "deep": {"block": {"text": "x", "names": np.array(["a"], dtype=object)}, "count": 3.0},
-    "mixed": np.array(["a", 3.0], dtype=object),
-    "many": np.array([(1.0,), (2.0,)], dtype=[("a", object)]),
-}
-#: Files written by MATLAB 4 to 7.4 on several machines, if the installed SciPy contains them.
-FILES = sorted(
-    (Path(scipy.io.__file__).parent / "matlab" / "tests" / "data").glob("test*_7.4_GLNX86.mat")
-)[:1]
+GAME = hfa.Game([[0.0, 1.0], [-2.0, -3.0]], np.eye(2), Q=np.eye(2), R=np.eye(2))
 
 
-def mat(form: str = "5", **content: Any) -> bytes:
-    stream = io.BytesIO()
-    scipy.io.savemat(stream, content, format=form, do_compression=form == "5" and "text" in content)
-    return stream.getvalue()
-
-
-def read(content: bytes | str, name: str = "a.mat") -> dict[str, Any]:
-    Path(name).write_bytes(content.encode() if isinstance(content, str) else content)
-    return read_arrays(name)
-
-
-@pytest.mark.parametrize("content", [path.read_bytes() for path in FILES])
-def test_numbers_and_texts_equal_those_of_loadmat(content: bytes) -> None:
-    """The .mat reader returns the same numbers and texts as SciPy's loadmat."""
-    arrays = read(content)
-    for name, value in scipy.io.loadmat(io.BytesIO(content)).items():
-        expected = value.toarray() if issparse(value) else value
-        if not name.startswith("__") and expected.dtype.kind in "iufcU":
-            np.testing.assert_array_equal(arrays[name], expected)
-
-
-def test_a_damaged_file_is_refused_in_one_line(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Damaged .mat files are refused in one line, also if the reading process crashes or hangs."""
-    whole = mat(**{**TREES, "full": NUMBERS})
-    with pytest.raises(BadInputError, match=r"^a.mat cannot be read as .mat \([^\n]*$"):
-        read(whole[:-9])
-    # No small file crashes or stalls the installed SciPy.
-    monkeypatch.setattr(mat_file, "_CHILD", Path("child.py"))
-    for code, longest, said in (
-        ("import os; os.abort()", 60.0, "SciPy crashes on it"),
-        ("while True: pass", 0.2, "longer than 0.2 s"),
-    ):
-        Path("child.py").write_text(code, encoding="utf-8")
-        monkeypatch.setattr(mat_file, "_LONGEST", longest)
-        with pytest.raises(BadInputError, match=f"^a.mat cannot be read as .mat .*{said}"):
-            read(whole)
-
-
-@pytest.mark.slow
-def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Files whose content exceeds the size limit are refused before they are unpacked."""
-    header = b"MATLAB 5.0".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
-    bomb = zlib.compress(mat(A=np.zeros(2_000_000))[128:])
-    # Reaching the real limit would take a file of hundreds of megabytes.
-    monkeypatch.setattr(mat_file, "LARGEST", 1 << 23)
-    sparse = struct.pack("<5i", 2, 1, 3, 0, 2) + b"A\0" + np.array([1e9, 1e9, 0]).tobytes()
-    with pytest.raises(BadInputError, match=r"cannot be read as .mat .*unpacks to more than 8 MiB"):
-        read(header + struct.pack("<II", 15, len(bomb)) + bomb)
-    with pytest.raises(BadInputError, match=r"cannot be read as .mat"):
-        read(sparse)
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_damaged_mat_file_is_refused_in_one_line(compressed: bool) -> None:
+    """A file that lacks its last bytes is refused; the whole one gives its matrix."""
+    K = np.arange(4.0).reshape(2, 2)
+    scipy.io.savemat("K.mat", {"K": K, "text": "wing"}, do_compression=compressed)
+    assert np.array_equal(hfa.read_critic("K.mat", GAME).K, K)
+    whole = Path("K.mat").read_bytes()
+    Path("a.mat").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(BadInputError, match=r"^a.mat [^\n]*$"):
+        hfa.read_critic("a.mat", GAME)
 
 
 # .csv
@@ -105,10 +45,10 @@ HEADED = "speed,alpha\n0,1\n-2,-3\n", '"push"\n0.5\n1\n'
 NAMES = {"states": ["speed", "alpha"], "inputs": ["push"]}
 
 
-def of(**texts: str) -> dict[str, Any]:
+def of(**texts: str) -> hfa.Game:
     for name, text in texts.items():
         Path(f"{name}.csv").write_text(text, encoding="utf-8")
-    return read_arrays(f"{next(iter(texts))}.csv")
+    return load_game(f"{next(iter(texts))}.csv", Q=np.eye(2), R=np.eye(1), delta=np.inf)
 
 
 @pytest.mark.parametrize(
@@ -120,14 +60,17 @@ def of(**texts: str) -> dict[str, Any]:
         ({"A": HEADED[0], "B": HEADED[1]}, NAMES),
     ],
 )
+@pytest.mark.filterwarnings("ignore:.*not given")
 def test_csv_matrices_are_read_with_optional_names(
     texts: dict[str, str], names: dict[str, list[str]]
 ) -> None:
     """A and B are read from .csv files with or without names of rows and columns."""
-    arrays = of(**texts)
-    np.testing.assert_array_equal(arrays.pop("A"), A)
-    np.testing.assert_array_equal(arrays.pop("B"), B)
-    assert {key: value for key, value in arrays.items() if value} == names
+    game = of(**texts)
+    np.testing.assert_array_equal(game.A, A)
+    np.testing.assert_array_equal(game.B, B)
+    assert game.names.states == tuple(names.get("states", ["x1", "x2"]))
+    assert game.names.inputs == tuple(names.get("inputs", ["u1"]))
+    assert game.names.state_units == tuple(names.get("state_units", ["", ""]))
 
 
 @pytest.mark.parametrize(
@@ -169,5 +112,5 @@ def test_a_file_of_arrays_runs_no_code(name: str) -> None:
     save = np.savez if name.endswith("z") else np.save
     save(name, held, allow_pickle=True)
     with pytest.raises(BadInputError, match=name):
-        read_arrays(name)
+        hfa.read_critic(name, GAME)
     assert not Path("ran").exists()

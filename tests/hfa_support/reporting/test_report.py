@@ -9,25 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from hfa.extend import Report, Table
-from hfa_support.reporting.figure import new_figure, save
-from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.text import RowsMade
 
 
-def picture(drawn: list[str]) -> Picture:
-    def draw() -> Figure:
-        drawn.append("drawn")
-        return new_figure(1.0, 1.0)
-
-    return Picture("a.png", 'a "picture"', draw)
-
-
-def report(drawn: list[str]) -> Report:
+def report() -> Report:
     table = Table(("load", "value"), [("lift <1>", "2.5"), ("a|b", "10")])
-    inner = Report("Inner", (((table, "below the table")), picture(drawn)))
+    inner = Report("Inner", ((table, "below the table"),))
     return Report(
         title="Title & more\nof it",
         parts=("first", inner),
@@ -37,14 +25,14 @@ def report(drawn: list[str]) -> Report:
             "values": np.array([0.1, np.inf]),
             "rows": [{"name": "a"}, {"name": "b"}],
         },
-        records=Table(("name", "value"), RowsMade(2, lambda i: (f"row {i}", (i + 1) / 3))),
+        records=Table(("name", "value"), [("row 0", 1 / 3), ("row 1", 2 / 3)]),
     )
 
 
 def test_markdown_has_headings_and_tables() -> None:
     """A report becomes Markdown with headings, escaped tables and notes."""
     assert (
-        report([]).markdown()
+        report().markdown()
         == "# Title & more\n\nof it\n\nfirst\n\n## Inner\n\n| load | value |\n|---|---|\n| lift <1>"
         " | 2.5 |\n| a\\|b | 10 |\n\nbelow the table\n\nNote: take care"
     )
@@ -53,38 +41,29 @@ def test_markdown_has_headings_and_tables() -> None:
 def test_every_line_of_the_provenance_fits_in_80_columns() -> None:
     """Long provenance is wrapped at blanks, and only a word of its own is longer."""
     path = "x" * 90
-    lines = (
-        replace(report([]), source=f"version 1, plant {path}, " + "word " * 40).text().split("\n")
-    )
+    lines = replace(report(), source=f"version 1, plant {path}, " + "word " * 40).text().split("\n")
     assert [line for line in lines if len(line) > 80] == [f"{path},"]
 
 
 def test_html_has_real_tables_and_escapes_every_word() -> None:
-    """The HTML of a report has headings, tables and pictures, and every text is escaped.
-
-    A picture is drawn once even if the HTML is made twice.
-    """
-    drawn: list[str] = []
-    made = report(drawn)
+    """The HTML of a report has headings and tables, and every text is escaped."""
+    made = report()
     html = made.html(2)
     assert html.startswith(
         "<h2>Title &amp; more</h2>\n<p>of it</p>\n<p>first</p>\n<h3>Inner</h3>\n"
     )
     assert '<div class="table" role="group" tabindex="0" aria-label="table: load"><table>' in html
     assert '<tr><th scope="row">lift &lt;1&gt;</th><td>2.5</td></tr>' in html
-    assert '<img alt="a &quot;picture&quot;" src="data:image/png;base64,' in html
     assert html.endswith("<p>Note: take care</p>")
     assert made.html(2) == html
     assert made.html().startswith(
         "<h1>Title &amp; more</h1>\n<p>of it</p>\n<p>first</p>\n<h2>Inner</h2>\n"
     )
-    assert [type(each.figure) for each in made.pictures()] == [Figure]
-    assert drawn == ["drawn"]
 
 
 def test_json_and_files_contain_the_data(tmp_path: Path) -> None:
     """.json, .npz, .mat and .csv files contain the data or records. Another suffix is refused."""
-    made = report([]).with_data(more=[1])
+    made = report().with_data(more=[1])
     expected = {
         "schema": "hfa.test/1",
         "values": [0.1, None],
@@ -132,15 +111,3 @@ def test_names_become_no_formulas_links_or_columns(tmp_path: Path) -> None:
     assert "&lt;script>" in markdown
     assert "[a]\\(b)" in markdown
     assert "=cmd\\|" in markdown
-
-
-@pytest.mark.parametrize("suffix", [".png", pytest.param(".pdf", marks=pytest.mark.slow)])
-def test_a_picture_contains_its_provenance(suffix: str, tmp_path: Path) -> None:
-    """A picture file contains its provenance, and saving the figure again gives equal bytes."""
-    paths = [tmp_path / f"{number}{suffix}" for number in (1, 2)]
-    for path in paths:
-        figure = new_figure(4.0, 3.0)
-        figure.subplots().plot([0.0, 1.0])
-        save(figure, path, "hfa 0, parameters c1fb")
-    assert paths[0].read_bytes() == paths[1].read_bytes()
-    assert b"hfa 0, parameters c1fb" in paths[0].read_bytes()

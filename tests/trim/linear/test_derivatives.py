@@ -9,16 +9,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_points import INPUT_SCALES, STATE_SCALES, random_points
+from random_points import (
+    INPUT_SCALES,
+    STATE_SCALES,
+    WINDS,
+    equations,
+    random_points,
+    wind_of,
+)
 
+import hfa
 import hfa_model
 from hfa import Model
 from hfa_model import INPUTS, STATES, Input, State
-from hfa_model.kinematics import DISTURBANCES, winds_named
-from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 
-NAMES = tuple(DISTURBANCES)
-WATCHED = tuple(OUTPUTS)
+NAMES = WINDS
+WATCHED = tuple(hfa.aircraft().outputs)
 ROWS = (*STATES, *WATCHED)
 COLUMNS = (*STATES, *INPUTS, *NAMES)
 #: Size of a step of 1, in the units of states, inputs and winds.
@@ -46,15 +52,16 @@ def at(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarr
 
     z: states (7), inputs (5), winds
     """
-    winds = winds_named(NAMES, z[12:].tolist(), ground_drag=ground_drag)
-    moment = moment_of(
+    rates, outputs = equations(
         State(*z[:7].tolist()),
         Input(*z[7:12].tolist()),
         hfa_model.parameters_of(aircraft),
         hfa_model.variant_of(aircraft),
-        winds,
+        wind_of(z[12:].tolist()),
+        ground_drag=ground_drag,
     )
-    return np.array([*moment.rates, *outputs_of(moment).values()], dtype=float)
+    rows = (*(rates[name] for name in STATES), *(outputs[name] for name in WATCHED))
+    return np.array(rows, dtype=float)
 
 
 def blocks(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:

@@ -11,12 +11,9 @@ import pytest
 from cli import answer, assert_refused, hfa
 from own_models import F16, NAVION, trimmed
 
-from hfa import BadInputError, LinearModel, linearize
+from hfa import BadInputError, LinearModel, aircraft, linearize
 from hfa.paper import level_model
-from hfa_model import choice
-from trim.linear.frequency import bode_figure, transfers, with_transfers
-from trim.linear.modes import spectrum
-from trim.linear.transfer import StateSpace, Transfer, gain_and_roots, transmission_zeros
+from trim import Transfer, transfers
 
 OMEGA = np.logspace(-3, 2, 40)
 
@@ -24,8 +21,8 @@ OMEGA = np.logspace(-3, 2, 40)
 @pytest.fixture(scope="module", params=["hfa", "f16", "navion"])
 def model(request: pytest.FixtureRequest) -> LinearModel:
     if request.param == "hfa":
-        point = level_model(choice.aircraft(), 0.2).point
-        return linearize(choice.aircraft(), point, outputs=("gamma", "speed", "dihedral"))
+        point = level_model(aircraft(), 0.2).point
+        return linearize(aircraft(), point, outputs=("gamma", "speed", "dihedral"))
     foreign = F16.with_parameters(xcg=0.3) if request.param == "f16" else NAVION
     return linearize(foreign, trimmed(foreign), outputs=("gamma", "speed", "roll_rate"))
 
@@ -59,30 +56,32 @@ def test_transfer_functions_equal_the_models_response(model: LinearModel) -> Non
     assert reached >= 6
 
 
+def channel(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Transfer:
+    (found,) = transfers(LinearModel.of(A, B, C, D).system)
+    return found
+
+
 def test_zeros_equal_those_of_slicot(model: LinearModel) -> None:
-    """Transmission zeros equal those computed by SLICOT, for one to three inputs and outputs."""
+    """Zeros of each channel equal those computed by SLICOT."""
     pytest.importorskip("slycot")
-    for size in (1, 2, 3):
-        B = model.B[:, :size]
-        C = model.C[:size]
-        D = model.D[:size, :size]
-        zeros, rank = transmission_zeros(StateSpace(model.A, B, C, D))
-        peer = control.ss(model.A, B, C, D).zeros()
-        assert (rank, len(zeros)) == (size, len(peer))
-        for zero in zeros:
-            assert np.abs(peer - zero).min() <= 1e-6 * (1 + abs(zero))
+    for found in transfers(model.system)[:6]:
+        if found.gain:
+            loop = model[found.output, found.input]
+            peer = control.ss(loop.A, loop.B, loop.C, loop.D).zeros()
+            for zero in found.zeros:
+                assert np.abs(peer - zero).min() <= 1e-6 * (1 + abs(zero))
 
 
 def test_a_known_zero_is_found_and_cancels() -> None:
-    """The zeros of (s - 3) / ((s + 1) (s + 2)) with an uncontrollable state at -5 are 3 and -5."""
+    """The zero of (s - 3) / ((s + 1) (s + 2)) is 3; an uncontrollable state at -5 cancels."""
     A = np.diag([-1.0, -2.0, -5.0])
     B = np.array([[1.0], [1.0], [0.0]])
     C = np.array([[-4.0, 5.0, 1.0]])
-    D = np.zeros((1, 1))
-    zeros, rank = transmission_zeros(StateSpace(A, B, C, D))
-    np.testing.assert_allclose(np.sort(zeros), [-5.0, 3.0], atol=1e-12)
-    assert rank == 1
-    assert transmission_zeros(StateSpace(A, np.zeros((3, 1)), C, D))[1] == 0
+    found = channel(A, B, C, np.zeros((1, 1)))
+    np.testing.assert_allclose(found.zeros, [3.0], atol=1e-12)
+    np.testing.assert_allclose(np.sort(found.poles), [-2.0, -1.0], atol=1e-12)
+    assert found.gain == pytest.approx(1.0)
+    assert channel(A, np.zeros((3, 1)), C, np.zeros((1, 1))).gain == 0.0
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -99,8 +98,7 @@ def test_a_free_body_has_no_static_gain(seed: int, slow: float) -> None:
     B = T @ np.array([[0.0], [0.0], [1.0]])
     for row, held in (([1.0, 0.0, 0.0], 500.0), ([0.0, 1.0, 0.0], 0.0)):
         C = np.array([row]) @ np.linalg.inv(T)
-        system = StateSpace(A, B, C, np.zeros((1, 1)))
-        static = gain_and_roots(system, spectrum(A), 1.0)[1]
+        static = channel(A, B, C, np.zeros((1, 1))).static
         assert static == pytest.approx(held if slow else np.inf, rel=1e-6)
 
 
@@ -112,12 +110,11 @@ def test_the_gains_of_a_random_system_are_those_of_its_matrices(seed: int) -> No
     A = rng.normal(size=(n, n)) - 0.5 * np.eye(n)
     B, C = rng.normal(size=(n, 1)), rng.normal(size=(1, n))
     D = np.zeros((1, 1)) if seed % 2 else rng.normal(size=(1, 1))
-    system = StateSpace(A, B, C, D)
-    gain, static, zeros, poles = gain_and_roots(system, spectrum(A), 3.0)
+    found = channel(A, B, C, D)
     exact = D - C @ np.linalg.solve(A, B)
-    assert static == pytest.approx(3.0 * exact.item(), rel=1e-8)
-    at = gain * np.prod(2j - zeros) / np.prod(2j - poles)
-    assert at == pytest.approx(3.0 * control.ss(A, B, C, D)(2j), rel=1e-8)
+    assert found.static == pytest.approx(exact.item(), rel=1e-8)
+    at = found.gain * np.prod(2j - found.zeros) / np.prod(2j - found.poles)
+    assert at == pytest.approx(control.ss(A, B, C, D)(2j), rel=1e-8)
 
 
 # Models of fewer states.
@@ -154,16 +151,16 @@ def test_impossible_residualization_is_refused() -> None:
 
     A Bode plot without inputs, or in which no input affects an output, is refused, too.
     """
-    model = level_model(choice.aircraft(), 0.2)
+    model = level_model(aircraft(), 0.2)
     with pytest.raises(BadInputError, match="pitch cannot be residualized"):
         model.select(residualize=("pitch",))
     with pytest.raises(BadInputError, match="residualize contains every state of the model"):
         model.select(residualize=model.states)
     with pytest.raises(BadInputError, match="the model has no inputs, so no Bode plot exists"):
-        bode_figure(model.select(inputs=()).system)
+        model.select(inputs=()).bode()
     navion = linearize(NAVION, trimmed(NAVION), outputs=("beta",)).select(inputs=("thrust",))
     with pytest.raises(BadInputError, match="no chosen input affects any chosen output"):
-        bode_figure(navion.system)
+        navion.bode()
 
 
 def test_a_bode_plot_shows_at_most_six_outputs() -> None:
@@ -172,10 +169,10 @@ def test_a_bode_plot_shows_at_most_six_outputs() -> None:
     The frequency range covers all modes. The phase changes by less than 45 deg between two
     frequencies near the phugoid.
     """
-    point = level_model(choice.aircraft(), 0.2).point
-    states = linearize(choice.aircraft(), point)
-    model = linearize(choice.aircraft(), point, outputs=(*states.states, "gamma"))
-    figure = bode_figure(model.system)
+    point = level_model(aircraft(), 0.2).point
+    states = linearize(aircraft(), point)
+    model = linearize(aircraft(), point, outputs=(*states.states, "gamma"))
+    figure = model.bode()[0].figure
     panels = [axes for axes in figure.axes if axes.get_title()]
     assert [axes.get_title().partition(",")[0] for axes in panels] == list(model.states)
     assert figure.get_supxlabel() == "not drawn: gamma"
@@ -198,8 +195,8 @@ def test_the_command_reports_the_models_transfer_functions(tmp_path: Path) -> No
     data = answer(*words, "--picture", str(tmp_path / "bode.svg"))
     si = answer(*words, "--units", "si")
     assert (tmp_path / "bode.svg").read_text().count("<svg") == 1
-    point = level_model(choice.aircraft(), float(np.radians(10.0))).point
-    first = transfers(linearize(choice.aircraft(), point, outputs=("gamma", "speed")).system)[0]
+    point = level_model(aircraft(), float(np.radians(10.0))).point
+    first = transfers(linearize(aircraft(), point, outputs=("gamma", "speed")).system)[0]
     assert data["transfers"][0]["gain"] == first.gain
     assert data["transfers"][0]["zeros"] == [[zero.real, zero.imag] for zero in first.zeros]
     for in_si, in_feet in zip(si["transfers"][:2], data["transfers"][:2], strict=True):
@@ -219,24 +216,23 @@ def test_the_command_reports_the_models_transfer_functions(tmp_path: Path) -> No
     )
 
 
-def test_transfer_functions_that_are_0_are_not_shown() -> None:
+def test_transfer_functions_that_are_0_are_not_shown(folder: Path) -> None:
     """The printed table contains exactly the transfer functions with a gain."""
     linear = LinearModel.of(np.array([[-1.0, 0.0], [0.5, -2.0]]), np.eye(2))
     found = transfers(linear.system)
     shown = {f"{each.output} / {each.input}" for each in found if each.gain}
     assert len(shown) < len(found)
-    table = with_transfers(linear.report(), linear.system).parts[-1]
-    assert {row[0] for row in table.rows} == shown
-    loop = LinearModel.of([[0.0, 1.0], [-2.0, -0.3]], [[0.0], [1.0]], [[3.0, 1.0]])
-    ((_, *texts),) = with_transfers(loop.report(), loop.system).parts[-1].rows
-    assert texts == ["1", "1.5", "-3.0000", "-0.1500 ± 1.4062i"]
-    panels = bode_figure(linear.system).axes
+    np.savez(folder / "plant.npz", A=linear.A, B=linear.B)
+    text = hfa("linearize", "--aircraft", "plant.npz", "--bode").out
+    for each in found:
+        assert (f"{each.output} / {each.input}" in text) == bool(each.gain)
+    panels = linear.bode()[0].figure.axes
     assert [len(axes.lines) for axes in panels] == [1, 2, 1, 2]
 
 
 def test_the_dihedral_angle_is_the_one_scheduling_value_of_the_flexible_aircraft() -> None:
     """A point of the flexible aircraft states `dihedral_deg`, and no `scheduled` besides."""
-    point = level_model(choice.aircraft(), 0.2).point
+    point = level_model(aircraft(), 0.2).point
     assert point.scheduled is None
     assert point.dihedral_deg == pytest.approx(np.degrees(0.2))
     assert "scheduled" not in point.as_data()

@@ -5,31 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import matplotlib.pyplot as pyplot
 import numpy as np
 import pytest
-from extension import Extension
 from known_models import model_at, released_simulation
 
 import hfa
 from hfa import BadInputError, LinearModel, Model, OperatingPoint, linearize, trim
 from hfa.paper import level_flight
 from hfa_model import LINEAR_STATES, STATES, Parameters, published_models
-from hfa_model.kinematics import DISTURBANCES
-from hfa_model.parameters import ParameterSet
-from hfa_model.published import PublishedModel
 from studies.identification.parameters import IDENTIFIED
 from trim import compare, entry_bands, regenerate
-from trim.hfa.printed import (
-    Bands,
-    EntryRow,
-    eigenvalue_errors,
-    has_bands,
-    with_bands,
-)
-
-closed_loop = Extension("hfa_flight.closed_loop")
 
 MODELS = published_models()
 PRINTED = pytest.mark.parametrize(
@@ -37,7 +25,7 @@ PRINTED = pytest.mark.parametrize(
 )
 
 
-def half_units(model: LinearModel, published: PublishedModel) -> float:
+def half_units(model: LinearModel, published: Any) -> float:
     """Return the largest |computed - printed| of A and B, in half units of the last printed
     digit.
     """
@@ -47,9 +35,7 @@ def half_units(model: LinearModel, published: PublishedModel) -> float:
 
 
 @PRINTED
-def test_every_printed_entry_is_regenerated(
-    published_aircraft: Model, published: PublishedModel
-) -> None:
+def test_every_printed_entry_is_regenerated(published_aircraft: Model, published: Any) -> None:
     """All 66 printed entries of A and B are reproduced within three half units of the last
     digit.
     """
@@ -63,20 +49,12 @@ def test_every_printed_entry_is_regenerated(
     for row in rows:
         difference = row.computed - row.printed
         assert row.printed == 0.0 or np.sign(row.percent) == np.sign(difference)
-    for name, of_A, of_B in (("A", 1.0, 1e-9), ("B", 1e-9, 1.0)):
-        bands = Bands(of_A * np.abs(computed.A), of_B * np.abs(computed.B))
-        other = replace(computed, A=computed.A - bands.A, B=computed.B - bands.B)
-        text = with_bands(computed.report(), computed, bands, other).text(width=None)
-        largest = max(
-            (row for row in rows if row.matrix == name), key=lambda row: abs(row.computed)
-        )
-        assert text.count(f"{abs(largest.computed):.2g} in {largest.name}") == 2
 
 
 @PRINTED
 @pytest.mark.parametrize("name", IDENTIFIED)
 def test_a_parameter_one_percent_off_is_detected(
-    parameters: Parameters, published: PublishedModel, name: str
+    parameters: Parameters, published: Any, name: str
 ) -> None:
     """If one parameter is changed by 1 %, some entry has an error above three half units."""
     wrong = hfa.aircraft(parameters=parameters._replace(**{name: getattr(parameters, name) * 1.01}))
@@ -92,7 +70,7 @@ def test_eigenvalues_at_5_degrees_equal_quoted_ones(published_aircraft: Model) -
     eigenvalues = np.linalg.eigvals(regenerate(published_aircraft, published_models()[1]).A)
     quoted = np.array([-7.11, -0.019, -4.82 + 18.66j, -4.82 - 18.66j])
     allowed = np.array([0.01, 0.001, np.hypot(0.01, 0.01), np.hypot(0.01, 0.01)])
-    errors = eigenvalue_errors(eigenvalues, quoted)
+    errors = np.abs(eigenvalues[:, None] - quoted).min(axis=0)
     assert np.all(errors <= allowed), errors
 
 
@@ -104,15 +82,13 @@ def test_eigenvalues_at_5_degrees_equal_quoted_ones(published_aircraft: Model) -
 CONDITION = level_flight(np.radians(10.0))
 
 
-def bands_of(parameters: ParameterSet, dynamics: str = "published") -> Bands:
+def bands_of(parameters: Any, dynamics: str = "published") -> Any:
     aircraft = hfa.aircraft(dynamics, parameters.values)
     return entry_bands(parameters, CONDITION, linearize(aircraft, trim(aircraft, CONDITION)))
 
 
 @pytest.mark.parametrize(("dynamics", "widest"), [("published", 9.02e-5), ("newton", 2.055e-3)])
-def test_a_band_is_two_standard_errors(
-    parameter_set: ParameterSet, dynamics: str, widest: float
-) -> None:
+def test_a_band_is_two_standard_errors(parameter_set: Any, dynamics: str, widest: float) -> None:
     """The half-width of a band is two standard errors, 2 sqrt(diag(J C J')).
 
     J is computed from differences of linear models. C is the covariance of the parameters.
@@ -139,19 +115,18 @@ def test_a_band_is_two_standard_errors(
 
 
 def test_slightly_changed_parameters_keep_their_bands(
-    parameter_set: ParameterSet,
+    parameter_set: Any,
 ) -> None:
     """A relative change of the panel mass by 1e-9 leaves the bands unchanged to 1 %.
 
     Bands are refused for changes of 1e-6 or more.
     """
 
-    def heavier(factor: float) -> ParameterSet:
+    def heavier(factor: float) -> Any:
         values = parameter_set.values
         return replace(parameter_set, values=values._replace(panel_mass=factor * values.panel_mass))
 
     elsewhere = heavier(1 + 1e-9)
-    assert has_bands(elsewhere)
     np.testing.assert_allclose(
         bands_of(elsewhere).A, bands_of(parameter_set).A, rtol=0.01, atol=1e-6
     )
@@ -162,7 +137,7 @@ def test_slightly_changed_parameters_keep_their_bands(
 
 # Winds at each panel, compared with the released simulation.
 
-NAMES = tuple(DISTURBANCES)
+NAMES = tuple(hfa.aircraft().disturbances)
 #: Entries of the wind columns of SimVFA (B. Thomsen, 2018, data/VFA_trimData.mat) at 68 ft/s and 11
 #: deg.
 PEER: dict[str, dict[str, float]] = {
@@ -236,8 +211,6 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
     assert model.disturbances == NAMES
     otherwise = linearize(over_ground(aircraft), point, full=True, disturbances=NAMES)
     assert np.abs(otherwise.E - model.E).max() > 1e-2  # drag by the wrong speed is detected
-    gust = closed_loop.LinearPlant.at(aircraft, point, ("updraft",)).E["updraft"]
-    np.testing.assert_allclose(column["updraft"], gust, rtol=1e-12, atol=1e-15)
     # In level trim all forces balance, so that a headwind has the effect of more speed over ground.
     np.testing.assert_allclose(
         column["headwind"], model.A[:, STATES.index("speed")], rtol=1e-9, atol=1e-12
@@ -333,7 +306,10 @@ def test_an_entry_is_compared_in_half_units_and_percent(
     printed: float, computed: float, half_units: float, percent: float, is_zero: bool
 ) -> None:
     """Half a unit of 0.05 is the last digit's; only an entry printed as 0 can be zero."""
-    entry = EntryRow("A", "alpha", "speed", printed, computed, 0.05)
+    row = compare(model_at(10.0), MODELS[0])[0]
+    entry = replace(
+        row, row="alpha", column="speed", printed=printed, computed=computed, half_unit=0.05
+    )
     assert entry.half_units == pytest.approx(half_units)
     assert entry.percent == pytest.approx(percent, nan_ok=True)
     assert (entry.is_zero, entry.name) == (is_zero, "A(alpha, speed)")

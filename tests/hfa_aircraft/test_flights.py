@@ -1,0 +1,70 @@
+"""Flights of linear loops against their exponentials: states, cost, departure, integration error."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.optimize import brentq
+
+import hfa
+from hfa import Model, Signal
+
+A = np.array([[0.0, 1.0], [-4.0, -0.2]])
+B = np.array([[0.0], [1.0]])
+LOOP = Model(
+    "loop",
+    {"a": Signal(min=-1.0, max=3.0), "b": Signal()},
+    {"u": Signal()},
+    lambda x, u, p, w: ({"a": x.b, "b": -4.0 * x.a - 0.2 * x.b + u.u}, {}),
+    trim={"a": 0.0, "b": 0.0},
+)
+START = np.array([0.9, 0.0])
+pytestmark = pytest.mark.usefixtures("flights")
+
+
+@pytest.fixture
+def flights() -> None:
+    pytest.importorskip("hfa_flight")
+
+
+def test_a_loop_follows_its_exponential_and_has_its_cost() -> None:
+    """u = -K z gives the exact loop, also after a tick of the scenario.
+
+    The cost is that of Q and R along the flight, by the trapezoidal rule at its steps.
+    """
+    K = np.array([[1.0, 0.8]])
+    Q, R = np.diag([2.0, 0.5]), np.array([[3.0]])
+    point = hfa.trim(LOOP)
+    flight = hfa.fly(LOOP, point, K, 4.0, initial={"a": 0.9}, weights=(Q, R))
+    tick = flight.scenario["tick"]
+    every = round(tick / flight.step)
+    states = [expm((A - B @ K) * t) @ START for t in flight.time[::every]]
+    np.testing.assert_allclose(flight.states[::every], states, atol=1e-8)
+    z, u = flight.states, flight.inputs
+    rate = np.einsum("ni,ij,nj->n", z, Q, z) + np.einsum("ni,ij,nj->n", u, R, u)
+    assert flight.cost == pytest.approx(np.trapezoid(rate, flight.time), rel=1e-2)
+
+
+def test_the_cost_of_a_free_flight_follows_its_lyapunov_equation() -> None:
+    flight = hfa.fly(
+        LOOP, hfa.trim(LOOP), None, 4.0, initial={"a": 0.9}, weights=(np.eye(2), np.eye(1))
+    )
+    np.testing.assert_allclose(flight.states[-1], expm(A * flight.time[-1]) @ START, atol=1e-9)
+    X = solve_continuous_lyapunov(A.T, -np.eye(2))
+    end = flight.states[-1]
+    assert flight.cost == pytest.approx(START @ X @ START - end @ X @ end, rel=1e-8)
+
+
+@pytest.mark.parametrize(("start", "limit"), [(2.9, -1.0), (0.9, -0.5)])
+def test_a_flight_ends_below_a_lower_limit(start: float, limit: float) -> None:
+    """The departure is dated to the step in which the exponential passes the limit."""
+    flight = hfa.fly(
+        LOOP, hfa.trim(LOOP), None, 4.0, initial={"a": start}, envelope={"a": (limit, 3.0)}
+    )
+    passed = brentq(lambda t: (expm(A * t) @ [start, 0.0])[0] - limit, 0.1, 1.4)
+    assert flight.departure.state == "a"
+    assert flight.departure.limit == limit
+    assert passed <= flight.departure.time + 1e-9
+    assert flight.departure.time <= passed + flight.step + 1e-9
+    assert not flight.ok
