@@ -14,9 +14,6 @@ from extension import needs
 from hostile import WAYS, attempt, hostile_case, output_fault, seeds
 from hypothesis import given, strategies as st
 
-from hfa.commands import trim
-from hfa.options.request import Command
-
 #: The command handles warnings as it does for users.
 pytestmark = pytest.mark.filterwarnings("default")
 #: The corrupted files include files of extensions.
@@ -54,17 +51,16 @@ def test_the_unchanged_file_is_accepted(way: str) -> None:
     assert result.out
 
 
-def _raise(_: object) -> int:
+def _raise() -> Result:
     raise KeyError("x")
 
 
-def _write(path: str, text: str = "{}") -> int:
+def _write(path: str, text: str = "{}") -> Result:
     Path(path).write_text(text)
-    print("done")
-    return 0
+    return Result(0, "done\n", "")
 
 
-def _hang(_: object) -> int:
+def _hang() -> Result:
     while True:
         pass
 
@@ -73,18 +69,18 @@ def _hang(_: object) -> int:
     ("run", "said"),
     [
         (_raise, "KeyError: 'x'"),
-        (lambda _: _write("a.json", "{"), "not whole: a.json"),
-        (lambda _: _write("../b.json"), "left outside: ['b.json']"),
-        (lambda _: _write("c.json"), "left, and nobody asked: c.json"),
-        (lambda _: 1, "exit code 1, and not a word"),
-        (lambda _: 3, "exit code 3"),
+        (lambda: _write("a.json", "{"), "not whole: a.json"),
+        (lambda: _write("../b.json"), "left outside: ['b.json']"),
+        (lambda: _write("c.json"), "left, and nobody asked: c.json"),
+        (lambda: Result(1, "", ""), "exit code 1, and not a word"),
+        (lambda: Result(3, "", ""), "exit code 3"),
         (_hang, "no end after 0.05 s"),
     ],
 )
 def test_planted_faults_are_detected(monkeypatch: pytest.MonkeyPatch, run, said: str) -> None:
     """The test harness detects a command that crashes, hangs, leaves a wrong file or is silent."""
     # Planted faults of a command.
-    monkeypatch.setattr(trim, "trim", Command(trim.trim.request, run))
+    monkeypatch.setattr(hostile, "unchecked_hfa", lambda *words, err: run())
     monkeypatch.setattr(hostile, "LONGEST", 0.05 if run is _hang else 10.0)
     assert said in (attempt(["trim", "--dihedral", "5", "-o", "a.json"], {}) or "")
 

@@ -9,6 +9,7 @@ import contextlib
 import hashlib
 import io
 import json
+import re
 import signal
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,10 +24,8 @@ from game_files import small
 from hypothesis import strategies as st
 from strategies import TEXTS, changed_entry, changed_file, changed_folder
 
-from hfa.entry_points import command_named, commands, found_in
-from hfa.main import filled
-from hfa.options.parser import Parser
-from hfa_model import choice
+from hfa import aircraft
+from hfa.entry_points import commands, found_in
 
 #: Largest processor time of a command in s, unless it announces a long run.
 LONGEST = 10.0
@@ -107,12 +106,17 @@ class Hanging(BaseException):
     """Raised in a run that exceeds its time limit. Commands do not catch it."""
 
 
+@cache
+def options_of(command: str) -> tuple[str, ...]:
+    """Return the options that the help of a command names."""
+    return tuple(sorted({*re.findall(r"(?<![\w-])--?[a-zA-Z][\w-]*", hfa(command, "--help").out)}))
+
+
 @st.composite
 def hostile_words(draw: st.DrawFn) -> list[str]:
     """Return a command line in which one to three words are replaced, removed or added."""
     command, words = found_in(draw(st.sampled_from(LINES)).split())
-    parser = filled(Parser(), command_named(command).load(), choice.aircraft())
-    options = [name for name in parser._option_string_actions if name != "--workers"]
+    options = [name for name in options_of(command) if name != "--workers"]
     word = st.sampled_from(options) | TEXTS | st.sampled_from(list(commands()))
     for _ in range(draw(st.integers(1, 3))):
         at = draw(st.integers(0, len(words)))
@@ -169,7 +173,7 @@ def seeds() -> Mapping[str, bytes]:
         save_parameters(default_parameters(), Path("parameters.toml"), "a copy")
         Path("condition.toml").write_text(CONDITION, encoding="utf-8")
         Path("design.toml").write_bytes(Path(SIMVFA["simvfa-1"]).read_bytes())
-        save_controller(Path("controller.npz"), small_controller(choice.aircraft()))
+        save_controller(Path("controller.npz"), small_controller(aircraft()))
         angles = [14.9, 15.1]
         K = np.array([exact_gain(angle) for angle in angles])
         np.savez("table.npz", dihedral_deg=angles, K=K)

@@ -2,7 +2,11 @@
 
 from hfa_aircraft.waveform import Harmonic as Harmonic, Waveform as Waveform
 
-from .actuators import ActuatorBank as ActuatorBank, ActuatorFault as ActuatorFault
+from .actuators import (
+    Actuator as Actuator,
+    ActuatorBank as ActuatorBank,
+    ActuatorFault as ActuatorFault,
+)
 from .air.gust_equations import in_gusts as in_gusts
 from .air.gusts import OneMinusCosine as OneMinusCosine
 from .air.turbulence import (
@@ -11,7 +15,11 @@ from .air.turbulence import (
 )
 from .envelope import flight_envelope as flight_envelope
 from .policies.deployment.deployed import Deployed as Deployed
-from .policies.policy import GainPolicy as GainPolicy, Policy as Policy
+from .policies.policy import (
+    GainPolicy as GainPolicy,
+    Measurements as Measurements,
+    Policy as Policy,
+)
 from .samples.monte_carlo import MonteCarlo as MonteCarlo, fly_member as fly_member
 from .samples.store import run_monte_carlo as run_monte_carlo, stream_members as stream_members
 from .scenario import Scenario as Scenario, Uncertainty as Uncertainty

@@ -39,8 +39,7 @@ def test_a_broken_compiler_is_noted_and_replaced(tmp_path: Path, script: str) ->
     assert len(notes) == 1
     assert "compile" in notes[0]
     radii = [
-        [radius["c"] for radius in json.loads(result.out)["expansion"]["radii"]]
-        for result in (compiled, broken)
+        [radius["c"] for radius in json.loads(result.out)["radii"]] for result in (compiled, broken)
     ]
     assert radii[0] == pytest.approx(radii[1], rel=1e-9)
     assert not [path for path in wrong.rglob("*") if path.is_file()]

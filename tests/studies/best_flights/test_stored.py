@@ -9,13 +9,9 @@ import pytest
 from project import ROOT
 
 import hfa
-from hfa_flight.initial_box import drawn_starts
-from hfa_optimal.search import BestFlights
 from studies.best_flights.__main__ import DEGREES, LIMITS, START, best_flight_and_policies
 from studies.best_flights.examination import (
     AIRCRAFT,
-    independent_cost,
-    problem_of,
     summary,
     table,
 )
@@ -73,16 +69,3 @@ def test_the_page_shows_the_stored_flights() -> None:
         assert row["off_independent"] < 0.01
         assert row["meshes"] <= 0.005
         assert row["found"] >= 0.95 * row["starts"]
-
-
-@pytest.mark.slow
-def test_a_wrong_cost_is_detected() -> None:
-    """SciPy confirms the cost of a flight of the pendulum. With changed states, the costs
-    differ.
-    """
-    problem = problem_of("examples/pendulum.py:PENDULUM")
-    (start,) = drawn_starts(problem, 1, 0)
-    flown = BestFlights(problem).found(start).flown
-    assert independent_cost(problem, flown) == pytest.approx(flown.cost, rel=0.005)
-    other = flown._replace(states=1.02 * flown.states)
-    assert independent_cost(problem, other) != pytest.approx(flown.cost, rel=0.01)

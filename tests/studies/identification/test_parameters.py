@@ -12,10 +12,7 @@ import numpy as np
 import pytest
 
 import hfa
-from hfa_model import INPUTS, LINEAR_STATES, Parameters, State, published_models
-from hfa_model.parameters import ParameterSet
-from hfa_model.published import PublishedModel
-from hfa_model.variants import Published, Variant
+from hfa_model import INPUTS, LINEAR_STATES, VARIANTS, Parameters, State, published_models
 from studies.identification.parameters import ALTERNATIVES, IDENTIFIED, ROUGH, Fit, fit, identify
 from trim import compare, regenerate
 
@@ -45,7 +42,7 @@ def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
     )
 
 
-def printed(parameters: Parameters) -> list[PublishedModel]:
+def printed(parameters: Parameters) -> list[Any]:
     """Return the matrices A and B of an aircraft at both printed angles, rounded as in the
     paper.
     """
@@ -58,7 +55,7 @@ def printed(parameters: Parameters) -> list[PublishedModel]:
     return models
 
 
-def changed(matrix: str, row: str, column: str) -> tuple[PublishedModel, PublishedModel]:
+def changed(matrix: str, row: str, column: str) -> tuple[Any, Any]:
     """Return the paper's matrices with 0.01 added to one entry of the pair at 5 deg."""
     at_15, at_5 = published_models()
     entries = getattr(at_5, matrix).copy()
@@ -102,7 +99,7 @@ def test_all_initial_guesses_give_the_same_fit(
 
 
 def test_the_packaged_parameters_are_the_identified_ones(
-    identified: tuple[Fit, list[float]], parameter_set: ParameterSet
+    identified: tuple[Fit, list[float]], parameter_set: Any
 ) -> None:
     """A new identification gives the packaged parameters and standard errors."""
     best = identified[0].parameters
@@ -123,7 +120,7 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
     rows = []
     for _ in range(20):
         truth = made_up(parameters, rng)
-        found = fit(printed(truth), Published())
+        found = fit(printed(truth), VARIANTS["published"])
         assert found.largest < 2.0
         rows.append(errors_in_standard_errors(found, truth))
         # The test can fail: 1 % of any constant is many standard errors.
@@ -150,7 +147,7 @@ def test_one_changed_entry_prevents_a_fit(
     near = np.log(
         np.array([getattr(parameters, name) for name in IDENTIFIED]) / list(ROUGH.values())
     )
-    found = fit(changed(*matrix_row_column), Published(), noise=near)
+    found = fit(changed(*matrix_row_column), VARIANTS["published"], noise=near)
     if matrix_row_column == ("A", "speed", "pitch"):
         # The entry is printed with one decimal, so 0.01 is within its rounding.
         assert found.sum_of_squares < 1.5 * found.expected_sum
@@ -165,7 +162,7 @@ def test_one_changed_entry_prevents_a_fit(
         for number, each in enumerate(ALTERNATIVES)
     ],
 )
-def test_each_departure_from_newton_is_needed(description: str, variant: Variant) -> None:
+def test_each_departure_from_newton_is_needed(description: str, variant: Any) -> None:
     """If a term of the published dynamics is replaced by Newton's, some entry cannot be fitted.
 
     The largest difference exceeds 1000 half units of the last printed digit.
@@ -193,12 +190,12 @@ def test_two_terms_of_the_coupling_are_needed(
     and m s² cos η sin η η'² times `square`.
     """
 
-    def coupling(self: Published, x: State, p: Parameters) -> Any:
+    def coupling(self: Any, x: State, p: Parameters) -> Any:
         of_square = p.panel_span * ca.cos(x.dihedral) * ca.sin(x.dihedral) * x.dihedral_rate**2
         more = p.panel_mass * p.panel_span * (speed(x) * x.speed + square * of_square)
-        return Published().hinge_coupling(x, p) + more
+        return VARIANTS["published"].hinge_coupling(x, p) + more
 
-    variant = type("Changed", (Published,), {"hinge_coupling": coupling})()
+    variant = type("Changed", (type(VARIANTS["published"]),), {"hinge_coupling": coupling})()
     assert lowest < fit(published_models(), variant).largest < highest
 
 
@@ -253,7 +250,7 @@ def test_one_angle_determines_all_but_one_combination() -> None:
     of the pitch inertia.
     """
     for known, unknown in itertools.permutations(published_models()):
-        fitted = fit([known], Published())
+        fitted = fit([known], VARIANTS["published"])
         # Known to 1 %: a singular value s gives the standard error 1/(s √3).
         assert np.count_nonzero(fitted.singular_values * np.sqrt(3) > 100) == len(IDENTIFIED) - 1
         model = regenerate(hfa.aircraft(parameters=fitted.parameters.values), unknown)
@@ -291,7 +288,7 @@ RELEASED = {
 THIN = 1 - 16.14e-6
 
 
-def test_the_released_constants_lie_within_two_standard_errors(parameter_set: ParameterSet) -> None:
+def test_the_released_constants_lie_within_two_standard_errors(parameter_set: Any) -> None:
     """The constants of the released simulation are within two standard errors of the identified
     ones.
     """

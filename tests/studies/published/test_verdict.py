@@ -12,8 +12,15 @@ import numpy as np
 import pytest
 from printed_samples import printed_sample
 
-from controller.critic.critic import from_q_function
-from hfa import BadInputError, NoSolutionError, from_gain, from_value, from_weights, verify
+from hfa import (
+    BadInputError,
+    NoSolutionError,
+    from_gain,
+    from_value,
+    from_weights,
+    read_critic,
+    verify,
+)
 from studies.published.classes import _by_digits, rounding_used
 from studies.published.comparison import compare
 from studies.published.exact_answer import (
@@ -425,13 +432,18 @@ def test_an_incomplete_plant_or_asymmetric_value_gives_no_class(verdict_of):
     assert verdict.reason == "Q is one number where 2 x 2 are needed"
 
 
-def test_a_close_answer_costs_what_its_policy_costs(verdict_of):
+def of_file(game, H):
+    np.savez("H.npz", H=H)
+    return read_critic("H.npz", game)
+
+
+def test_a_close_answer_costs_what_its_policy_costs(verdict_of, folder):
     """The cost is that of the printed K, or of the gain of P, W or H."""
     for is_discrete, names in ((False, ("K", "P", "W")), (True, ("K", "P", "W", "H"))):
         plant = replace(THIRD, is_discrete=is_discrete)
         exact = exact_third(is_discrete)
         game = plant.game()
-        makers = {"K": from_gain, "P": from_value, "W": from_weights, "H": from_q_function}
+        makers = {"K": from_gain, "P": from_value, "W": from_weights, "H": of_file}
         for name in names:
             wrong = 1.01 * exact[name] if name in "KH" else exact[name] * 1.01
             if name == "H":

@@ -13,9 +13,8 @@ from linear_flight import simulate
 from project import ROOT
 from simulated_cases import SMALL, SimulatedCase
 
-from controller.reference import feedforward, forcing
+import hfa
 from hfa import fly, learn, solve
-from hfa_aircraft.waveform import Harmonic
 from hfa_flight import GainPolicy, Scenario, Waveform
 from studies.section5.configuration import PaperFlight, section5_configuration
 from studies.section5.flights import (
@@ -60,6 +59,14 @@ def simulated_flight(
     changes: dict[str, Any], plan: FlightPlan, section: str = "5.1", matrices: str = "regenerated"
 ) -> FlightRecord:
     return simulate_plan(make_setting(section5_configuration(changes), matrices), plan, section)
+
+
+def feedforward(case: Any) -> Any:
+    """Return the exact feedforward of a case for the reference of the paper."""
+    game = case.game
+    linear = hfa.LinearModel.of(game.A, game.B, states=game.names.states, inputs=game.names.inputs)
+    command = {"speed": "7+0.01t+2sin(0.5t)", "alpha": 0.1, "dihedral": 0.5}
+    return hfa.track(linear, case.exact, command).exact
 
 
 def constants_of(setting: Setting, law: str, predefined_time: float) -> Any:
@@ -119,7 +126,7 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
     record = simulate_plan(setting, FlightPlan(5.0, law), "5.1")
     reference = configuration.reference
     disturbance = configuration.disturbance
-    inputs = feedforward(case.game, case.exact.P, reference).inputs
+    inputs = feedforward(case).inputs
     used = float(law == EXACT_FF)
     other = simulate(
         case.game,
@@ -127,7 +134,7 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
         lambda t, z: np.asarray(disturbance.at(t)),
         configuration.initial - reference.at(0.0),
         record.times,
-        forcing=forcing(case.game.A, reference).at,
+        forcing=feedforward(case).forcing.at,
     )
     assert np.all(
         np.abs(record.errors - other.states).max(axis=0) <= 1e-5 * np.abs(other.states).max(axis=0)
@@ -147,7 +154,7 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator() -> None:
     configuration = setting.configuration
     record = simulate_plan(setting, FlightPlan(5.0, CERTIFIED_FF), "5.2")
     constants = constants_of(setting, CERTIFIED_FF, 0.5)
-    inputs = feedforward(case.game, case.exact.P, configuration.reference).inputs
+    inputs = feedforward(case).inputs
     d = configuration.disturbance
     reference = configuration.reference
     rows = [configuration.initial]
@@ -252,7 +259,7 @@ def test_the_document_states_alphas_error_for_signs() -> None:
     """
     own = PaperFlight.REFERENCE
     opposite = Waveform(
-        STILL.constant, STILL.slope, (Harmonic(WAVE.frequency, -WAVE.sine, -WAVE.cosine),)
+        STILL.constant, STILL.slope, (WAVE._replace(sine=-WAVE.sine, cosine=-WAVE.cosine),)
     )
     errors = [error_of_alpha(disturbance=opposite)]
     for commands in ((7.0, -0.1, 0.0, 0.0, 0.5, 0.0), (7.0, 0.1, 0.0, 0.0, -0.5, 0.0)):

@@ -18,12 +18,10 @@ from servo_cases import A_Z
 import hfa
 from hfa import BadInputError, Model
 from hfa_design import check_margins, design_controller, servo_margins, servo_plant
-from hfa_design.servo_loop import servo_loop
-from hfa_flight import OneMinusCosine, save_controller
-from hfa_flight.actuators import Actuator
+from hfa_flight import Actuator, OneMinusCosine, save_controller
 from studies.servo.__main__ import main
 from studies.servo.comparison import CASES, ServoFlight, designed_servo, fly_case, laws_of, rows_of
-from studies.servo.flights import delayed, gust_held, simulated_flight, slowest_delayed
+from studies.servo.flights import delayed, gust_held, servo_loop, simulated_flight, slowest_delayed
 from studies.servo.simvfa import reference_servo, simvfa_design
 
 pytestmark = pytest.mark.slow

@@ -13,8 +13,7 @@ import pytest
 
 from hfa import Model
 from hfa.paper import level_model
-from hfa_design.design_model import design_model
-from hfa_flight.policies.policy import Measurements
+from hfa_flight import Measurements
 from hfa_model import INPUTS
 from studies.servo.simvfa import (
     A0,
@@ -26,6 +25,7 @@ from studies.servo.simvfa import (
     AdaptiveDegree3,
     AdaptivePolicy,
     ReferenceModel,
+    design_model,
     reference_model,
     reference_servo,
     simvfa_design,

@@ -7,19 +7,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
+from standard_air import density
 
 import hfa
 from hfa import Model
 from hfa.paper import level_model
-from hfa_model import Parameters, State, dynamics, load_parameters, published_models
-from hfa_model.aerodynamics import Loads
-from hfa_model.atmosphere import density
-from hfa_model.variants import Newton, Published, Variant
-from hfa_model.vectors import Quantity
+from hfa_model import VARIANTS, Parameters, load_parameters, published_models
 from studies.validation import outside
 from studies.validation.outside import (
     Validation,
@@ -122,7 +120,11 @@ def test_released_parameters_pass_with_their_air_density() -> None:
     tropopause = (
         2116.22 / (gas * 518.67) * (389.97 / 518.67) ** (gravity / (0.00356616 * gas) - 1.0)
     )
-    thin = tropopause * np.exp(-gravity * (height - 36089.239) / (389.97 * gas)) / density(40_000.0)
+    thin = (
+        tropopause
+        * np.exp(-gravity * (height - 36089.239) / (389.97 * gas))
+        / float(density(40_000.0))
+    )
     released = load_parameters("gibson-2011-simulation").values
     lifts = ("lift_slope", "aileron_lift", "aileron_moment", "zero_lift_moment", "zero_lift_drag")
     theirs = {name: getattr(released, name) * thin for name in lifts} | {
@@ -135,6 +137,7 @@ def test_released_parameters_pass_with_their_air_density() -> None:
     )
 
 
+Published, Newton = (type(VARIANTS[name]) for name in ("published", "newton"))
 #: Some dihedral angles of the released simulation at 30 ft/s, deg.
 ANGLES = (0, 15, 30, 45)
 
@@ -144,7 +147,7 @@ class PrintedInertia(Published):
 
     factor = 1.0
 
-    def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
+    def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
         """Return d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η, where c is `factor`."""
         mass_moment = p.panel_mass * p.panel_span**2
         return (
@@ -173,7 +176,7 @@ def failed(found: Validation) -> dict[str, float]:
     return {check.name: check.value for check in found.checks if not check.ok}
 
 
-def off_at(dihedral: Quantity, degrees: float, size: float) -> Quantity:
+def off_at(dihedral: Any, degrees: float, size: float) -> Any:
     """Return a factor that is 1 + size at one dihedral angle, and 1 a few degrees away from it."""
     return 1 + size * ca.exp(-((50 * (dihedral - np.radians(degrees))) ** 2))
 
@@ -213,7 +216,7 @@ def test_cos_squared_fits_the_print_and_fails_outside(
     [(PrintedInertia(), -7.22, -9.06), (NewtonInertia(), -40.7, -17.7)],
 )
 def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
-    parameters: Parameters, variant: Variant, at_0: float, at_45: float
+    parameters: Parameters, variant: Any, at_0: float, at_45: float
 ) -> None:
     """The hinge inertia printed by Gibson et al. contradicts the roots in their figure.
 
@@ -229,26 +232,11 @@ def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
     "degrees",
     [pytest.param(each, marks=[pytest.mark.slow] if each != 15 else []) for each in ANGLES],
 )
-def test_an_inertia_error_at_one_angle_is_detected(
-    parameters: Parameters, monkeypatch: pytest.MonkeyPatch, degrees: float
-) -> None:
-    """Errors at one angle of 2e-5 in the hinge inertia and 3e-4 in the pitch inertia are
-    detected.
-    """
+def test_an_inertia_error_at_one_angle_is_detected(parameters: Parameters, degrees: float) -> None:
+    """An error of 2e-5 in the hinge inertia at one angle is detected."""
 
     class Off(Published):
-        def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
+        def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
             return super().hinge_inertia(dihedral, p) * off_at(dihedral, degrees, 2e-5)
 
     assert "eigenvalue_30_ft_s" in failed(validate(hfa.aircraft(Off(), parameters)))
-    ours = dynamics._pitch_acceleration
-
-    def with_another_inertia(x: State, loads: Loads, p: Parameters) -> Quantity:
-        return ours(x, loads, p) / off_at(x.dihedral, degrees, 3e-4)
-
-    class Compiled(Published):
-        """The published dynamics, compiled again with the changed pitch acceleration."""
-
-    # The planted fault: another inertia at one angle, which no parameter causes.
-    monkeypatch.setattr(dynamics, "_pitch_acceleration", with_another_inertia)
-    assert "eigenvalue_30_ft_s" in failed(validate(hfa.aircraft(Compiled(), parameters)))

@@ -4,61 +4,48 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-import zarr
+import xarray
 from cli import assert_refused, hfa
-from extension import Extension
-from known_models import model_at
 from matplotlib import pyplot
 
+import hfa as hfa_tool
 import hfa_model
-from hfa import BadInputError, Model, TrimCondition, linearize, sweep, trim
+from hfa import BadInputError, Model, TrimCondition, aircraft as aircraft_of, linearize, sweep, trim
 from hfa.paper import level_flight
-from hfa_model import DEGREE, INPUTS, STATES, Parameters, choice
-from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
-from hfa_support.linear_table import LinearTable
-from trim import TrimError, load_condition, release, trim_points
-from trim.hfa.level_flight import LEVEL_FLIGHT
-from trim.point.system import TrimSystem
-from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at
-from trim.sweeps.sweep import Sweep, run_plan, run_points
-from trim.sweeps.sweep_plan import Steps, SweepPlan
+from hfa_model import DEGREE, INPUTS, STATES, Parameters
+from trim import TrimError, load_condition, release, trim_points, usual_condition
 
-stores = Extension("trim.sweeps.store")
+LEVEL_FLIGHT = usual_condition(aircraft_of())
+TRIMMED, BEYOND_LIMITS, NO_TRIM = range(3)
 
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
-TABLE = release(
-    LEVEL_FLIGHT, hold={"alpha": LinearTable([0.1, 0.2, 0.3], [0.04, 0.056, 0.06]), "gamma": 0.01}
-)
-#: Name -> grid, condition, and whether there are as many equations as unknowns.
-CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
-    "limits": ({"dihedral": [0.05, 0.2]}, LIMITED, True),
-    "table": ({"dihedral": [0.1, 0.3]}, TABLE, True),
-    "released simulation": ({"dihedral": [0.1, 0.3]}, load_condition("simvfa-64"), False),
-    "dihedral held": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, hold={"dihedral": 0.2}), True),
-    "alpha free": ({"dihedral": [0.1, 0.2]}, ALPHA_FREE, True),
+#: Name -> grid and condition.
+CASES: dict[str, tuple[dict[str, list[float]], TrimCondition]] = {
+    "limits": ({"dihedral": [0.05, 0.2]}, LIMITED),
+    "released simulation": ({"dihedral": [0.1, 0.3]}, load_condition("simvfa-64")),
+    "dihedral held": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, hold={"dihedral": 0.2})),
+    "alpha free": ({"dihedral": [0.1, 0.2]}, ALPHA_FREE),
     "alpha free, limited": (
         {"speed": [40.0, 68.0]},
         release(ALPHA_FREE, limits={"alpha": (0.0, 0.09)}),
-        True,
     ),
     "gamma free, limited": (
         {"throttle": [0.0, 60.0]},
         release(LEVEL_FLIGHT, free=("gamma",), limits={"gamma": (-0.02, 0.1)}),
-        True,
     ),
-    "least effort": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, free=("alpha",)), False),
-    "center aileron": ({"dihedral": [0.1], "aileron_center": [0.0, 0.02]}, LEVEL_FLIGHT, True),
+    "least effort": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, free=("alpha",))),
+    "center aileron": ({"dihedral": [0.1], "aileron_center": [0.0, 0.02]}, LEVEL_FLIGHT),
     "slow": (
         {"dihedral": [0.0, 0.2], "speed": [30.0, 50.0, 68.0], "altitude": [5e3, 4e4]},
         LEVEL_FLIGHT,
-        True,
     ),
-    "mass": ({"panel_mass": [10.0, 11.0], "dihedral": [0.1]}, LEVEL_FLIGHT, True),
+    "mass": ({"panel_mass": [10.0, 11.0], "dihedral": [0.1]}, LEVEL_FLIGHT),
 }
 
 
@@ -68,15 +55,16 @@ def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
 
     If a point has no trim, the sweep and the single trim give the same reason.
     """
-    grid, condition, square = CASES[name]
-    system = TrimSystem(aircraft, condition.freed_for(grid), tuple(grid))
-    assert system.equations.square == square
+    grid, condition = CASES[name]
     result = sweep(aircraft, grid, condition=condition)
     for i, row in enumerate(result.values):
-        single = condition_at(condition, result.variables, row)
+        held = dict(zip(result.variables, row.tolist(), strict=True))
+        held.pop("panel_mass", None)
+        single = condition.at(held.pop("dihedral")) if "dihedral" in held else condition
+        single = release(single, hold=held)
         model = aircraft
         if name == "mass":
-            model = choice.aircraft(
+            model = aircraft_of(
                 hfa_model.variant_of(aircraft),
                 hfa_model.parameters_of(aircraft)._replace(panel_mass=float(row[0])),
             )
@@ -149,7 +137,7 @@ def eigenvalues_in(line: str) -> list[complex]:
 
 
 @pytest.fixture(scope="module")
-def sweep_of_two_variables(published_aircraft: Model) -> Sweep:
+def sweep_of_two_variables(published_aircraft: Model) -> hfa_tool.Sweep:
     """Return a sweep over speed and altitude.
 
     The fast modes are complex pairs at one altitude only.
@@ -163,7 +151,7 @@ def sweep_of_two_variables(published_aircraft: Model) -> Sweep:
 
 
 def test_every_eigenvalue_is_printed_once(
-    published_aircraft: Model, sweep_of_two_variables: Sweep
+    published_aircraft: Model, sweep_of_two_variables: hfa_tool.Sweep
 ) -> None:
     """The report prints every eigenvalue of every point once.
 
@@ -234,7 +222,7 @@ def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path:
     base = release(level_flight(0.0), free=("gamma",))
     swept = sweep(published_aircraft, columns, condition=base, listed=True)
     np.testing.assert_array_equal(data["A"], swept.A)
-    lighter = choice.aircraft(
+    lighter = aircraft_of(
         parameters=hfa_model.parameters_of(published_aircraft)._replace(panel_mass=9.3)
     )
     held = {"speed": 68.0, "dihedral": float(np.radians(10.0)), "climb_rate": 1.0}
@@ -272,7 +260,7 @@ def test_no_row_depends_on_its_neighbors(aircraft: Model) -> None:
         part = trim_points(aircraft, variables, values[rows])
         np.testing.assert_array_equal(part.A, whole.A[rows])
         np.testing.assert_array_equal(part.inputs, whole.inputs[rows])
-    heavy = choice.aircraft(
+    heavy = aircraft_of(
         hfa_model.variant_of(aircraft),
         hfa_model.parameters_of(aircraft)._replace(panel_mass=values[7, 2]),
     )
@@ -284,8 +272,7 @@ def test_no_row_depends_on_its_neighbors(aircraft: Model) -> None:
 def test_each_point_has_the_expected_status(aircraft: Model) -> None:
     """Each point has the expected status, and A is finite if and only if the point is trimmed.
 
-    The stored eigenvalues of A are sorted, fastest first, and nan without a trim. Speeds are in
-    ft/s, gamma and alpha in rad.
+    Speeds are in ft/s, gamma and alpha in rad.
     """
     statuses = {
         (68.0, 0.35, 0.0489): BEYOND_LIMITS,
@@ -301,15 +288,10 @@ def test_each_point_has_the_expected_status(aircraft: Model) -> None:
     assert np.isfinite(points.A).all(axis=(1, 2)).tolist() == [
         status == TRIMMED for status in statuses.values()
     ]
-    limits = np.array([choice.aircraft().limits[name] for name in (*STATES, *INPUTS)])
+    limits = np.array([aircraft_of().limits[name] for name in (*STATES, *INPUTS)])
     at = np.hstack([points.states, points.inputs])[:5]
     within = ((at >= limits[:, 0]) & (at <= limits[:, 1])).all(axis=1)
     assert within.tolist() == [status == TRIMMED for status in statuses.values()][:5]
-    # The store also contains the eigenvalues of A, fastest first.
-    rows = run_points(aircraft, ("speed", "gamma", "alpha"), values, LEVEL_FLIGHT, None)
-    assert np.all(np.diff(np.abs(rows["eigenvalues"][4])) <= 1e-9)
-    assert np.prod(rows["eigenvalues"][4]) == pytest.approx(np.linalg.det(points.A[4]), abs=1e-9)
-    assert np.isnan(rows["eigenvalues"][:4]).all()
 
 
 @pytest.mark.parametrize(("name", "value"), [("lift_slope", 1e200), ("inertia_pitch", 1e-300)])
@@ -323,17 +305,17 @@ def test_an_extreme_parameter_is_refused(
     """
     with pytest.raises(BadInputError, match=f"{WORDS}; use other values"):
         trim(
-            choice.aircraft(parameters=parameters._replace(**{name: value})),
+            aircraft_of(parameters=parameters._replace(**{name: value})),
             release(level_flight(0.0), free=free),
         )
     # In a sweep, the point is a row without a trim.
     reasons = sweep(
-        choice.aircraft(parameters=parameters._replace(**{name: value})),
+        aircraft_of(parameters=parameters._replace(**{name: value})),
         {"dihedral": [0.0, 0.2]},
     ).reasons
     assert WORDS in reasons[0]
     points = trim_points(
-        choice.aircraft(parameters=parameters),
+        aircraft_of(parameters=parameters),
         (name,),
         np.array([[value], [getattr(parameters, name)]]),
     )
@@ -358,96 +340,73 @@ def test_wrong_tables_are_refused(aircraft: Model) -> None:
 # Stores.
 
 
-def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> None:
-    """A Zarr store contains names, units and axes, so that xarray selects data by name."""
-    axes = {"dihedral": (0.0, 0.1), "speed": (60.0, 68.0)}
-    plan = SweepPlan(axes, choice.aircraft(parameters=parameters))
-    dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
-    counts = stores.stored_sweep(plan, dataset, tmp_path).counts
-    assert counts == {"missing": 0, "trimmed": 4, "beyond limits": 0, "no trim": 0}
-    attributes = zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs
-    assert (attributes["schema"], attributes["state_units"][0]) == ("hfa.sweep-store/3", "ft/s")
-    assert attributes["variables"] == ["dihedral", "speed"]
-    assert attributes["variable_units"] == ["rad", "ft/s"]
-    assert attributes["status"] == ["trimmed", "beyond limits", "no trim"]
+def stored(path: Path, *words: str) -> xarray.Dataset:
+    """Write a sweep into a store by the command, and return the store's data."""
+    result = hfa("sweep", *words, "-o", str(path))
+    assert result.code == 0, result.err
+    return xarray.open_zarr(path, consolidated=False)
+
+
+def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(
+    published_aircraft: Model, tmp_path: Path
+) -> None:
+    """A Zarr store contains names, units and axes, so that xarray selects data by name.
+
+    It is not resumed with another condition, limit or variable.
+    """
+    words = ("--dihedral", "5,10", "--hold", "speed=64,68", "--free", "alpha")
+    dataset = stored(tmp_path / "a.zarr", *words)
+    assert dataset.attrs["state_units"][0] == "ft/s"
     assert dataset.A.dims == ("point", "rate", "state")
     assert dataset.eigenvalues.dims == ("point", "mode")
     assert dataset.dihedral.dims == ("point",)
     assert dataset.dihedral.attrs["units"] == "rad"
-    assert {"dihedral", "speed", "state_unit", "rate_unit", "input_unit"} <= set(dataset.coords)
     assert dataset.input.values.tolist() == list(INPUTS)
-    assert dataset.state_unit.values.tolist() == list(STATE_UNITS)
-    pushed = dataset.B.values[:, STATES.index("pitch_rate"), INPUTS.index("elevator_center")]
-    by_name = dataset.B.sel(rate="pitch_rate", input="elevator_center")
-    np.testing.assert_array_equal(by_name, pushed)
-    fast = dataset.load().where(dataset.speed == 68.0, drop=True)
-    np.testing.assert_allclose(fast.dihedral, [0.0, 0.1])
-    np.testing.assert_allclose(fast.states.sel(state="speed"), 68.0)
-    assert dataset.states.attrs == {"long_name": "X0", "units_of": "state_unit"}
     assert dataset.status.attrs["flag_meanings"].split() == ["trimmed", "beyond_limits", "no_trim"]
-
-
-def test_a_plan_returns_slices_of_the_whole(parameters: Parameters) -> None:
-    """Rows 10 to 12 of a plan equal these rows of the whole plan. The last variable varies fastest."""
-    dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
-    plan = SweepPlan(
-        {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)},
-        choice.aircraft(parameters=parameters),
-    )
-    whole = plan.values(0, 28)
-    assert (plan.count, len(whole), whole[:4, 1].tolist()) == (28, 28, [25.0, 60.0, 68.0, 75.0])
-    assert np.array_equal(whole[10:13], plan.values(10, 13))
-
-
-def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
-    """A plan of a sweep with too many points, or with a value beyond its limit, is refused."""
-    with pytest.raises(
-        BadInputError, match=r"dihedral is 80\.2\d* deg; give a value between -60 deg and 60 deg"
+    fast = dataset.load().where(dataset.speed == 68.0, drop=True)
+    np.testing.assert_allclose(fast.dihedral, np.radians([5.0, 10.0]))
+    np.testing.assert_allclose(fast.states.sel(state="speed"), 68.0)
+    grid = {"dihedral": np.radians([5.0, 10.0]), "speed": [64.0, 68.0]}
+    condition = release(LEVEL_FLIGHT, free=("alpha",))
+    expected = sweep(published_aircraft, grid, condition=condition)
+    names = list(expected.model.linear)
+    np.testing.assert_allclose(dataset.A.sel(rate=names, state=names), expected.A, rtol=1e-12)
+    for more in (
+        ("--limit", "throttle=0:40"),
+        ("--hold", "gamma=0.01"),
+        ("--hold", "altitude=1e4"),
     ):
-        SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, choice.aircraft(parameters=parameters))
-    with pytest.raises(BadInputError, match=r"dihedral is -85\.9437 deg; give a value between"):
-        SweepPlan({"dihedral": Steps(0.0, -0.1, 16)}, choice.aircraft(parameters=parameters))
-    with pytest.raises(BadInputError, match="panel_mass is -5 slug to 10 slug in the sweep"):
-        SweepPlan({"panel_mass": Steps(10.0, -5.0, 4)}, choice.aircraft(parameters=parameters))
-    with pytest.raises(BadInputError, match=r"has 1,234,570,000 points \(maximum 1,000,000,000\)"):
-        SweepPlan(
-            {"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)},
-            choice.aircraft(parameters=parameters),
-        )
+        refused = hfa("sweep", *words, *more, "-o", str(tmp_path / "a.zarr"), "--resume")
+        assert_refused(refused, 2, "another sweep")
 
 
-def test_a_store_equals_the_sweep_in_memory(published_aircraft: Model, tmp_path: Path) -> None:
-    """A store contains the condition of the sweep, and the same A as the sweep in memory.
-
-    A store cannot be resumed with another condition, limit, initial guess or order of variables.
-    The initial guess affects the last bits.
-    """
-    axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
-    plan = SweepPlan(axes, published_aircraft, condition=ALPHA_FREE)
-    dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
-    expected = sweep(published_aircraft, plan.axes, condition=ALPHA_FREE)  # type: ignore[arg-type]
-    A = dataset.A.values[:, LINEAR_ROWS][:, :, LINEAR_ROWS]
-    np.testing.assert_array_equal(A, expected.A)
-    attributes = dict(zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs)
-    assert attributes["grid"]["speed"] == {"values": [64.0, 68.0], "unit": "ft/s"}
-    assert attributes["condition"] == ALPHA_FREE.changes
-    steeper = release(
-        release(LEVEL_FLIGHT, hold={"alpha": 0.06}), free=("alpha",), hold={"aileron_outer": 0.0}
+def test_a_chunk_of_another_store_is_computed_again(tmp_path: Path) -> None:
+    """A chunk copied from the store of another sweep is not accepted by --resume."""
+    own, other = (
+        ("--dihedral", "5,10", "--hold", f"speed={speed}") for speed in ("64,68", "66,70")
     )
-    for another in (
-        SweepPlan(axes, published_aircraft),
-        SweepPlan(axes, published_aircraft, condition=release(ALPHA_FREE, hold={"gamma": 0.01})),
-        SweepPlan(
-            axes,
-            published_aircraft,
-            condition=release(ALPHA_FREE, limits={"throttle": (0.0, 40.0)}),
-        ),
-        SweepPlan(axes, published_aircraft, condition=steeper),
-        SweepPlan(axes, published_aircraft, condition=ALPHA_FREE, start=model_at(15.0).point),
-        SweepPlan(dict(reversed(axes.items())), published_aircraft, condition=ALPHA_FREE),
-    ):
-        with pytest.raises(BadInputError, match="another sweep"):
-            stores.stream_sweep(another, tmp_path / "a.zarr", resume=True)
+    A = stored(tmp_path / "own.zarr", *own).A.values
+    stored(tmp_path / "other.zarr", *other)
+    shutil.copytree(tmp_path / "other.zarr" / "A", tmp_path / "own.zarr" / "A", dirs_exist_ok=True)
+    result = hfa("sweep", *own, "-o", str(tmp_path / "own.zarr"), "--resume")
+    assert result.code == 0, result.err
+    again = xarray.open_zarr(tmp_path / "own.zarr", consolidated=False).A.values
+    np.testing.assert_array_equal(again, A)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--dihedral", "0:90:10"),
+        ("--dihedral", "0:-90:10"),
+        ("--dihedral", "5", "--hold", "panel_mass=10:-5:5"),
+        ("--dihedral", "0:20:1e-9", "--hold", "speed=60:70:1e-6"),
+    ],
+)
+def test_a_range_too_long_is_refused(words: tuple[str, ...], tmp_path: Path) -> None:
+    """A sweep with too many points, or with a value beyond its limit, is refused."""
+    assert_refused(hfa("sweep", *words, "-o", str(tmp_path / "a.zarr")), 2)
+    assert not (tmp_path / "a.zarr").exists()
 
 
 # Printed reports.
@@ -500,19 +459,11 @@ def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:
     pyplot.close("all")
 
 
-def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: Path) -> None:
+def test_points_trimmed_alone_are_counted(tmp_path: Path) -> None:
     """A note states how many points were trimmed one by one, in memory and in a store.
 
     With more unknowns than equations, all points are trimmed one by one.
     """
-    condition = release(LEVEL_FLIGHT, free=("alpha",))
-    plan = SweepPlan({"speed": np.linspace(64.0, 68.0, 25)}, published_aircraft, condition)
-    note = (
-        "25 of 25 points were trimmed one by one, which is slower: Newton's method on all points "
-        "at once did not converge for these"
-    )
-    finished: list[tuple[int, int]] = []
-    assert run_plan(plan, lambda *counts: finished.append(counts)).warnings == [note]
-    assert finished == [(number, 25) for number in range(1, 26)]
-    dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
-    assert note in stores.stored_sweep(plan, dataset, tmp_path).warnings
+    words = ("sweep", "--dihedral", "5", "--hold", "speed=64:68:0.1", "--free", "alpha")
+    for output in ((), ("-o", str(tmp_path / "a.zarr"))):
+        assert "41 of 41 points were trimmed one by one" in hfa(*words, *output).err
