@@ -211,7 +211,7 @@ def test_a_function_is_expanded(of: str) -> None:
         changed = change if of == "V" else ca.vertcat(0.0, change)
         critic = hfa.from_network(game, ca.Function(of, [z], [exact + changed]), network=of)
         found = compared(critic, linear, game)
-        assert found.ok == is_right
+        assert found.has_right_terms == is_right
         worst = max(found.errors, key=lambda each: each.error).worst
         assert is_right or worst.startswith("v: ") == (of == "policy")
 
