@@ -1,6 +1,7 @@
 """Export of a deployment file to C, compared with the command in Python."""
 
 import ctypes
+import math
 import shutil
 import subprocess
 
@@ -105,6 +106,39 @@ def test_exported_c_uses_earlier_observations(tmp_path):
     lowest, highest = np.transpose([(s.min, s.max) for s in point.model.inputs.values()])
     expected = np.clip(inputs + gain @ [*past, *observed], lowest, highest)
     np.testing.assert_allclose(u, expected, rtol=1e-9)
+
+
+#: Activation -> the function by NumPy, with functions of C99: expm1, erf, log1p.
+ACTIVATIONS = {
+    "elu": lambda x: np.where(x > 0.0, x, np.expm1(x)),
+    "gelu": lambda x: x * (1.0 + np.vectorize(math.erf)(x / math.sqrt(2.0))) / 2.0,
+    "softplus": lambda x: np.logaddexp(0.0, x),
+}
+
+
+@needs_compiler
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+def test_exported_c_has_the_functions_of_networks(activation, tmp_path):
+    """u = U0 + W2 f(W1 o), with one hidden layer."""
+    random = np.random.default_rng(3)
+    first, last = random.normal(size=(8, 2)), random.normal(size=(1, 8)) / 50.0
+    np.savez(tmp_path / "net.npz", **{"0.weight": first, "2.weight": last})
+    (tmp_path / "net.toml").write_text(
+        f"[policy]\nfile = 'net.npz'\nactivation = '{activation}'\n"
+        "[observation]\nalpha = {}\npitch_rate = {}\n"
+        "[action]\nelevator = {box = [-99, 99]}\n[timing]\ndt = 0.02\n"
+    )
+    point = trims("ppo_gtm")[1]
+    assert exported("ppo_gtm", point, tmp_path / "c", tmp_path / "net.toml") == 0
+    command = compiled(tmp_path / "c")
+    states = list(point.model.states)
+    elevator = list(point.model.inputs).index("elevator")
+    for observed in ([0.01, -0.02], [-0.03, 0.05], [0.0, 0.0]):
+        X = np.array(point.states)
+        X[[states.index("alpha"), states.index("pitch_rate")]] += observed
+        u = command(X, np.array(point.inputs))[elevator]
+        hidden = ACTIVATIONS[activation](first @ observed)
+        assert u == pytest.approx(point["elevator"] + (last @ hidden).item(), rel=1e-9)
 
 
 @pytest.mark.parametrize("words", [["-o", "policy.fmu"], ["--law", "exact", "-o", "c"]])
