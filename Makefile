@@ -26,6 +26,7 @@ STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 
 report: .venv/report
 	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results
+	@echo "To put the command hfa on the PATH, type: source $(BIN)/activate"
 
 # Every stored picture of the documents anew; page.png needs the browser Chromium. docs/pictures/NAME has those that the
 # commands of docs/NAME.md draw.

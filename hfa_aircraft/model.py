@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 import casadi as ca
 import numpy as np
@@ -86,6 +86,17 @@ def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
     return modes
 
 
+class _Imposed(dict[str, float]):
+    """Values that a trim imposes by default, name -> value."""
+
+    def __call__(self, *_: Any, **held: Any) -> NoReturn:
+        """Raise BadInputError with the call that computes a trim."""
+        values = "".join(f", {name}={shown(value)}" for name, value in held.items())
+        raise BadInputError(
+            f"model.trim contains the values that a trim imposes; write hfa.trim(model{values})"
+        )
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Model(Reported):
     """Aircraft model x' = f(x, u, p, w), y = h(x, u, p, w).
@@ -118,6 +129,11 @@ class Model(Reported):
     [[0.0], [0.5]]
     """
 
+    _instead: ClassVar[Mapping[str, str]] = {
+        "linearize": "hfa.linearize(model)",
+        "fly": "hfa.fly(model, point, policy)",
+        **{name: f"hfa.linearize(model).{name}" for name in ("A", "B", "poles")},
+    }
     _how_to_make: ClassVar[str] = "hfa.load_model(FILE)"
 
     name: str
@@ -161,7 +177,7 @@ class Model(Reported):
                 raise BadInputError(
                     f"{self.name}: trim imposes {name} = {value}; give a finite number"
                 )
-        vars(self)["trim"] = dict(self.trim)
+        vars(self)["trim"] = _Imposed(self.trim)
         if self.source.reload is None:
             self.layout.refuse_broken()
 
@@ -587,6 +603,10 @@ def _check_signal(where: str, signal: Signal) -> None:
         raise BadInputError(f"{where} is {shown(signal)}; give a Signal")
     if not isinstance(signal.unit, str):
         raise BadInputError(f"{where}: the unit is {shown(signal.unit)}; give the unit as text")
+    if re.search(r"\blbs?\b", signal.unit):
+        raise BadInputError(
+            f"{where}: the unit is {signal.unit}; write lbf (a force), or slug (a mass)"
+        )
     rate = signal.nominal if signal.rate is None else signal.rate
     numbers = (signal.nominal, rate, signal.start)
     if not all(map(is_finite, numbers)) or min(signal.nominal, rate) <= 0.0:

@@ -77,6 +77,8 @@ def _mismatch(
     except TypeError as wrong:
         known = [each for each in signature.parameters if each != "self"]
         near = next((advice(word, known) for word in named if word not in known), "")
+        first = type(arguments[0]) if arguments else None
+        how = how or getattr(first, "_instead", {}).get(name, "")
         instead = f"; write {how}" if how else ""
         arguments_are = f"the arguments are {', '.join(known)}"
         return BadInputError(f"{name}: {wrong}{near}; {arguments_are}{instead}")

@@ -173,10 +173,14 @@ def is_finite(value: object) -> bool:
 def no_attribute(value: object, name: str) -> AttributeError:
     """Return the AttributeError for an unknown attribute of a result, with the nearest attributes.
 
-    If the class has a property of this name, the error that the property raises is raised here.
+    If the class has a property of this name, the error that the property raises is raised here. The
+    attribute `_instead` of a class, name -> call, states what to write for a name of another class.
     """
     if hasattr(type(value), name):
         object.__getattribute__(value, name)
+    instead = getattr(type(value), "_instead", {}).get(name)
+    if instead is not None:
+        return AttributeError(f"{type(value).__name__} has no attribute {name!r}; write {instead}")
     known = [each for each in dir(value) if each[0] != "_"]
     return AttributeError(f"{type(value).__name__} has no attribute {name!r}{advice(name, known)}")
 

@@ -9,12 +9,15 @@ import contextlib
 import io
 import os
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol, TextIO, TypeVar
 
 from hfa_support.errors import on_one_line
 
 Item = TypeVar("Item")
+#: Largest number of columns of a message on a terminal.
+_COLUMNS = 80
 
 
 class Progress(Protocol):
@@ -45,7 +48,8 @@ def print_notes(warnings: Iterable[str]) -> None:
 
 
 def print_to_stderr(text: str, end: str = "\n") -> None:
-    """Print a text on standard error. On a terminal, the text replaces an unfinished progress line.
+    """Print a text on standard error. On a terminal, the text replaces an unfinished progress line,
+    and a text of whole lines is wrapped at `_COLUMNS`.
 
     Nothing is printed if standard error is closed or cannot be written.
 
@@ -54,7 +58,11 @@ def print_to_stderr(text: str, end: str = "\n") -> None:
     if sys.stderr is None:
         return
     try:
-        start = "\r\033[K" if sys.stderr.isatty() else ""
+        start = ""
+        if sys.stderr.isatty():
+            start = "\r\033[K"
+            if end == "\n":
+                text = textwrap.fill(text, _COLUMNS, break_long_words=False, break_on_hyphens=False)
         print(start + text, end=end, file=sys.stderr, flush=True)
     except OSError:
         drop(sys.stderr)

@@ -4,7 +4,7 @@ that follow from a value."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -66,6 +66,10 @@ class Game(ByValue, Reported):
     [[0.75]]
     """
 
+    _instead: ClassVar[Mapping[str, str]] = {
+        "solve": "hfa.solve(game)",
+        **{name: f"hfa.solve(game).{name}" for name in ("K", "P")},
+    }
     _how_to_make: ClassVar[str] = (
         "hfa.game(linear, Q, R, delta) or hfa.Game(A=A, B=B, Q=Q, R=R, delta=delta)"
     )

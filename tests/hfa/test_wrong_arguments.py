@@ -142,3 +142,36 @@ def test_a_wrong_main_argument_is_named(name: str) -> None:
     function = functions()[name]
     arguments = {each: valid_arguments()[each] for each in main_arguments(function)}
     assert faults(function, arguments) == {}
+
+
+@pytest.mark.parametrize(
+    ("guess", "call"),
+    [
+        (lambda model, _: model.trim(dihedral=0.2), "hfa.trim(model, dihedral=0.2)"),
+        (lambda model, _: model.linearize(), "hfa.linearize(model)"),
+        (lambda model, _: model.A, "hfa.linearize(model).A"),
+        (lambda _, point: point.A, "point.linearize().A"),
+        (lambda _, point: point.eigenvalues, "point.linearize().poles()"),
+        (
+            lambda _, point: hfa.lqr(point.linearize(), np.eye(6), np.eye(5)),
+            "hfa.solve(hfa.game(linear, Q, R))",
+        ),
+        (lambda _, point: hfa.paper.published_game(point.linearize()).K, "hfa.solve(game).K"),
+        (
+            lambda model, _: hfa.Model(
+                "own",
+                {"v": hfa.Signal("ft/s")},
+                {"f": hfa.Signal("lb")},
+                lambda x, u, p, w: ({"v": u.f}, {}),
+            ),
+            "lbf",
+        ),
+    ],
+)
+def test_a_guess_names_the_right_call(guess: Callable[..., Any], call: str) -> None:
+    """What a new user tries in vain raises an error of one line that contains the call."""
+    model, point = (valid_arguments()[name] for name in ("model", "point"))
+    with pytest.raises((BadInputError, AttributeError)) as refused:
+        guess(model, point)
+    assert f"write {call}" in str(refused.value)
+    assert "\n" not in str(refused.value)

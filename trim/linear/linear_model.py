@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -67,6 +67,10 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     (True, (6, 6), (6, 5))
     """
 
+    _instead: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("lqr", "solve", "game"), "hfa.solve(hfa.game(linear, Q, R))"),
+        "eigenvalues": "linear.poles()",
+    }
     _how_to_make: ClassVar[str] = (
         "hfa.linearize(model, point), or of matrices hfa.LinearModel.of(A, B, C, D)"
     )

@@ -63,6 +63,10 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     """
 
     _how_to_make: ClassVar[str] = "trim(model)"
+    _instead: ClassVar[Mapping[str, str]] = {
+        **{name: f"point.linearize().{name}" for name in ("A", "B", "C", "D", "E", "poles")},
+        "eigenvalues": "point.linearize().poles()",
+    }
     schema = SCHEMA
 
     states: Record

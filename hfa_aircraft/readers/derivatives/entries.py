@@ -59,6 +59,8 @@ def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
     """Return the factor from the stated unit to `unit`."""
     factor = conversion(stated, unit)
     if factor is None:
+        if stated == "lb":
+            raise entry.error(f"{name} is in lb; write lbf (a weight or force) or lbm (a mass)")
         other = unit.replace("rad", "deg") if "rad" in unit else si_unit(unit)
         known = " or ".join(dict.fromkeys((unit, other)))
         raise entry.error(f"{name} is in {shortened(stated)}; give {name} in {known}")
