@@ -20,6 +20,7 @@ from hfa_flight.envelope import flight_envelope
 from hfa_flight.held_step import parts_of_a_sample
 from hfa_flight.initial_box import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.flights import SampledFlight
 from hfa_policy.outcomes import departure_at, refuse_edges
 from hfa_policy.start_boxes import surviving_boxes
@@ -160,6 +161,12 @@ class Episodes:
         self._winds = self._held[:, push.stop - len(flight.winds) : push.stop]
         names = list(model.parameters)
         self._drawn = [n + m + names.index(name) for name in self.varied]
+
+    @property
+    def deployment(self) -> Deployment:
+        """The deployment with the weights of the reward as its cost."""
+        Q, R = cost_weights(self.deployed)
+        return self.deployed.deployment.changed(cost={"Q": dict(Q), "R": dict(R)})
 
     def start_box(self, number: int) -> dict[str, float]:
         """Return linear state -> half-width of the initial conditions about a trim.

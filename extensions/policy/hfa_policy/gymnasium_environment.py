@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium import spaces
 
 from hfa_aircraft.model import Model
+from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.episodes import Episodes
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole, shown
@@ -57,6 +58,11 @@ class AircraftEnvironment(gymnasium.Env):
     def dt(self) -> float:
         """Sample time, s."""
         return self.episodes.deployed.deployment.dt
+
+    @property
+    def deployment(self) -> Deployment:
+        """Observations, actions, timing and cost of the environment, for the trained policy."""
+        return self.episodes.deployment
 
     @property
     def start_box(self) -> dict[str, float]:

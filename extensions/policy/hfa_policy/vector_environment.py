@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
+from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.episodes import Episodes
 from hfa_policy.gymnasium_environment import action_space, observation_space
 from hfa_support.errors import numbers_in, refuse_unless_whole
@@ -27,6 +28,11 @@ class AircraftVectorEnvironment(VecEnv):
         self._actions = np.zeros((count, len(episodes.low)))
         self._returns = np.zeros(count)
         self._began = time.monotonic()
+
+    @property
+    def deployment(self) -> Deployment:
+        """Observations, actions, timing and cost of the environment, for the trained policy."""
+        return self.episodes.deployment
 
     def seed(self, seed: int | None = None) -> list[int | None]:
         """Set the seed of all later initial conditions, and return the seed once for each episode.

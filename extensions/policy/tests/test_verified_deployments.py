@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-from policy_cases import FOLDER
+from policy_cases import FOLDER, aircraft, stored_deployment, trims
 
 import hfa as toolchain
 from hfa.main import BAD_INPUT, DONE, FAILED
@@ -79,6 +79,39 @@ def test_what_is_no_function_of_the_states_is_refused() -> None:
         (("prove", "region", "--dihedral", "8", "--weights", str(STATED)), "--aircraft"),
     ):
         assert_refused(hfa(*words), BAD_INPUT, said)
+
+
+@pytest.mark.parametrize("name", ["ppo_hfa", "sac_sde", "ppo_gtm"])
+def test_a_saved_deployment_is_the_same_policy(name: str, tmp_path: Path) -> None:
+    """A deployment file written to another folder has the same tables, box and network."""
+    stored = stored_deployment(name)
+    stored.save(tmp_path / "again.toml")
+    again = toolchain.Deployment.load(tmp_path / "again.toml")
+    for table in ("observation", "action", "timing", "cost"):
+        assert getattr(again, table) == getattr(stored, table)
+    o = np.linspace(-0.4, 0.5, stored.width)
+    for one, other in zip(again.box, stored.box, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert (again.normalizer is None) == (stored.normalizer is None)
+    np.testing.assert_array_equal(again.actor.function(o), stored.actor.function(o))
+
+
+def test_the_deployment_of_an_environment_is_that_of_its_policy(tmp_path: Path) -> None:
+    """An environment's deployment, saved with a policy's file, is judged with the same cost."""
+    model = aircraft("ppo_gtm")
+    made = toolchain.environment(model, points=trims("ppo_gtm")[:1]).unwrapped.deployment
+    with pytest.raises(BadInputError, match=r'changed\(policy=\{"file": "ppo.zip"\}\)'):
+        made.save(tmp_path / "none.toml")
+    assert not (tmp_path / "none.toml").exists()
+    files = {"file": FOLDER / "ppo_gtm.zip", "normalizer": FOLDER / "ppo_gtm.pkl"}
+    made.changed(policy=files).save(tmp_path / "ppo.toml")
+    linear = toolchain.linearize(model, trims("ppo_gtm")[0])
+    weights = [[signal.nominal**-2.0 for signal in model.states.values()]]
+    assert [*made.cost["Q"].values()] == pytest.approx(weights[0])
+    critic = toolchain.read_critic(
+        tmp_path / "ppo.toml", toolchain.game(linear, *made.cost.values()), linear=linear
+    )
+    assert critic.K.shape == (2, 4)
 
 
 def test_a_deployment_requires_the_linear_model() -> None:
