@@ -16,6 +16,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -124,49 +125,56 @@ class ScheduleProof:
 
         Raises Undecided or Rejected if a claim is not proved.
         """
-        stated = np.array(list(self.statement.flight.first.values()))
-        guess = stated
-        if before is not None:
-            middle = 0.5 * (before.low + before.high)
-            guess = before.estimate + before.slope * (0.5 * (low + high) - middle)
-        trims = self.flight.trims(low, high, guess)
+        trims = self.flight.trims(low, high, self._guess(0.5 * (low + high), before))
+        self._check_branch(trims, before)
+        loop = self.loop(trims)
+        self._check_decay(loop, trims)
+        rate = self.statement.scheduled_rate
+        if rate is not None:
+            self._check_motion(loop, trims, rate)
+        return trims
+
+    @cached_property
+    def _first(self) -> np.ndarray:
+        """The stated first trim, (f,)."""
+        return np.array(list(self.statement.flight.first.values()))
+
+    def _guess(self, s: float, before: TrimPiece | None) -> np.ndarray:
+        """Return an estimate (f,) of the trim at s, on which no proof depends."""
+        if before is None:
+            return self._first
+        return before.estimate + before.slope * (s - 0.5 * (before.low + before.high))
+
+    def _check_branch(self, trims: TrimPiece, before: TrimPiece | None) -> None:
+        """Raise Rejected unless the trims continue those before, or begin at the stated trim."""
         if before is not None:
             if not trims.continues(before):
                 raise Rejected("the trims are not proved to be on one branch")
-        elif not all(
-            abs(ball - exact(value)) <= exact(SAME_TRIM * nominal)
-            for ball, value, nominal in zip(
-                trims.at(low, trims.offset), stated.tolist(), self.flight.nominal, strict=True
-            )
+            return
+        at_low = trims.at(trims.low, trims.offset)
+        for ball, stated, nominal in zip(
+            at_low, self._first.tolist(), self.flight.nominal, strict=True
         ):
-            raise Rejected("the first trim differs from the stated one")
-        loop = self.loop(trims)
-        self._check_decay(loop, trims)
-        if self.statement.scheduled_rate is not None:
-            self._check_motion(loop, trims)
-        return trims
+            if not abs(ball - exact(stated)) <= exact(SAME_TRIM * nominal):
+                raise Rejected("the first trim differs from the stated one")
 
-    def _gain(self, low: float) -> tuple[np.ndarray, arb_mat, float]:
-        """Return K at the breakpoint below a piece, the slope of K after it, and the breakpoint."""
-        breakpoints, K = self.statement.gains.breakpoints, self.statement.gains.K
-        if len(breakpoints) == 1:
-            return K[0], matrix(np.zeros(K[0].shape)), 0.0
-        k = max(0, min(int(np.searchsorted(breakpoints, low, "right")) - 1, len(K) - 2))
-        run = exact(breakpoints[k + 1]) - exact(breakpoints[k])
-        return K[k], (matrix(K[k + 1]) - matrix(K[k])) / run, float(breakpoints[k])
+    def _gain(self, s: float) -> LinearPart:
+        """Return the gains on the part of the table that begins at or before s."""
+        return linear_part(self.statement.gains.breakpoints, self.statement.gains.K, s)
 
     def loop_at(self, w: np.ndarray, s: float) -> np.ndarray:
         """Return the closed loop C (n, n) at a trim w (f,) in doubles."""
-        K, slope, origin = self._gain(s)
-        slopes = [float(each.mid()) for each in slope.transpose().entries()]
-        values = self._loops[0](w, s, self.flight.doubles, K.ravel(order="F"), slopes, origin)
-        return np.array(values).reshape(K.shape[1], K.shape[1], order="F")
+        K = self._gain(s)
+        gain = [_mid(K.value).ravel(order="F"), _mid(K.slope).ravel(order="F"), K.origin]
+        values = self._loops[0](w, s, self.flight.doubles, *gain)
+        n = K.value.ncols()
+        return np.array(values).reshape(n, n, order="F")
 
     def loop(self, trims: TrimPiece) -> LinearInPosition:
         """Return the closed loop on a piece."""
-        K, slope, origin = self._gain(trims.low)
-        gain = [matrix(K).transpose().entries(), slope.transpose().entries(), [exact(origin)]]
-        n = K.shape[1]
+        K = self._gain(trims.low)
+        gain = [K.value.transpose().entries(), K.slope.transpose().entries(), [exact(K.origin)]]
+        n = K.value.ncols()
         _, loop, derivatives = self._loops
         at = [exact(value) for value in trims.estimate.tolist()]
         (at_centre,) = loop(at, [trims.middle], self.flight.numbers, *gain)
@@ -200,15 +208,16 @@ class ScheduleProof:
             if not is_positive_definite(-(S + S.transpose()) - 2 * exact(rate) * matrix(np.eye(n))):
                 raise Rejected(f"the decay rate {rate:.6g} 1/s is not proved")
 
-    def _check_motion(self, loop: LinearInPosition, trims: TrimPiece) -> None:
+    def _check_motion(self, loop: LinearInPosition, trims: TrimPiece, rate: float) -> None:
         """Raise Rejected unless V = x'P x decreases on every motion within the rate on a piece.
 
         With P = P0 + P1 t, the inequality has the further term (C1'P1 + P1 C1)(h² - t²).
         """
-        P, slope = self._P(trims)
+        of_V = linear_part(self.witness.breakpoints, self.witness.P, trims.low)
+        P, slope = of_V.at(trims.middle), of_V.slope
         half = trims.half_width
-        rate = self.statement.scheduled_rate
-        moved = slope * exact(rate) if rate is not None and len(self.witness.P) > 1 else 0 * slope
+        is_constant = len(self.witness.P) == 1  # for any rate, which may be infinite
+        moved = 0 * slope if is_constant else slope * exact(rate)
         bend = loop.slope.transpose() * slope
         bend = (bend + bend.transpose()) * arb(0).union(half * half)
         try:
@@ -222,14 +231,32 @@ class ScheduleProof:
                 if not is_positive_definite(T.transpose() * (S + side) * T):
                     raise Rejected("the motion of the scheduling variable is not proved stable")
 
-    def _P(self, trims: TrimPiece) -> tuple[arb_mat, arb_mat]:
-        """Return P at the center of a piece and its derivative in s."""
-        nodes, P = self.witness.breakpoints, self.witness.P
-        if len(nodes) == 1:
-            return matrix(P[0]), matrix(np.zeros(P[0].shape))
-        k = min(int(np.searchsorted(nodes, trims.low, "right")) - 1, len(nodes) - 2)
-        slope = (matrix(P[k + 1]) - matrix(P[k])) / (exact(nodes[k + 1]) - exact(nodes[k]))
-        return matrix(P[k]) + slope * (trims.middle - exact(nodes[k])), slope
+
+class LinearPart(NamedTuple):
+    """A matrix that is linear in the scheduling value s: value + slope (s - origin)."""
+
+    value: arb_mat
+    slope: arb_mat
+    origin: float
+
+    def at(self, s: arb) -> arb_mat:
+        """Return the matrix at a scheduling value."""
+        return self.value + self.slope * (s - exact(self.origin))
+
+
+def linear_part(breakpoints: np.ndarray, values: np.ndarray, s: float) -> LinearPart:
+    """Return a table on its part between two breakpoints that begins at or before s.
+
+    breakpoints: (g,), increasing. With one breakpoint, the matrix is constant.
+    values: matrices at the breakpoints, (g, rows, columns)
+    """
+    if len(breakpoints) == 1:
+        return LinearPart(matrix(values[0]), matrix(np.zeros(values[0].shape)), 0.0)
+    k = int(np.searchsorted(breakpoints, s, "right")) - 1
+    k = min(max(k, 0), len(breakpoints) - 2)
+    first, last = breakpoints[k : k + 2].tolist()
+    slope = (matrix(values[k + 1]) - matrix(values[k])) / (exact(last) - exact(first))
+    return LinearPart(matrix(values[k]), slope, first)
 
 
 @dataclass(frozen=True, eq=False)
