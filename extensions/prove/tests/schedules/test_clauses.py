@@ -275,17 +275,21 @@ def test_a_loop_curved_in_the_angle_alone_is_enclosed() -> None:
         prove_schedule(family, NO_GAIN, -end, end, decay_rate=0.1)
 
 
-@pytest.mark.parametrize(("most", "is_proved"), [(1.0, True), (9.0, False)])
-def test_v_decreases_between_the_ends_of_a_piece(most: float, is_proved: bool) -> None:
-    """V = a² + p b², p linear from `most` to 1, under x' = -x + 4 s J x, J a quarter turn, s in rad.
+@pytest.mark.parametrize(
+    ("weights", "is_proved"), [((1.0, 1.0), True), ((9.0, 1.0), False), ((1.0, 1.0, 9.0), False)]
+)
+def test_v_decreases_between_the_ends_and_breakpoints(
+    weights: tuple[float, ...], is_proved: bool
+) -> None:
+    """V = a² + p b², p linear between `weights`, under x' = -x + 4 s J x, J a quarter turn.
 
-    For p = 9, V decreases at s = 0 (C = -I) and at s = 2 (p = 1), but not at s = 1 (p = 5).
+    For p from 9 to 1, V decreases at s = 0 (C = -I) and at s = 2 (p = 1), but not at s = 1 (p = 5).
     """
     turn = planar(lambda s: ((-1.0, -4.0 * s), (4.0 * s, -1.0)))
     end = math.degrees(2.0)
     statement = ScheduleStatement(turn.flight(0.0, end), NO_GAIN, 0.9, 0.1)
-    P = np.array([np.diag([1.0, most]), np.eye(2)])
-    witness = ScheduleWitness(10**3, np.array([0.0, end]), P)
+    P = np.array([np.diag([1.0, weight]) for weight in weights])
+    witness = ScheduleWitness(10**3, np.linspace(0.0, end, len(weights)), P)
     if is_proved:
         assert check_schedule(statement, witness) > 0
         return
