@@ -17,7 +17,7 @@ from hfa import LinearModel
 from hfa.extend import Report
 from hfa.paper import level_model
 from hfa_aircraft.model import Model
-from hfa_design.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
+from hfa_design.servo_loops import ServoLoop, check_margins, servo_loop, servo_plant
 from hfa_flight import (
     ActuatorBank,
     ActuatorFault,

@@ -17,7 +17,7 @@ from hfa.extend import Report
 from hfa.paper import level_model
 from hfa_aircraft.model import Model
 from hfa_design import design_controller, load_design
-from hfa_design.servo_loop import check_margins
+from hfa_design.servo_loops import check_margins
 from hfa_support.reporting.text import Table
 from studies.servo.comparison import CASES, TRIM_DEG, fly_case
 from studies.servo.flights import ASKED, REAL, gust_held

@@ -23,7 +23,7 @@ from hfa.paper import level_model
 from hfa_aircraft.model import Model
 from hfa_design import load_design
 from hfa_design.design import Design
-from hfa_design.design_model import DesignModel, design_model
+from hfa_design.design_models import DesignModel, design_model
 from hfa_flight import CommandSteps, ScheduledController
 from hfa_flight.policies.controller import MatrixTables, MeasuredOutputs
 from hfa_flight.policies.policy import Measurements, Policy

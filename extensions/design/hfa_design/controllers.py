@@ -17,7 +17,7 @@ from controller.riccati.gare import unconfirmed_solution
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_aircraft.model import Model
 from hfa_design.design import Design, Following, Shaping
-from hfa_design.design_model import DesignModel, design_model, selection
+from hfa_design.design_models import DesignModel, design_model, selection
 from hfa_design.loop_shaping import following_model, output_weights, robust_check, robust_controller
 from hfa_design.plant.generalized_plant import GeneralizedPlant, solve_plant
 from hfa_flight.actuators import Actuator

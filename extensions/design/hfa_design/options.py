@@ -40,7 +40,7 @@ def _design(model: Model, name: str) -> Design:
 def designed_game(design: Design, weights: GameWeights, linear: LinearModel) -> NamedGame:
     """Return the game of a design at a trim, with the weights that other options change."""
     from hfa.options.game import NamedGame
-    from hfa_design.design_model import design_model
+    from hfa_design.design_models import design_model
 
     built = design_model(linear.point.model, linear, design)
     with prefix_errors(f"design {built.design.name}"):

@@ -17,7 +17,7 @@ from tolerances import SAME_FORMULA
 
 from hfa import Model, aircraft
 from hfa_aircraft import in_si
-from hfa_design.design_model import design_model
+from hfa_design import design_model
 from hfa_flight import load_controller
 
 # Solve.

@@ -14,6 +14,7 @@ from .air.turbulence import (
     scales_and_intensities as scales_and_intensities,
 )
 from .envelope import flight_envelope as flight_envelope
+from .policies.controller import servo_policy as servo_policy
 from .policies.deployment.deployed import Deployed as Deployed
 from .policies.policy import (
     GainPolicy as GainPolicy,
@@ -32,4 +33,4 @@ from .schedule.scheduled_controller import (
     load_controller as load_controller,
     save_controller as save_controller,
 )
-from .signals import CommandSteps as CommandSteps
+from .signals import CommandedStates as CommandedStates, CommandSteps as CommandSteps

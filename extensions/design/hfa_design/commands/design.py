@@ -105,7 +105,7 @@ def design(request: DesignRequest) -> int:
     orders 1 and 2 with the bandwidths of --bandwidth. Exit code 1 if a loop is unstable.
     """
     from hfa_design.controllers import design_controller
-    from hfa_design.servo_loop import check_margins
+    from hfa_design.servo_loops import check_margins
 
     if (request.file is None) == (request.design is None):
         raise BadInputError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -41,3 +42,32 @@ def gain_of(plant: GeneralizedPlant, found: Any) -> float:
     loop = closed_plant(plant, (found.Ak, found.Bk, found.Ck, found.Dk))
     assert np.linalg.eigvals(loop[0]).real.max() < 0.0
     return norm(*loop)
+
+
+def random_plant(seed: int, feedthrough: float = 1.0) -> GeneralizedPlant:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 9))
+    m = int(rng.integers(1, 4))
+    p = int(rng.integers(1, 4))
+    r = m + int(rng.integers(0, 4))
+    k = p + int(rng.integers(0, 4))
+    sizes = {
+        "A": (n, n),
+        "B1": (n, k),
+        "B2": (n, m),
+        "C1": (r, n),
+        "D12": (r, m),
+        "C2": (p, n),
+        "D21": (p, k),
+    }
+    matrices = {name: rng.standard_normal(shape) for name, shape in sizes.items()}
+    through = {
+        "D11": feedthrough * rng.standard_normal((r, k)),
+        "D22": feedthrough * rng.standard_normal((p, m)),
+    }
+    return GeneralizedPlant(**matrices, **through)
+
+
+@cache
+def smallest_of(seed: int, feedthrough: float = 1.0) -> Any:
+    return random_plant(seed, feedthrough).minimum_delta()

@@ -19,7 +19,7 @@ from controller.riccati.loop_margins import (
 from controller.riccati.margins import closed_at
 from hfa_aircraft.model import Model
 from hfa_design.design import Design
-from hfa_design.design_model import DesignModel, design_model
+from hfa_design.design_models import DesignModel, design_model
 from hfa_flight.actuators import Actuator
 from hfa_flight.schedule.scheduled_controller import ScheduledController
 from hfa_support.errors import NoSolutionError
