@@ -1,5 +1,5 @@
 """Fixtures of cases that several studies simulate."""
 
-from simulated_cases import at_15, newton
+from simulated_cases import newton
 
-__all__ = ["at_15", "newton"]
+__all__ = ["newton"]

@@ -1,0 +1,147 @@
+"""What refutes a proposed flight, attacked by planted errors in the proposal and in the search."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hfa
+from hfa_flight.problem import MARGIN
+from hfa_optimal.quickest import not_arrived
+from hfa_optimal.search import BestFlights, refutation
+
+GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
+
+
+def cart(force: float = 1.0) -> hfa.Model:
+    """Return a double integrator with bounded input.
+
+    force: limit of the input, N
+    """
+    return hfa.Model(
+        "cart",
+        {"position": hfa.Signal("m", min=-20.0, max=20.0), "velocity": hfa.Signal("m/s")},
+        {"force": hfa.Signal("N", min=-force, max=force)},
+        lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
+        trim={"position": 0.0},
+    )
+
+
+def best_of_cart(start: dict[str, float]) -> hfa.BestFlight:
+    model = cart()
+    return hfa.optimize(model, hfa.trim(model), start, np.eye(2), np.eye(1))
+
+
+@pytest.fixture(scope="module")
+def gtm() -> hfa.BestFlight:
+    model = hfa.load_model(GTM)
+    return hfa.optimize(model, hfa.trim(model), {"alpha": 0.15, "pitch": 0.3})
+
+
+@pytest.fixture(scope="module")
+def cart_flight() -> Any:
+    model = cart(2.0)
+    begin = hfa.trim(model, hold={"position": 8.0})
+    return hfa.optimize(model, hfa.trim(model), begin, minimize="time")
+
+
+def test_the_simulation_confirms_or_refutes_a_proposal(gtm: hfa.BestFlight) -> None:
+    """The simulation confirms a proposal, and refutes wrong costs and wrong inputs.
+
+    The horizon of a proposal is too short if the linear policy leaves the limits after it.
+    """
+    proposal = gtm.found.proposal
+    search = BestFlights(gtm.problem)
+    flights = search.flights
+    flown = flights.follow(proposal, 1.25 * gtm.seconds)
+    assert refutation(flown, proposal) == ""
+    assert "off the proposed" in refutation(flown, proposal._replace(cost=0.95 * proposal.cost))
+    assert refutation(flown, proposal._replace(cost=1.05 * proposal.cost)) == ""
+    wrong = proposal._replace(v=proposal.v + np.array([0.2, 0.0]))
+    assert refutation(flights.follow(wrong, 1.25 * gtm.seconds), wrong)
+    assert search._unfinished(proposal) == ""
+    z = proposal.z.copy()
+    z[-1, -1, 1:3] = [0.99, 0.9] * gtm.problem.state_limits[1][1:3]
+    assert "leaves the limits" in search._unfinished(proposal._replace(z=z, cost=1e9))
+
+
+def test_the_saturated_lqr_is_the_last_resort(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a feasible proposal, the converging flight of the saturated LQR is reported.
+
+    If it leaves the limits, there is no flight.
+    """
+
+    def none(*_: object) -> dict[str, object]:
+        raise hfa.NoSolutionError("no flight found: planted")
+
+    monkeypatch.setattr(BestFlights, "_from_guesses", none)
+    best = best_of_cart({"position": 5.0})
+    assert (best.source, best.reason) == (best.found.linear.name, "planted")
+    with pytest.raises(hfa.NoSolutionError, match="planted"):
+        best_of_cart({"position": 15.0, "velocity": 6.0})
+
+
+def test_a_second_proposal_keeps_a_multiple_of_the_margin(
+    gtm: hfa.BestFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If a flight leaves the limits, the next proposal stays inside limits narrowed by 3 margins.
+
+    A margin beyond 1 (a factor without the margin) would leave no interval between the limits.
+    """
+    search = BestFlights(gtm.problem)
+    proposal = gtm.found.proposal
+    flown = search.flights.follow(proposal, 1.25 * gtm.seconds)
+    left = flown._replace(departure="alpha")
+    monkeypatch.setattr(type(search.flights), "follow", lambda *_: left)
+    _, tighter = search._simulated(proposal, gtm.seconds, 3.0)
+    assert tighter is not proposal
+    lowest, highest = gtm.problem.inner_limits(proposal.start, 3.0 * MARGIN)
+    z = tighter.z.reshape(-1, tighter.z.shape[-1])
+    assert (z >= lowest - 1e-6 * np.abs(lowest)).all()
+    assert (z <= highest + 1e-6 * np.abs(highest)).all()
+
+
+def test_a_missed_target_is_detected(cart_flight: Any) -> None:
+    """A flight that does not reach the target box (planted error) is detected."""
+    late = cart_flight.flown._replace(times=1.3 * cart_flight.time)
+    assert "at 4.0" in not_arrived(cart_flight.problem, late, cart_flight.proposal)
+    assert not not_arrived(cart_flight.problem, cart_flight.flown, cart_flight.proposal)
+
+
+def test_meshes_that_disagree_confirm_no_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A proposal whose time differs between two meshes is not confirmed."""
+    monkeypatch.setattr("hfa_optimal.quickest.MESHES_AGREE", -1.0)
+    monkeypatch.setattr("hfa_optimal.quickest._MESHES", (10, 20))
+    model = cart(2.0)
+    best = hfa.optimize(model, hfa.trim(model), {"position": 8.0}, minimize="time")
+    assert best.reason is not None
+    assert best.reason.startswith("two meshes differ by")
+
+
+def test_the_first_simulated_arrival_is_an_upper_bound(
+    cart_flight: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If no proposal is confirmed, the time of the saturated LQR is reported with the reason.
+
+    The LQR is not quicker than the quickest flight, and stays in its arrival box.
+    """
+
+    def none(*_: object) -> None:
+        raise hfa.NoSolutionError("no flight found: planted")
+
+    monkeypatch.setattr("hfa_optimal.quickest._from_guesses", none)
+    model = cart(2.0)
+    begin = hfa.trim(model, hold={"position": 8.0})
+    best = hfa.optimize(model, hfa.trim(model), begin, minimize="time")
+    assert best.reason == "planted"
+    assert best.source == "linear optimum, saturated"
+    assert cart_flight.seconds < best.seconds < np.inf
+    after = best.states[best.time >= best.seconds]
+    assert (np.abs(after) <= list(best.box.values())).all()
+    first, _, source, reason = best.report().title.splitlines()
+    assert first == f"Quickest flight: at most {best.seconds:.4g} s"
+    assert (best.source in source, reason) == (True, "planted")
+    assert best.to_dict()["spread"] is None
