@@ -53,6 +53,7 @@ def test_the_command_judges_a_deployment_and_names_assess() -> None:
     data = answer(*words, code=FAILED)
     assert data["inputs"] == list(MOVED)
     assert len(data["K_exact"]) == len(MOVED)
+    assert np.diag(data["R"]).tolist() == [100.0, 400.0, 400.0, 50.0]  # without aileron_center's
     assert data["network"]["rest_point"] is not None
     said = " ".join(hfa(*words).out.split())
     line = said.partition("hfa assess ")[2].partition(" Reason")[0]
