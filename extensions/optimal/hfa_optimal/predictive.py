@@ -14,6 +14,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
 from hfa_flight.hold import hold_of
+from hfa_flight.policies.laws import compared
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_optimal.end_law import EndLaw
@@ -78,10 +79,22 @@ class Predictive(SampledPolicy):
         values = self.controller.nominal_poles
         return np.log(values[values != 0.0].astype(complex)) / self.dt
 
+    def data(self, model: Model) -> dict[str, Any]:
+        """Return the JSON data on the policy, with counts and times of its samples."""
+        done = self.samples
+        counts = {"planned": done.planned, "refused": done.refused, "linear": done.linear}
+        times: dict[str, float | None] = {"median_seconds": None, "seconds_99": None}
+        if len(done.seconds):
+            times = dict(zip(times, np.quantile(done.seconds, (0.5, 0.99)).tolist(), strict=True))
+        first = None if done.first is None else done.first.cost
+        samples = {**counts, **times, "first_plan": first}
+        return {**super().data(model), "dt": self.dt, "holds": self.holds, "samples": samples}
+
     def notes(self) -> tuple[str, ...]:
         """Return what the samples of the last flight needed, and what they found."""
         done = self.samples
         lines = [
+            compared(self.name),
             f"Plans of {self.holds.sum():.3g} s in {len(self.holds)} holds, one every "
             f"{self.dt:g} s; not proved to converge or to stay inside.",
             f"{done.planned} samples with a plan, {done.linear} with the exact held gain; "

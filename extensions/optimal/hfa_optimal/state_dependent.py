@@ -16,6 +16,7 @@ from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
+from hfa_flight.policies.laws import compared
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_optimal.commands_under_way import CommandsUnderWay
@@ -81,10 +82,17 @@ class StateDependent(SampledPolicy):
         K = self.law.gain_at(np.zeros(len(of_states)))
         return K * of_inputs[:, None] / of_states[: K.shape[1]]
 
+    def data(self, model: Model) -> dict[str, Any]:
+        """Return the JSON data on the policy, with the number of samples without a solution."""
+        return {**super().data(model), "dt": self.dt, "unsolved": self.unsolved}
+
     def notes(self) -> tuple[str, ...]:
         """Return what the samples of the last flight needed."""
         kept = ", ".join(self.law.filter.states) or "no state"
-        lines = [f"One Riccati equation every {self.dt:g} s; kept inside: {kept}."]
+        lines = [
+            compared(self.name),
+            f"One Riccati equation every {self.dt:g} s; kept inside: {kept}.",
+        ]
         if self.unsolved:
             lines.append(
                 f"At {self.unsolved} samples the game has no solution; P of the trim was used."

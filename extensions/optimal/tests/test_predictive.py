@@ -258,6 +258,11 @@ def test_laws_fly_and_are_compared_on_the_command_line(
     (ratio,) = [each["over_best"] for each in compared if each["policy"] == law]
     assert 0.999 < ratio < 1.02
     assert flown["policy"]["law"] == law
+    if law == "predictive":
+        counts = flown["policy"]["samples"]
+        assert counts["planned"] + counts["linear"] == round(6.0 / flown["policy"]["dt"])
+        assert counts["planned"] > counts["refused"] >= 0
+        assert counts["first_plan"] == pytest.approx(flown["cost"], rel=0.05)
     assert abs(flown["final"]["angle"]) < 1e-3
 
 

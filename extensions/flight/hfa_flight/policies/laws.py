@@ -33,6 +33,11 @@ def loaded(location: str) -> Callable[..., Any]:
     return function
 
 
+def compared(law: str) -> str:
+    """Return the sentence on how the cost of a law's flight is compared with the best flight's."""
+    return f"`hfa optimize --law {law} --start ...` compares its cost with that of the best flight."
+
+
 class LawSettings(NamedTuple):
     """Settings of a predictive policy. None is the default of `hfa.predictive`.
 
