@@ -12,9 +12,9 @@ from hfa_support.progress import Progress
 #: Largest and smallest δ of the search, as multiples of the first one.
 MOST = 1e12
 LEAST = 1e-12
-#: Relative distance of the two δ from which the excess is extrapolated to 0.
-ZERO_STEP = 1e-4
-#: A smaller excess may be rounding.
+#: Relative distances from the smallest δ at which a clearly positive excess is searched for,
+CLEAR_STEPS = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
+#: and the excess that is clearly positive, because it is not rounding.
 ROUNDED = 1e-11
 
 
@@ -85,19 +85,25 @@ def smallest_delta(
         if progress is not None:
             progress(min(1.0, tolerance / math.log(high / low)), 1.0)
     if accepted.excess < 0.0:
-        high = _zero_of_excess(existence_at, high)
+        high = _zero_of_excess(existence_at, high, tolerance)
     return Bracket(high, low, answer)
 
 
-def _zero_of_excess(existence_at: Callable[[float], Answer], smallest: float) -> float:
-    """Return the δ at which the excess passes through 0, by a line through two larger δ.
+def _zero_of_excess(
+    existence_at: Callable[[float], Answer], smallest: float, tolerance: float
+) -> float:
+    """Return the δ >= smallest above which the excess is positive, by bisection of log δ.
 
-    If the excess is rounding there also, as in a game whose P is singular at every δ, `smallest` is
-    returned, at which its sign is rounding.
+    The sign of the excess is more accurate than the rounding that `existence_at` permits, unless it
+    is rounding at every δ, as in a game whose P is singular. Then `smallest` is returned.
     """
-    near, far = smallest * (1.0 + ZERO_STEP), smallest * (1.0 + 2.0 * ZERO_STEP)
-    excess, excess_far = existence_at(near).excess, existence_at(far).excess
-    if not ROUNDED < excess < excess_far:
-        return smallest
-    zero = near - excess * (far - near) / (excess_far - excess)
-    return max(smallest, zero)
+    low = smallest
+    clear = (smallest * (1.0 + step) for step in CLEAR_STEPS)
+    high = next((delta for delta in clear if existence_at(delta).excess > ROUNDED), smallest)
+    while high > low * (1.0 + tolerance):
+        middle = math.sqrt(low * high)
+        if existence_at(middle).excess < 0.0:
+            low = middle
+        else:
+            high = middle
+    return high

@@ -177,6 +177,21 @@ def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
     assert smallest.margin(game.delta) == pytest.approx(game.delta / smallest.value)
 
 
+@pytest.mark.parametrize("seed", [110, 164])
+def test_the_smallest_delta_is_found_where_p_is_nearly_singular(seed: int) -> None:
+    """With one output of eight states, P is so small in one direction that rounding hides its sign.
+
+    The least δ is 2e-4 and 2e-5 larger than one at which P seems to be semidefinite.
+    """
+    rng = np.random.default_rng(seed)
+    A, B, E, C = (rng.standard_normal(shape) for shape in ((8, 8), (8, 1), (8, 1), (1, 8)))
+    game = Game(A, B, E, C.T @ C, [[1e-2]])
+    smallest = minimum_delta(game)
+    assert reference_solution(game.with_delta(smallest.value * (1.0 + 1e-6))).exists
+    assert not reference_solution(game.with_delta(smallest.value * (1.0 - 2e-6))).exists
+    assert smallest.uncertain
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("games", [4, pytest.param(20, marks=pytest.mark.slow)])
 def test_minimum_deltas_of_random_games_are_bracketed(games: int) -> None:
