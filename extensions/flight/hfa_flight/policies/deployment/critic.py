@@ -34,8 +34,8 @@ def read_deployment(game: Game, path: str | Path, reading: Reading) -> Critic:
     linear = reading.linear
     if linear is None:
         raise BadInputError(
-            "a deployment file requires an aircraft; give --aircraft or --dihedral to hfa verify, "
-            "or linear=LINEAR to hfa.read_critic"
+            "a deployment file requires an aircraft; give --policy FILE (fly, optimize, prove), "
+            "--aircraft or --dihedral (verify), or linear=LINEAR (hfa.read_critic)"
         )
     if reading.basis or reading.network or reading.activation or reading.scale is not None:
         raise BadInputError(
