@@ -16,8 +16,6 @@ from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_support.errors import BadInputError
 from trim.linear.linear_model import LinearModel
 
-_BY_FLIGHTS = "`hfa assess` judges it as deployed"
-
 
 def read_deployment(game: Game, path: str | Path, reading: Reading) -> Critic:
     """Return the policy of a deployment file in continuous time, u(z) in deviations from the trim.
@@ -44,10 +42,11 @@ def read_deployment(game: Game, path: str | Path, reading: Reading) -> Critic:
     deployment = Deployment.load(path)
     deployed = Deployed(deployment, linear.point.model)
     _refuse_other_inputs(deployed, game)
+    by_flights = f"type hfa assess {path}, with the same aircraft and trim, to judge it as deployed"
     if deployment.history > 1:
-        raise BadInputError(f"the policy uses {deployment.history} samples; {_BY_FLIGHTS}")
+        raise BadInputError(f"the policy uses {deployment.history} samples; {by_flights}")
     if deployed.observe.jac_sparsity(0, 1).nnz():
-        raise BadInputError(f"an observation depends on the inputs; {_BY_FLIGHTS}")
+        raise BadInputError(f"an observation depends on the inputs; {by_flights}")
     deployed.refuse_undefined_at([linear.point])
     z = symbols_for([deployed.act], len(game.A))
     u = _inputs(deployed, linear, z, game.names.inputs)
