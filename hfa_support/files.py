@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import shutil
 import tomllib
 from collections.abc import Iterator
@@ -22,6 +23,8 @@ LARGEST = 2**28
 #: Suffixes of the files that `hfa_support/arrays/read.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
+#: Largest number of dots in a key of a TOML file.
+_MOST_DOTS = 100
 #: Inside `inputs_kept`: real paths of the files that were read.
 _INPUTS: set[str] | None = None
 
@@ -136,12 +139,20 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     Raises OSError if the file cannot be read, and BadInputError if it is not valid TOML.
     """
     text = regular_file(path).read_bytes()
+    _refuse_deep_keys(path, text)
     try:
         return tomllib.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise BadInputError(
             f"{path} is not a TOML file ({_reason(error)}); correct the file"
         ) from error
+
+
+def _refuse_deep_keys(path: str | Path, text: bytes) -> None:
+    """Raise BadInputError for a dotted key of many parts, for which tomllib needs gigabytes."""
+    for word in re.split(rb"[\r\n,=\[\]{}]", text.replace(b" ", b"").replace(b"\t", b"")):
+        if word.count(b".") > _MOST_DOTS and sum(map(bool, word.split(b"."))) > _MOST_DOTS:
+            raise BadInputError(f"{path}: a key has more than {_MOST_DOTS} dots; correct the file")
 
 
 def _reason(error: Exception) -> str:

@@ -338,7 +338,7 @@ def from_functions(
     """Return the critic whose functions are given as expressions of the symbols z.
 
     K = -∂u/∂z and P = ½ ∂²V/∂z² are exact derivatives at z = 0. If only "policy" is given, P is
-    None.
+    None. At a kink of the policy, K has the slopes of positive deviations, and `origin` says so.
 
     game: the game; R, B and N of the game define the policy if "policy" is not in `outputs`
     z: (n,), symbols
@@ -357,7 +357,9 @@ def from_functions(
     }
     P = None if gradient is None else _derivative_at_0(gradient, z) / 2.0
     if u is not None:
-        K = -_derivative_at_0(u, z)
+        K, is_one_sided = _gain_at_0(u, z)
+        if is_one_sided:
+            origin += "; kink at the trim: K has the slopes of positive deviations"
     else:
         assert P is not None  # a critic has u or V
         K = game.gain(P)
@@ -402,10 +404,34 @@ def _with_implied_policy(game: Game, critic: Critic) -> Critic:
 
 def _derivative_at_0(expression: ca.SX, z: ca.SX) -> np.ndarray:
     """Return ∂expression/∂z at z = 0, (k, n), for an expression with k entries."""
+    return _derivative_at(expression, z, np.zeros(z.numel()))
+
+
+def _derivative_at(expression: ca.SX, z: ca.SX, point: np.ndarray) -> np.ndarray:
+    """Return ∂expression/∂z at a point (n,), (k, n), for an expression with k entries."""
     weights = type(z).sym("w", expression.numel())
     rows = ca.Function("rows", [z, weights], [ca.jtimes(expression, z, weights, True)])
-    each_row = rows(np.zeros((z.numel(), expression.numel())), np.eye(expression.numel()))
+    each_row = rows(np.tile(point[:, None], expression.numel()), np.eye(expression.numel()))
     return np.array(each_row).T
+
+
+#: Size of the deviations beside a kink, and relative change of K there that is a kink.
+_BESIDE = 1e-9
+_KINK = 1e-3
+
+
+def _gain_at_0(u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
+    """Return K = -∂u/∂z at z = 0, (m, n), and whether u has a kink there.
+
+    At a kink, where CasADi returns the mean of both slopes, K is that of positive deviations.
+    """
+    K = -_derivative_at_0(u, z)
+    beside = _BESIDE * (1.0 + np.arange(z.numel()) * 0.618 % 1.0)  # on no common switching plane
+    after, before = (-_derivative_at(u, z, side * beside) for side in (1.0, -1.0))
+    largest = float(np.abs([after, before]).max(initial=0.0))
+    if np.isfinite(largest) and np.abs(after - before).max(initial=0.0) > _KINK * largest:
+        return after, True
+    return K, False
 
 
 #: Largest relative difference between W and P of one critic: the rounding of six printed digits.

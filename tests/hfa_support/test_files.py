@@ -28,6 +28,7 @@ UNREADABLE: dict[str, Any] = {
     "missing": lambda path: None,
     "nested": lambda path: Path(path).write_bytes(b"[" * 100_000),
     "long number": lambda path: Path(path).write_bytes(b"9" * 5000),
+    "many dots": lambda path: Path(path).write_bytes(b"a" + b".a" * 40_000 + b" = 1"),
     "a device": lambda path: os.symlink("/dev/zero", path),
     "not UTF-8": lambda path: Path(path).write_bytes(b"\xff\xfe\xff"),
 }

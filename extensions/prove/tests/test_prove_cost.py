@@ -14,7 +14,7 @@ import hfa
 from hfa.main import main
 from hfa_flight.problem import flight_problem
 from hfa_optimal.bracket import bracket_of, bracket_sentence
-from hfa_prove.certificate import read_content, read_sealed
+from hfa_prove.certificate import read_content, read_sealed, sealed
 from hfa_prove.problem import given_of
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.plant import Subject
@@ -85,6 +85,29 @@ def test_a_run_is_resumed_from_its_certificate(
     assert main([*words, "--seconds", "0.05", "--json"]) == 0
     pieces = json.loads(capsys.readouterr().out)["levels"]
     assert pieces[: len(before)] == [piece["c"] for piece in before]
+
+
+def test_a_certificate_of_another_kind_is_refused(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A region does not resume from a bound of the cost, and an unknown kind is not read.
+
+    Both are refused in one line, and the file is unchanged.
+    """
+    path = tmp_path / "cost.json"
+    shutil.copy(certificate, path)
+    before = path.read_bytes()
+    words = ["prove", "region", *AIRCRAFT, "--Q", "1,1", "--R", "1", "--seconds", "1"]
+    assert main([*words, "--resume", "-o", str(path)]) == 2
+    assert path.read_bytes() == before
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    content, _ = read_sealed(certificate)
+    body = {key: value for key, value in content.items() if key not in ("digest", "checksum")}
+    origin = json.dumps(body.pop("provenance"))
+    path.write_text(sealed(json.dumps({**body, "kind": "sorcery"})[:-1], origin))
+    assert main(["prove", *AIRCRAFT, "--check", str(path)]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "kind" in line
 
 
 def test_a_hidden_state_that_changes_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

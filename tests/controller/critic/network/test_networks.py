@@ -343,3 +343,15 @@ def test_the_value_of_a_nonlinear_plant_is_said_to_differ_from_the_linear_game()
     verdict = verify(game, from_network(game, V, network="V"), scope=Scope(flights=4))
     assert not verdict.ok
     assert verdict.reason.startswith("off by 0 at the origin")
+
+
+@pytest.mark.parametrize("sides", [(3.0, 3.0), (3.0, 1.0)])
+def test_the_gain_at_a_kink_is_that_of_one_side(sides: tuple[float, float]) -> None:
+    """u = -a z for z > 0, -b z for z < 0, of a ReLU network: K is a, and a kink is named."""
+    a, b = sides
+    game = Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], np.inf)
+    layers = {"0.weight": [[1.0], [-1.0]], "2.weight": [[-a, b]]}
+    np.savez("kink.npz", **{name: np.array(layer) for name, layer in layers.items()})
+    critic = read_critic("kink.npz", game, activation="relu")
+    assert critic.K.item() == pytest.approx(a, abs=1e-12)
+    assert ("kink" in critic.origin) == (a != b)
