@@ -351,7 +351,7 @@ def test_the_gain_at_a_kink_is_that_of_one_side(sides: tuple[float, float]) -> N
     a, b = sides
     game = Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], np.inf)
     layers = {"0.weight": [[1.0], [-1.0]], "2.weight": [[-a, b]]}
-    np.savez("kink.npz", **{name: np.array(layer) for name, layer in layers.items()})
-    critic = read_critic("kink.npz", game, activation="relu")
+    np.savez("relu.npz", **{name: np.array(layer) for name, layer in layers.items()})
+    critic = read_critic("relu.npz", game, activation="relu")
     assert critic.K.item() == pytest.approx(a, abs=1e-12)
     assert ("kink" in critic.origin) == (a != b)
