@@ -5,12 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli import assert_refused, hfa
+from cli import answer, assert_refused, hfa
 from project import ROOT
 
 from hfa.main import main
 
-UAV = (ROOT / "examples/uav.toml").read_text("utf-8")
+pytest.importorskip("hfa_flight")
+
+
+def found(aircraft: str, names: str, rows: str) -> str:
+    """Write a file of identified parameters with a covariance, and return its path."""
+    text = f"aircraft = '{ROOT}/examples/{aircraft}.toml'\n"
+    Path("found.toml").write_text(f"{text}[covariance]\nnames = {names}\nrows = {rows}\n")
+    return "found.toml"
 
 
 @pytest.mark.parametrize(
@@ -30,9 +37,22 @@ UAV = (ROOT / "examples/uav.toml").read_text("utf-8")
 @pytest.mark.usefixtures("folder")
 def test_another_covariance_is_refused(names: str, rows: str) -> None:
     """Names of parameters and a symmetric, positive semidefinite matrix of their size are needed."""
-    Path("uav.toml").write_text(f"{UAV}\n[covariance]\nnames = {names}\nrows = {rows}\n")
-    words = ("fly", "--aircraft", "uav.toml", "--draws", "2", "--duration", "0.1")
-    assert_refused(hfa(*words), 2, "covariance")
+    words = ("fly", "--aircraft", found("uav", names, rows), "--draws", "2", "--duration", "0.1")
+    assert_refused(hfa(*words), 2, "[covariance] ")
+
+
+@pytest.mark.usefixtures("folder")
+def test_drawn_aircraft_do_not_depend_on_units() -> None:
+    """Mass and lift slope are drawn together: the loops of the drawn aircraft are the same in SI."""
+    path = found("cessna182", '["mass", "CL_alpha"]', "[[16.0, 0.4], [0.4, 0.04]]")
+    words = ("fly", "--aircraft", path, "--draws", "4", "--duration", "0.5")
+    bands = [
+        answer(*words, "--units", units)["draws"]["bands"]["abscissa of the loop"]
+        for units in ("english", "si")
+    ]
+    for name in ("low", "value", "high"):
+        assert bands[0][name] == pytest.approx(bands[1][name], rel=1e-8)
+    assert bands[0]["low"] < bands[0]["value"] < bands[0]["high"]
 
 
 @pytest.mark.parametrize(
