@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 import hfa
 from hfa import Model, Signal
+from hfa_flight import Scenario
 
 A = np.array([[0.0, 1.0], [-4.0, -0.2]])
 B = np.array([[0.0], [1.0]])
@@ -68,3 +69,30 @@ def test_a_flight_ends_below_a_lower_limit(start: float, limit: float) -> None:
     assert passed <= flight.departure.time + 1e-9
     assert flight.departure.time <= passed + flight.step + 1e-9
     assert not flight.ok
+
+
+def test_the_stated_change_is_that_with_half_the_step() -> None:
+    """A flight of a large swing with steps of 0.2 s, compared with its flight in half steps."""
+    swing = Model(
+        "swing",
+        {"a": Signal(), "b": Signal()},
+        {"u": Signal()},
+        lambda x, u, p, w: ({"a": x.b, "b": -4.0 * x.a - x.a * x.a * x.a + u.u}, {}),
+        trim={"a": 0.0, "b": 0.0},
+    )
+    point = hfa.trim(swing)
+    weights = np.eye(2), np.eye(1)
+
+    def flown(step: float) -> hfa.Flight:
+        scenario = Scenario(4.0, step=step, tick=0.2, initial=np.array([1.5, 0.0]))
+        return hfa.fly(swing, point, None, scenario=scenario, weights=weights)
+
+    coarse = flown(0.2)
+    used = coarse.integration.step
+    fine = flown(used / 2.0)
+    kept = flown(used)
+    changes = [abs(fine.cost - kept.cost) / fine.cost]
+    for name, after in fine.largest_deviation.items():
+        changes.append(abs(after - kept.largest_deviation[name]) / after)
+    assert used < 0.2
+    assert coarse.integration.change == pytest.approx(max(changes), rel=1e-6)
