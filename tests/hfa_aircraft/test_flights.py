@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
@@ -96,3 +98,25 @@ def test_the_stated_change_is_that_with_half_the_step() -> None:
         changes.append(abs(after - kept.largest_deviation[name]) / after)
     assert used < 0.2
     assert coarse.integration.change == pytest.approx(max(changes), rel=1e-6)
+
+
+def test_an_assessment_finds_departures_below_a_lower_limit(folder: Path) -> None:
+    """x' = x / 2 without control leaves its narrow lower limit first, at 2 ln(1 / |x0|)."""
+    growing = Model(
+        "growing",
+        {"a": Signal(min=-1.0, max=50.0), "b": Signal(min=-50.0, max=50.0)},
+        {"u": Signal(min=-9.0, max=9.0)},
+        lambda x, u, p, w: ({"a": 0.5 * x.a + u.u, "b": -x.b}, {}),
+        trim={"a": 0.0, "b": 0.0},
+    )
+    np.savez("policy.npz", **{"0.weight": np.zeros((1, 2)), "0.bias": np.zeros(1)})
+    Path("policy.toml").write_text(
+        '[policy]\nfile = "policy.npz"\n[observation]\na = {}\nb = {}\n[timing]\ndt = 0.1\n'
+        '[action]\nu = {box = [-9.0, 9.0], map = "trim + a"}\n'
+    )
+    found = hfa.assess(growing, "policy.toml", samples=6, box={"a": 0.5, "b": 0.1})
+    flights = found.to_dict()["points"][0]["flights"]
+    assert flights["left_envelope"] == 6
+    assert (flights["departure"]["state"], flights["departure"]["limit"]) == ("a", -1.0)
+    passed = 2.0 * np.log(1.0 / abs(flights["worst_initial"]["a"]))
+    assert passed <= flights["departure"]["time"] <= passed + 0.1
