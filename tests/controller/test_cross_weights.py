@@ -78,6 +78,7 @@ def test_a_game_with_cross_weights_agrees_with_scipy(seed):
     P = solve_continuous_are(game.A, np.hstack([game.B, game.E]), game.Q, weights, s=both)
     size = np.abs(P).max()
     assert np.allclose(solution.P, P, atol=1e-8 * size)
+    assert all(check["ok"] for check in solution.to_dict()["meaning"])
     K = np.linalg.solve(game.R, game.B.T @ P + game.N.T)
     assert np.allclose(solution.K, K, atol=1e-8 * np.abs(K).max())
     assert np.allclose(solution.disturbance_gain, game.E.T @ P / game.delta**2)

@@ -83,17 +83,16 @@ def test_the_stated_change_is_that_with_half_the_step() -> None:
         trim={"a": 0.0, "b": 0.0},
     )
     point = hfa.trim(swing)
-    weights = np.eye(2), np.eye(1)
 
     def flown(step: float) -> hfa.Flight:
         scenario = Scenario(4.0, step=step, tick=0.2, initial=np.array([1.5, 0.0]))
-        return hfa.fly(swing, point, None, scenario=scenario, weights=weights)
+        return hfa.fly(swing, point, None, scenario=scenario)
 
     coarse = flown(0.2)
     used = coarse.integration.step
     fine = flown(used / 2.0)
     kept = flown(used)
-    changes = [abs(fine.cost - kept.cost) / fine.cost]
+    changes = []
     for name, after in fine.largest_deviation.items():
         changes.append(abs(after - kept.largest_deviation[name]) / after)
     assert used < 0.2
