@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,17 @@ RANK = 1e-13
 SIGN_ROUNDING = 1e-12
 _NO_GRAPH = "the Hamiltonian has no stable subspace that is the graph of a P"
 _SINGULAR = "the equation of Newton's step for P is singular within rounding"
+
+
+class HamiltonianSpectrum(NamedTuple):
+    """Eigenvalues of a Hamiltonian, and its stable subspace.
+
+    eigenvalues: (2n,)
+    stable_basis: orthonormal basis (2n, n) of the subspace, or None if its dimension is not n
+    """
+
+    eigenvalues: np.ndarray
+    stable_basis: np.ndarray | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +103,19 @@ class NormalForm(Form):
         return hamiltonian(self.A, self.S, self.Q)
 
     @cached_property
-    def eigenvalues(self) -> np.ndarray:
-        """Eigenvalues of the Hamiltonian, (2n,)."""
-        return np.linalg.eigvals(self.hamiltonian)
+    def hamiltonian_spectrum(self) -> HamiltonianSpectrum:
+        """Eigenvalues and stable subspace of the Hamiltonian, by its ordered Schur form.
+
+        Raises NoSolutionError if the Schur form does not converge.
+        """
+        from scipy.linalg.lapack import dgees
+
+        n = len(self.A)
+        _, stable, real, imaginary, basis, _, failed = dgees(_is_stable, self.hamiltonian, sort_t=1)
+        if 0 < failed <= 2 * n:
+            raise NoSolutionError("the Schur form of the Hamiltonian does not converge")
+        is_ordered = stable == n and not failed
+        return HamiltonianSpectrum(real + 1j * imaginary, basis[:, :n] if is_ordered else None)
 
     def gains(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return K (m, n) and L (k, n) of v = -K y and d = L y, the policies of the value y'X y."""
@@ -148,7 +170,7 @@ class NormalForm(Form):
         """
         if self._costs_nothing:
             return np.zeros_like(self.A)
-        basis = self._stable_basis()
+        basis = self.hamiltonian_spectrum.stable_basis
         if basis is None:
             raise NoSolutionError(_NO_GRAPH)
         V1, V2 = np.split(basis, 2)
@@ -161,15 +183,6 @@ class NormalForm(Form):
     @property
     def _costs_nothing(self) -> bool:
         return not self.Q.any() and is_hurwitz(self.A)
-
-    def _stable_basis(self) -> np.ndarray | None:
-        """Return an orthonormal basis (2n, n) of the stable subspace of the Hamiltonian, or None if
-        the dimension of the subspace is not n.
-        """
-        from scipy.linalg import schur
-
-        _, basis, stable = schur(self.hamiltonian, sort="lhp")
-        return basis[:, : len(self.A)] if stable == len(self.A) else None
 
     def by_doubling(self) -> np.ndarray:
         """Return X, (n, n), by the structure-preserving doubling algorithm, after Newton steps.
@@ -187,7 +200,7 @@ class NormalForm(Form):
         """
         n = len(self.A)
         one = np.eye(n)
-        sizes = np.abs(self.eigenvalues)
+        sizes = np.abs(self.hamiltonian_spectrum.eigenvalues)
         c = 0.9 * math.sqrt(sizes.max() * sizes.min())
         A = self.A - LAST * self.S
         Q = self.Q + LAST * (A + self.A.T)
@@ -215,8 +228,9 @@ class NormalForm(Form):
                 "the computation overflows, because the entries of the game differ too much in"
                 " size; check the scaling of A, B, E, Q and R"
             )
-        stable = int(np.sum(self.eigenvalues.real < 0.0))
-        distance, frequency = hamiltonian_axis_distance(self.hamiltonian, self.eigenvalues)
+        eigenvalues = self.hamiltonian_spectrum.eigenvalues
+        stable = int(np.sum(eigenvalues.real < 0.0))
+        distance, frequency = hamiltonian_axis_distance(self.hamiltonian, eigenvalues)
         n = len(self.A)
         near = (
             f"a change of {distance:.2g} of the Hamiltonian, relative, puts an eigenvalue on the"
@@ -265,9 +279,10 @@ class NormalForm(Form):
             return Answer(True)
         if not self._is_finite:
             return Answer(False, "the entries of the game overflow")
-        distance, frequency = hamiltonian_axis_distance(self.hamiltonian, self.eigenvalues)
-        basis = self._stable_basis() if distance >= AXIS_DISTANCE else None
-        if basis is None:
+        eigenvalues = self.hamiltonian_spectrum.eigenvalues
+        distance, frequency = hamiltonian_axis_distance(self.hamiltonian, eigenvalues)
+        basis = self.hamiltonian_spectrum.stable_basis
+        if basis is None or distance < AXIS_DISTANCE:
             reason = (
                 f"for every input, the gain from the disturbance is at least {self.delta:.6g}"
                 f" (at {frequency:.4g} rad/s)"
@@ -307,3 +322,8 @@ class NormalForm(Form):
                 if on_axis and dependence(self.A.T, 1j * value.imag, self.Q, size) <= BARELY:
                     return hidden.format(mode)
         return ""
+
+
+def _is_stable(real: float, imaginary: float) -> bool:
+    """Return whether an eigenvalue belongs to the stable subspace."""
+    return real < 0.0
