@@ -35,8 +35,6 @@ _POINTS = 4
 #: Default weight of a kept rate at its limit, in units of 1/nominal². It was found on the flexible
 #: aircraft: with twice of it, flights at 5 deg cost up to 1.5 times the best instead of 1.23 times.
 LIMIT_WEIGHT = 5.0
-#: Largest ratio of a rate and its limit in the weight.
-_MOST = 1.5
 #: Most negative eigenvalue of P, relative to its norm.
 _NEGATIVE = 1e-9
 
@@ -172,7 +170,7 @@ class RiccatiLaw:
         Q = self._scaled.linear_states[2].copy()
         for place in self._kept:
             limit = self._scaled.state_limits[int(z[place] > 0.0)][place]
-            Q[place, place] += self._limit_weight * min(abs(z[place] / limit), _MOST) ** 2
+            Q[place, place] += self._limit_weight * (z[place] / limit) ** 2
         return Q
 
     def _solution(self, A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
