@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
+from controller.critic.symbols import symbols_for
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.ending import FAR, OF_COST, EndRule, Outcome, has_decayed
 from hfa_aircraft.march.refinement import Figures, IntegrationError, resolved
@@ -19,7 +20,7 @@ from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import Departure, departure
 from hfa_flight.history import Deviations
 from hfa_flight.policies.deployment.policy import DeployedPolicy, sampled_scenario
-from hfa_flight.policies.policy import FunctionPolicy, Policy, function_policy
+from hfa_flight.policies.policy import FunctionPolicy, Policy
 from hfa_flight.problem import FlightProblem
 from hfa_flight.scenario import Scenario
 from hfa_flight.simulation import CompiledLoop
@@ -140,14 +141,8 @@ class Flights:
         name: name of the policy in reports
         K: gain, (m, k)
         """
-        problem = self.problem
-        z = ca.SX.sym("z", len(problem.states))
-        u = ca.SX.zeros(len(problem.model.inputs))
-        u[problem.moved] = -ca.mtimes(ca.DM(K), z)
-        limits = [np.zeros(len(problem.model.inputs)) for _ in range(2)]
-        for whole, moved in zip(limits, problem.input_limits, strict=True):
-            whole[problem.moved] = moved
-        return self.compiled(FunctionPolicy(name, ca.Function("gain", [z], [u]), *limits))
+        z = ca.SX.sym("z", len(self.problem.states))
+        return self._of_function(name, ca.Function("gain", [z], [-ca.mtimes(ca.DM(K), z)]))
 
     def of_critic(self, name: str, critic: Critic) -> CompiledLoop:
         """Return the compiled loop of a critic's policy, saturated at the limits of the inputs.
@@ -156,7 +151,18 @@ class Flights:
         """
         if critic.linear:
             return self.of_gain(name, critic.K)
-        return self.compiled(function_policy(name, critic.policy, self.problem.point))
+        return self._of_function(name, critic.policy)
+
+    def _of_function(self, name: str, function: ca.Function) -> CompiledLoop:
+        """Return the compiled loop of a policy z (k,) -> inputs that move, (m,)."""
+        problem = self.problem
+        z = symbols_for([function], len(problem.states))
+        u = type(z).zeros(len(problem.model.inputs))
+        u[problem.moved] = function(z)
+        limits = [np.zeros(len(problem.model.inputs)) for _ in range(2)]
+        for whole, moved in zip(limits, problem.input_limits, strict=True):
+            whole[problem.moved] = moved
+        return self.compiled(FunctionPolicy(name, ca.Function("policy", [z], [u]), *limits))
 
     def of_deployed(self, policy: DeployedPolicy) -> CompiledLoop:
         """Return the compiled loop of a deployed policy, with its sampling and delays."""

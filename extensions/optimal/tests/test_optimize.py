@@ -165,6 +165,22 @@ def test_verify_simulates_the_critic(folder: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.slow
+def test_a_critic_of_some_inputs_is_flown_with_the_others_at_the_trim(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The exact gain of the game of the elevator alone flies as its linear optimum does."""
+    model = hfa.load_model(GTM)
+    linear = hfa.linearize(model, hfa.trim(model, speed=48.0)).select(inputs=["elevator"])
+    np.savez("K.npz", K=hfa.solve(nominal_game(linear)).K)
+    words = ["verify", "--aircraft", GTM, "--at", "48", "--weights", "K.npz", "--json"]
+    assert main([*words, "--inputs", "elevator", "--flights", "1"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    optimum, critic = data["flights"]["policies"]
+    assert data["inputs"] == ["elevator"]
+    assert critic["median"] == pytest.approx(optimum["median"], rel=1e-9)
+
+
+@pytest.mark.slow
 def test_assess_orders_two_policies_by_their_flights(capsys: pytest.CaptureFixture[str]) -> None:
     """`hfa assess --best` ranks two policies opposite to their costs on the linear model."""
     best = {}

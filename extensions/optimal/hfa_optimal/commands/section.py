@@ -49,7 +49,7 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     point = named.linear.point
     game = named.game
     game.refuse_cross_weights("the cost of --flights")
-    problem = flight_problem(point.model, point, game.Q, game.R)
+    problem = flight_problem(point.model, point, game.Q, game.R, game.names.inputs)
     search = BestFlights(problem, count)
     loops = [search.flights.of_critic("this critic, saturated", verdicts[0].critic)]
     if np.isfinite(game.delta):
