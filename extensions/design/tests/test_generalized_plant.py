@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import control
@@ -44,7 +43,6 @@ DOUBLE |= {
 }
 
 
-@cache
 @pytest.mark.parametrize("seed", [3, pytest.param(8, marks=pytest.mark.slow)])
 def test_x_and_y_equal_60_digit_solutions(seed: int) -> None:
     """X and Y satisfy the general Riccati equations (Theorem 17.1) and equal 60-digit solutions.

@@ -44,6 +44,7 @@ def gain_of(plant: GeneralizedPlant, found: Any) -> float:
     return norm(*loop)
 
 
+@cache
 def random_plant(seed: int, feedthrough: float = 1.0) -> GeneralizedPlant:
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 9))
