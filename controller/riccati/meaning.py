@@ -42,11 +42,11 @@ def cost_matrix(
 ) -> np.ndarray:
     """Return X, (n, n), such that u = -K z and d = L z cost z0'X z0 from the initial state z0.
 
-    F'X + X F + C = 0,  F = A - B K + E L,  C = Q - N K - K'N' + K'R K - δ² L'L
+    F'X + X F + C = 0,  F = A - B K + E L,  C = Q + K'R K - δ² L'L
 
     In discrete time, α F'X F - X + C = 0.
 
-    game: the game, with the cost and the plant
+    game: the game, with the cost and the plant, without cross weights
     K: (m, n)
     L: (k, n)
     refinements: number of corrections by residuals in twice the precision. Near the smallest delta,
@@ -77,9 +77,6 @@ def _cost_residual(game: Game, K: np.ndarray, L: np.ndarray, X: np.ndarray) -> n
     moved = product_of_doubles(-root * game.B, K) + product_of_doubles(root * game.E, L)
     loop = exact(root * game.A) + moved
     cost = exact(game.Q) + product_of_doubles(K.T, game.R) @ exact(K)
-    if game.N.any():
-        mixed = product_of_doubles(-game.N, K)
-        cost = cost + (mixed + mixed.mT)
     if math.isfinite(game.delta):
         weighted = product_of_doubles(game.delta * np.eye(len(L)), L)
         cost = cost + -(weighted.mT @ weighted)

@@ -10,6 +10,7 @@ from typing import Any
 import matplotlib.pyplot as pyplot
 import numpy as np
 import pytest
+from cli import hfa as run
 from known_models import model_at, released_simulation
 
 import hfa
@@ -313,3 +314,17 @@ def test_an_entry_is_compared_in_half_units_and_percent(
     assert entry.half_units == pytest.approx(half_units)
     assert entry.percent == pytest.approx(percent, nan_ok=True)
     assert (entry.is_zero, entry.name) == (is_zero, "A(alpha, speed)")
+
+
+def test_the_report_names_the_largest_difference_to_newton() -> None:
+    """`hfa linearize` names the entry of A or B that differs most between the two dynamics."""
+    published, newton = (model_at(10.0, dynamics) for dynamics in ("published", "newton"))
+    largest = {}
+    for name, columns in (("A", published.states), ("B", published.inputs)):
+        off = np.abs(getattr(published, name) - getattr(newton, name))
+        row, column = np.unravel_index(off.argmax(), off.shape)
+        largest[off.max()] = f"{name}({published.states[row]}, {columns[column]})"
+    text = " ".join(run("linearize", "--dihedral", "10").out.split())
+    _, _, after = text.partition("Largest difference of an entry to newton dynamics: ")
+    size = max(largest)
+    assert after.startswith(f"{size:.2g} in {largest[size]}")
