@@ -22,19 +22,8 @@ if TYPE_CHECKING:
 #: Suffix -> function that writes the report as text. HTML embeds its pictures; Markdown has none.
 REPORTS: dict[str, Callable[[Report], str]] = {
     ".md": Report.markdown,
-    ".html": lambda report: (
-        f'<!doctype html>\n<meta charset="utf-8">\n<style>{_STYLE}</style>\n{report.html()}'
-    ),
+    ".html": Report.page,
 }
-#: Style sheet of a report in HTML, on a screen and on paper.
-_STYLE = (
-    "body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#111}"
-    "table{border-collapse:collapse;margin:1em 0;font-variant-numeric:tabular-nums}"
-    "th,td{padding:.2em .7em;border-bottom:1px solid #ccc;text-align:right}"
-    "th:first-child,td:first-child{text-align:left}img{max-width:100%}"
-    "h1{font-size:1.3em}h2{font-size:1.15em;border-top:2px solid #111;padding-top:.7em}"
-    "@media print{body{margin:0;font-size:11px}h2{break-before:page}table{break-inside:avoid}}"
-)
 
 
 def output_option(

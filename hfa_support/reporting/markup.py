@@ -10,6 +10,16 @@ from typing import Any
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.text import Cell, Table, printable
 
+#: Style sheet of a report in HTML, on a screen and on paper.
+_STYLE = (
+    "body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#111}"
+    "table{border-collapse:collapse;margin:1em 0;font-variant-numeric:tabular-nums}"
+    "th,td{padding:.2em .7em;border-bottom:1px solid #ccc;text-align:right}"
+    "th:first-child,td:first-child{text-align:left}img{max-width:100%}"
+    "h1{font-size:1.3em}h2{font-size:1.15em;border-top:2px solid #111;padding-top:.7em}"
+    "@media print{body{margin:0;font-size:11px}h2{break-before:page}table{break-inside:avoid}}"
+)
+
 
 def report_as_markdown(
     title: str, shown: Sequence[str], notes: Sequence[str], source: str, level: int
@@ -135,3 +145,8 @@ def paragraph(line: str) -> str:
     """Return a line as an HTML paragraph, in which text in backquotes is shown as code."""
     text = re.sub("`([^`]+)`", r"<code>\1</code>", escaped(line))
     return f"<p>{text}</p>"
+
+
+def as_page(fragment: str) -> str:
+    """Return a page in HTML with styles that contains a fragment."""
+    return f'<!doctype html>\n<meta charset="utf-8">\n<style>{_STYLE}</style>\n{fragment}'

@@ -114,6 +114,12 @@ class Report:
         ]
         return report_as_html(self.title, shown, self.notes, self.source, level)
 
+    def page(self) -> str:
+        """Return the report as a page in HTML with embedded pictures and styles."""
+        from hfa_support.reporting.markup import as_page
+
+        return as_page(self.html())
+
     def json(self) -> str:
         """Return the data of the report as JSON text. Numbers that are not finite become null."""
         from hfa_support.reporting.data_files import json_text
@@ -121,14 +127,23 @@ class Report:
         return json_text(self.data).rstrip()
 
     def save(self, path: str | Path) -> None:
-        """Write the data of the report to a file, completely or not at all, in full precision.
+        """Write the report to a file, completely or not at all, with data in full precision.
 
         - .json, .npz, .mat: `data`
         - .csv: `records`
+        - .html, .md: the text, in HTML with pictures
+
+        Raises BadInputError for another suffix.
         """
+        from hfa_support.files import write_text
         from hfa_support.reporting.data_files import save_data
 
-        save_data(Path(path), self.data, self.records)
+        texts = {".html": self.page, ".md": self.markdown}
+        suffix = Path(path).suffix.lower()
+        if suffix in texts:
+            write_text(path, texts[suffix]())
+        else:
+            save_data(Path(path), self.data, self.records)
 
     def pictures(self) -> Iterator[Picture]:
         """Yield all pictures of this report and of nested reports."""
@@ -150,8 +165,8 @@ class Reported:
         return _of_fields(self)
 
     def save(self, path: str | Path) -> None:
-        """Write the result to a data file: the report's data (.json, .npz, .mat) or its records
-        (.csv).
+        """Write the result to a file: the report's data (.json, .npz, .mat), its records (.csv), or
+        its text (.html, .md).
         """
         self.report().save(path)
 

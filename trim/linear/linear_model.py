@@ -68,7 +68,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     """
 
     _instead: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("lqr", "solve", "game"), "hfa.solve(hfa.game(linear, Q, R))"),
+        **dict.fromkeys(("lqr", "solve"), "hfa.solve(hfa.game(linear, Q, R))"),
         "eigenvalues": "linear.poles()",
     }
     _how_to_make: ClassVar[str] = (

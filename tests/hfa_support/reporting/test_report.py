@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hfa
 from hfa.extend import Report, Table
 
 
@@ -82,6 +83,16 @@ def test_json_and_files_contain_the_data(tmp_path: Path) -> None:
     assert [row["about"] for row in rows] == ['{"schema": "hfa.test/1"}', ""]
     with pytest.raises(ValueError, match="the suffix"):
         made.save(tmp_path / "a.txt")
+
+
+def test_a_report_is_saved_as_a_page(tmp_path: Path) -> None:
+    """`save` takes a path as text, and writes the words of the report in HTML and Markdown."""
+    made = hfa.trim(hfa.aircraft(), dihedral=0.2).report()
+    for suffix in ("html", "md"):
+        made.save(f"{tmp_path}/sheet.{suffix}")
+        text = (tmp_path / f"sheet.{suffix}").read_text(encoding="utf-8")
+        assert made.title.splitlines()[0] in text
+        assert "throttle" in text
 
 
 @pytest.mark.parametrize("name", ["\x1b[31mred", "a\rb", "a\nb", "\u202egpj", "\ud800"])
