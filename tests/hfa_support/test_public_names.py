@@ -128,7 +128,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "mode.zeta": (lambda: plant()["linear"].modes[0].zeta, "did you mean damping?"),
     "linear.dare": (lambda: plant()["linear"].dare, "LinearModel has no attribute 'dare'"),
     "point.alpha": (lambda: plant()["point"].alpha, "OperatingPoint has no attribute 'alpha'"),
-    "model.trim()": (lambda: plant()["model"].trim(), "not callable"),
+    "model.trim()": (lambda: plant()["model"].trim(), "write hfa.trim(model)"),
 }
 
 

@@ -3,7 +3,6 @@
 from hfa_aircraft.waveform import Harmonic as Harmonic, Waveform as Waveform
 
 from .actuators import (
-    Actuator as Actuator,
     ActuatorBank as ActuatorBank,
     ActuatorFault as ActuatorFault,
 )

@@ -17,8 +17,8 @@ from servo_cases import A_Z
 
 import hfa
 from hfa import BadInputError, Model
-from hfa_design import check_margins, design_controller, servo_margins, servo_plant
-from hfa_flight import Actuator, OneMinusCosine, save_controller
+from hfa_design import Actuator, check_margins, design_controller, servo_margins, servo_plant
+from hfa_flight import OneMinusCosine, save_controller
 from studies.servo.__main__ import main
 from studies.servo.comparison import CASES, ServoFlight, designed_servo, fly_case, laws_of, rows_of
 from studies.servo.flights import delayed, gust_held, servo_loop, simulated_flight, slowest_delayed
