@@ -13,7 +13,7 @@ from controller.expansion.expansion import Expansion
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.ending import FAR_OF_EXPANSION, OF_EXPANSION, has_decayed
 from hfa_aircraft.march.march import History, Rows, march
-from hfa_aircraft.march.refinement import Figures, resolved
+from hfa_aircraft.march.refinement import Figures, ReportedFigure, resolved
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.row_code import row_code
 from hfa_support.reporting.results import Result, Vector
@@ -142,9 +142,12 @@ def box_flights(
 
 
 def _figures(costs: _Pair) -> Figures:
-    """Return the costs whose change with half the step is tested; a lost flight has none."""
+    """Return the costs whose change with half the step is tested, without those of lost flights.
+
+    The cost of a lost flight is inf.
+    """
     return {
-        f"cost {number} of the {who} policy": (float(cost), 0.0)
+        f"cost {number} of the {who} policy": ReportedFigure(float(cost))
         for who, each in costs._asdict().items()
         for number, cost in enumerate(each)
         if np.isfinite(cost)

@@ -114,15 +114,19 @@ class _Search:
         self.directions = np.vstack([half, -half])
 
     def radius(self, degree: int) -> Radius:
-        """Return the radius of V2 + ... + V_degree."""
-        size = self._found(degree)
-        while 0.0 < size < math.inf and not self._confirmed(size, degree):
-            size *= _SMALLER
-        P_inverse = np.linalg.inv(self.expansion.root.T)
-        extents = size * np.linalg.norm(P_inverse, axis=1)
-        return Radius(degree, self.share, size**2, extents)
+        """Return the radius of V2 + ... + V_degree.
 
-    def _found(self, degree: int) -> float:
+        The size √(z'Pz) is found by flights along fixed directions, and reduced until random states
+        of this size agree too.
+        """
+        size = self._largest_agreeing(degree)
+        while 0.0 < size < math.inf and not self._agrees_at_random(size, degree):
+            size *= _SMALLER
+        z_of_y = np.linalg.inv(self.expansion.root.T)  # z'Pz = |y|²
+        largest_z = size * np.linalg.norm(z_of_y, axis=1)
+        return Radius(degree, self.share, size**2, largest_z)
+
+    def _largest_agreeing(self, degree: int) -> float:
         """Return the largest size whose flights agree, 0 or inf if there is none."""
         first = self._guess(degree)
         low = high = first
@@ -168,7 +172,7 @@ class _Search:
         values = np.array(self.expansion.value_to(degree)(z.T))[0]
         return _relative(values, costs)
 
-    def _confirmed(self, size: float, degree: int) -> bool:
+    def _agrees_at_random(self, size: float, degree: int) -> bool:
         """Return whether flights from states on the boundary agree, random ones and worse ones."""
         n = self.expansion.states
         y = directions(n, _CONFIRMING, _SEED + degree)

@@ -15,7 +15,7 @@ from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import quantity
 from hfa.options.output import Output, ProgressLine, output_option, picture_option
 from hfa.options.part import OfModel, option, part
-from hfa.options.ranges import Range, array_of, scheduled_range, value_range
+from hfa.options.ranges import Range, array_of, is_one_value, scheduled_range, value_range
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim, called_at, condition_help, condition_or_list, scheduled
 from hfa.options.workers import Workers
@@ -102,11 +102,14 @@ class SweptTrim(Trim):
     def _listed_axes(
         self, listing: Path, condition: TrimCondition, ranges: Mapping[str, Range]
     ) -> dict[str, Any]:
-        """Return the axes of a sweep over a list of points, name -> value at each point, (N,)."""
+        """Return the axes of a sweep over a list of points, name -> value at each point, (N,).
+
+        ranges: values of the options that are axes; constants of --hold are in the condition
+        """
         axes: dict[str, Any] = _listed(listing, condition)
         rows = len(next(iter(axes.values())))
         for name, values in {**self.hold, **ranges}.items():
-            if name in axes or not (isinstance(values, tuple) and len(values) == 1):
+            if name in axes or not is_one_value(values):
                 raise BadInputError(
                     f"give {name} either as a column of {listing} or by an option with one value"
                 )

@@ -63,6 +63,11 @@ def scheduled_range(model: Model, text: str) -> Range:
     return value_range(model, model.schedule, text)
 
 
+def is_one_value(values: Range) -> bool:
+    """Return whether the values of an option are a single one."""
+    return isinstance(values, tuple) and len(values) == 1
+
+
 def array_of(name: str, values: Range, most: int) -> np.ndarray:
     """Return the values of a variable as an array, (N,).
 

@@ -213,9 +213,9 @@ class Trim(Part):
 
         The result is False for a parameter of the model. Parameters are always axes of the sweep.
         """
-        values = self.hold[name]
-        one_value = isinstance(values, tuple) and len(values) == 1
-        return one_value and name not in self.model.parameters
+        from hfa.options.ranges import is_one_value
+
+        return is_one_value(self.hold[name]) and name not in self.model.parameters
 
     @cached_property
     def condition(self) -> TrimCondition:

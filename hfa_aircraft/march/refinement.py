@@ -14,8 +14,17 @@ _MOST = 8
 _ROUNDING = 1e-9
 
 Simulation = TypeVar("Simulation")
-#: Name of a reported figure -> its value, and the smallest value to which a change is relative.
-Figures = Mapping[str, tuple[float, float]]
+
+
+class ReportedFigure(NamedTuple):
+    """Value of a reported figure, and the smallest value to which its change is relative."""
+
+    value: float
+    least: float = 0.0
+
+
+#: Name of a reported figure -> its value.
+Figures = Mapping[str, ReportedFigure]
 
 
 class IntegrationError(NamedTuple):

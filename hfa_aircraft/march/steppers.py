@@ -142,14 +142,17 @@ class Recurrence(_OneFlight):
     """Stepper of one flight x⁺ = F(x) in discrete time. Nothing is observed, and nothing held.
 
     after: x -> x⁺
+    steps: number of steps in a tick
     """
 
     def __init__(self, after: ca.Function, steps: int) -> None:
-        now = ca.MX.sym("now", 1 + after.numel_in(0))
-        t, x, held = ca.MX.sym("t"), ca.MX.sym("x", after.numel_in(0)), ca.MX.sym("held", 0)
-        later = ca.vertcat(now[0] + 1.0, after(now[1:]))
-        one = ca.Function("step", [now, held], [ca.densify(later), ca.DM(0, 1)])
-        observed = ca.Function("observed", [t, x, held], [ca.DM(0, 1)])
+        n = after.numel_in(0)
+        nothing = ca.DM(0, 1)
+        number, state, held = ca.MX.sym("k"), ca.MX.sym("x", n), ca.MX.sym("held", 0)
+        observed = ca.Function("observed", [number, state, held], [nothing])
+        begin = ca.MX.sym("begin", 1 + n)  # number of the step, which is its time, and state
+        end = ca.vertcat(begin[0] + 1.0, after(begin[1:]))
+        one = ca.Function("step", [begin, held], [ca.densify(end), nothing])
         super().__init__(one, observed, 1.0, steps, is_long=False)
 
 

@@ -69,20 +69,22 @@ def configuration_of(point: OperatingPoint) -> dict[str, Quantity]:
 
 def configuration_parts(point: OperatingPoint, found: Mapping[str, Quantity]) -> Iterator[Any]:
     """Yield the table of an aircraft's configuration, and a line with unknown entries."""
-    if not found and "alpha" not in recognized(point.model.states):
+    is_aircraft = "alpha" in recognized(point.model.states)
+    if not found and not is_aircraft:
         return
     rows = [
         (_ENTRIES[name], f"{shown_value(each.value, each.unit, '.6g')}", shown_unit(each.unit))
         for name, each in found.items()
     ]
-    named = {_ENTRIES[name] for name in _ENTRIES if name not in found and name not in _OPTIONAL}
-    missing = [name for name in _ENTRIES.values() if name in named]
-    if {"c.g. x", "c.g. z"} <= named:
-        missing = ["c.g.", *(name for name in missing if not name.startswith("c.g."))]
+    missing = [label for name, label in _ENTRIES.items() if name not in (*found, *_OPTIONAL)]
+    if {"c.g. x", "c.g. z"} <= {*missing}:
+        missing = ["c.g.", *(label for label in missing if not label.startswith("c.g."))]
     line = f"{', '.join(missing)}: not in this model"
-    if rows:
-        table = Table(("configuration", "value", "unit"), rows)
-        yield (table, line) if missing else table
+    table = Table(("configuration", "value", "unit"), rows)
+    if rows and missing:
+        yield table, line  # one block
+    elif rows:
+        yield table
     else:
         yield line
 

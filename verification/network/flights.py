@@ -94,19 +94,25 @@ def fly(
     if critic.wide:
         flights = min(flights, _WIDE_FLIGHTS)
     losses = costs_above_optimum(judged, critic, exact, b, flights)
-    few = min(FEW, flights)
     loop = judged.loop(critic, b)
-    reached = [_reach(loop, b, few)]
-    for policy in (critic, None):
-        nonlinear = None if plant is None else judged.plant_loop(plant, policy, b)
-        if nonlinear is not None:
-            reached.append(_reach(nonlinear, b, few))
+    nonlinear = nonlinear_exact = None
+    if plant is not None:
+        nonlinear = judged.plant_loop(plant, critic, b)
+        nonlinear_exact = judged.plant_loop(plant, None, b)
     rest = loop.equilibrium
     equilibrium_cost = 0.0
     if rest is not None:
         equilibrium_cost = judged.cost(rest, np.array(critic.policy(rest)).ravel())
+    few = min(FEW, flights)
     return FlightResults(
-        flights, float(losses.max()), float(losses.mean()), rest, equilibrium_cost, *reached
+        flights=flights,
+        cost_lost_flown_percent=float(losses.max()),
+        cost_lost_flown_mean_percent=float(losses.mean()),
+        rest_point=rest,
+        equilibrium_cost=equilibrium_cost,
+        reach=_reach(loop, b, few),
+        reach_nonlinear=None if nonlinear is None else _reach(nonlinear, b, few),
+        reach_nonlinear_exact=None if nonlinear_exact is None else _reach(nonlinear_exact, b, few),
     )
 
 

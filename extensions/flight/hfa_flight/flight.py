@@ -10,7 +10,7 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.refinement import Figures, IntegrationError, resolved
+from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.gust_equations import in_gusts
@@ -169,15 +169,17 @@ def _figures(flight: Flight) -> Figures:
     model = flight.model
     nominal = {name: model.states[name].nominal for name in model.states}
     figures = {
-        f"the largest deviation of {name}": (value, _SMALL * nominal.get(name, 1.0))
+        f"the largest deviation of {name}": ReportedFigure(value, _SMALL * nominal.get(name, 1.0))
         for name, value in flight.largest_deviation.items()
     }
     if flight.departure is not None:
-        figures["the time of the departure"] = (flight.departure.time, flight.loop.scenario.tick)
+        figures["the time of the departure"] = ReportedFigure(
+            flight.departure.time, flight.loop.scenario.tick
+        )
     if flight.cost is not None and flight.loop.cost is not None:
         z = _SMALL * np.array([nominal[name] for name in model.linear])
         least = float(z @ flight.loop.cost.Q @ z) * flight.loop.scenario.duration
-        figures["the cost"] = (flight.cost, max(least, np.finfo(float).tiny))
+        figures["the cost"] = ReportedFigure(flight.cost, max(least, np.finfo(float).tiny))
     return figures
 
 

@@ -15,7 +15,7 @@ from controller.critic.critic import Critic
 from controller.critic.symbols import symbols_for
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.ending import FAR, OF_COST, EndRule, Outcome, has_decayed
-from hfa_aircraft.march.refinement import Figures, IntegrationError, resolved
+from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import Departure, departure
 from hfa_flight.history import Deviations
@@ -249,11 +249,11 @@ class Flights:
 
     def _figures(self, flight: SimulatedFlight) -> Figures:
         """Return the figures that must not depend on the integration step."""
-        figures: dict[str, tuple[float, float]] = {}
+        figures: dict[str, ReportedFigure] = {}
         if flight.converges:
-            figures["the cost"] = (flight.cost, sys.float_info.min)
+            figures["the cost"] = ReportedFigure(flight.cost, sys.float_info.min)
         if flight.departure is not None:
-            figures["the time of the departure"] = (flight.departure.time, self.tick)
+            figures["the time of the departure"] = ReportedFigure(flight.departure.time, self.tick)
         return figures
 
     def priced(self, policy: Policy, rows: Deviations) -> SimulatedFlight:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hfa_aircraft.march.ending import is_within
 from hfa_aircraft.march.march import march
-from hfa_aircraft.march.refinement import Figures, IntegrationError, resolved
+from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
 from hfa_flight.envelope import flight_envelope
 from hfa_policy.flights import SampledFlight, SampledRows
 from hfa_policy.outcomes import Place, seeded_starts
@@ -101,6 +101,8 @@ def _figures(flown: RecordedFlights) -> Figures:
     deviations = np.where(flown.inside[:, :, None], farthest, 0.0)
     largest = dict(zip(model.states, deviations.max(axis=(0, 1)).tolist(), strict=True))
     return {
-        f"the largest deviation of {name}": (largest[name], _SMALL * model.states[name].nominal)
+        f"the largest deviation of {name}": ReportedFigure(
+            largest[name], _SMALL * model.states[name].nominal
+        )
         for name in model.linear
     }
