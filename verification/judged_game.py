@@ -323,22 +323,27 @@ class JudgedGame:
 
     def _loop_of(
         self,
-        plant: np.ndarray,
+        A: np.ndarray,
         critic: Critic,
         b: np.ndarray,
         running: Callable[[np.ndarray], Expression] | None = None,
     ) -> Loop:
-        """Return the loop of z' = plant z + B u, or z⁺, without cost if `running` is None."""
-        game = self.game
-        z = symbols_for([critic.policy], len(b)) if game.is_discrete else critic.symbols
-        after = ca.DM(plant) @ z + ca.DM(game.B) @ critic.policy(z)
-        linear = plant - game.B @ critic.K
-        if not game.is_discrete:
-            duration = self._duration(game.A - game.B @ critic.K, linear)
-            return flow_loop(z, after, self.exact, duration, b, running)
-        steps = min(math.ceil(self._duration(linear)), STEPS)
-        by_exact = plant - game.B @ self.exact.K
-        return step_loop(z, after, self.exact, by_exact, steps, b, running)
+        """Return the loop z' = A z + B u, in discrete time z⁺ = A z + B u, of a critic's policy.
+
+        A: matrix of the game, with the policy of the disturbance if there is one, (n, n)
+        running: equilibrium -> cost per second or step, or None without cost
+        """
+        linear = A - self.game.B @ critic.K
+        if self.game.is_discrete:
+            z = symbols_for([critic.policy], len(b))
+            next_state = ca.DM(A) @ z + ca.DM(self.game.B) @ critic.policy(z)
+            steps = min(math.ceil(self._duration(linear)), STEPS)
+            by_exact = A - self.game.B @ self.exact.K
+            return step_loop(z, next_state, self.exact, by_exact, steps, b, running)
+        z = critic.symbols
+        rate = ca.DM(A) @ z + ca.DM(self.game.B) @ critic.policy(z)
+        undisturbed = self.game.A - self.game.B @ critic.K
+        return flow_loop(z, rate, self.exact, self._duration(undisturbed, linear), b, running)
 
 
 def _smallest_eigenvalue(P: np.ndarray) -> float:

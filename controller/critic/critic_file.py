@@ -68,34 +68,38 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
             return (read(game, path, reading),)
     entries = entries_in(path)
     with prefix_errors(path):
-        more: dict[str, Any] = {}
-        if game.is_discrete:
-            more = {name: entries[name] for name in ("P", "K", "L") if name in entries}
-            if "H" in entries:
-                return (from_q_function(game, entries["H"], more),)
-        if UNKNOWN in entries:
-            entries = {_part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
-        # In addition to the rows over time, a file may contain the last row under its standard
-        # name.
-        over_time = entries | {own: entries[key] for key, own in _ALIASES.items() if key in entries}
-        if "basis" in over_time:
-            from controller.critic.critic_history import with_named_basis
+        return _critics_of(entries, game, reading)
 
-            reading = with_named_basis(reading, over_time)
-        if "time" in over_time and {*DIMENSIONS} & {*over_time}:
-            from controller.critic.critic_history import rows_over_time
 
-            rows = rows_over_time(over_time, game, reading)
-            if rows:
-                return rows
-        psi = reading.psi(game)
-        parts = single_parts(entries, game.names, psi)
-        if is_list(reading.basis or "") and "W" not in parts:
-            raise BadInputError(
-                "--basis lists functions, but the file contains no W; add W, or give --basis a name"
-            )
-        critic = from_parts(game, parts, psi, policy_in(entries, game.names))
-        return (replace(critic, L=numbers_in("L", more["L"])) if "L" in more else critic,)
+def _critics_of(entries: dict[str, Any], game: Game, reading: Reading) -> tuple[Critic, ...]:
+    """Return the critics in the entries of a file of arrays: one, or one for each time."""
+    if game.is_discrete and "H" in entries:
+        beside_H: dict[str, Any] = {
+            name: entries[name] for name in ("P", "K", "L") if name in entries
+        }
+        return (from_q_function(game, entries["H"], beside_H),)
+    L = entries.get("L") if game.is_discrete else None
+    if UNKNOWN in entries:
+        entries = {_part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
+    # Besides the rows over time, a file may contain the last row under its standard name.
+    renamed = entries | {own: entries[key] for key, own in _ALIASES.items() if key in entries}
+    if "basis" in renamed:
+        from controller.critic.critic_history import with_named_basis
+
+        reading = with_named_basis(reading, renamed)
+    if "time" in renamed and {*DIMENSIONS} & {*renamed}:
+        from controller.critic.critic_history import rows_over_time
+
+        if rows := rows_over_time(renamed, game, reading):
+            return rows
+    psi = reading.psi(game)
+    parts = single_parts(entries, game.names, psi)
+    if is_list(reading.basis or "") and "W" not in parts:
+        raise BadInputError(
+            "--basis lists functions, but the file contains no W; add W, or give --basis a name"
+        )
+    critic = from_parts(game, parts, psi, policy_in(entries, game.names))
+    return (critic if L is None else replace(critic, L=numbers_in("L", L)),)
 
 
 @checks_arguments

@@ -104,26 +104,33 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
     system = TrimSystem(problem.model, problem.condition, changed, declared)
     if system.equations.unknowns != problem.free:
         return None
-    first = system.constants(1, {name: np.array([before[name]]) for name in changed})
-    last = system.constants(1, {name: np.array([requested[name]]) for name in changed})
-    z, settled = newton(system, system.start[None], first)
+    c0 = system.constants(1, {name: np.array([before[name]]) for name in changed})
+    c1 = system.constants(1, {name: np.array([requested[name]]) for name in changed})
+    return _marched(system, c0, c1)
+
+
+def _marched(system: TrimSystem, c0: np.ndarray, c1: np.ndarray) -> np.ndarray | None:
+    """Return the unknowns (k,) for the constants c1, by continuation from c0, or None.
+
+    Each step extrapolates the unknowns along dz/ds, and is halved if Newton's method fails.
+    """
+    z, settled = newton(system, system.start[None], c0)
     if not settled[0]:
         return None
-    share = 0.0
+    s = 0.0
     slope = np.zeros_like(z)  # dz/ds
     step = _FIRST_SHARE
     for _ in range(_MOST_STEPS):
-        target = min(1.0, share + step)
-        begin = z + (target - share) * slope
-        end, settled = newton(system, begin, first + target * (last - first))
-        if settled[0] and np.abs(end - begin).max() < _FARTHEST:
-            slope = (end - z) / (target - share)
-            z = end
-            share = target
+        target = min(1.0, s + step)
+        extrapolated = z + (target - s) * slope
+        found, settled = newton(system, extrapolated, c0 + target * (c1 - c0))
+        if settled[0] and np.abs(found - extrapolated).max() < _FARTHEST:
+            slope = (found - z) / (target - s)
+            z, s = found, target
             step *= 2.0
         else:
             step /= 2.0
-        if share == 1.0:
+        if s == 1.0:
             return z[0]
         if step < _LEAST_SHARE:
             return None

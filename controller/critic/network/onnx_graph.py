@@ -223,22 +223,11 @@ class GraphFunctions(NamedTuple):
     operators: str
 
 
-def graph_functions(
-    path: Path, states: int, inputs: int, outputs: Mapping[str, str]
-) -> GraphFunctions:
-    """Convert the ONNX graph in a file to functions.
+def _graph_in(onnx: Any, path: Path) -> Any:
+    """Return the ONNX graph in a file. Metadata, which are not applied, are named in a warning.
 
-    path: path of the file. External weights are read from files in its folder
-    states: number of states of the plant
-    inputs: number of inputs of the plant
-    outputs: requested kind -> name of an output of the graph, or "" for all
-
-    Raises BadInputError if the package onnx is missing or the graph is not supported.
+    Raises BadInputError if the operator set is too old.
     """
-    try:
-        import onnx
-    except ImportError as error:
-        raise missing_package("ONNX files require", "onnx") from error
     model = onnx.load_from_string(regular_file(path).read_bytes())
     versions = [item.version for item in model.opset_import if item.domain in ("", "ai.onnx")]
     opset = max(versions, default=0)
@@ -252,19 +241,36 @@ def graph_functions(
             f"{path.name}: the metadata {shortened(', '.join(named))} are not applied; scales and "
             "the order of states and inputs are those of the graph"
         )
-    graph = model.graph
+    return model.graph
+
+
+def graph_functions(
+    path: Path, states: int, inputs: int, outputs: Mapping[str, str]
+) -> GraphFunctions:
+    """Convert the ONNX graph in a file to functions of one state, and of many states.
+
+    path: path of the file. External weights are read from files in its folder
+    states: number of states of the plant
+    inputs: number of inputs of the plant
+    outputs: requested kind -> name of an output of the graph, or "" for all
+
+    Raises BadInputError if the package onnx is missing or the graph is not supported.
+    """
+    try:
+        import onnx
+    except ImportError as error:
+        raise missing_package("ONNX files require", "onnx") from error
+    graph = _graph_in(onnx, path)
     arrays: dict[str, Any]
     initializers = {tensor.name: tensor for tensor in graph.initializer}
     arrays, precision = _constants(onnx, initializers, path.parent)
     shapes = _inputs_of(graph, set(arrays), states, inputs)
     widths = [shape[-1] for shape in shapes.values()]
     x = ca.SX.sym("x", sum(widths))
-    entries = np.fromiter(ca.vertsplit(x), object)
-    begin = 0
-    for (name, shape), width in zip(shapes.items(), widths, strict=True):
-        arrays[name] = entries[begin : begin + width].reshape(shape)
-        begin += width
-    products = Products(x)
+    parts = np.split(np.fromiter(ca.vertsplit(x), object), np.cumsum(widths)[:-1])
+    for (name, shape), part in zip(shapes.items(), parts, strict=True):
+        arrays[name] = part.reshape(shape)
+    products = Products(x)  # of large matrices, which NumPy computes for many states at once
     operators: dict[str, Callable[..., Any]] = {
         "MatMul": products.times,
         "Gemm": partial(_gemm, products.times),
@@ -277,9 +283,9 @@ def graph_functions(
     rows = {}
     for key, name in _outputs_of(graph, outputs).items():
         functions[key] = products.function(arrays[name])
-        on_rows = products.rows(arrays[name])
-        if on_rows is not None:
-            rows[key] = on_rows
+        for_many_states = products.rows(arrays[name])
+        if for_many_states is not None:
+            rows[key] = for_many_states
     lowest_precision = min(precision, precision_of_nodes)  # float32 before float64
     return GraphFunctions(functions, rows, lowest_precision, " -> ".join(steps))
 
