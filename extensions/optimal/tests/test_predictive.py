@@ -12,8 +12,7 @@ from scipy.linalg import expm, solve_discrete_are
 
 import hfa
 from hfa.main import main
-from hfa_flight import Scenario
-from hfa_optimal import plan_program
+from hfa_flight import Scenario, Waveform
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PENDULUM_FILE = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
@@ -161,8 +160,6 @@ def test_a_constant_disturbance_leaves_the_cheapest_equilibrium() -> None:
 
     Without the estimate, the flight ends elsewhere.
     """
-    from hfa_aircraft.waveform import constant
-
     push = 0.2
     angles = np.linspace(-0.6, 0.6, 200_001)
     torques = -push - 0.15 * 9.81 * 0.5 * np.sin(angles)
@@ -170,30 +167,12 @@ def test_a_constant_disturbance_leaves_the_cheapest_equilibrium() -> None:
     ends = {}
     for estimate in ("rates", "push", "nothing"):
         policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS, estimate=estimate)
-        air = {"push": constant(np.array([push]))}
+        air = {"push": Waveform(np.array([push]), np.zeros(1))}
         _, states, _ = flown(policy, PENDULUM, UPRIGHT, {}, 12.0, air=air)
         ends[estimate] = states[-1, 0]
     assert ends["rates"] == pytest.approx(cheapest, abs=2e-3)
     assert ends["push"] == pytest.approx(cheapest, abs=2e-3)
     assert abs(ends["nothing"] - cheapest) > 0.02
-
-
-@pytest.mark.parametrize("value", [np.nan, 1e6])
-def test_a_wrong_step_of_the_quadratic_program_leaves_the_old_plan(
-    value: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """If every step of the quadratic program is garbage, no cheaper flight is found, and the first
-    plan, the saturated linear optimum, is flown.
-    """
-    monkeypatch.setattr(
-        plan_program.PlanProgram, "step", lambda self, z, v, *_: np.full(v.shape, value)
-    )
-    policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS)
-    start = np.array([0.8, -0.5])
-    limit = PENDULUM.inputs["torque"].max
-    assert policy(0.0, start) == pytest.approx(np.clip(-policy.K @ start, -limit, limit), rel=0.02)
-    policy(policy.dt, start)
-    assert policy.samples.refused == 1
 
 
 def test_the_game_of_a_finite_delta_is_at_the_end() -> None:
