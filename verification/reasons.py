@@ -68,12 +68,14 @@ def reason_for(judged: JudgedGame, critic: Critic, limit: float, searched: float
     if critic.network:
         return _errors_of_network(critic, exact, searched)
     if critic.P is None:
-        return _named(critic.K, exact.K, _of_gain(game, critic.K, exact.K)) or _lqr(game, critic)
+        return _first_mistake(critic.K, exact.K, _of_gain(game, critic.K, exact.K)) or _lqr(
+            game, critic
+        )
     if all(check.ok for check in matrix_errors(game, "P", critic.P, exact, limit)):
         return _reason_for_policy(judged, critic, critic.P)
     mistakes = itertools.chain(_of_value(critic.P, exact.P), _of_weights(critic))
     return (
-        _named(critic.P, exact.P, mistakes)
+        _first_mistake(critic.P, exact.P, mistakes)
         or _lqr(game, critic)
         or _not_of_value(judged, critic.K, critic.P)
         or _another_root(judged, critic.P)
@@ -99,7 +101,7 @@ def _reason_for_policy(judged: JudgedGame, critic: Critic, P: np.ndarray) -> str
     mistakes = _of_gain(judged.game, critic.K, exact.K)
     return (
         _beyond_quadratic(critic)
-        or _named(critic.K, exact.K, mistakes)
+        or _first_mistake(critic.K, exact.K, mistakes)
         or _not_of_value(judged, critic.K, P)
     )
 
@@ -116,7 +118,7 @@ def _not_of_value(judged: JudgedGame, K: np.ndarray, P: np.ndarray) -> str:
     )
 
 
-def _named(given: np.ndarray, exact: np.ndarray, mistakes: Iterator[Mistake]) -> str:
+def _first_mistake(given: np.ndarray, exact: np.ndarray, mistakes: Iterator[Mistake]) -> str:
     """Return the sentence of the first mistake without which a matrix is right, or ""."""
     sizes = _sizes(exact)
     error = float(np.max(np.abs(given - exact) / sizes))

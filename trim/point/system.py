@@ -258,13 +258,13 @@ def equations(structure: Structure) -> Equations:
     sensitivity = ca.jacobian(ca.vertcat(*residuals), _column(free.values()))
     layout.refuse_steps(sensitivity, list(free))
     depends = ca.DM(ca.sparsify(sensitivity).sparsity(), 1).full() != 0.0
-    moved = np.flatnonzero(depends.any(axis=1)).tolist()
-    still = np.flatnonzero(~depends.any(axis=1)).tolist()
-    moving = np.flatnonzero(depends.any(axis=0)).tolist()
-    solved = tuple(structure.unknowns[column] for column in moving)
+    affected = np.flatnonzero(depends.any(axis=1)).tolist()  # rows
+    unaffected = np.flatnonzero(~depends.any(axis=1)).tolist()
+    active = np.flatnonzero(depends.any(axis=0)).tolist()  # columns
+    solved = tuple(structure.unknowns[column] for column in active)
     idle = tuple(name for name in free if name not in {unknown.name for unknown in solved})
-    jacobian = ca.sparsify(sensitivity)[moved, moving]
-    square = bool(moving) and len(moved) == len(moving) and ca.sprank(jacobian) == len(moving)
+    jacobian = ca.sparsify(sensitivity)[affected, active]
+    is_square = bool(active) and len(affected) == len(active)
 
     z = ca.SX.sym("z", len(solved))
     scales = ca.DM([unknown.scale for unknown in solved])
@@ -273,25 +273,25 @@ def equations(structure: Structure) -> Equations:
         x,
         u,
         _column(seen_by_name[name] for name in watched),
-        ca.vertcat(*(residuals[row] for row in (*moved, *still))),
+        ca.vertcat(*(residuals[row] for row in (*affected, *unaffected))),
         ca.densify(jacobian) @ ca.diag(scales),
     ]
-    x, u, y, residual, jacobian = ca.substitute(parts, [sought], [z * scales])
+    x, u, y, residual, jacobian_of_z = ca.substitute(parts, [sought], [z * scales])
     return Equations(
-        layout,
-        solved,
-        idle,
-        tuple(structure.rows[row] for row in (*moved, *still)),
-        len(moved),
-        (*structure.given, *idle),
-        z,
-        _column((*given.values(), *(free[name] for name in idle), *components(p))),
-        x,
-        u,
-        ca.densify(y),
-        ca.densify(residual),
-        jacobian,
-        square,
+        layout=layout,
+        solved=solved,
+        idle=idle,
+        rows=tuple(structure.rows[row] for row in (*affected, *unaffected)),
+        moved=len(affected),
+        constants=(*structure.given, *idle),
+        z=z,
+        c=_column((*given.values(), *(free[name] for name in idle), *components(p))),
+        x=x,
+        u=u,
+        y=ca.densify(y),
+        residual=ca.densify(residual),
+        jacobian=jacobian_of_z,
+        square=is_square and ca.sprank(jacobian) == len(active),
     )
 
 
