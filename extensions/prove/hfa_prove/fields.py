@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, fields
@@ -12,11 +11,9 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from flint import arb
 
 from hfa_support.errors import BadInputError, NoSolutionError, shown
 
-_DECIMAL = re.compile(r"-?\d{1,80}(\.\d{1,80})?(e[+-]?\d{1,3})?", re.ASCII)
 #: Larger numbers are refused, because their squares overflow.
 _LARGEST = 1e300
 _LARGEST_INTEGER = 2**53
@@ -123,10 +120,6 @@ class Fields:
             require(isinstance(entry, str) and entry in allowed, self._called(name), entry)
         return tuple(entries)
 
-    def flag(self, name: str) -> bool:
-        """Return an entry that is true or false."""
-        return bool(self.value(name, bool))
-
     def count(self, name: str, most: int) -> int:
         """Return an entry that is a whole number from 0 to `most`."""
         value = self.value(name, int)
@@ -194,7 +187,7 @@ class Fields:
         shape: length of each level of lists, or None for any length
         """
         entries = self.value(name)
-        numbers = _walked(self._called(name), entries, list(shape), _double)
+        numbers = _walked(self._called(name), entries, list(shape))
         try:
             values = np.array(numbers, dtype=float)
         except ValueError as error:  # rows of any length that differ
@@ -202,28 +195,11 @@ class Fields:
         sides = [length for length in shape if length is not None]
         return values.reshape(sides) if len(sides) == len(shape) else values
 
-    def increasing(self, name: str) -> np.ndarray:
-        """Return an entry that is a list of at least two numbers in strictly increasing order."""
-        values = self.array(name, None)
-        require(len(values) > 1 and bool(np.all(np.diff(values) > 0.0)), self._called(name))
-        return values
-
     def symmetric(self, name: str, n: int) -> np.ndarray:
         """Return an entry that is a matrix (n, n) equal to its transpose."""
         values = self.array(name, n, n)
         require(np.array_equal(values, values.T), f"{self._called(name)}: not symmetric")
         return values
-
-    def balls(self, name: str, *shape: int) -> Any:
-        """Return an entry of nested lists of balls.
-
-        A ball is exact for a double. For a decimal number in a string, the ball encloses the
-        number.
-
-        shape: length of each level of lists
-        """
-        entries = self.value(name)
-        return _walked(self._called(name), entries, list(shape), _ball)
 
     def _called(self, name: str) -> str:
         return f"{self.where}: {name}" if self.where else name
@@ -234,20 +210,19 @@ def rows_of(terms: Terms) -> list[list[Any]]:
     return [[coefficient, list(powers)] for coefficient, powers in terms]
 
 
-def _walked(where: str, part: Any, shape: list[int | None], leaf: Callable[[str, Any], Any]) -> Any:
-    """Return a nested list with `leaf` applied to each number.
+def _walked(where: str, part: Any, shape: list[int | None]) -> Any:
+    """Return a nested list of doubles.
 
     where: name of the entry, for messages
     shape: length of each level of lists, or None for any length
-    leaf: (where, number) -> value
 
     Raises Malformed if the list has another shape.
     """
     if not shape:
-        return leaf(where, part)
+        return _double(where, part)
     require(isinstance(part, list), where, part)
     require(shape[0] in (None, len(part)), where, part)
-    return [_walked(where, entry, shape[1:], leaf) for entry in part]
+    return [_walked(where, entry, shape[1:]) for entry in part]
 
 
 def _double(where: str, value: Any) -> float:
@@ -255,14 +230,6 @@ def _double(where: str, value: Any) -> float:
     require(math.isfinite(value) and abs(value) <= _LARGEST, where, value)
     require(type(value) is float or abs(value) <= _LARGEST_INTEGER, where, value)
     return float(value)
-
-
-def _ball(where: str, value: Any) -> arb:
-    if isinstance(value, str):
-        require(_DECIMAL.fullmatch(value) is not None, where, value)
-        _double(where, float(value))
-        return arb(value)
-    return arb(_double(where, value))
 
 
 class Entry(NamedTuple):
@@ -273,15 +240,11 @@ class Entry(NamedTuple):
     store: value -> the form stored in a file
     subject: name of the entry in the first line of a report if the user does not give a value, or
         "" for a claim, which is not compared
-    shown: whether a report shows the entry, apart from the digest
-    apart: whether the value is a mapping, each item of which is compared apart
     """
 
     read: Callable[[Fields, str, Any], Any]
     store: Callable[[Any], Any]
     subject: str
-    shown: bool
-    apart: bool
 
 
 def entry(
@@ -289,12 +252,10 @@ def entry(
     *,
     store: Callable[[Any], Any] | None = None,
     subject: str = "",
-    shown: bool = True,
-    apart: bool = False,
     **default: Any,
 ) -> Any:
     """Return the declaration of a field of a `Stated` object, see `Entry`."""
-    declared = Entry(read, store or stored, subject, shown, apart)
+    declared = Entry(read, store or stored, subject)
     return field(metadata={"entry": declared}, **default)
 
 
@@ -351,9 +312,6 @@ class Stated:
             value = getattr(self, each.name)
             if isinstance(value, Stated):
                 yield from value.entries(f"{path}.")
-            elif declared.apart:
-                for name, item in value.items():
-                    yield f"{path}.{name}", declared, declared.store(item)
             elif value is not None:
                 yield path, declared, declared.store(value)
 

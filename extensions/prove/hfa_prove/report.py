@@ -14,7 +14,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_prove.certificate import kind_of
 from hfa_prove.check import Proved
-from hfa_prove.fields import Entry, Statement
+from hfa_prove.fields import Statement
 from hfa_prove.hfa import identity_of
 from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.statements.cost import CostStatement
@@ -95,8 +95,8 @@ def checked_report(verified: Proved, not_given: Sequence[str] = (), policy: str 
         parts.append(f"Policy: {policy}.")
     rows = [
         (path, text)
-        for path, declared, value in statement.entries()
-        for path, text in _rows(path, declared, value, claim.model)
+        for path, _, value in statement.entries()
+        for path, text in _rows(path, value, claim.model)
     ]
     parts += [
         "\n".join(f"{path}: {text}" for path, text in rows),
@@ -146,27 +146,21 @@ def _aircraft(statement: Statement, model: Model) -> str:
     return f"Model: {model.name}{source}."
 
 
-def _rows(path: str, declared: Entry, value: Any, model: Model) -> list[tuple[str, str]]:
+def _rows(path: str, value: Any, model: Model) -> list[tuple[str, str]]:
     """Return one row for each number, list or object of an entry."""
-    if not declared.shown:
-        return []
     if isinstance(value, Mapping) and set(value) <= set(model.signals) and value:
         return [
             (path, ", ".join(f"{name} {_value(model, name, at)}" for name, at in value.items()))
         ]
     if isinstance(value, Mapping):
-        return [
-            row
-            for name, at in value.items()
-            for row in _rows(f"{path}.{name}", declared, at, model)
-        ]
+        return [row for name, at in value.items() for row in _rows(f"{path}.{name}", at, model)]
     if isinstance(value, list) and value and isinstance(value[0], (list, Mapping)):
         flat = all(not isinstance(each, (list, Mapping)) for part in value for each in part)
         if not flat or isinstance(value[0], Mapping) or len(value) > _LONGEST:
             return [
                 row
                 for number, part in enumerate(value)
-                for row in _rows(f"{path}.{number}", declared, part, model)
+                for row in _rows(f"{path}.{number}", part, model)
             ]
         return [(f"{path}.{number}", _numbers(part)) for number, part in enumerate(value)]
     return [(path, _numbers(value) if isinstance(value, list) else _number(value))]
