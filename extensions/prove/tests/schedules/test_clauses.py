@@ -239,14 +239,16 @@ def test_a_motion_is_proved_only_at_a_stable_rate() -> None:
     """Wu's loop is stable at each angle and unstable at 344 deg/s: no proof claims that rate."""
     family = planar(wu)
     found = prove_schedule(family, NO_GAIN, 0.0, 180.0, moving=True, decay_rate=0.5)
-    assert 1.0 < found.statement.scheduled_rate < 343.0
+    rate = found.statement.scheduled_rate
+    assert rate is not None
+    assert 1.0 < rate < 343.0
     with pytest.raises(NoSolutionError, match="no Lyapunov function"):
         prove_schedule(family, NO_GAIN, 0.0, 180.0, scheduled_rate=344.0, decay_rate=0.5)
     breakpoints, P = found.witness.breakpoints, found.witness.P
-    for rate, which in ((343.0, slice(None)), (1.0, slice(None, None, len(P) - 1))):
+    for stated, which in ((343.0, slice(None)), (1.0, slice(None, None, len(P) - 1))):
         with pytest.raises(NoSolutionError, match="motion"):
             check_schedule(
-                replace(found.statement, scheduled_rate=rate),
+                replace(found.statement, scheduled_rate=stated),
                 ScheduleWitness(1000, breakpoints[which], P[which]),
             )
     with pytest.raises(NoSolutionError, match="motion"):
