@@ -19,12 +19,6 @@ from hfa_support.reporting.report import SUFFIXES, Report
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model
 
-#: Suffix -> function that writes the report as text. HTML embeds its pictures; Markdown has none.
-REPORTS: dict[str, Callable[[Report], str]] = {
-    ".md": Report.markdown,
-    ".html": Report.page,
-}
-
 
 def output_option(
     *more: str, stores: Sequence[str] = (), purpose: str | Callable[[], str] = ""
@@ -35,7 +29,7 @@ def output_option(
     stores: accepted suffixes of stores
     purpose: text on the additional suffixes for the help, or a function that returns it
     """
-    suffixes = (*SUFFIXES, *REPORTS, *more)
+    suffixes = (*SUFFIXES, *more)
 
     def about(_: Model) -> str:
         """Return the help of -o, with the accepted suffixes."""
@@ -96,21 +90,6 @@ def print_flushed(text: str) -> None:
         print(text, flush=True)
     except BrokenPipeError:
         drop(sys.stdout)
-
-
-def write_report(report: Report, path: Path) -> None:
-    """Write a report to a file in the format of its suffix."""
-    from hfa_support.files import write_text
-
-    form = REPORTS.get(path.suffix.lower())
-    if path.suffix.lower() == ".pdf":
-        from hfa_support.reporting.pdf import write_pdf
-
-        write_pdf(report, path)
-    elif form is None:
-        report.save(path)
-    else:
-        write_text(path, form(report))
 
 
 # Standard error during a run.

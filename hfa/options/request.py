@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
 from hfa.options.aircraft import Aircraft
-from hfa.options.output import Output, write_report
+from hfa.options.output import Output
 from hfa.options.part import Option, Part, option, part
 from hfa_support.errors import NoSolutionError, printable
 from hfa_support.progress import print_to_stderr
@@ -139,7 +139,7 @@ class Request(Part):
         if file is not None and write is not None:
             write(file)
         elif file is not None:
-            write_report(self.stated(report).with_data(only_in_files or {}), file)
+            self.stated(report).with_data(only_in_files or {}).save(file)
         if picture is not None and figure is not None:
             from hfa_support.reporting.figure import save
 

@@ -81,7 +81,8 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
         write_text(target, _csv(records, json.dumps(jsonable(origin))))
     else:
         raise BadInputError(
-            f"{target}: the suffix {suffix!r} is unknown; use .json, .npz, .mat, .csv, .html or .md"
+            f"{target}: the suffix {suffix!r} is unknown; use .json, .npz, .mat, .csv, .html, "
+            ".pdf or .md"
         )
 
 

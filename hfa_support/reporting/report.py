@@ -27,8 +27,8 @@ NO_RECORDS = Table((), ())
 #: Largest size of matrices and arrays whose entries are shown, and longest text of a field.
 _MOST = 12
 _LONGEST = 110
-#: Suffixes of the files that `Report.save` writes.
-SUFFIXES = (".json", ".npz", ".mat", ".csv")
+#: Suffixes of the files that `Report.save` writes, besides .pdf.
+SUFFIXES = (".json", ".npz", ".mat", ".csv", ".md", ".html")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,7 +131,7 @@ class Report:
 
         - .json, .npz, .mat: `data`
         - .csv: `records`
-        - .html, .md: the text, in HTML with pictures
+        - .html, .md, .pdf: the text, in HTML and PDF with pictures
 
         Raises BadInputError for another suffix.
         """
@@ -142,6 +142,10 @@ class Report:
         suffix = Path(path).suffix.lower()
         if suffix in texts:
             write_text(path, texts[suffix]())
+        elif suffix == ".pdf":
+            from hfa_support.reporting.pdf import write_pdf
+
+            write_pdf(self, Path(path))
         else:
             save_data(Path(path), self.data, self.records)
 
@@ -165,9 +169,7 @@ class Reported:
         return _of_fields(self)
 
     def save(self, path: str | Path) -> None:
-        """Write the result to a file: the report's data (.json, .npz, .mat), its records (.csv), or
-        its text (.html, .md).
-        """
+        """Write the report of the result to a file, as `Report.save` does."""
         self.report().save(path)
 
     def to_pandas(self) -> Any:

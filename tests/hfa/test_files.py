@@ -13,6 +13,7 @@ import pytest
 from cli import hfa, leaves
 from scipy.io import loadmat
 
+import hfa as toolchain
 from hfa.main import DONE
 from hfa_model import STATES
 
@@ -146,3 +147,17 @@ def test_a_report_is_written_as_text(name: str, opening: str) -> None:
     text = Path(name).read_text(encoding="utf-8")
     assert opening in text
     assert "![" not in text  # no picture is written with it
+
+
+@pytest.mark.parametrize(
+    ("suffix", "opening"), [("html", b"<!doctype html>"), ("pdf", b"%PDF"), ("md", b"# HFA")]
+)
+def test_a_result_is_written_as_its_report(suffix: str, opening: bytes) -> None:
+    """save("FILE.html"), .pdf and .md write the sheet of a point and the report of a model."""
+    point = toolchain.trim(toolchain.aircraft(), dihedral=0.1)
+    for result in (point, point.linearize()):
+        file = Path(f"result.{suffix}")
+        result.save(str(file))
+        assert file.read_bytes().startswith(opening)
+        if suffix != "pdf":
+            assert "phugoid" in file.read_text("utf-8")

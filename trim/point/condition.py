@@ -96,7 +96,8 @@ class TrimCondition:
             for number in numbers:
                 if not is_finite(number):
                     raise BadInputError(
-                        f"{name} is {shown(number)}; give a finite number (hfa.sweep accepts lists)"
+                        f"{name} is {shown(number)}; give a finite number"
+                        f" in {self.model.unit(name)} (hfa.sweep accepts lists)"
                     )
                 if limits.least[index] <= number <= limits.most[index]:
                     continue

@@ -375,8 +375,14 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return draw_point(self)
 
     def save(self, path: str | Path) -> None:
-        """Write the point as JSON, from which `load` restores the exact numbers."""
-        write_text(path, json_text(self.to_dict()))
+        """Write the point as .json, from which `load` restores the exact numbers, or its sheet.
+
+        The sheet is written as `Report.save` does.
+        """
+        if Path(path).suffix.lower() == ".json":
+            write_text(path, json_text(self.to_dict()))
+        else:
+            self.report().save(path)
 
     @staticmethod
     def load(path: str | Path, model: Model) -> OperatingPoint:
