@@ -165,8 +165,8 @@ class ScheduleProof:
     def loop_at(self, w: np.ndarray, s: float) -> np.ndarray:
         """Return the closed loop C (n, n) at a trim w (f,) in doubles."""
         K = self._gain(s)
-        gain = [_mid(K.value).ravel(order="F"), _mid(K.slope).ravel(order="F"), K.origin]
-        values = self._loops[0](w, s, self.flight.doubles, *gain)
+        value, slope = (_mid(entries).ravel(order="F") for entries in (K.value, K.slope))
+        values = self._loops[0](w, s, self.flight.doubles, value, slope, K.origin)
         n = K.value.ncols()
         return np.array(values).reshape(n, n, order="F")
 
