@@ -1,0 +1,124 @@
+"""Executors of tasks: processes and clusters."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+
+import pytest
+
+from hfa import BadInputError, NoSolutionError
+from hfa_support.rows import workers as module
+from hfa_support.rows.workers import open_workers
+
+
+def _square(value: int) -> int:
+    if value < 0:
+        raise NoSolutionError(f"no root of {value}")
+    return value * value
+
+
+def _die(value: int) -> int:
+    os._exit(1)
+
+
+def _gone() -> bool:
+    """Wait up to five seconds for all child processes to end, and return whether they did."""
+    end = time.monotonic() + 5.0
+    while multiprocessing.active_children() and time.monotonic() < end:
+        time.sleep(0.02)
+    return not multiprocessing.active_children()
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_every_task_has_its_result(count: int) -> None:
+    """Each task returns its result, with one and with two processes, and no process remains."""
+    tasks = [(key, (key,)) for key in range(20)]
+    with open_workers(count) as run:
+        assert dict(run(_square, tasks)) == {key: key * key for key in range(20)}
+        assert dict(run(_square, [])) == {}
+    assert _gone()
+
+
+def test_an_error_in_a_task_is_raised() -> None:
+    """An error in a task is raised, and no worker process is left."""
+    with open_workers(2) as run, pytest.raises(NoSolutionError, match="no root of -3"):
+        list(run(_square, ((key, (-key,)) for key in (0, 3))))
+    assert _gone()
+
+
+def test_an_abandoned_job_leaves_no_worker() -> None:
+    """If the results are not read to the end, no process remains."""
+    tasks = ((key, (0.0 if key == 0 else 60.0,)) for key in range(9))
+    with open_workers(2) as run:
+        assert next(run(time.sleep, tasks)) == (0, None)
+    assert _gone()
+
+
+def test_a_dead_worker_is_reported() -> None:
+    """The death of a worker is reported in one line that suggests --resume, and no worker is
+    left.
+    """
+    with (
+        pytest.raises(
+            NoSolutionError, match=r"a worker process ended unexpectedly; .*continue with --resume"
+        ),
+        open_workers(2) as run,
+    ):
+        list(run(_die, ((key, (key,)) for key in range(9))))
+    assert _gone()
+
+
+def test_no_worker_starts_without_free_file_handles() -> None:
+    """If no file handle is free, no worker is started, and the error suggests fewer workers."""
+    resource = pytest.importorskip("resource")
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    next_descriptor = os.dup(0)
+    os.close(next_descriptor)
+    with open_workers(2) as run:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (next_descriptor + 1, limits[1]))
+        try:
+            with pytest.raises(BadInputError, match=r"\(Too many open files\); use fewer workers"):
+                list(run(_square, [(0, (0,))]))
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+
+
+@pytest.mark.slow
+def test_a_cluster_returns_all_results() -> None:
+    """A cluster returns all results.
+
+    A task that kills the workers of a cluster raises NoSolutionError.
+    """
+    dask = pytest.importorskip("dask")
+    distributed = pytest.importorskip("distributed")
+    # The cluster abandons a task after one lost worker instead of four.
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0"
+        ) as cluster,
+    ):
+        with open_workers(cluster.scheduler_address) as run:
+            results = dict(run(abs, [(key, (-key,)) for key in range(9)]))
+        assert results == {key: key for key in range(9)}
+        with (
+            pytest.raises(NoSolutionError, match="abandoned a chunk"),
+            open_workers(cluster.scheduler_address) as run,
+        ):
+            list(run(_die, [(0, (0,))]))
+
+
+def test_unusable_workers_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Zero processes and an unreachable scheduler are refused."""
+    with pytest.raises(BadInputError, match="at least 1"), open_workers(0):
+        pass
+    pytest.importorskip("distributed")
+    # The usual time to wait for a scheduler is seconds.
+    monkeypatch.setattr(module, "_ANSWER", "0.1s")
+    with (
+        pytest.raises(BadInputError, match="no Dask scheduler responds"),
+        open_workers("tcp://127.0.0.1:9"),
+    ):
+        pass

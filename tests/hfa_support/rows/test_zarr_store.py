@@ -1,0 +1,403 @@
+"""Jobs in a store: equal bits, killed runs, damaged chunks and metadata."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ended_runs import until
+
+from hfa import BadInputError
+from hfa_support.rows import store as zarr_store
+from hfa_support.rows.store import RowJob, array_of_rows, fill_store, open_store
+
+ROWS = 10
+CHUNK = 3
+NAN = float("nan")
+
+
+def numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
+    """Return the arrays of a job for rows start .. stop - 1.
+
+    `empty` contains only fill values. `pole` is nan+0j in chunk 1, as for a point without a trim.
+    """
+    count = np.arange(start, stop, dtype=float)
+    pole = count * (1 + 2j)
+    pole[(count >= 3) & (count < 6)] = complex(NAN, 0.0)
+    return {
+        "square": np.outer(count**2, [1, 2]),
+        "empty": np.full(len(count), NAN),
+        "pole": pole,
+        "not in the store": np.zeros(len(count)),
+    }
+
+
+def slow_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
+    """Return the arrays of `numbers` after a delay.
+
+    The delay is long for all chunks but the first. A signal can then end the job before they are
+    done.
+    """
+    time.sleep(0.05 if start == 0 else 3.0)
+    return numbers(start, stop)
+
+
+def row_job(seed: int = 0, unit: str = "ft", function: Callable[..., Any] = numbers) -> RowJob:
+    import xarray
+
+    arrays = {
+        "square": array_of_rows(("row", "side"), (ROWS, 2), NAN, CHUNK, {"units": unit}),
+        "empty": array_of_rows(("row",), (ROWS,), NAN, CHUNK, {}),
+        "pole": array_of_rows(("row",), (ROWS,), complex(NAN, NAN), CHUNK, {}),
+    }
+    sides = {"side": np.array(["left", "right"], dtype=object)}
+    attributes = {"schema": "test/1", "plan": {"seed": seed}}
+    template = xarray.Dataset(arrays, sides, attributes)
+    return RowJob("test", "row", template, function, lambda start, stop: (start, stop))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return the bytes of each file in a store by name, without files that a kill left
+    unfinished.
+    """
+    files = [file for file in folder.rglob("*") if file.is_file() and file.suffix != ".partial"]
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}
+
+
+@pytest.fixture(scope="module")
+def finished_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("store") / "a.zarr"
+    fill_store(row_job(), path)
+    return path
+
+
+@pytest.fixture
+def path(finished_store: Path, tmp_path: Path) -> Path:
+    """Return a copy of a finished store, which a test may damage."""
+    return shutil.copytree(finished_store, tmp_path / "a.zarr")
+
+
+def resumed(path: Path, **options: Any) -> list[tuple[float, float]]:
+    """Resume a store, and return the reported progress as (chunks done, total chunks)."""
+    told: list[tuple[float, float]] = []
+    fill_store(row_job(), path, resume=True, progress=lambda *now: told.append(now), **options)
+    return told
+
+
+def test_stored_results_have_names_and_units(finished_store: Path) -> None:
+    """Results are read from a store with their names, units and coordinates."""
+    dataset = open_store(finished_store)
+    expected = numbers(0, ROWS)
+    for name in ("square", "empty", "pole"):
+        np.testing.assert_array_equal(dataset[name].values, expected[name])
+    assert dataset.pole.values[3:6].imag.tolist() == [0.0, 0.0, 0.0]
+    assert dataset.square.sel(side="right").values.tolist() == (2 * np.arange(10.0) ** 2).tolist()
+    assert dataset.square.attrs == {"units": "ft"}
+
+
+@pytest.mark.slow
+def test_two_processes_write_the_bytes_of_one(finished_store: Path, tmp_path: Path) -> None:
+    """Two processes write the same bytes as one, and resuming a complete store changes nothing."""
+    fill_store(row_job(), tmp_path / "two.zarr", workers=2)
+    assert resumed(tmp_path / "two.zarr") == []  # a warning would be an error
+    assert contents(tmp_path / "two.zarr") == contents(finished_store)
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_writes_the_bytes_of_one(finished_store: Path, tmp_path: Path) -> None:
+    """A Dask cluster writes the same bytes as one process."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=4, processes=False, dashboard_address=":0"
+    ) as cluster:
+        fill_store(row_job(), tmp_path / "far.zarr", workers=cluster.scheduler_address)
+    assert contents(tmp_path / "far.zarr") == contents(finished_store)
+
+
+class Stop(Exception):
+    pass
+
+
+def test_only_missing_rows_are_computed(finished_store: Path, tmp_path: Path) -> None:
+    """A resumed job computes only the missing rows and ends with the same bytes."""
+
+    def stop_after_two(done: float, _: float) -> None:
+        if done == 2:
+            raise Stop
+
+    with pytest.raises(Stop):
+        fill_store(row_job(), tmp_path / "a.zarr", progress=stop_after_two)
+    assert np.isnan(open_store(tmp_path / "a.zarr").square.values[6:]).all()
+    # The first is reported before anything is computed.
+    assert resumed(tmp_path / "a.zarr") == [(2, 4), (3, 4), (4, 4)]
+    assert contents(tmp_path / "a.zarr") == contents(finished_store)
+
+
+KILLED = """
+import sys
+from pathlib import Path
+import test_zarr_store as tests
+from hfa_support.errors import NoSolutionError
+if __name__ == "__main__":
+    job = tests.row_job(function=tests.slow_numbers)
+    workers = sys.argv[1] if sys.argv[1:] else 1
+    try:
+        tests.fill_store(job, Path("a.zarr"), workers=workers)
+    except NoSolutionError as error:
+        sys.exit(str(error))
+"""
+
+
+@contextmanager
+def running(folder: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Yield a Python process with this file on its path, and kill it on exit.
+
+    Its standard error is written to the file log-N of the folder.
+    """
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    with (folder / f"log-{len(list(folder.glob('log-*')))}").open("w") as log:
+        process = subprocess.Popen(
+            [sys.executable, *words],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": paths},
+            stdout=subprocess.DEVNULL,
+            stderr=log,
+        )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def begun(path: Path) -> bool:
+    """Return whether a chunk of a store is finished."""
+    return bool(list(path.glob("checksum/c/0/*")))
+
+
+def test_a_killed_run_keeps_finished_chunks(finished_store: Path, tmp_path: Path) -> None:
+    """A killed run keeps at least one of four chunks, and the resumed run gives the same bytes."""
+    (tmp_path / "killed.py").write_text(KILLED)
+    path = tmp_path / "a.zarr"
+    with running(tmp_path, "killed.py"):
+        assert until(lambda: begun(path))
+    done, chunks = resumed(path)[0]
+    assert (0 < done < 4, chunks) == (True, 4)
+    assert contents(path) == contents(finished_store)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", ["scheduler", "worker"])
+def test_a_failed_cluster_leaves_the_result_unchanged(
+    finished_store: Path, tmp_path: Path, lost: str
+) -> None:
+    """If a worker of Dask ends, the job completes. If the scheduler ends, it fails with one line.
+
+    In both cases, the store can be resumed to the same bytes.
+    """
+    pytest.importorskip("distributed")
+    (tmp_path / "killed.py").write_text(KILLED)
+    path, file = tmp_path / "a.zarr", tmp_path / "scheduler.json"
+    scheduler = "-m dask scheduler --host 127.0.0.1 --port 0 --no-dashboard --scheduler-file"
+    worker = "-m dask worker --nthreads 1 --no-nanny --no-dashboard --scheduler-file"
+    with ExitStack() as around:
+        cluster = [
+            around.enter_context(running(tmp_path, *each.split(), str(file)))
+            for each in (scheduler, worker, worker)
+        ]
+        logs = [tmp_path / "log-1", tmp_path / "log-2"]
+        assert until(lambda: all("Registered to" in log.read_text() for log in logs))
+        address = json.loads(file.read_bytes())["address"]
+        job = around.enter_context(running(tmp_path, "killed.py", address))
+        assert until(lambda: begun(path))
+        cluster[0 if lost == "scheduler" else 1].kill()
+        code = job.wait(timeout=60)
+        said = (tmp_path / "log-3").read_text()
+    assert (code, said.count("\n")) == ((1, 1) if lost == "scheduler" else (0, 0)), said
+    resumed(path)
+    assert contents(path) == contents(finished_store)
+
+
+def _flip(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(bytes(content))
+
+
+@pytest.mark.parametrize(
+    "file",
+    [
+        "square/c/1/0",
+        *(pytest.param(file, marks=pytest.mark.slow) for file in ("empty/c/1", "pole/c/1")),
+    ],
+)
+@pytest.mark.parametrize(
+    ("damage", "noticed"),
+    [(_flip, True), (lambda file: file.write_bytes(b""), True), (Path.unlink, False)],
+    ids=["flip", "cut", "gone"],
+)
+def test_a_damaged_chunk_is_computed_again(
+    finished_store: Path, path: Path, file: str, damage: Callable[[Path], None], noticed: bool
+) -> None:
+    """A damaged or deleted chunk is computed again."""
+    damage(path / file)
+    if noticed:
+        with pytest.raises(ValueError, match=r"\w"):
+            open_store(path)[file.split("/")[0]].load()
+        with pytest.warns(UserWarning, match="1 of 4 chunks were damaged and are computed again"):
+            assert resumed(path) == [(3, 4), (4, 4)]
+    else:
+        assert resumed(path) == [(3, 4), (4, 4)]
+    assert contents(path) == contents(finished_store)
+
+
+@pytest.mark.parametrize("file", ["square/zarr.json", "side/c/0", "zarr.json"])
+def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
+    """A store with changed names, units or coordinates is refused."""
+    content = (path / file).read_bytes()
+    if file == "side/c/0":
+        _flip(path / file)
+    else:
+        (path / file).write_bytes(content.replace(b'"ft"', b'"kt"').replace(b'"seed"', b'"sead"'))
+        assert (path / file).read_bytes() != content
+    with pytest.raises(BadInputError, match=r"damaged|is the store of another test"):
+        fill_store(row_job(), path, resume=True)
+
+
+def test_a_store_is_not_overwritten_by_another_job(path: Path, tmp_path: Path) -> None:
+    """An existing store is not overwritten, and not continued by another job, schema or version."""
+    with pytest.raises(BadInputError, match="already exists; continue this store with --resume"):
+        fill_store(row_job(), path)
+    with pytest.raises(BadInputError, match="is the store of another test"):
+        fill_store(row_job(seed=1), path, resume=True)
+    (tmp_path / "empty.zarr").mkdir()
+    shutil.copytree(path, tmp_path / "old.zarr")
+    attributes = json.loads((path / "zarr.json").read_text())
+    attributes["attributes"]["schema"] = "test/0"
+    (tmp_path / "old.zarr" / "zarr.json").write_text(json.dumps(attributes))
+    for name in ("none.zarr", "empty.zarr", "old.zarr"):
+        with pytest.raises(BadInputError, match="not a test store of this version"):
+            fill_store(row_job(), tmp_path / name, resume=True)
+    attributes = json.loads((path / "zarr.json").read_text())
+    attributes["attributes"]["toolchain"] = "0.0.9"
+    (path / "zarr.json").write_text(json.dumps(attributes))
+    with pytest.raises(
+        BadInputError, match=r"was started by version 0\.0\.9, but this is version \d"
+    ):
+        fill_store(row_job(), path, resume=True)
+    assert open_store(path).square.shape == (ROWS, 2)  # any version reads it
+
+
+# Stores from untrusted sources.
+
+
+def of_format_2(path: Path, job: RowJob) -> None:
+    """Write a store in Zarr's format 2 with pickled chunks and with the attributes of a job."""
+    path.mkdir()
+    (path / ".zgroup").write_text('{"zarr_format": 2}')
+    attributes = {**job.template.attrs, "toolchain": zarr_store.VERSION}
+    (path / ".zattrs").write_text(json.dumps(attributes))
+    (path / "square").mkdir()
+    description = {
+        "zarr_format": 2,
+        "shape": [ROWS, 2],
+        "chunks": [CHUNK, 2],
+        "dtype": "|O",
+        "fill_value": None,
+        "order": "C",
+        "compressor": None,
+        "filters": [{"id": "pickle", "protocol": 5}],
+    }
+    (path / "square" / ".zarray").write_text(json.dumps(description))
+    (path / "square" / "0.0").write_bytes(RUNS)
+
+
+class Runs:
+    """Object that creates a folder when it is unpickled."""
+
+    def __reduce__(self) -> tuple[Any, tuple[str]]:
+        return os.mkdir, ("code-was-run",)
+
+
+RUNS = pickle.dumps(Runs())
+
+
+def test_a_store_in_another_format_is_refused(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A store in another format is refused, and its pickles are not loaded."""
+    monkeypatch.chdir(tmp_path)
+    theirs = tmp_path / "theirs.zarr"
+    of_format_2(theirs, row_job())
+    with pytest.raises(BadInputError, match="is not a test store of this version"):
+        fill_store(row_job(), theirs, resume=True)
+    shutil.copy(path / "zarr.json", theirs)
+    with pytest.raises(BadInputError, match=r"\.zattrs' differs from the store of this test"):
+        fill_store(row_job(), theirs, resume=True)
+    shutil.copytree(theirs / "square", path / "more")
+    with pytest.raises(BadInputError, match="'more' differs from the store of this test"):
+        fill_store(row_job(), path, resume=True)
+    shutil.rmtree(path / "more")
+    shutil.copy(theirs / "square" / ".zarray", path / "square")
+    with pytest.raises(
+        BadInputError, match=r"'square/\.zarray' differs from the store of this test"
+    ):
+        fill_store(row_job(), path, resume=True)
+    assert not (tmp_path / "code-was-run").exists()
+
+
+def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
+    """A store with a symbolic link to another folder is refused."""
+    (path / "square" / "c").rename(tmp_path / "elsewhere")
+    (path / "square" / "c").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(BadInputError, match="'square/c' differs from the store of this test"):
+        fill_store(row_job(), path, resume=True)
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        "another job",
+        *(
+            pytest.param(what, marks=pytest.mark.slow)
+            for what in ("another chunk", "another array", "its checksum")
+        ),
+    ],
+)
+def test_a_foreign_chunk_is_computed_again(
+    finished_store: Path, path: Path, tmp_path: Path, what: str
+) -> None:
+    """A chunk that belongs to another job, chunk or array is computed again.
+
+    The chunk has a valid CRC-32C.
+    """
+    other = tmp_path / "other.zarr"
+    if what == "another job":
+        fill_store(row_job(seed=1, function=other_numbers), other)
+        for file in ("square/c/1/0", "empty/c/1", "pole/c/1", "checksum/c/1/0"):
+            shutil.copy(other / file, path / file)
+    elif what == "another chunk":
+        for file in ("square/c/{}/0", "empty/c/{}", "pole/c/{}", "checksum/c/{}/0"):
+            shutil.copy(path / file.format(0), path / file.format(1))
+    elif what == "another array":
+        shutil.copy(path / "square/c/0/0", path / "square/c/1/0")
+    else:
+        shutil.copy(path / "checksum/c/0/0", path / "checksum/c/1/0")
+    with pytest.warns(UserWarning, match="1 of 4 chunks were damaged"):
+        assert resumed(path) == [(3, 4), (4, 4)]
+    assert contents(path) == contents(finished_store)
+
+
+def other_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
+    return {name: 2.0 * values for name, values in numbers(start, stop).items()}
