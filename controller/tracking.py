@@ -182,31 +182,44 @@ class Tracking(Result, Reported):
         )
 
     def trim_parts(self) -> tuple[Table | str, ...]:
-        """Return a table of the trims at the commands, () without an aircraft."""
+        """Return a table of the trims at the commands, () without an aircraft.
+
+        A column is a trim: at one command alone, or at several or all commands together. A row is
+        a free variable; ! marks a value beyond its limit.
+        """
         if not self.trims:
             return ()
-        model = self.trims[0].model
-        commanded = {name for found in self.trims for name in found.command}
-        columns = []
-        for found in self.trims:
-            is_whole = len(found.command) > 1 and set(found.command) == commanded
-            columns.append("all" if is_whole else " ".join(found.command))
-        free = tuple(dict.fromkeys(name for found in self.trims for name in found.needed))
-        rows = []
-        for name in free:
-            unit = model.unit(name)
-            values = []
-            for found in self.trims:
-                value = found.needed.get(name)
-                mark = "!" if name in found.beyond else ""
-                values.append("" if value is None else shown_value(value, unit, ".4g") + mark)
-            rows.append((name, shown_unit(unit), *values))
-        said = {True: "yes", False: "no", None: "unknown"}
-        verdicts = (said[found.is_reachable] for found in self.trims)
-        table = Table(("trim at", "unit", *columns), [*rows, ("reachable", "", *verdicts)])
-        if any(found.beyond for found in self.trims):
+        free_variables = dict.fromkeys(name for trim in self.trims for name in trim.needed)
+        rows = [_needed_row(name, self.trims) for name in free_variables]
+        words = {True: "yes", False: "no", None: "unknown"}
+        verdicts = (words[trim.is_reachable] for trim in self.trims)
+        table = Table(
+            ("trim at", "unit", *_column_titles(self.trims)),
+            [*rows, ("reachable", "", *verdicts)],
+        )
+        if any(trim.beyond for trim in self.trims):
             return table, "! beyond its limit"
         return (table,)
+
+
+def _column_titles(trims: Sequence[CommandedTrim]) -> list[str]:
+    """Return the commands of each trim, or "all" for several that are all commands."""
+    commands = {name for trim in trims for name in trim.command}
+    return [
+        "all" if len(trim.command) > 1 and set(trim.command) == commands else " ".join(trim.command)
+        for trim in trims
+    ]
+
+
+def _needed_row(name: str, trims: Sequence[CommandedTrim]) -> tuple[str, ...]:
+    """Return the name of a variable, its unit, and the value that each trim needs, "" for none."""
+    unit = trims[0].model.unit(name)
+    values = []
+    for trim in trims:
+        value = trim.needed.get(name)
+        mark = "!" if name in trim.beyond else ""
+        values.append("" if value is None else shown_value(value, unit, ".4g") + mark)
+    return name, shown_unit(unit), *values
 
 
 def track(

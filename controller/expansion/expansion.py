@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from controller.expansion.deviations import deviation_rates
-from controller.expansion.monomials import homogeneous, in_coordinates, polynomial, sizes
+from controller.expansion.monomials import homogeneous, in_coordinates, monomial_scales, polynomial
 from controller.expansion.rays import Rays
 from controller.expansion.series import Series, coefficient, directions, gradient
 from controller.game.basis import TO_DEGREE, Basis, basis as named_basis
@@ -56,7 +56,7 @@ class Expansion(Result, Reported):
     solution: exact solution of the linear game
     rates: CasADi Function (z, u) -> F(z, u)
     root: (n, n), lower triangular, P = root root'. The terms are polynomials of y = root'z.
-    value_terms: V2, V3, ..., as weights (M,) of the monomials of y, scaled by `sizes`
+    value_terms: V2, V3, ..., as weights (M,) of the monomials of y, scaled by `monomial_scales`
     policy_terms: u1, u2, ..., as weights (m, M) of the same monomials
     share: permitted difference from the cost of a flight in `radii`, relative to the cost
 
@@ -112,7 +112,7 @@ class Expansion(Result, Reported):
 
     def _in_z(self, weights: np.ndarray, degree: int) -> np.ndarray:
         """Return weights of the monomials of z, of weights of the scaled monomials of y, (k, M)."""
-        return in_coordinates(weights * sizes(self.states, degree), degree, self.root.T)
+        return in_coordinates(weights * monomial_scales(self.states, degree), degree, self.root.T)
 
     @cached_property
     def radii(self) -> tuple[Radius, ...]:
@@ -164,7 +164,7 @@ class Expansion(Result, Reported):
         terms = zip(self.value_terms, self.policy_terms, strict=True)
         for degree, (value, policy) in enumerate(terms, LOWEST):
             gradients.append(self.root @ gradient(y, degree, value).T)
-            psi = homogeneous(n, degree - 1).psi(y) * sizes(n, degree - 1)
+            psi = homogeneous(n, degree - 1).psi(y) * monomial_scales(n, degree - 1)
             inputs.append(policy @ psi.T)
             total, size = coefficient(self.game, rays, z, inputs, gradients)
             largest = float(size.max())

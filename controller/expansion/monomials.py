@@ -22,7 +22,7 @@ def homogeneous(n: int, degree: int) -> Basis:
 
 
 @lru_cache(maxsize=64)
-def sizes(n: int, degree: int) -> np.ndarray:
+def monomial_scales(n: int, degree: int) -> np.ndarray:
     """Return sqrt(d! / (a1! ... an!)) of each monomial z^a of a degree d, (M,).
 
     With these factors, the squares of all monomials sum to |z|^(2 d), and a rotation of z changes
@@ -48,7 +48,7 @@ def in_coordinates(weights: np.ndarray, degree: int, T: np.ndarray) -> np.ndarra
     """
     n = len(T)
     indices = list(combinations_with_replacement(range(n), degree))
-    counts = sizes(n, degree) ** 2  # numbers of permutations
+    counts = monomial_scales(n, degree) ** 2  # numbers of permutations
     entries = weights / counts
     symmetric = np.zeros((*(n,) * degree, len(weights)))
     for column, index in enumerate(indices):
@@ -65,7 +65,7 @@ def polynomial(y: ca.SX, degree: int, weights: np.ndarray) -> ca.SX:
 
     y: (n,), expressions
     degree: degree of the monomials ψ
-    weights: W, (k, M), of the monomials scaled by `sizes`
+    weights: W, (k, M), of the monomials scaled by `monomial_scales`
     """
     products: dict[tuple[int, ...], ca.SX] = {(): ca.SX(1.0)}
     for _ in range(degree):
@@ -74,7 +74,7 @@ def polynomial(y: ca.SX, degree: int, weights: np.ndarray) -> ca.SX:
             for indices, product in products.items()
             for last in range(indices[-1] if indices else 0, y.numel())
         }
-    psi = ca.vertcat(*products.values()) * ca.DM(sizes(y.numel(), degree))
+    psi = ca.vertcat(*products.values()) * ca.DM(monomial_scales(y.numel(), degree))
     return ca.densify(ca.DM(weights) @ psi)
 
 

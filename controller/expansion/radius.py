@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.expansion.flights import Flights
-from controller.expansion.monomials import homogeneous, sizes
+from controller.expansion.monomials import homogeneous, monomial_scales
 from controller.expansion.series import directions
 from controller.game.basis import TO_DEGREE
 from hfa_support.reporting.results import Result, Vector
@@ -107,7 +107,7 @@ class _Search:
         chosen = [drawn[:_RANDOM]]
         self._largest: dict[int, float] = {}  # degree -> largest |V_d| on z'Pz = 1
         for degree, term in enumerate(expansion.value_terms[1:], _QUADRATIC + 1):
-            values = np.abs(homogeneous(n, degree).psi(drawn) @ (sizes(n, degree) * term))
+            values = np.abs(homogeneous(n, degree).psi(drawn) @ (monomial_scales(n, degree) * term))
             self._largest[degree] = float(values.max())
             chosen.append(drawn[np.argsort(values)[-_LARGEST:]])
         half = np.vstack(chosen)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.expansion.monomials import homogeneous, sizes
+from controller.expansion.monomials import homogeneous, monomial_scales
 from controller.expansion.rays import Rays
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
 from hfa_support.errors import NoSolutionError
 
 #: Number of rays for each unknown coefficient of the highest degree, and the least number of rays.
-_RAYS = 1.5
+_RAYS_PER_COEFFICIENT = 1.5
 _LEAST_RAYS = 20
 #: Seed of the directions of the rays. The terms do not depend on it, except for rounding.
 _SEED = 1961
@@ -27,7 +27,7 @@ class Series:
     gives u_{d-1}. Both are solved by least squares on more rays than there are coefficients, in the
     coordinates y = root'z with P = root root', where V2 = |y|².
 
-    value: weights of V2, V3, ..., (M,) each, of the monomials of y, scaled by `sizes`
+    value: weights of V2, V3, ..., (M,) each, of the monomials of y, scaled by `monomial_scales`
     policy: weights of u1, u2, ..., (m, M) each, of the same monomials
 
     Source: E. G. Al'brekht, On the optimal stabilization of nonlinear systems, J. Appl. Math. Mech.
@@ -44,33 +44,33 @@ class Series:
         Raises NoSolutionError if P is singular.
         """
         n = len(solution.P)
-        count = max(_LEAST_RAYS, int(_RAYS * homogeneous(n, degree).size))
+        count = max(_LEAST_RAYS, int(_RAYS_PER_COEFFICIENT * homogeneous(n, degree).size))
         self._game = solution.game
         self._rays = rays
         self.root = root_of(solution.P)
-        self._loop = in_root(solution.game.worst_case_loop(solution.P), self.root)
-        self._y = directions(n, count, _SEED)
-        self._z = np.linalg.solve(self.root.T, self._y.T)
-        self._gradients = [2.0 * self.root @ self._y.T]
-        self._inputs = [-solution.K @ self._z]
-        self.value = [homogeneous(n, 2).weights(np.eye(n)) / sizes(n, 2)]
-        self.policy = [-np.linalg.solve(self.root, solution.K.T).T]
+        self._loop_in_y = in_root(solution.game.worst_case_loop(solution.P), self.root)
+        self._y = directions(n, count, _SEED)  # directions of the rays, (count, n)
+        self._z = np.linalg.solve(self.root.T, self._y.T)  # the same in z, (n, count)
+        self._gradients_in_z = [2.0 * self.root @ self._y.T]  # ∂V2/∂z = 2 P z on the rays
+        self._inputs = [-solution.K @ self._z]  # u1 = -K z on the rays
+        self.value = [homogeneous(n, 2).weights(np.eye(n)) / monomial_scales(n, 2)]  # V2 = |y|²
+        self.policy = [-np.linalg.solve(self.root, solution.K.T).T]  # u1 = -K root'⁻¹ y
 
     def add_degree(self) -> None:
         """Find the next terms, V_d and u_{d-1}."""
         d = len(self.value) + 2
-        gradients = [*self._gradients, np.zeros_like(self._z)]
+        gradients = [*self._gradients_in_z, np.zeros_like(self._z)]
         inputs = [*self._inputs, np.zeros_like(self._inputs[0])]
         known, _ = coefficient(self._game, self._rays, self._z, inputs, gradients)
         n = len(self.root)
-        slopes = _slopes(self._y, d, self._y @ self._loop.T)
+        slopes = _slopes(self._y, d, self._y @ self._loop_in_y.T)
         weights = least_squares(slopes, -known[:, None])
         gradients[-1] = self.root @ gradient(self._y, d, weights[:, 0]).T
         _, derivative = self._rays(self._z, inputs, gradients)
         inputs[-1] = -0.5 * np.linalg.solve(self._game.R, derivative)
-        psi = homogeneous(n, d - 1).psi(self._y) * sizes(n, d - 1)
+        psi = homogeneous(n, d - 1).psi(self._y) * monomial_scales(n, d - 1)
         policy = least_squares(psi, inputs[-1].T)
-        self._gradients = gradients
+        self._gradients_in_z = gradients
         self._inputs = inputs
         self.value.append(weights[:, 0])
         self.policy.append(policy.T)
@@ -147,7 +147,7 @@ def gradient(y: np.ndarray, degree: int, weights: np.ndarray) -> np.ndarray:
     weights: (M,), of the scaled monomials of the degree
     """
     basis = homogeneous(y.shape[1], degree)
-    weights = weights * sizes(y.shape[1], degree)
+    weights = weights * monomial_scales(y.shape[1], degree)
     return np.vstack([weights @ basis.gradient(block) for block in _blocks(y)])
 
 
@@ -160,7 +160,7 @@ def _slopes(y: np.ndarray, degree: int, moved: np.ndarray) -> np.ndarray:
     basis = homogeneous(y.shape[1], degree)
     blocks = zip(_blocks(y), _blocks(moved), strict=True)
     slopes = [(basis.gradient(points) @ motion[..., None])[..., 0] for points, motion in blocks]
-    return np.vstack(slopes) * sizes(y.shape[1], degree)
+    return np.vstack(slopes) * monomial_scales(y.shape[1], degree)
 
 
 def _blocks(rows: np.ndarray) -> list[np.ndarray]:

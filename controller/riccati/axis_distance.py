@@ -63,7 +63,12 @@ def hamiltonian_axis_distance(H: np.ndarray, eigenvalues: np.ndarray) -> Nearest
         values = np.concatenate([np.linalg.eigvals(H + sign * level * J) for sign in (-1.0, 1.0)])
         return _on_axis(values, norm)
 
-    return _nearest(singular_values, crossings, _nearest_to_axis(eigenvalues), norm)
+    return _least_singular_value(
+        singular_values=singular_values,
+        crossings=crossings,
+        starts=_nearest_to_axis(eigenvalues),
+        norm=norm,
+    )
 
 
 def distance_to_instability(loop: np.ndarray, *, is_discrete: bool) -> Nearest:
@@ -72,11 +77,15 @@ def distance_to_instability(loop: np.ndarray, *, is_discrete: bool) -> Nearest:
     loop: (n, n)
     """
     M, _ = balanced(loop)
-    return _from_circle(M) if is_discrete else _from_axis(M)
+    return _distance_from_circle(M) if is_discrete else _distance_from_axis(M)
 
 
-def _from_axis(M: np.ndarray) -> Nearest:
-    """Return min_ω σ_min(M - jω I) / ‖M‖₂ and this ω, for M (n, n)."""
+def _distance_from_axis(M: np.ndarray) -> Nearest:
+    """Return min_ω σ_min(M - jω I) / ‖M‖₂ and this ω, for M (n, n).
+
+    A singular value equals a level only where jω is an eigenvalue of the Hamiltonian
+    [[M, -level I], [level I, -M']] (Byers).
+    """
     norm = float(np.linalg.norm(M, 2))
     one = np.eye(len(M))
 
@@ -86,10 +95,15 @@ def _from_axis(M: np.ndarray) -> Nearest:
     def crossings(level: float) -> np.ndarray:
         return _on_axis(np.linalg.eigvals(hamiltonian(M, level * one, -level * one)), norm)
 
-    return _nearest(singular_values, crossings, _nearest_to_axis(np.linalg.eigvals(M)), norm)
+    return _least_singular_value(
+        singular_values=singular_values,
+        crossings=crossings,
+        starts=_nearest_to_axis(np.linalg.eigvals(M)),
+        norm=norm,
+    )
 
 
-def _from_circle(M: np.ndarray) -> Nearest:
+def _distance_from_circle(M: np.ndarray) -> Nearest:
     """Return min_ω σ_min(M - e^jω I) / ‖M‖₂ and this ω, for M (n, n).
 
     A singular value equals a level only where e^jω is an eigenvalue of a symplectic pencil.
@@ -112,7 +126,9 @@ def _from_circle(M: np.ndarray) -> Nearest:
     values = np.linalg.eigvals(M)
     nearest = values[np.argsort(np.abs(np.abs(values) - 1.0))[:STARTS]]
     starts = np.concatenate([np.abs(np.angle(nearest)), [0.0, np.pi]])
-    return _nearest(singular_values, crossings, starts, norm)
+    return _least_singular_value(
+        singular_values=singular_values, crossings=crossings, starts=starts, norm=norm
+    )
 
 
 def _smallest(matrices: np.ndarray) -> np.ndarray:
@@ -131,7 +147,8 @@ def _nearest_to_axis(eigenvalues: np.ndarray) -> np.ndarray:
     return np.append(np.abs(eigenvalues.imag[nearest]), 0.0)
 
 
-def _nearest(
+def _least_singular_value(
+    *,
     singular_values: Callable[[np.ndarray], np.ndarray],
     crossings: Callable[[float], np.ndarray],
     starts: np.ndarray,

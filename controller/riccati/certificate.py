@@ -90,7 +90,7 @@ def gain_change(form: Form, X: np.ndarray) -> Check:
 
     Raises NoSolutionError if the further game has no solution.
     """
-    changed = form.with_last_digits_changed()
+    changed = form.perturbed_by_rounding()
     K, _ = form.gains(X)
     K2, _ = changed.gains(X + changed.newton_step(X))
     size = max(np.linalg.norm(form.inputs @ K), NOTICED * np.linalg.norm(form.A))

@@ -99,24 +99,24 @@ class Form(ABC):
         """Return the same game with another delta, in the same coordinates."""
         return replace(self, delta=delta)
 
-    def with_last_digits_changed(self) -> Self:
-        """Return the game with the entries one or two units in the last place larger or smaller.
+    def perturbed_by_rounding(self) -> Self:
+        """Return the game with its entries changed as by rounding, to show how much K changes.
 
-        Q and R remain semidefinite: row and column i are multiplied by the same factor.
+        Each entry of A, B and E is multiplied by a factor f = 1 ± eps, and Q_ij and R_ij by
+        f_i f_j, with which Q and R remain semidefinite.
         """
         sizes = self.A.size, self.inputs.size, self.disturbance.size
-        numbers = np.arange(sum(sizes))
-        # Signs without a pattern: those of sin(k²).
-        changes = 1.0 + np.finfo(float).eps * np.sign(np.sin(numbers**2 + 1.0))
-        A, inputs, disturbance = np.split(changes, np.cumsum(sizes[:2]))
-        by_state, by_input = A[: len(self.A)], inputs[: len(self.R)]
+        factors = _rounding_factors(sum(sizes))
+        A_factors, B_factors, E_factors = np.split(factors, np.cumsum(sizes[:2]))
+        state_factors = A_factors[: len(self.A)]
+        input_factors = B_factors[: len(self.R)]
         return replace(
             self,
-            A=self.A * A.reshape(self.A.shape),
-            inputs=self.inputs * inputs.reshape(self.inputs.shape),
-            disturbance=self.disturbance * disturbance.reshape(self.disturbance.shape),
-            Q=self.Q * by_state * by_state[:, None],
-            R=self.R * by_input * by_input[:, None],
+            A=self.A * A_factors.reshape(self.A.shape),
+            inputs=self.inputs * B_factors.reshape(self.inputs.shape),
+            disturbance=self.disturbance * E_factors.reshape(self.disturbance.shape),
+            Q=self.Q * state_factors * state_factors[:, None],
+            R=self.R * input_factors * input_factors[:, None],
         )
 
     def of_value(self, P: np.ndarray) -> np.ndarray:
@@ -205,6 +205,12 @@ class Form(ABC):
     @abstractmethod
     def obstacle(self) -> str:
         """Return the mode because of which no delta has a solution, as one sentence, or ""."""
+
+
+def _rounding_factors(count: int) -> np.ndarray:
+    """Return 1 ± eps, (count,), with the signs of sin(k² + 1), which have no pattern."""
+    k = np.arange(count)
+    return np.asarray(1.0 + np.finfo(float).eps * np.sign(np.sin(k**2 + 1.0)))
 
 
 class Mode(NamedTuple):

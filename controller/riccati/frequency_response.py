@@ -24,6 +24,8 @@ TOLERANCE = 1e-9
 #: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not affect
 #: the output.
 ZERO = 1e-12
+#: Below this fraction, the largest gain that the search finds is rounding too.
+NEGLIGIBLE = 10.0 * ZERO
 #: An eigenvalue with |Re λ| up to this fraction of the largest may be on the axis.
 NEAR_AXIS = 1e-6
 #: Number of the least damped poles near whose frequencies the search for a gain begins.
@@ -86,7 +88,7 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
     ]
     frequencies = np.unique(np.concatenate(points))
     frequencies = np.concatenate([frequencies, (frequencies[1:] + frequencies[:-1]) / 2.0])
-    return float(gains_at(A, B, C, D, frequencies, 1.0).max())
+    return float(gains_at(A, B, C, D, frequencies, fraction=1.0).max())
 
 
 @checks_arguments
@@ -181,13 +183,18 @@ def gain_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> G
 
     The bounds differ by `TOLERANCE`. The lower one is the largest singular value at the frequency.
     Above the upper one, the bounded-real Hamiltonian has no eigenvalue on the imaginary axis.
+
+    - A is not Hurwitz: both are inf, at the frequency of the rightmost pole
+    - no gain exceeds rounding and the gain at infinity: both are σ_max(D), 0 without D
+
     Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
 
     Raises NoSolutionError if a pole is on the imaginary axis within rounding.
     """
     poles = spectrum(A).eigenvalues
-    if poles.real.max() >= 0.0:
-        return GainBounds(math.inf, math.inf, float(abs(poles[-1].imag)))
+    rightmost = poles[-1]  # they are sorted by Re λ
+    if rightmost.real >= 0.0:
+        return GainBounds(math.inf, math.inf, float(abs(rightmost.imag)))
     if len(C) > len(A) and not D.any():
         C = np.linalg.qr(C).R  # the same gains by fewer outputs
         D = D[: len(C)]
@@ -195,26 +202,56 @@ def gain_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> G
     at_infinity = float(np.linalg.norm(D, 2)) if D.size else 0.0
     if typical == 0.0:
         return GainBounds(at_infinity, at_infinity, 0.0)
+    floor = max(ZERO * typical, at_infinity)  # a level must exceed rounding and σ_max(D)
+    peak = _highest(System(A, B, C, D), _resonances(poles), floor)
+    if peak.gain > max(NEGLIGIBLE * typical, at_infinity):
+        return GainBounds(peak.gain, peak.gain * (1.0 + TOLERANCE), peak.frequency)
+    if at_infinity:
+        return GainBounds(at_infinity, at_infinity, peak.frequency)
+    return GainBounds(0.0, 0.0, 0.0)
+
+
+class _Peak(NamedTuple):
+    """Gain at a frequency in rad/s."""
+
+    gain: float
+    frequency: float
+
+
+def _highest(system: System, starts: np.ndarray, floor: float) -> _Peak:
+    """Return the largest gain over all frequencies, or `floor` at inf if no gain exceeds it.
+
+    The largest gain at the midpoints between neighboring crossings of a level is the next level.
+
+    starts: frequencies of the first level, rad/s
+    """
+    peak = _Peak(floor, math.inf)
+    found = _highest_at(system, starts)
+    if found.gain > peak.gain:
+        peak = found
+    while True:
+        crossings = level_crossings(*system, peak.gain * (1.0 + TOLERANCE), NEAR_AXIS)
+        if not len(crossings):
+            return peak
+        midpoints = (crossings[1:] + crossings[:-1]) / 2.0 if len(crossings) > 1 else crossings
+        found = _highest_at(system, midpoints)
+        if not found.gain > peak.gain:  # these crossings are rounding
+            return peak
+        peak = found
+
+
+def _highest_at(system: System, frequencies: np.ndarray) -> _Peak:
+    """Return the largest gain at given frequencies."""
+    gains = gains_at(*system, frequencies, fraction=1.0)
+    place = int(gains.argmax())
+    return _Peak(float(gains[place]), float(frequencies[place]))
+
+
+def _resonances(poles: np.ndarray) -> np.ndarray:
+    """Return 0, and |λ| and |Im λ| of the least damped poles, rad/s, ascending."""
     least_damped = poles[np.argsort(-poles.real / np.abs(poles))[:STARTS]]
     resonances = np.concatenate([np.abs(least_damped), np.abs(least_damped.imag)])
-    frequencies = np.unique(np.append(resonances, 0.0))
-    largest, frequency = max(ZERO * typical, at_infinity), math.inf
-    is_first = True
-    while len(frequencies):
-        gains = gains_at(A, B, C, D, frequencies, 1.0)
-        place = int(gains.argmax())
-        if gains[place] > largest:
-            largest, frequency = float(gains[place]), float(frequencies[place])
-        elif not is_first:  # crossings without a larger gain are rounding
-            break
-        is_first = False
-        ends = level_crossings(A, B, C, D, largest * (1.0 + TOLERANCE), NEAR_AXIS)
-        frequencies = (ends[1:] + ends[:-1]) / 2.0 if len(ends) > 1 else ends
-    if largest > max(10.0 * ZERO * typical, at_infinity):
-        return GainBounds(largest, largest * (1.0 + TOLERANCE), frequency)
-    if at_infinity:
-        return GainBounds(at_infinity, at_infinity, frequency)
-    return GainBounds(0.0, 0.0, 0.0)
+    return np.unique(np.append(resonances, 0.0))
 
 
 def gains_at(

@@ -323,38 +323,52 @@ def _evaluate(
 
 
 def _inputs_of(
-    graph: Any, constants: set[str], states: int, inputs: int
+    graph: Any, constants: set[str], state_count: int, input_count: int
 ) -> dict[str, tuple[int, ...]]:
-    """Return the shape of each input of a graph, by name."""
-    shapes = {}
-    for item in graph.input:
-        if item.name not in constants:
-            axes = item.type.tensor_type.shape.dim
-            shapes[item.name] = [axis.dim_value for axis in axes]  # 0 for an open dimension
+    """Return the shape of each input of a graph for one row, by name.
+
+    A single input is z, or [z u] of a Q function. Two inputs are z and u of a Q function. Raises
+    BadInputError for other inputs.
+    """
+    shapes = _shapes_in(graph, constants)
     if len(shapes) not in (1, 2) or not graph.output:
         raise BadInputError(
             f"the graph has {len(shapes)} inputs and {len(graph.output)} outputs; give a graph "
             "with at least one output and the state as input (for a Q function, also the plant "
             "input)"
         )
-    rows = {}
-    for (name, sizes), width in zip(shapes.items(), (states, inputs), strict=False):
-        if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
-            raise BadInputError(
-                f"input {shortened(name)!r} of the graph has the shape {sizes}; export the network "
-                "for one row per input"
-            )
-        columns = sizes[-1] or width
+    one_row_shapes = {}
+    for (name, shape), width in zip(shapes.items(), (state_count, input_count), strict=False):
+        _refuse_rows(name, shape)
+        columns = shape[-1] or width  # an open dimension has the width of the plant
         if len(shapes) == 1:
-            check_width(columns, states, inputs)
+            check_width(columns, state_count, input_count)
         elif columns != width:
             raise BadInputError(
                 f"input {shortened(name)!r} of the graph has {columns} entries instead of "
-                f"{width}; give a Q function with two inputs: the state ({states} entries), then "
-                f"the plant input ({inputs} entries)"
+                f"{width}; give a Q function with two inputs: the state ({state_count} entries), "
+                f"then the plant input ({input_count} entries)"
             )
-        rows[name] = (1, columns)[-len(sizes) :]
-    return rows
+        one_row_shapes[name] = (columns,) if len(shape) == 1 else (1, columns)
+    return one_row_shapes
+
+
+def _shapes_in(graph: Any, constants: set[str]) -> dict[str, list[int]]:
+    """Return the shape of each input of a graph as stored, by name, with 0 for open dimensions."""
+    return {
+        item.name: [axis.dim_value for axis in item.type.tensor_type.shape.dim]
+        for item in graph.input
+        if item.name not in constants
+    }
+
+
+def _refuse_rows(name: str, shape: list[int]) -> None:
+    """Raise BadInputError unless an input of a graph is a vector or accepts one row."""
+    if len(shape) not in (1, 2) or (len(shape) == 2 and shape[0] > 1):
+        raise BadInputError(
+            f"input {shortened(name)!r} of the graph has the shape {shape}; export the network "
+            "for one row per input"
+        )
 
 
 def check_width(width: int, states: int, inputs: int) -> None:

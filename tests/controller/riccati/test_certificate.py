@@ -248,7 +248,7 @@ def test_the_change_of_the_gain_is_that_of_the_changed_game(reach: float) -> Non
     A, modes = np.array([[-0.04, 0.72], [0.72, -0.46]]), np.array([[0.8, 0.6], [-0.6, 0.8]])
     game = Game(A, modes.T @ [[reach], [1.0]], Q=I2, R=[1.0])
     form = NormalForm.of(game)
-    changed = form.with_last_digits_changed()
+    changed = form.perturbed_by_rounding()
     K, other = (reference_solution(each.game()).K for each in (form, changed))
     stated = named(solve(game).certificate)["gain_change"].value
     assert stated == pytest.approx(relative_error(form.inputs @ other, form.inputs @ K), rel=0.1)
@@ -259,7 +259,7 @@ def test_a_gain_that_changes_is_refused(monkeypatch: pytest.MonkeyPatch, game: G
     form = NormalForm.of(game)
     assert gain_change(form, form.by_schur()).value < 1e-10
     other = replace(form, A=1.05 * form.A)
-    monkeypatch.setattr(NormalForm, "with_last_digits_changed", lambda form: other)
+    monkeypatch.setattr(NormalForm, "perturbed_by_rounding", lambda form: other)
     with pytest.raises(
         NoSolutionError, match=r"K changes by .* % if the entries of the game change"
     ):
