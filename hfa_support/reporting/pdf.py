@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from hfa_support.files import written_whole
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.parts import Picture
 
 #: Width and height of a page, inches (A4), its margin, and size and spacing of the text, points.
 _PAGE = (8.27, 11.69)
@@ -15,26 +15,18 @@ _POINTS = 9.0
 _SPACING = 1.25
 
 
-def write_pdf(report: Report, path: Path) -> None:
-    """Write a report as PDF, each nested report on pages of its own, completely or not at all."""
+def write_pdf(sheets: Iterable[tuple[str, Iterable[Picture]]], path: Path) -> None:
+    """Write sheets of a text and its pictures as PDF, each sheet on pages of its own, completely or
+    not at all.
+    """
     from matplotlib.backends.backend_pdf import PdfPages
 
     with written_whole(path) as stream, PdfPages(stream, metadata={"Creator": "hfa"}) as pages:
-        for sheet in _sheets(report):
-            for page in _pages(sheet.text()):
+        for text, pictures in sheets:
+            for page in _pages(text):
                 pages.savefig(page)
-            for picture in sheet.pictures():
+            for picture in pictures:
                 pages.savefig(picture.figure)
-
-
-def _sheets(report: Report) -> Iterator[Report]:
-    """Yield the nested reports of a report that consists of them, or the report itself."""
-    if report.parts and all(isinstance(part, Report) for part in report.parts):
-        for part in report.parts:
-            assert isinstance(part, Report)
-            yield part
-    else:
-        yield report
 
 
 def _pages(text: str) -> Iterator[object]:

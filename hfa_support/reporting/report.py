@@ -145,9 +145,14 @@ class Report:
         elif suffix == ".pdf":
             from hfa_support.reporting.pdf import write_pdf
 
-            write_pdf(self, Path(path))
+            write_pdf(((sheet.text(), sheet.pictures()) for sheet in self._sheets()), Path(path))
         else:
             save_data(Path(path), self.data, self.records)
+
+    def _sheets(self) -> Sequence[Report]:
+        """Return the nested reports of a report that consists of them, or the report itself."""
+        nested = [part for part in self.parts if isinstance(part, Report)]
+        return nested if nested and len(nested) == len(self.parts) else [self]
 
     def pictures(self) -> Iterator[Picture]:
         """Yield all pictures of this report and of nested reports."""
