@@ -7,4 +7,8 @@ module.
 from hfa_support.public_names import public_names
 from hfa_support.version import VERSION as __version__  # noqa: F401
 
+_instead = {
+    "load_game": "controller.load_game(FILE)",
+    **dict.fromkeys(("delta_min", "hinf", "hinfsyn"), "hfa.solve(game).delta_min"),
+}
 __getattr__, __dir__ = public_names(__name__, __file__)

@@ -28,6 +28,8 @@ class About:
         default trim
     configuration: function (x, u, p) of arrays -> name -> (value, unit) of mass, center of gravity,
         inertias and sizes (`trim.point.configuration`); None if only signals have them
+    weights: "Q", "R" and "N" of the cost in the file of a linear plant, as they are stored, for
+        states and inputs divided by their nominal values; {} without them
     """
 
     title: str = ""
@@ -41,6 +43,7 @@ class About:
     atmosphere: str = ""
     trained_at: float | None = None
     configuration: Callable[[Any, Any, Any], Mapping[str, tuple[float, str]]] | None = None
+    weights: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

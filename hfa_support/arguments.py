@@ -76,13 +76,23 @@ def _mismatch(
         signature.bind(*arguments, **named)
     except TypeError as wrong:
         known = [each for each in signature.parameters if each != "self"]
-        near = next((advice(word, known) for word in named if word not in known), "")
+        unknown = next((word for word in named if word not in known), "")
+        near = advice(unknown, known) if unknown else ""
         first = type(arguments[0]) if arguments else None
-        how = how or getattr(first, "_instead", {}).get(name, "")
-        instead = f"; write {how}" if how else ""
+        calls = getattr(first, "_instead", {})
+        how = how or calls.get(f"{name}({unknown})") or calls.get(name, "")
+        instead = f"; write {how}" if how else _main_argument(function, first)
         arguments_are = f"the arguments are {', '.join(known)}"
         return BadInputError(f"{name}: {wrong}{near}; {arguments_are}{instead}")
     return error
+
+
+def _main_argument(function: Callable[..., Any], first: type | None) -> str:
+    """Return advice on the first argument of a function, "" if its type `first` is right."""
+    main = next(iter(inspect.signature(function).parameters.values()), None)
+    kind = None if main is None else getattr(function, "__globals__", {}).get(main.annotation)
+    how = getattr(kind, "_how_to_make", "")
+    return f"; {main.name} is {how}" if main and how and first is not kind else ""
 
 
 def _description(value: Any) -> str:

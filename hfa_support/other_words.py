@@ -21,18 +21,15 @@ eig: eigenvalues
 elev: elevator elevator_center
 elevator: elevator_center elevator_outer
 fpa: path_angle gamma
-gamma: path_angle flight_path_angle delta
+gamma: path_angle flight_path_angle delta discount
 h: altitude
 find_operating_point: trim
 findop: trim
-hinf: solve
-hinfsyn: solve
 solve_game: solve
 check_critic: verify
 best_flight: optimize
 quickest_flight: optimize
 load_critic: read_critic
-load_game: game
 gain: k
 functions: basis
 interp: at

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import sys
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
@@ -15,7 +16,8 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
     """Return the functions `__getattr__` and `__dir__` of a package, which import its public names.
 
     A public name is imported when it is first used. The stub of the package imports all public
-    names. The AttributeError for an unknown name suggests the nearest public name.
+    names. The AttributeError for an unknown name suggests the nearest public name, or the call in
+    the package's `_instead`, name -> call.
 
     package: name of the package
     file: `__file__` of the package, with the stub `__init__.pyi` in the same folder
@@ -53,9 +55,9 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         if name not in modules():
             from hfa_support.errors import advice
 
-            raise AttributeError(
-                f"module {package!r} has no attribute {name!r}{advice(name, modules())}"
-            )
+            instead = vars(sys.modules[package]).get("_instead", {}).get(name)
+            near = advice(name, modules()) if instead is None else f"; write {instead}"
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{near}")
         module_name, name_there = modules()[name]
         try:
             module = import_module(module_name, package)

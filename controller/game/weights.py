@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -45,17 +45,26 @@ def disturbance_text(game: Game) -> str:
     return f"E {', '.join(game.names.disturbances) or matrix_text(game.E)}"
 
 
-def cost_text(model: Model, names: Sequence[str], Q: np.ndarray, R: np.ndarray) -> str:
-    """Return Q and R as one line of text, marked as "default" where they equal 1/nominal².
+def cost_text(
+    model: Model,
+    names: Sequence[str],
+    Q: np.ndarray,
+    R: np.ndarray,
+    of_file: Collection[str] = (),
+) -> str:
+    """Return Q and R as one line of text, marked as "file", or as "default" where they equal
+    1/nominal².
 
     The text is, for example, "Q diag(1, 2), R diag(1) (default 1/nominal^2)".
 
     names: states of Q, then inputs of R
+    of_file: names of the weights that a plant file contains
     """
     parts = []
     for name, weight, signals in (("Q", Q, names[: len(Q)]), ("R", R, names[len(Q) :])):
         is_usual = np.allclose(weight, nominal_weights(model, signals), rtol=1e-12, atol=0.0)
-        parts.append(f"{name} {matrix_text(weight)}" + " (default 1/nominal^2)" * is_usual)
+        source = " (file)" if name in of_file else " (default 1/nominal^2)" * is_usual
+        parts.append(f"{name} {matrix_text(weight)}{source}")
     return ", ".join(parts)
 
 

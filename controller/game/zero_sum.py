@@ -68,6 +68,7 @@ class Game(ByValue, Reported):
 
     _instead: ClassVar[Mapping[str, str]] = {
         "solve": "hfa.solve(game)",
+        "solve(delta)": "hfa.solve(game.with_delta(delta))",
         **{name: f"hfa.solve(game).{name}" for name in ("K", "P")},
     }
     _how_to_make: ClassVar[str] = (

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -52,6 +53,7 @@ class Solution(Result, Reported):
     (True, (1, 1))
     """
 
+    _instead: ClassVar[Mapping[str, str]] = {"L": "solution.disturbance_gain"}
     schema = "hfa.game-solution/1"
 
     P: Matrix

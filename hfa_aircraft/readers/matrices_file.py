@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from hfa_aircraft.matrices import plant_model
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
 from hfa_support.arrays.read import read_arrays
-from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened, shown
+from hfa_support.errors import BadInputError, advice, numbers_in, prefix_errors, shortened, shown
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.units import conversion
 
@@ -113,7 +114,8 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     needed: required entries. If none of them is at the top level, all entries are read from the
         only structure that contains all required ones.
 
-    Raises BadInputError if the entry `dt` is no sample time (`sample_time`).
+    Raises BadInputError if the entry `dt` is no sample time (`sample_time`), and for an entry
+    `gamma`, which other tools use for delta and for the discount factor.
     """
     notes: list[str] = []
     if not needed & set(found):
@@ -130,6 +132,10 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     stored.pop("dt", None)
     if dt is not None:
         stored["dt"] = dt
+    for name in stored:
+        if name.lower() == "gamma":
+            known = ("delta", "discount") if is_discrete(stored) else ("delta",)
+            raise BadInputError(f"unknown entry {name!r}{advice(name, known)}")
     return stored, notes
 
 
@@ -238,9 +244,9 @@ def plant_names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> 
 def linear_plant(path: str) -> Model:
     """Return the model x' = A x + B u of a plant in a file, with its trim at the origin.
 
-    A file without B has a plant without inputs, x' = A x.
+    A file without B has a plant without inputs, x' = A x. Q, R and N become `about.weights`.
 
-    path: file with A, and optionally B, and names and units of states and inputs
+    path: file with A, and optionally B, Q, R, N, and names and units of states and inputs
 
     Raises BadInputError if the file contains no such plant or the plant is in discrete time.
     """
@@ -257,4 +263,6 @@ def linear_plant(path: str) -> Model:
         B = B if has_inputs else B[:, :0]
         n, m = B.shape
         names = plant_names(stored, n, m, notes)
-    return plant_model(path, names.completed(n, m), A, B)
+    model = plant_model(path, names.completed(n, m), A, B)
+    weights: dict[str, Any] = {name: stored[name] for name in ("Q", "R", "N") if name in stored}
+    return replace(model, about=replace(model.about, weights=weights))

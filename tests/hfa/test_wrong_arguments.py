@@ -144,6 +144,16 @@ def test_a_wrong_main_argument_is_named(name: str) -> None:
     assert faults(function, arguments) == {}
 
 
+GAME = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0], delta=2.0)
+
+
+def test_matrices_in_place_of_a_game_name_the_game() -> None:
+    """`solve` of matrices states how to make a game of them."""
+    with pytest.raises(BadInputError, match=r"game is hfa\.game.* or hfa\.Game") as refused:
+        hfa.solve(GAME.A, GAME.B, GAME.Q, GAME.R, delta=2.0)
+    assert "\n" not in str(refused.value)
+
+
 @pytest.mark.parametrize(
     ("guess", "call"),
     [
@@ -157,6 +167,15 @@ def test_a_wrong_main_argument_is_named(name: str) -> None:
             "hfa.solve(hfa.game(linear, Q, R))",
         ),
         (lambda _, point: hfa.paper.published_game(point.linearize()).K, "hfa.solve(game).K"),
+        (lambda *_: hfa.solve(GAME, delta=0.5), "hfa.solve(game.with_delta(delta))"),
+        (lambda *_: hfa.solve(GAME).L, "solution.disturbance_gain"),
+        (lambda *_: hfa.load_game("plant.npz"), "controller.load_game(FILE)"),
+        (lambda *_: hfa.delta_min(GAME), "hfa.solve(game).delta_min"),
+        (lambda *_: hfa.hinf(GAME), "hfa.solve(game).delta_min"),
+        (
+            lambda model, point: hfa.fly(model, point, "predictive", 2.0),
+            "hfa.predictive(model, point",
+        ),
         (
             lambda model, _: hfa.Model(
                 "own",

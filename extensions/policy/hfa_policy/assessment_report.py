@@ -47,10 +47,10 @@ def report_parts(
 def _weights_text(deployed: Deployed, point: AssessedPoint) -> str:
     """Return the weights of the cost as text."""
     signals = (*deployed.model.linear, *deployed.commanded)
-    text = cost_text(deployed.model, signals, *weights_at(deployed, point.point))
-    if deployed.deployment.cost is None:
-        return f"cost: {text}; the deployment has no [cost]"
-    return f"cost: {text}"
+    has_cost = deployed.deployment.cost is not None
+    of_file = () if has_cost else tuple(deployed.model.about.weights)
+    text = cost_text(deployed.model, signals, *weights_at(deployed, point.point), of_file)
+    return f"cost: {text}" if has_cost else f"cost: {text}; the deployment has no [cost]"
 
 
 def loop_table(points: Sequence[AssessedPoint]) -> Table:

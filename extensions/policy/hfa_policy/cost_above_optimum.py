@@ -90,8 +90,8 @@ def weights_at(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return Q (k, k) of the linear states and R (m', m') of the commanded inputs.
 
-    Without a cost in the deployment file, the weights are 1/nominal². An output with the weight q
-    and the slopes c contributes q c c' to Q.
+    The weights are those of `cost_weights`. An output with the weight q and the slopes c
+    contributes q c c' to Q.
 
     Raises BadInputError for an output that depends on the inputs.
 

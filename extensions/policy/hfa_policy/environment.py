@@ -13,11 +13,11 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_policy.episodes import SECONDS, Episodes
+from hfa_policy.episodes import SECONDS, Episodes, diagonal_weights, usual_weights
 from hfa_policy.start_boxes import sample_time
 from hfa_policy.trims import trims_of
 from hfa_support.arguments import ArrayLike, checks_arguments, need
-from hfa_support.errors import BadInputError, missing_package, numbers_in, refuse_unless_whole, warn
+from hfa_support.errors import BadInputError, missing_package, refuse_unless_whole, warn
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
 from trim.point.operating_point import OperatingPoint
@@ -58,7 +58,8 @@ def environment(
         values remain those of the unchanged aircraft, as in `hfa.assess`
     dt: sample time of the default deployment, s. Default: at most 0.02, and so short that the
         fastest pole of the aircraft and of its LQR loop moves by less than 1 in a sample
-    Q, R: diagonal weights of the default deployment's cost, as for `hfa.game`. Default: 1/nominal²
+    Q, R: diagonal weights of the default deployment's cost, as for `hfa.game`. Default: those of
+        the plant file, else 1/nominal²
 
     Each episode begins at a drawn state of a box about its trim: the box of `hfa.assess`, reduced
     so that flights without action stay within the limits for a second (`start_box`).
@@ -158,25 +159,17 @@ def _deployment(
     usual = Deployment.usual(model, sample_time(model, trims) if dt is None else dt)
     if Q is None and R is None:
         return usual
-    cost = {"Q": _weights("Q", model, Q, model.linear), "R": _weights("R", model, R, model.inputs)}
+    cost = {"Q": _weights("Q", model, Q), "R": _weights("R", model, R)}
     return usual.changed(cost=cost)
 
 
-def _weights(matrix: str, model: Model, given: Any, names: Iterable[str]) -> dict[str, float]:
-    """Return name -> weight in the cost, by default 1/nominal²."""
+def _weights(matrix: str, model: Model, given: Any) -> dict[str, float]:
+    """Return name -> weight in the cost, by default as `usual_weights`."""
     if isinstance(given, Mapping):
         return dict(given)
-    names = tuple(names)
     if given is None:
-        return {name: model.signals[name].nominal ** -2.0 for name in names}
-    weights = numbers_in(matrix, given)
-    diagonal = np.diagonal(weights) if weights.ndim == 2 else weights
-    if diagonal.shape != (len(names),) or np.count_nonzero(weights) > np.count_nonzero(diagonal):
-        raise BadInputError(
-            f"{matrix} is not a diagonal matrix of {len(names)} weights; give one weight for each "
-            f"of {', '.join(names)}"
-        )
-    return dict(zip(names, diagonal.tolist(), strict=True))
+        return usual_weights(matrix, model)
+    return diagonal_weights(matrix, given, tuple(model.linear if matrix == "Q" else model.inputs))
 
 
 def _episodes(

@@ -24,7 +24,15 @@ from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.flights import SampledFlight
 from hfa_policy.outcomes import departure_at, refuse_edges
 from hfa_policy.start_boxes import surviving_boxes
-from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
+from hfa_support.errors import (
+    BadInputError,
+    is_finite,
+    numbers_in,
+    pair_of,
+    prefix_errors,
+    refuse_unknown,
+    shown,
+)
 from hfa_support.native.row_code import bound_rows, row_code
 from trim.point.operating_point import OperatingPoint
 
@@ -473,16 +481,52 @@ def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> 
 def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
     """Return Q of states and outputs, and R of inputs, by name, as given in the deployment file.
 
-    Without a cost, the weights are 1/nominal² of the linear states and the commanded inputs.
+    Without a cost, the weights of the linear states and the commanded inputs are those of the plant
+    file, by default 1/nominal².
+
+    Raises BadInputError if a weight of the plant file is not diagonal.
     """
-    model = deployed.model
     cost = deployed.deployment.cost
     if cost is not None:
         return cost["Q"], cost["R"]
-    nominal = {name: model.signals[name].nominal ** -2.0 for name in model.signals}
-    Q = {name: nominal[name] for name in model.linear}
-    R = {name: nominal[name] for name in deployed.commanded}
-    return Q, R
+    model = deployed.model
+    if np.any(numbers_in("N", model.about.weights.get("N", 0.0))):
+        raise BadInputError(
+            f"{model.name} has cross weights N, which are not supported; remove N, or give a "
+            "deployment file with Q and R in [cost]"
+        )
+    R = usual_weights("R", model)
+    return usual_weights("Q", model), {name: R[name] for name in deployed.commanded}
+
+
+def usual_weights(matrix: str, model: Model) -> dict[str, float]:
+    """Return the diagonal of the matrix "Q" or "R" in the plant file, by default 1/nominal², by
+    name.
+
+    Raises BadInputError if the matrix in the file is not diagonal.
+    """
+    names = tuple(model.linear if matrix == "Q" else model.inputs)
+    stored = model.about.weights.get(matrix)
+    weights = dict.fromkeys(names, 1.0)
+    if stored is not None:
+        with prefix_errors(model.name):
+            weights = diagonal_weights(matrix, stored, names)
+    return {name: weights[name] * model.signals[name].nominal ** -2.0 for name in names}
+
+
+def diagonal_weights(matrix: str, given: Any, names: Sequence[str]) -> dict[str, float]:
+    """Return name -> weight of a diagonal matrix (k, k), or of its diagonal (k,).
+
+    Raises BadInputError if the matrix is not diagonal.
+    """
+    weights = numbers_in(matrix, given)
+    diagonal = np.diagonal(weights) if weights.ndim == 2 else weights
+    if diagonal.shape != (len(names),) or np.count_nonzero(weights) > np.count_nonzero(diagonal):
+        raise BadInputError(
+            f"{matrix} is not a diagonal matrix of {len(names)} weights; give one weight for each "
+            f"of {', '.join(names)}"
+        )
+    return dict(zip(names, diagonal.tolist(), strict=True))
 
 
 def cost_rate(deployed: Deployed) -> ca.Function:

@@ -82,9 +82,9 @@ def test_arguments_override_entries_of_the_file() -> None:
 
 def test_misnamed_entries_and_defaults_are_noted() -> None:
     """Notes list the unused entries, the defaults, and an E that describes wind and is not used."""
-    game, notes = noted(stored("plant.npz", **PLANT, D=[[1.0], [0.0]], gamma=7.0))
+    game, notes = noted(stored("plant.npz", **PLANT, D=[[1.0], [0.0]], C=np.eye(2)))
     assert game == Game(**PLANT, E=np.eye(2), delta=math.inf)
-    assert "unused: D, gamma;" in notes
+    assert "unused: C, D;" in notes
     assert "not given: E, delta; used: E the identity, delta inf" in notes
     assert noted(small("ours.npz", schema="hfa.linear-model/1", modes=[1.0]))[1] == ""
     wind = stored(
@@ -140,6 +140,12 @@ def test_structures_are_read_if_top_level_is_empty() -> None:
             "inputs contains .* which cannot be printed",
         ),
         (load_game, PLANT | {"delta": [1.0, 2.0]}, "delta has 2 elements; give a single number"),
+        (load_game, PLANT | {"gamma": 2.0}, "unknown entry 'gamma'; did you mean delta\\?"),
+        (
+            load_game,
+            PLANT | {"delta": 2.0, "Gamma": 0.98, "dt": 0.1},
+            "unknown entry 'Gamma'; did you mean delta or discount",
+        ),
         (load_game, PLANT | {"dt": -0.1}, "dt is -0.1; give the sample time in s"),
         (load_game, PLANT | {"dt": 0.1, "time": "continuous"}, "dt denotes discrete time, but"),
     ],

@@ -51,6 +51,13 @@ _FORMS = (
     "a file that contains one of these, input steps {name: [(time, value), ...]} or a function of "
     "(t, X)"
 )
+#: Law of `hfa fly --law` -> policy in Python.
+_LAWS = {
+    "none": "None",
+    "exact": "hfa.solve(hfa.game(linear, Q, R))",
+    "predictive": "hfa.predictive(model, point, Q, R)",
+    "state-dependent": "hfa.state_dependent(model, point, Q, R)",
+}
 
 
 def policy_and_scenario(
@@ -136,6 +143,8 @@ def controller_policy(
 
 def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
     """Return the deployment in a .toml file, or the critic in any other file."""
+    if str(path) in _LAWS:
+        raise BadInputError(f"policy is {str(path)!r}; write {_LAWS[str(path)]}")
     if path.suffix.lower() == ".toml":
         return Deployment.load(path)
     entries = {} if is_network(path) else entries_in(path)
