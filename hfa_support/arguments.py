@@ -82,7 +82,7 @@ def _mismatch(
         calls = getattr(first, "_instead", {})
         how = how or calls.get(f"{name}({unknown})") or calls.get(name, "")
         instead = f"; write {how}" if how else _main_argument(function, first)
-        arguments_are = f"the arguments are {', '.join(known)}"
+        arguments_are = f"the arguments are {', '.join(known) or 'none'}"
         return BadInputError(f"{name}: {wrong}{near}; {arguments_are}{instead}")
     return error
 

@@ -23,6 +23,10 @@ elevator: elevator_center elevator_outer
 fpa: path_angle gamma
 gamma: path_angle flight_path_angle delta discount
 h: altitude
+m: mach
+n: load_factor
+nz: load_factor
+n_z: load_factor
 find_operating_point: trim
 findop: trim
 solve_game: solve

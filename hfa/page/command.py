@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from hfa.page.job_report import critic_picture, main_report, page, plotly_script
 from hfa.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
 from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
-from hfa_support.errors import BadInputError, printable
+from hfa_support.errors import BadInputError, printable, shortened
 from hfa_support.files import write_text
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.figure import save
@@ -40,11 +40,20 @@ def _flights(text: str) -> Any:
     return load_flights(Path(text))
 
 
+def _refuse_aircraft(text: str) -> NoReturn:
+    raise BadInputError(
+        "is not an option of hfa report, whose page is of the flexible aircraft alone; write "
+        f"`hfa trim --aircraft {shortened(text)} -o page.html`"
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReportRequest(Request):
     """Options of `hfa report`."""
 
-    aircraft: Aircraft = part(Aircraft, without=("source",))
+    aircraft: Aircraft = part(
+        Aircraft, source=option("", "FILE.py:NAME", _refuse_aircraft, names="--aircraft")
+    )
     trim: Trim = part(
         Trim,
         at=scheduled(

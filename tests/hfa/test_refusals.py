@@ -101,6 +101,12 @@ REFUSED = {
         ("--dihedral 0:20:0.01 --hold speed=50:80:0.01", "points"),
         ("--dihedral 5 --free dihedral", "dihedral is given by both --dihedral and --free"),
     ],
+    "report": [
+        (
+            "--aircraft given.toml -o page.html",
+            "write `hfa trim --aircraft given.toml -o page.html`",
+        ),
+    ],
     "solve": [
         ("", "no plant is given; add --dihedral DEG or --model FILE"),
         ("--dihedral 15 --delta 0", "delta is 0.0; give a number from"),

@@ -73,6 +73,8 @@ def graded(
     modes: names of the modes at the trim
     airplane: class and category
     """
+    if "spiral time to half" in qualities:
+        qualities = {**qualities, "spiral time to double": math.inf}
     found: list[Graded] = []
     for mode in dict.fromkeys(name.partition(" (")[0] for name in modes):
         rules = [rule for rule in _rules(mode, qualities, airplane) if rule.quality in qualities]

@@ -12,6 +12,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs, record
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NotFiniteError, file_faults, refuse_unknown, shortened
 from hfa_support.files import read_json, write_text
 from hfa_support.reporting.data_files import json_text
@@ -38,6 +39,11 @@ if TYPE_CHECKING:
 SCHEMA = "hfa.operating-point/1"
 #: Outputs whose derivatives belong to the sheet of a trim.
 _SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust")
+#: Call that returns the levels of MIL-F-8785C for a class and a category.
+_LEVELS = (
+    "trim.graded({each.name: each.value for each in trim.handling_qualities(point)}, "
+    '[mode.name for mode in point.modes], trim.Airplane("III", "C"))'
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,6 +72,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     _instead: ClassVar[Mapping[str, str]] = {
         **{name: f"point.linearize().{name}" for name in ("A", "B", "C", "D", "E", "poles")},
         "eigenvalues": "point.linearize().poles()",
+        "levels": _LEVELS,
+        "report": f"point.report(), or for levels {_LEVELS}",
     }
     schema = SCHEMA
 
@@ -298,6 +306,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             "dynamics": self.dynamics,
         }
 
+    @checks_arguments
     def report(self) -> Report:
         """Return the report of the trim that `hfa trim` prints.
 

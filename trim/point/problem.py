@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
+from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NotFiniteError
 from hfa_support.linear_table import LinearTable
@@ -19,6 +21,8 @@ from trim.point.system import Evaluation, TrimSystem
 #: if there is no limit.
 STARTS = 8
 _FAR = 10.0
+#: Most names in the advice on an output that no free variable changes.
+_MOST_DECIDING = 6
 
 
 class TrimProblem:
@@ -34,7 +38,7 @@ class TrimProblem:
     count: number of equations that the unknowns affect, and number of unknowns
 
     Raises BadInputError if nothing is free and the point is not an equilibrium, if no free variable
-    affects an equation, and for a condition of another model.
+    affects an equation or changes an imposed output, and for a condition of another model.
     """
 
     def __init__(
@@ -65,6 +69,41 @@ class TrimProblem:
                 )
             idle = " and ".join(self.idle)
             raise BadInputError(f"the equations do not depend on {idle}; free another variable")
+        self._refuse_decided()
+
+    def _refuse_decided(self) -> None:
+        """Raise BadInputError for an imposed output on which no free variable has an effect.
+
+        An output that has the imposed value all the same is accepted.
+        """
+        model, system = self.model, self.system
+        for index, row in enumerate(system.equations.rows):
+            if index < system.moved or row.is_rate:
+                continue
+            residual = self.at(system.start).residual[index]
+            if abs(residual) <= BALANCE:
+                continue
+            imposed = self.condition.imposed[row.name]
+            decided = model.describe(row.name, imposed + residual * row.scale)
+            raise BadInputError(
+                f"{row.name} is {model.describe(row.name, imposed)}, but no free variable changes "
+                f"it from {decided}{self._instead(row.name)}"
+            )
+
+    def _instead(self, name: str) -> str:
+        """Return advice on what to hold or free, because it decides an imposed output, or ""."""
+        layout = self.model.layout
+        x, u, p = layout.symbols("x", "u", "p")
+        _, output = layout.expressions([components(x), components(u), components(p)], (name,))
+        used = ca.which_depends(output, ca.vertcat(p, x, u), 1, False)
+        names = (*layout.names.parameters, *layout.variables)
+        deciding = [each for each, is_used in zip(names, used, strict=True) if is_used]
+        parameters = [each for each in deciding if each in layout.names.parameters]
+        chosen = (parameters or deciding)[:_MOST_DECIDING]
+        if not chosen:
+            return "; remove this value"
+        typed = "" if parameters else f", or --free {chosen[0]}"
+        return f"; in its place, hold {' or '.join(chosen)} (--hold {chosen[0]}=VALUE{typed})"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the arguments from which pickle restores the problem.

@@ -216,7 +216,7 @@ def trim_report(
         for name, margin in margins.items()
         if margin.nearer and (margin.role != "held" or name in model.inputs)
     ]
-    nearest = sorted(limited, key=_rank)
+    nearest = sorted(limited, key=lambda margin: _rank(margin, margin.name in model.inputs))
     nearest = [
         margin for index, margin in enumerate(nearest) if index < _NEAREST or margin.at_limit
     ]
@@ -312,8 +312,6 @@ def levels_of(point: OperatingPoint, modes: Sequence[Any], airplane: Airplane) -
     if not modes or "speed" not in recognized(point.model.states):
         return ()
     qualities = {each.name: each.value for each in handling_qualities(point)}
-    if "spiral time to half" in qualities:
-        qualities["spiral time to double"] = math.inf
     return graded(qualities, [mode.name for mode in modes], airplane)
 
 
@@ -430,11 +428,16 @@ def _lift_over_drag(figures: Figures) -> float | None:
     return None if quantity is None else quantity.value
 
 
-def _rank(margin: Margin) -> tuple[bool, bool, float]:
+def _rank(margin: Margin, is_input: bool) -> tuple[bool, bool, float]:
     """Return the key that sorts limits: those that bind, then the nearest."""
+    # Assumed limits of a positive state may be decades apart: the distance to the lowest is also
+    # compared with the value.
     # Variables with only one limit, and thus without a range, come after those with two.
     has_no_range = math.isinf(margin.highest - margin.lowest)
-    return not margin.at_limit, has_no_range, margin.share
+    share = margin.share
+    if margin.assumed and not is_input and margin.nearer == "lowest" and margin.lowest >= 0.0:
+        share = max(share, margin.distance / max(abs(margin.value), margin.scale))
+    return not margin.at_limit, has_no_range, share
 
 
 def _nearest_rows(nearest: Sequence[Margin]) -> list[tuple[str, ...]]:

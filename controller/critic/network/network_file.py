@@ -182,6 +182,8 @@ def _layers(tensors: Mapping[str, np.ndarray], is_ordered: bool) -> list[Layer]:
             raise _no_chain(name, array, "is not a weight or bias of a linear layer", tensors)
         bias = tensors.get(f"{stem}bias", np.zeros(len(array)))
         if bias.shape != array.shape[:1]:
+            if bias.shape == array.shape[1:]:
+                raise _no_chain(name, array, f"looks transposed: its bias is {bias.shape}", tensors)
             raise _no_chain(f"{stem}bias", bias, "is not the bias of its layer", tensors)
         layers.append(Layer(stem.removesuffix("."), array, bias))
     layers = _as_saved(layers) if is_ordered else _as_numbered(layers)
@@ -201,6 +203,8 @@ def _no_chain(
 ) -> BadInputError:
     """Return the error for a tensor that is not part of the chain of layers."""
     message = f"tensor {shortened(name)!r} {array.shape} {reason}"
+    if "transposed" in reason:
+        return BadInputError(f"{message}; save its transpose {array.shape[::-1]}")
     networks = roots(tensors)
     if len(networks) < 2:
         return BadInputError(f"{message}; export the network to ONNX")

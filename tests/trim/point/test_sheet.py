@@ -272,6 +272,18 @@ def test_the_nearest_limit_is_named_also_if_it_is_assumed() -> None:
     assert "Nearest limit: alpha highest 57.2958 deg (assumed)" in report.text()
 
 
+def test_a_far_assumed_limit_of_a_state_is_not_the_nearest() -> None:
+    """Speed 400 at 4 % of its range from an assumed 1 comes after thrust at 33 %."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        return {"speed": u.thrust - 0.01 * x.speed}, {}
+
+    states = {"speed": Signal("ft/s", 300.0, 1.0, 10000.0, assumed=True)}
+    inputs = {"thrust": Signal("N", 1.0, 0.0, 12.0)}
+    report = hfa.trim(Model("far", states, inputs, equations, trim={"thrust": 4.0})).report()
+    assert report.data["nearest_limits"] == ["thrust", "speed"]
+
+
 @pytest.mark.parametrize("name", [f"{EXAMPLES}/uav.toml", f"{EXAMPLES}/f16.py:F16", "jsbsim:737"])
 def test_the_load_factor_is_normal_to_the_path(name: str) -> None:
     """It is 1 in level flight, cos γ in a climb and 1/cos φ in a turn, and 1 can be imposed."""

@@ -139,6 +139,14 @@ def test_other_layers_are_refused(norm: dict[str, np.ndarray]) -> None:
     assert "export the network to ONNX" in message
 
 
+def test_a_transposed_layer_is_named() -> None:
+    """A weight (inputs, outputs) is refused by its name, with the shape of its transpose."""
+    layers = {"0.weight": np.ones((6, 4)), "0.bias": np.zeros(4), "2.weight": np.ones((1, 4))}
+    message = refusal(torch_file("a.pt", layers), activation="tanh")
+    assert "'0.weight' (6, 4) looks transposed" in message
+    assert "save its transpose (4, 6)" in message
+
+
 # Wide layers.
 
 
