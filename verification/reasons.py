@@ -68,14 +68,13 @@ def reason_for(judged: JudgedGame, critic: Critic, limit: float, searched: float
     if critic.network:
         return _errors_of_network(critic, exact, searched)
     if critic.P is None:
-        return _first_mistake(critic.K, exact.K, _of_gain(game, critic.K, exact.K)) or _lqr(
-            game, critic
-        )
+        mistakes = _of_gain(game, critic.K, exact.K)
+        return _first_mistake("K", critic.K, exact.K, mistakes) or _lqr(game, critic)
     if all(check.ok for check in matrix_errors(game, "P", critic.P, exact, limit)):
         return _reason_for_policy(judged, critic, critic.P)
-    mistakes = itertools.chain(_of_value(critic.P, exact.P), _of_weights(critic))
+    mistakes_of_P = itertools.chain(_of_value(critic.P, exact.P), _of_weights(critic))
     return (
-        _first_mistake(critic.P, exact.P, mistakes)
+        _first_mistake("P", critic.P, exact.P, mistakes_of_P)
         or _lqr(game, critic)
         or _not_of_value(judged, critic.K, critic.P)
         or _another_root(judged, critic.P)
@@ -101,7 +100,7 @@ def _reason_for_policy(judged: JudgedGame, critic: Critic, P: np.ndarray) -> str
     mistakes = _of_gain(judged.game, critic.K, exact.K)
     return (
         _beyond_quadratic(critic)
-        or _first_mistake(critic.K, exact.K, mistakes)
+        or _first_mistake("K", critic.K, exact.K, mistakes)
         or _not_of_value(judged, critic.K, P)
     )
 
@@ -118,31 +117,42 @@ def _not_of_value(judged: JudgedGame, K: np.ndarray, P: np.ndarray) -> str:
     )
 
 
-def _first_mistake(given: np.ndarray, exact: np.ndarray, mistakes: Iterator[Mistake]) -> str:
-    """Return the sentence of the first mistake without which a matrix is right, or ""."""
-    sizes = _sizes(exact)
-    error = float(np.max(np.abs(given - exact) / sizes))
+def _first_mistake(
+    kind: str, given: np.ndarray, exact: np.ndarray, mistakes: Iterator[Mistake]
+) -> str:
+    """Return the sentence of the first mistake without which P or K is right, or ""."""
+    error = float(np.max(_entry_errors(kind, given, exact)))
     for mistake in mistakes:
-        if np.max(np.abs(mistake.undone - exact) / sizes) <= min(RIGHT, SHARE * error):
+        if np.max(_entry_errors(kind, mistake.undone, exact)) <= min(RIGHT, SHARE * error):
             return mistake.says
     return ""
 
 
-def _sizes(exact: np.ndarray) -> np.ndarray:
-    """Return the size of each entry of the exact P or K, in units in which entries compare.
+def _entry_errors(kind: str, given: np.ndarray, exact: np.ndarray) -> np.ndarray:
+    """Return the error of each entry relative to its size, which does not depend on units.
 
-    The size of P_ij is √(P_ii P_jj), and that of K_ij is the length of row i with each column
-    divided by its length, times the length of column j.
+    kind: "P" or "K"
     """
-    if exact.shape[0] == exact.shape[1] and np.allclose(exact, exact.T):
-        diagonal = np.sqrt(np.abs(np.diag(exact)))
-        diagonal = np.maximum(diagonal, SMALL * diagonal.max())
-        return np.outer(diagonal, diagonal) if diagonal.any() else np.ones_like(exact)
-    columns = np.linalg.norm(exact, axis=0)
-    columns = np.maximum(columns, SMALL * columns.max()) if columns.any() else columns + 1.0
-    rows = np.linalg.norm(exact / columns, axis=1)
-    rows = np.maximum(rows, SMALL * rows.max()) if rows.any() else rows + 1.0
+    sizes = _sizes_of_value(exact) if kind == "P" else _sizes_of_gain(exact)
+    return np.abs(given - exact) / sizes
+
+
+def _sizes_of_value(P: np.ndarray) -> np.ndarray:
+    """Return the size √(P_ii P_jj) of each entry P_ij."""
+    lengths = _floored(np.sqrt(np.abs(np.diag(P))))
+    return np.outer(lengths, lengths)
+
+
+def _sizes_of_gain(K: np.ndarray) -> np.ndarray:
+    """Return the size r_i c_j of each entry K_ij, with c_j = |K_:j| and r_i = |K_i: / c|."""
+    columns = _floored(np.linalg.norm(K, axis=0))
+    rows = _floored(np.linalg.norm(K / columns, axis=1))
     return np.outer(rows, columns)
+
+
+def _floored(lengths: np.ndarray) -> np.ndarray:
+    """Return lengths of at least `SMALL` times the largest one, or 1 if all are 0."""
+    return np.maximum(lengths, SMALL * lengths.max()) if lengths.any() else lengths + 1.0
 
 
 def _lqr(game: Game, critic: Critic) -> str:
@@ -153,10 +163,10 @@ def _lqr(game: Game, critic: Critic) -> str:
     with suppress(NoSolutionError):
         solution = solve(game.with_delta(math.inf))
         if critic.P is None:
-            given, lqr, noun = critic.K, solution.K, "gain"
+            noun, errors = "gain", _entry_errors("K", critic.K, solution.K)
         else:
-            given, lqr, noun = critic.P, solution.P, "solution"
-        if np.max(np.abs(given - lqr) / _sizes(lqr)) <= RIGHT_LQR:
+            noun, errors = "solution", _entry_errors("P", critic.P, solution.P)
+        if np.max(errors) <= RIGHT_LQR:
             return f"this is the LQR {noun} {without}"
     return ""
 
@@ -280,7 +290,7 @@ def _one_entry(kind: str, given: np.ndarray, exact: np.ndarray) -> Iterator[Mist
     """Yield a wrong sign or decimal point of the entry with the largest error."""
     if np.count_nonzero(np.triu(exact) if kind == "P" else exact) < 3:
         return  # a single number agrees with many mistakes
-    errors = np.abs(given - exact) / _sizes(exact)
+    errors = _entry_errors(kind, given, exact)
     row, column = np.unravel_index(int(np.argmax(errors)), errors.shape)
     ratio = float(given[row, column] / exact[row, column]) if exact[row, column] else 0.0
     factor = math.copysign(10.0 ** _power_of_ten(abs(ratio)), ratio)

@@ -223,12 +223,34 @@ class Verdict(Checked, Result, Reported):
 
     def _first_lines(self, limit_cost: float | None) -> list[str]:
         """Return the headline of the report, and a line for each further finding."""
-        failed = [check for check in self.checks if not check.ok]
-        where = f"on the {self.game}, {self.box.name}"
+        first, second, *others = self._facts()
+        headline = f"{self._grade_text(limit_cost)} {self._scope()}: {first}"
+        if len(headline) + len(second) + 2 <= _FIRST_LINE:
+            headline += f", {second}"
+        else:
+            others = [second, *others]
+        if limit_cost is not None:
+            others = [f"decided by the cost limit {limit_cost:g} %", *others]
+        if self.nonlinear is None:
+            return [headline, *others]
+        return [*self._nonlinear_lines(self.nonlinear, limit_cost), headline, *others]
+
+    def _scope(self) -> str:
+        """Return on which game and in which box, and with how many simulations."""
+        scope = f"on the {self.game}, {self.box.name}"
         if self.nonlinear is not None:
-            where = f"of the linear part on the {self.game}"
+            scope = f"of the linear part on the {self.game}"
         if self.flights is not None:
-            where += f", {self.flights or 'no'} flight{'' if self.flights == 1 else 's'}"
+            scope += f", {self.flights or 'no'} flight{'' if self.flights == 1 else 's'}"
+        return scope
+
+    def _facts(self) -> list[str]:
+        """Return at least two findings, the most important one first.
+
+        They are a failed check that no other finding mentions, the cost (of a simulated critic with
+        equilibrium and K), exactness and stability (first if not stabilizing), and the L2 gain.
+        """
+        failed = [check for check in self.checks if not check.ok]
         facts = []
         if failed and not any(check.kind in _IN_THE_FACTS for check in failed):
             facts.append(f"{failed[0].name} fails")
@@ -241,21 +263,25 @@ class Verdict(Checked, Result, Reported):
         gain = next((check for check in self.checks if check.kind == "gain"), None)
         if gain is not None and math.isfinite(gain.value):
             facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
-        line = f"{self._grade_text(limit_cost)} {where}: {facts.pop(0)}"
-        if len(line) + len(facts[0]) + 2 <= _FIRST_LINE:
-            line += f", {facts.pop(0)}"
-        if limit_cost is not None:
-            facts.insert(0, f"decided by the cost limit {limit_cost:g} %")
-        if self.nonlinear is None:
-            return [line, *facts]
-        flown = self.nonlinear.flown
+        return facts
+
+    def _nonlinear_lines(
+        self, nonlinear: NonlinearComparison, limit_cost: float | None
+    ) -> list[str]:
+        """Return the headline of both games, and a line for each finding on the nonlinear game."""
+        flown = nonlinear.flown
         about = "near the trim" if flown is None else f"in {flown.where}"
-        grade = verdict_text(self.nonlinear.ok)
-        both = f"{grade} on the nonlinear game {about}, linear part {self._grade_text(limit_cost)}"
-        found = [self.nonlinear.sentence] + ([] if flown is None else [flown.sentence])
-        if flown is not None and not flown.ok:
-            found.reverse()
-        return [both, *(f"Nonlinear game: {each}" for each in found), line, *facts]
+        headline = (
+            f"{verdict_text(nonlinear.ok)} on the nonlinear game {about}, linear part"
+            f" {self._grade_text(limit_cost)}"
+        )
+        findings = [nonlinear.sentence]
+        if flown is not None:
+            # The sentence on the flights is first if they decide that the critic fails.
+            findings = [nonlinear.sentence, flown.sentence]
+            if not flown.ok:
+                findings.reverse()
+        return [headline, *(f"Nonlinear game: {finding}" for finding in findings)]
 
     def _cost_text(self) -> str:
         """Return the cost of the critic relative to the optimum, as text."""

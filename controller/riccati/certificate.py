@@ -84,9 +84,8 @@ def agreement(X: np.ndarray, second_X: np.ndarray) -> Check:
 def gain_change(form: Form, X: np.ndarray) -> Check:
     """Return the check that the last digits of the game's entries determine K.
 
-    One further solution, a Newton step from X, belongs to the game with each entry one unit in its
-    last place larger or smaller. The change of K is measured by its effect on the loop, |B (K2 -
-    K)| / |B K|, in balanced units.
+    One further solution, a Newton step from X, belongs to the game `perturbed_by_rounding`. The
+    change of K is measured by its effect on the loop, |B (K2 - K)| / |B K|, in balanced units.
 
     Raises NoSolutionError if the further game has no solution.
     """

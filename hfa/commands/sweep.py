@@ -190,32 +190,37 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     """Return name -> value at each point, (N,), from a CSV file of trim points."""
     try:
         lines = regular_file(path).read_text("utf-8-sig").splitlines()
-        table_rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
+        numbered_rows = [
+            (number, row)
+            for number, row in enumerate(csv.reader(lines), start=1)
+            if any(cell.strip() for cell in row)
+        ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInputError(
             f"{path} cannot be read ({error}); give a readable CSV file of conditions"
         ) from error
-    names = [name.strip() for name in table_rows[0]] if table_rows else []
-    rows = table_rows[1:]
+    header, title_row = numbered_rows[0] if numbered_rows else (1, [])
+    names = [name.strip() for name in title_row]
+    point_rows = numbered_rows[1:]
     model = condition.model
-    if not rows or len({*names}) < len(names):
+    if not point_rows or len({*names}) < len(names):
         raise BadInputError(
-            f"{path}: row 1 contains a name twice, or no values follow; give a row of different "
-            "names, then a row of values for each point"
+            f"{path}: row {header} contains a name twice, or no values follow; give a row of "
+            "different names, then a row of values for each point"
         )
     for name in names:
-        what = f"{path}: the column of row 1 is unknown:"
+        what = f"{path}: the column of row {header} is unknown:"
         model.refuse_unheld(what, name, tuple(model.parameters))
-    table = np.empty((len(rows), len(names)))
-    for index, row in enumerate(rows):
+    table = np.empty((len(point_rows), len(names)))
+    for index, (number, row) in enumerate(point_rows):
         if len(row) != len(names):
             raise BadInputError(
-                f"{path}: row {index + 2} has {len(row)} cells, but row 1 has {len(names)}; "
+                f"{path}: row {number} has {len(row)} cells, but row {header} has {len(names)}; "
                 "correct the row"
             )
         for column, (name, text) in enumerate(zip(names, row, strict=True)):
             try:
                 table[index, column] = quantity(model, name, text)
             except BadInputError as error:
-                raise BadInputError(f"{path}: row {index + 2}, column {name} {error}") from error
+                raise BadInputError(f"{path}: row {number}, column {name} {error}") from error
     return dict(zip(names, table.T, strict=True))

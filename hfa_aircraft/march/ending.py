@@ -289,7 +289,7 @@ class Endings:
         if number == self._windows - self._patience.growth:
             self._earlier[flying] = self.nearest[flying]
         distance, swings = self._motion(flown)
-        left = self._left(flown)
+        left = self._mark_departures(flown)
         back = self._back(flying, distance)
         cycling = self._cycling(flying, swings, number)
         standing = self._stands(flying, distance, swings)
@@ -308,22 +308,27 @@ class Endings:
         back = (self.nearest <= 1.0) & (self._stable | ~grows)
         self.outcomes[(self.outcomes == Outcome.UNDECIDED) & back] = Outcome.CONVERGED
 
-    def _left(self, flown: History) -> np.ndarray:
-        """Return a mask of the flights that left their limits, and store where."""
-        flying = flown.flights
-        states = flown.states[:, :, : self._least.shape[1]]
-        lows, highs = (states, states) if self._extremes is None else self._extremes(flown.states)
-        least, most = self._least[flying], self._most[flying]
-        lowest = np.fmin.reduce(lows, axis=1)
-        highest = np.fmax.reduce(highs, axis=1)
-        is_inside = is_within(lowest, least, most) & is_within(highest, least, most)
-        left = ~(is_inside & np.isfinite(states[:, -1]).all(axis=1))
+    def _mark_departures(self, flown: History) -> np.ndarray:
+        """Return a mask of the flights that left their limits, and store when and with what.
+
+        A flight leaves with the first step whose extremes are not all within its limits.
+        """
+        flights = flown.flights
+        states = flown.states[:, :, : self._least.shape[1]]  # the first ones have limits
+        if self._extremes is None:
+            lowest_each_step, highest_each_step = states, states
+        else:
+            lowest_each_step, highest_each_step = self._extremes(flown.states)
+        least, most = self._least[flights], self._most[flights]
+        left = _has_left(lowest_each_step, highest_each_step, least, most)
+        left |= ~np.isfinite(states[:, -1]).all(axis=1)
         for row in np.flatnonzero(left):
-            low, high = lows[row], highs[row]
+            low, high = lowest_each_step[row], highest_each_step[row]
             inside = is_within(low, least[row], most[row]) & is_within(high, least[row], most[row])
             step = int(inside.argmin())
-            flight = flying[row]
+            flight = flights[row]
             self.left_at[flight] = flown.first + step
+            # Of each state, the extreme that is beyond its limit, or the highest value.
             self.left_with[flight] = np.where(low[step] < least[row], low[step], high[step])
         return np.asarray(left)
 
@@ -358,3 +363,19 @@ class Endings:
         next_block = np.full_like(this, np.inf)
         self._swings[:, flying] = next_block, this, last
         return np.asarray((is_large & is_same & ~rises & ~falls).any(axis=1))
+
+
+def _has_left(
+    lows: np.ndarray, highs: np.ndarray, least: np.ndarray, most: np.ndarray
+) -> np.ndarray:
+    """Return a mask (F,) of the flights whose extremes in a window are not within the limits.
+
+    Values that are not numbers are ignored here; a flight with them ends with such a value.
+
+    lows, highs: lowest and highest states of each step, (F, T, n)
+    least, most: limits, (F, n)
+    """
+    lowest = np.fmin.reduce(lows, axis=1)
+    highest = np.fmax.reduce(highs, axis=1)
+    is_inside = is_within(lowest, least, most) & is_within(highest, least, most)
+    return np.asarray(~is_inside)

@@ -132,16 +132,20 @@ def _own_folder(folder: Path) -> Path:
 
 
 def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
+    """Return the library of a C text, `symbol-digest.so` in a folder.
+
+    It is complete when it is moved to its name. The digest is checked before a library is loaded.
+    """
     with tempfile.TemporaryDirectory(dir=folder) as temporary:
         source = Path(temporary, "generated.c")
-        made = Path(temporary, "generated.so")
+        library = Path(temporary, "generated.so")
         source.write_text(text, encoding="utf-8")
-        words = [*compiler, str(source), "-o", str(made), "-lm"]
-        subprocess.run(
-            words, env={**os.environ, "TMPDIR": temporary}, check=True, capture_output=True
-        )
-        made.chmod(0o700)
-        return made.replace(folder / f"{symbol}-{_digest(made, symbol)}.so")
+        command_line = [*compiler, str(source), "-o", str(library), "-lm"]
+        # Files of the compiler go with the temporary folder, also after it fails.
+        environment = {**os.environ, "TMPDIR": temporary}
+        subprocess.run(command_line, env=environment, check=True, capture_output=True)
+        library.chmod(0o700)  # nobody else may change or read it
+        return library.replace(folder / f"{symbol}-{_digest(library, symbol)}.so")
 
 
 def _is_own(file: Path, symbol: str) -> bool:

@@ -94,27 +94,29 @@ def _processes(count: int) -> Iterator[Run]:
     # CasADi and NumPy have threads, which would not work in a forked process.
     context = multiprocessing.get_context("spawn")
     children: list[Any] = []
-    of_thread = threading.local()
+    this_thread = threading.local()  # each thread of the pool has a child process of its own
 
-    def start() -> None:
+    def start_child() -> None:
+        """Start the child process of this thread, and connect it."""
         try:
-            of_thread.connection, end = context.Pipe()
-            child = context.Process(target=_serve, args=(end,), daemon=True)
-            with _signals_blocked():
+            this_thread.connection, child_end = context.Pipe()
+            child = context.Process(target=_serve, args=(child_end,), daemon=True)
+            with _signals_blocked():  # only the parent process responds to Ctrl-C
                 child.start()
         except OSError as error:  # too many files are open, or too many processes run
             raise BadInputError(
                 f"no worker can be started ({error.strerror}); use fewer workers"
             ) from error
         children.append(child)
-        end.close()
+        child_end.close()
 
     def call(function: Callable[..., Any], *arguments: Any) -> Any:
-        if not hasattr(of_thread, "connection"):
-            start()
+        """Return function(*arguments) from the child process of this thread."""
+        if not hasattr(this_thread, "connection"):
+            start_child()
         try:
-            of_thread.connection.send((function, arguments))
-            result, error = of_thread.connection.recv()
+            this_thread.connection.send((function, arguments))
+            result, error = this_thread.connection.recv()
         except (EOFError, ConnectionError) as lost:
             raise NoSolutionError(f"a worker process ended unexpectedly; {_ADVICE}") from lost
         if error is not None:

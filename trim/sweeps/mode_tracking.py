@@ -42,11 +42,15 @@ def track_modes(
     """Return the eigenvalues (N, n) of N matrices (N, n, n), with one mode in each column.
 
     The eigenvalues λ and μ of two neighbors are paired by the permutation that maximizes the sum of
-    min(|tr P_i Q_i|, 1) - 2 |λ_i - μ_i| / (|λ_i| + |μ_i|). P_i and Q_i are the projectors on a mode
-    along all other modes. Conjugate pairs are paired first. The first term preserves the shape of a
-    mode where eigenvalues cross. The second term distinguishes the two members of a pair. From the
-    first point on, the pairings are followed along the tree of the most similar neighbors. The
-    first point is sorted as in `fastest_first`.
+
+      min(|tr P_i Q_i|, 1) - 2 |λ_i - μ_i| / (|λ_i| + |μ_i|)
+
+    P_i and Q_i are the projectors on a mode along all other modes. The first term preserves the
+    shape of a mode where eigenvalues cross. The second one distinguishes the two members of a pair.
+    Conjugate pairs are paired first.
+
+    The first point is sorted as in `fastest_first`. From there, the pairings are followed along the
+    tree of the most similar neighbors.
 
     The columns of modes that cross between two points can be interchanged if their shapes are
     nearly parallel or change much from point to point, and where they coincide at a point of the
@@ -61,18 +65,27 @@ def track_modes(
     """
     for name in states:
         refuse_unknown("unknown state", name, model.states)
+    modes = _modes(A, np.array([model.states[name].nominal for name in states]))
+    consecutive = np.arange(len(A) - 1)[:, None] + [0, 1]
+    pairs = consecutive if neighbours is None else _connected(neighbours, consecutive)
+    order = np.empty(modes.values.shape, dtype=int)  # number of the eigenvalue in each column
+    order[0] = order_fastest_first(modes.values[0])
+    for before, point, match in _along_tree(pairs, modes):
+        order[point] = match[order[before]]
+    return np.take_along_axis(modes.values.astype(complex), order, axis=1)
+
+
+def _modes(A: np.ndarray, nominal: np.ndarray) -> _Modes:
+    """Return the modes of N matrices, with eigenvectors of length 1 in nominal values.
+
+    Shapes are then compared independently of the units of the states.
+
+    nominal: nominal values of the states, (n,)
+    """
     values, vectors = np.linalg.eig(A)
-    nominal = np.array([model.states[name].nominal for name in states])
     right = vectors / nominal[:, None]
     right = right / np.linalg.norm(right, axis=1, keepdims=True)
-    modes = _Modes(values, right, _inverse(right))
-    path = np.arange(len(values) - 1)[:, None] + [0, 1]
-    pairs = path if neighbours is None else _connected(neighbours, path)
-    order = np.empty(values.shape, dtype=int)
-    order[0] = order_fastest_first(values[0])
-    for before, point, pairing in _along_tree(pairs, modes):
-        order[point] = pairing[order[before]]
-    return np.take_along_axis(values.astype(complex), order, axis=1)
+    return _Modes(values, right, _inverse(right))
 
 
 def _inverse(right: np.ndarray) -> np.ndarray:

@@ -262,8 +262,8 @@ def _starts(
 ) -> np.ndarray:
     """Return the initial scaled unknowns of each point, (N, k)."""
     # - `system.start` for every point, if all unknowns are inputs or no variable is given
-    # - otherwise a Taylor polynomial about the solution at the center of the point's cell:
-    #   quadratic for a single variable, linear for several
+    # - otherwise a Taylor polynomial about the solution z_c at the center c of the point's cell,
+    #   z(c + d) = z_c + s d + b d², quadratic for a single variable, linear for several
     # The cells divide the space of the variables and are fixed for a model. The result for a point
     # therefore does not depend on the other points. A term that changes an unknown by `_STEEPEST`
     # or more over a cell is omitted, because the search could converge to another solution.
@@ -274,31 +274,76 @@ def _starts(
     width = _FINE_CELL if is_single else _CELL
     widths = np.array([width * signals[name].nominal for name in variables])
     places = values / widths
-    cells, cell = _cells_of(places)
-    begun = _begun(system, variables, cells * widths)
-    centers, known = newton(system, begun, _constants(system, variables, cells * widths))
-    centers[~known] = begun[~known]
+    centers, cell_of_point = _cells_of(places)
+    begun = _begun(system, variables, centers * widths)
+    solved, is_solved = newton(system, begun, _constants(system, variables, centers * widths))
+    solved[~is_solved] = begun[~is_solved]
+    cells = _Cells(centers, widths, solved, is_solved)
+    z = solved[cell_of_point]
+    d = places - centers[cell_of_point]
+    for column, direction in enumerate(np.eye(len(variables))):
+        slopes = _slopes(system, variables, cells, direction)
+        z += cells.gentle(slopes)[cell_of_point] * d[:, [column]]
+        if is_single:
+            curvatures = _curvatures(system, variables, cells, direction, slopes)
+            z += cells.gentle(curvatures)[cell_of_point] * d**2
+    return z
 
-    def newton_step_at(places: np.ndarray, z: np.ndarray) -> np.ndarray:
-        c = _constants(system, variables, places * widths)
-        residual, jacobian = system.residuals(z, c)
-        return z + newton_step(jacobian, residual[:, : system.moved])
 
-    def gentle(changes: np.ndarray) -> np.ndarray:
+class _Cells(NamedTuple):
+    """Cells of the space of v variables, with the solution of k scaled unknowns at each center.
+
+    centers: (cells, v), in widths of a cell
+    widths: width of a cell in each variable, (v,)
+    z: scaled unknowns at the centers, (cells, k)
+    is_solved: (cells,), True if z solves the equations
+    """
+
+    centers: np.ndarray
+    widths: np.ndarray
+    z: np.ndarray
+    is_solved: np.ndarray
+
+    def gentle(self, changes: np.ndarray) -> np.ndarray:
         """Return the changes over a cell (cells, k), 0 where they are steep or unknown."""
-        is_gentle = known & (np.abs(changes).max(axis=1) < _STEEPEST)
+        is_gentle = self.is_solved & (np.abs(changes).max(axis=1) < _STEEPEST)
         return np.where(is_gentle[:, None], changes, 0.0)
 
-    z = centers[cell]
-    away = places - cells[cell]
-    for column, direction in enumerate(np.eye(len(variables))):
-        slopes = (newton_step_at(cells + _NEXT * direction, centers) - centers) / _NEXT
-        z += gentle(slopes)[cell] * away[:, [column]]
-        if is_single:
-            led = centers + slopes / 2.0
-            bends = 4.0 * (newton_step_at(cells + direction / 2.0, led) - led)
-            z += gentle(bends)[cell] * away**2
-    return z
+
+def _slopes(
+    system: TrimSystem, variables: tuple[str, ...], cells: _Cells, direction: np.ndarray
+) -> np.ndarray:
+    """Return s of z(c + d) = z_c + s d + b d², (cells, k), with d in widths of a cell.
+
+    One Newton step from z_c at d = h, a small step, gives z_c + s h.
+    """
+    values = (cells.centers + _NEXT * direction) * cells.widths
+    return (_after_newton_step(system, variables, values, cells.z) - cells.z) / _NEXT
+
+
+def _curvatures(
+    system: TrimSystem,
+    variables: tuple[str, ...],
+    cells: _Cells,
+    direction: np.ndarray,
+    slopes: np.ndarray,
+) -> np.ndarray:
+    """Return b of z(c + d) = z_c + s d + b d², (cells, k), with d in widths of a cell.
+
+    One Newton step at d = 1/2 from z_c + s/2 changes z by b/4.
+    """
+    linear_at_half = cells.z + slopes / 2.0
+    values = (cells.centers + direction / 2.0) * cells.widths
+    at_half = _after_newton_step(system, variables, values, linear_at_half)
+    return 4.0 * (at_half - linear_at_half)
+
+
+def _after_newton_step(
+    system: TrimSystem, variables: tuple[str, ...], values: np.ndarray, z: np.ndarray
+) -> np.ndarray:
+    """Return the scaled unknowns (N, k) after one Newton step from z at N points."""
+    residual, jacobian = system.residuals(z, _constants(system, variables, values))
+    return z + newton_step(jacobian, residual[:, : system.moved])
 
 
 def _cells_of(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

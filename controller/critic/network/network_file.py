@@ -151,24 +151,38 @@ def network_of_tensors(
         name: layers_of(tensors, part, is_policy=name == "policy") for name, part in parts.items()
     }
     networks = {name: _layers(layers, is_ordered) for name, layers in chosen.items()}
-    kind, first = next(iter(networks.items()))
-    is_of_the_state = states == basis_size == 1 and kind != "V"
-    if len(first) == 1 and first[0].inputs == basis_size and not is_of_the_state:
-        return NetworkFile({}, f"{basis_size} functions -> 1", precision, first[0])
+    on_basis = _layer_on_basis(networks, states, basis_size)
+    if on_basis is not None:
+        return NetworkFile({}, f"{basis_size} functions -> 1", precision, on_basis=on_basis)
     read = {tensor for layers in chosen.values() for tensor in layers}
-    others = {tensor: array for tensor, array in tensors.items() if tensor not in read}
+    unread = {tensor: array for tensor, array in tensors.items() if tensor not in read}
     functions = {}
-    rows = {}
+    functions_of_rows = {}
     chains = []
     for name, layers in networks.items():
         check_width(layers[0].inputs, states, inputs)
-        refuse_others(others, layers[0].inputs, layers[-1].outputs)
+        refuse_others(unread, layers[0].inputs, layers[-1].outputs)
         steps = _with_activations(layers, activation)
-        functions[name], on_rows = composed(steps)
+        functions[name], of_rows = composed(steps)
         chains.append(_chain(name, steps))
-        if on_rows is not None:
-            rows[name] = on_rows
-    return NetworkFile(functions, "; ".join(chains), precision, rows=rows)
+        if of_rows is not None:
+            functions_of_rows[name] = of_rows
+    return NetworkFile(functions, "; ".join(chains), precision, rows=functions_of_rows)
+
+
+def _layer_on_basis(
+    networks: Mapping[str, list[Layer]], states: int, basis_size: int
+) -> Layer | None:
+    """Return the single layer whose inputs are the functions of the basis, or None.
+
+    With one state and one basis function, a layer of one input fits both. Only a requested "V" is
+    then a layer on the basis.
+    """
+    kind, layers = next(iter(networks.items()))
+    acts_on_the_state = states == basis_size == 1 and kind != "V"
+    if len(layers) == 1 and layers[0].inputs == basis_size and not acts_on_the_state:
+        return layers[0]
+    return None
 
 
 def _layers(tensors: Mapping[str, np.ndarray], is_ordered: bool) -> list[Layer]:

@@ -337,7 +337,7 @@ def _inputs_of(
             "with at least one output and the state as input (for a Q function, also the plant "
             "input)"
         )
-    one_row_shapes = {}
+    one_row_shapes: dict[str, tuple[int, ...]] = {}
     for (name, shape), width in zip(shapes.items(), (state_count, input_count), strict=False):
         _refuse_rows(name, shape)
         columns = shape[-1] or width  # an open dimension has the width of the plant

@@ -190,23 +190,41 @@ def _printed(lines: Iterable[tuple[int, str]]) -> Iterable[_Found]:
 
 
 def _machine_readable(lines: Iterable[tuple[int, str]]) -> Iterable[_Found]:
-    """Yield the values in the lines of a machine-readable file."""
+    """Yield the values in the lines of a machine-readable file, such as
+
+    9.0 0.75 12.0 | Sref, Cref, Bref
+    CONTROL
+    2
+    -1.5 elevator
+    0.0 rudder
+    DESIGN
+    5.1 0.02 | z' force CL : CLa, CLb
+    0.007 0.001 | z' force CL : CLd*
+
+    CLd* are CLd1, CLd2, ..., of the controls in the order of CONTROL.
+    """
     shows_deflections = False
     for place, line in lines:
-        words = line.strip()
-        if words in ("CONTROL", "DESIGN"):
-            shows_deflections = words == "CONTROL"
-        elif shows_deflections and len(words.split()) > 1:
-            value, _, name = words.partition(" ")
-            yield place, name.strip(), value, True
-        numbers, _, labels = line.partition("|")
-        names = [name.strip() for name in labels.rpartition(":")[2].split(",")]
-        numbers_there = numbers.split()
-        if names[0].endswith("d*"):
-            names = [names[0][:-1] + str(k + 1) for k in range(len(numbers_there))]
-        for name, value in zip(names, numbers_there, strict=False):
-            if _KNOWN.fullmatch(name):
-                yield place, name, value, False
+        text = line.strip()
+        if text in ("CONTROL", "DESIGN"):
+            shows_deflections = text == "CONTROL"
+        elif shows_deflections and len(text.split()) > 1:
+            deflection, _, control = text.partition(" ")
+            yield place, control.strip(), deflection, True
+        for name, value in _labelled(line):
+            yield place, name, value, False
+
+
+def _labelled(line: str) -> Iterator[tuple[str, str]]:
+    """Yield the known names and values of a line "values | title : names", if it is one."""
+    numbers, _, labels = line.partition("|")
+    values = numbers.split()
+    names = [name.strip() for name in labels.rpartition(":")[2].split(",")]
+    if names[0].endswith("d*"):
+        names = [names[0][:-1] + str(k + 1) for k in range(len(values))]
+    for name, value in zip(names, values, strict=False):
+        if _KNOWN.fullmatch(name):
+            yield name, value
 
 
 def with_stability_file(
@@ -236,7 +254,8 @@ def with_stability_file(
         "chord": _stated(file, "Cref", length),
         "alpha": _stated(file, "Alpha", "deg"),
     }
-    has_drag = _has_drag_derivatives(own, file, where)
+    _refuse_missing_drag(own, file, where)
+    has_drag = _has_drag_derivatives(own, file)
     for coefficient in COEFFICIENTS:
         if coefficient == "CD" and not has_drag:
             induced = number(INDUCED, own[INDUCED], "1") if INDUCED in own else 0.0
@@ -334,14 +353,19 @@ def _fixed_deflections(own: dict[str, Entry], file: StabilityFile, where: str) -
     return fixed
 
 
-def _has_drag_derivatives(own: Mapping[str, Entry], file: StabilityFile, where: str) -> bool:
-    """Return whether the derivatives of CD are those of the stability file."""
-    if INDUCED in own:
-        return False
-    if "CDa" in file.values:
-        return True
-    if "CD_alpha" in own:
-        return False
+def _has_drag_derivatives(own: Mapping[str, Entry], file: StabilityFile) -> bool:
+    """Return whether the derivatives of CD are those of the stability file.
+
+    They are not if the table gives the factor of the induced drag, or if the file has none. Single
+    ones of the table replace those of the file.
+    """
+    return INDUCED not in own and "CDa" in file.values
+
+
+def _refuse_missing_drag(own: Mapping[str, Entry], file: StabilityFile, where: str) -> None:
+    """Raise BadInputError if neither a table nor a stability file says how CD varies."""
+    if INDUCED in own or "CD_alpha" in own or "CDa" in file.values:
+        return
     ratio = file.value("Bref") ** 2 / file.value("Sref")
     induced = 1.0 / (math.pi * file.value("e") * ratio)
     raise BadInputError(

@@ -185,7 +185,7 @@ def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> Non
 
 
 LISTS = [
-    ("dihedral,speed\n5,64\n10,6x8\n", "row 3, column speed is '6x8'; give a finite number"),
+    ("dihedral,speed\n\n5,64\n\n10,6x8\n", "row 5, column speed is '6x8'; give a finite number"),
     (
         "dihedral,spd\n5,64\n",
         "the column of row 1 is unknown: 'spd'; did you mean speed? choose from speed, ",
