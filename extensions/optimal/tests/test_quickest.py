@@ -57,17 +57,22 @@ def test_the_quickest_time_with_speed_limit_is_exact() -> None:
     assert np.abs(best.states[:, 1]).max() <= 2.0
 
 
-def test_scipys_simulation_arrives_in_the_target_box(cart_flight: Any) -> None:
-    """With the inputs of the quickest flight, SciPy's simulation ends in the same arrival box."""
+def assert_scipy_arrives(flight: Any, target: Any) -> None:
+    """Assert that SciPy's simulation with the inputs of a flight ends in the box about the target."""
 
     def rate(t: float, x: np.ndarray) -> list[float]:
-        u = [np.interp(t, cart_flight.time, column) for column in cart_flight.inputs.T]
-        return list(cart_flight.model.rates_at(x, u).values())
+        u = [np.interp(t, flight.time, column) for column in flight.inputs.T]
+        return list(flight.model.rates_at(x, u).values())
 
-    rows = solve_ivp(
-        rate, (0.0, cart_flight.seconds), cart_flight.states[0], rtol=1e-8, max_step=0.01
-    )
-    assert (np.abs(rows.y[:, -1]) <= list(cart_flight.box.values())).all()
+    rows = solve_ivp(rate, (0.0, flight.seconds), flight.states[0], rtol=1e-8, max_step=0.01)
+    end = dict(zip(flight.model.states, rows.y[:, -1], strict=True))
+    for name, width in flight.box.items():
+        assert abs(end[name] - target[name]) <= width
+
+
+def test_scipys_simulation_arrives_in_the_target_box(cart_flight: Any) -> None:
+    """With the inputs of the quickest flight, SciPy's simulation ends in the same arrival box."""
+    assert_scipy_arrives(cart_flight, hfa.trim(cart_flight.model))
 
 
 @pytest.mark.parametrize("minimize", ["time", "cost"])
@@ -93,9 +98,10 @@ def test_optimize_finds_a_flight_between_trims(
 @pytest.mark.slow
 @pytest.mark.parametrize(("begin", "seconds"), [(5.0, 1.571), (10.0, 0.861)])
 def test_the_hfa_changes_its_dihedral_to_15_degrees(begin: float, seconds: float) -> None:
-    """The HFA changes its dihedral to 15 deg in the expected time, within 1 %.
+    """SciPy's simulation of the HFA arrives at a dihedral of 15 deg.
 
-    The times on two meshes differ by less than 0.5 %.
+    The flight takes at most 1 % longer than one found before. The times on two meshes differ by
+    less than 0.5 %.
     """
     model = hfa.aircraft()
     end, start = (
@@ -103,7 +109,8 @@ def test_the_hfa_changes_its_dihedral_to_15_degrees(begin: float, seconds: float
     )
     game = hfa.paper.published_game(hfa.linearize(model, end))
     best = hfa.optimize(model, end, start, game.Q, game.R, minimize="time")
-    assert best.seconds == pytest.approx(seconds, rel=0.01)
+    assert_scipy_arrives(best, end)
+    assert best.seconds <= 1.01 * seconds
     assert best.spread < 0.005
     assert best.reserve < 0.01
 

@@ -80,7 +80,7 @@ def test_a_policy_that_needs_no_filter_is_unchanged_to_the_bit() -> None:
     ("refused", "says"),
     [
         (lambda: hfa.state_dependent(DUFFING, AT_REST, limit_weight=-1.0), "limit_weight"),
-        (lambda: hfa.state_dependent(DUFFING, AT_REST, dt=0.0), "dt"),
+        (lambda: hfa.state_dependent(DUFFING, AT_REST, dt=0.0), "dt is 0.0 s"),
         (lambda: hfa.keep_inside(np.eye(2), DUFFING, AT_REST), "keep_inside: policy"),
     ],
 )
