@@ -59,7 +59,9 @@ def test_a_run_of_a_minute_is_announced_once(
     short = ProgressLine("fly")
     for done in range(1, 10):
         long(done, 183)
-    assert capsys.readouterr().err == "hfa: note: fly: about 6 minutes more; Ctrl-C ends it\n"
+    announced = capsys.readouterr().err
+    assert announced.startswith("hfa: note: fly: about 6 minutes")
+    assert announced.count("\n") == 1
     for done in range(1, 10):
         short(done, 20)
     assert capsys.readouterr().err == ""

@@ -198,15 +198,13 @@ def test_plants_of_public_issues_are_refused_by_name() -> None:
     for system in (python_control_367(), octave_13(), octave_14()):
         with pytest.raises(
             BadInputError,
-            match="D21 has only zeros in row 1: every y needs its own noise from w",
+            match=r"D21 .* row 1",
         ):
             GeneralizedPlant.from_control(system, 1, 1)
     no_cost = control.ss(
         DOUBLE["A"], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0], [1.0, 0.0]], np.zeros((2, 2))
     )
-    with pytest.raises(
-        BadInputError, match="D12 has only zeros in column 1: every u needs its own cost in z"
-    ):
+    with pytest.raises(BadInputError, match=r"D12 .* column 1"):
         GeneralizedPlant.from_control(no_cost, 1, 1)
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 0,"):
         with_noise(octave_13(), 0.1).minimum_delta()

@@ -83,7 +83,7 @@ def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
     assert not _certify(game, P, np.full_like(P, np.nan)).ok
     nowhere = _certify(game, np.full_like(P, np.nan), P)
     assert not nowhere.ok
-    assert named(nowhere)["residual"].reason == "P has entries that are not finite"
+    assert "not finite" in named(nowhere)["residual"].reason
 
 
 def test_a_hamiltonian_on_the_axis_is_detected() -> None:

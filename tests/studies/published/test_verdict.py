@@ -187,7 +187,8 @@ def test_a_misprint_in_the_answer_is_named(verdict_of):
     """A misprint in one entry of the answer is named with the exact value."""
     verdict = verdict_of(DIESEL.replace("24.8446", "24.8464"))
     assert verdict.classified.name == "one entry of the answer"
-    assert verdict.classified.reason == "K14 is printed 24.8464, exact 24.844586"
+    for named in ("K14", "24.8464", "24.844586"):
+        assert named in verdict.classified.reason
     off = verdict.entries[-9]
     exact = verdict.classified.comparison.exact[-9]
     assert off == {
@@ -358,7 +359,7 @@ def test_interchanged_states_permute_value_and_weights(verdict_of):
     P = exact_third()["P"][np.ix_(order, order)]
     for wrong in ({"P": P}, {"W": weights_of(P)}):
         verdict = verdict_of(third_file(wrong))
-        assert verdict.classified.reason == "states 2 and 3 are interchanged"
+        assert "states 2 and 3" in verdict.classified.reason
 
 
 def test_weights_are_those_of_the_products():

@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from cli import hfa_process
+from cli import assert_refused, hfa_process
 from system_faults import on_linux, small_disk
 
 from hfa.main import BAD_INPUT, DONE
@@ -35,8 +35,7 @@ def test_a_job_that_filled_disk_is_resumed(
     """
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     full = hfa_process(*SWEEP, folder=small_disk, TMPDIR=str(elsewhere))
-    assert (full.code, full.out) == (BAD_INPUT, "")
-    assert full.err == "hfa: cannot write the output: No space left on device\n"
+    assert_refused(full, BAD_INPUT, "No space left on device")
     subprocess.run(["mount", "-o", "remount,size=100m", small_disk], check=True)
     resumed = hfa_process(*SWEEP, "--resume", folder=small_disk, TMPDIR=str(elsewhere))
     assert resumed.code == DONE
