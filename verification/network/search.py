@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
-from hfa_support.reporting.checks import Check
+from hfa_support.reporting.checks import Check, below
 from verification.axis import quadratic_at
 from verification.box import starts_in
 from verification.critic_errors import SMALL, Exact, error_check
@@ -161,6 +161,9 @@ def findings_of(
     flown = fly(judged, critic, judged.exact, b, scope.flights, scope.plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, b, limit))
+        lost = "not all flights from the box converge"
+        costs = flown.cost_lost_flown_percent
+        checks.append(below("cost_lost_flown_percent", costs, math.inf, lost, kind="cost"))
     section = nonlinear_section(critic, b, worst, flown, judged.period)
     states = starts_of(critic) if critic.network else 0
     return Findings(errors, checks, flown, section, states)
