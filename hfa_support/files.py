@@ -11,7 +11,7 @@ import os
 import re
 import shutil
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -146,6 +146,30 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         raise BadInputError(
             f"{path} is not a TOML file ({_reason(error)}); correct the file"
         ) from error
+
+
+def toml_text(tables: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return tables of texts, numbers, paths, lists and mappings as TOML, name -> entries."""
+    lines = []
+    for table, entries in tables.items():
+        lines.append(f"[{table}]")
+        lines += [_toml_entry(*entry) for entry in entries.items()]
+    return "\n".join([*lines, ""])
+
+
+def _toml_entry(name: str, value: Any) -> str:
+    key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
+    return f"{key} = {_toml_value(value)}"
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(_toml_entry(*entry) for entry in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
+    if isinstance(value, float):
+        return repr(float(value))
+    return json.dumps(str(value) if isinstance(value, Path) else value)
 
 
 def _refuse_deep_keys(path: str | Path, text: bytes) -> None:

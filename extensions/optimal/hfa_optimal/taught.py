@@ -24,6 +24,7 @@ from hfa_optimal.held_model import HeldModel
 from hfa_optimal.predictive import Predictive, policy_of
 from hfa_optimal.scaled import ScaledProblem
 from hfa_support.errors import missing_package
+from hfa_support.files import toml_text, write_text
 from hfa_support.progress import Progress
 
 #: Fraction by which the teacher's envelope is narrowed.
@@ -367,7 +368,7 @@ def write_policy(network: Network, teacher: Predictive, path: Path) -> Path:
     of_states, of_inputs = teacher.problem.sizes
     path.write_bytes(_onnx_of(network, of_states[: len(network.of_states)], of_inputs))
     deployment = path.with_suffix(".toml")
-    deployment.write_text(_deployment_text(teacher, path.name), encoding="utf-8")
+    write_text(deployment, toml_text(_deployment_tables(teacher, path.name)))
     return deployment
 
 
@@ -444,21 +445,20 @@ def _onnx_of(network: Network, of_states: np.ndarray, of_inputs: np.ndarray) -> 
     return content
 
 
-def _deployment_text(teacher: Predictive, network: str) -> str:
-    """Return the deployment file of a network of deviations in the model's units."""
+def _deployment_tables(teacher: Predictive, network: str) -> dict[str, dict[str, Any]]:
+    """Return the tables of the deployment of a network of deviations in the model's units."""
     problem = teacher.problem
-    lowest, highest = problem.input_limits
-    lines = ["[policy]", f'file = "{network}"', "", "[observation]"]
-    lines += [f'{name} = {{ about = "trim" }}' for name in problem.states]
-    lines += ["", "[action]"]
-    for name, low, high in zip(problem.inputs, lowest.tolist(), highest.tolist(), strict=True):
-        lines.append(f'{name} = {{ box = [{low!r}, {high!r}], map = "trim + a" }}')
-    lines += ["", "[timing]", f"dt = {teacher.dt!r}", ""]
+    boxes = zip(problem.inputs, *(ends.tolist() for ends in problem.input_limits), strict=True)
+    tables: dict[str, dict[str, Any]] = {
+        "policy": {"file": network},
+        "observation": {name: {"about": "trim"} for name in problem.states},
+        "action": {name: {"box": [*box], "map": "trim + a"} for name, *box in boxes},
+        "timing": {"dt": teacher.dt},
+    }
     if np.count_nonzero(problem.Q - np.diag(np.diag(problem.Q))) == 0:
-        lines.append("[cost]")
-        weights = {"Q": (problem.states, problem.Q), "R": (problem.inputs, problem.R)}
-        for name, (names, weight) in weights.items():
-            pairs = zip(names, np.diag(weight).tolist(), strict=True)
-            entries = ", ".join(f"{each} = {value!r}" for each, value in pairs)
-            lines.append(f"{name} = {{ {entries} }}")
-    return "\n".join([*lines, ""])
+        Q, R = np.diag(problem.Q).tolist(), np.diag(problem.R).tolist()
+        tables["cost"] = {
+            "Q": dict(zip(problem.states, Q, strict=True)),
+            "R": dict(zip(problem.inputs, R, strict=True)),
+        }
+    return tables

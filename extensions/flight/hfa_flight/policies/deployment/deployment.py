@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -27,7 +25,7 @@ from hfa_flight.policies.deployment.actor import (
 from hfa_flight.policies.deployment.normalizer import Normalizer, normalizer_of, read_normalizer
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown
-from hfa_support.files import read_toml, write_text
+from hfa_support.files import read_toml, toml_text, write_text
 from hfa_support.reporting.report import Reported
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked
 
@@ -350,11 +348,7 @@ class Deployment(Reported):
                 policy[name] = Path(file).as_posix()
         tables = {"policy": policy, "observation": self.observation, "action": self.action}
         tables |= {"timing": self.timing} | ({"cost": self.cost} if self.cost else {})
-        lines = []
-        for table, entries in tables.items():
-            lines.append(f"[{table}]")
-            lines += [_toml_entry(*entry) for entry in entries.items()]
-        write_text(path, "\n".join([*lines, ""]))
+        write_text(path, toml_text(tables))
 
     def changed(self, **changes: Any) -> Deployment:
         """Return the deployment with some tables replaced.
@@ -367,22 +361,6 @@ class Deployment(Reported):
                 if name in self.__dict__:
                     made.__dict__[name] = self.__dict__[name]
         return made
-
-
-def _toml_entry(name: str, value: Any) -> str:
-    key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
-    return f"{key} = {_toml(value)}"
-
-
-def _toml(value: Any) -> str:
-    """Return a value of a deployment file as TOML."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(_toml_entry(*entry) for entry in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    if isinstance(value, float) and not isinstance(value, bool):
-        return repr(float(value))
-    return json.dumps(str(value) if isinstance(value, Path) else value)
 
 
 def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
