@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from carts import cart
 
 import hfa
 from hfa_flight.problem import MARGIN
@@ -17,20 +18,6 @@ from hfa_optimal.quickest import not_arrived
 from hfa_optimal.search import BestFlights, refutation
 
 GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
-
-
-def cart(force: float = 1.0) -> hfa.Model:
-    """Return a double integrator with bounded input.
-
-    force: limit of the input, N
-    """
-    return hfa.Model(
-        "cart",
-        {"position": hfa.Signal("m", min=-20.0, max=20.0), "velocity": hfa.Signal("m/s")},
-        {"force": hfa.Signal("N", min=-force, max=force)},
-        lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
-        trim={"position": 0.0},
-    )
 
 
 def best_of_cart(start: dict[str, float]) -> hfa.BestFlight:
