@@ -55,10 +55,7 @@ class SweepAttributes(StatesAndInputs, Result):
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
-            "variables": self.plan.variables,
-            "variable_units": self.plan.units,
-            "grid": self.plan.grid,
-            "condition": self.plan.condition.changes,
+            **self.plan.entries(),
             "warnings": self.plan.warnings,
             "plan": self.plan.text,
             "states": self.state_names,
@@ -90,10 +87,7 @@ class StoredSweep(Result, Reported):
         """Return the entries of the file, name -> value."""
         return {
             "dynamics": self.plan.model.name,
-            "variables": self.plan.variables,
-            "variable_units": self.plan.units,
-            "grid": self.plan.grid,
-            "condition": self.plan.condition.changes,
+            **self.plan.entries(),
             "points": self.plan.count,
             "store": self.store,
             "counts": self.counts,

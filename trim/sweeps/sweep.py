@@ -304,10 +304,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return the entries of the file, name -> value."""
         return {
             "dynamics": self.plan.model.name,
-            "variables": self.plan.variables,
-            "variable_units": self.plan.units,
-            "grid": self.plan.grid,
-            "condition": self.plan.condition.changes,
+            **self.plan.entries(),
             "values": self.values,
             "reasons": self.reasons,
             "operating_states": self.states,

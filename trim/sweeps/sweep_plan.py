@@ -186,6 +186,15 @@ class SweepPlan:
             grid[name] = content | {"unit": unit}
         return grid
 
+    def entries(self) -> dict[str, Any]:
+        """Return what the file of a sweep says about its points, name -> value."""
+        return {
+            "variables": self.variables,
+            "variable_units": self.units,
+            "grid": self.grid,
+            "condition": self.condition.changes,
+        }
+
     def values(self, start: int, stop: int) -> np.ndarray:
         """Return the values of the swept variables at the points start .. stop - 1.
 

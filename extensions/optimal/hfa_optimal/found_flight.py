@@ -101,6 +101,21 @@ class FoundFlight(OfProblem, StatesAndInputs, Result, Reported):
         """Lowest and highest permitted value of each state."""
         return envelope_pairs(self.problem)
 
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file that each flight found has, name -> value."""
+        return {
+            "states": self.state_names,
+            "state_units": self.state_units,
+            "inputs": self.input_names,
+            "input_units": self.input_units,
+            "operating_point": self.point,
+            "start": self.start,
+            "source": self.source,
+            "reason": self.reason,
+            "saturated": self.saturated,
+            "envelope": self.envelope,
+        }
+
     def destination(self) -> str:
         """Return "to AIRCRAFT at TRIM, from the initial condition", for the report."""
         whose = f"{self.model.title} {self.point.at_scheduled}".strip()

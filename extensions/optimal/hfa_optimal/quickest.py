@@ -133,21 +133,13 @@ class QuickestFlight(FoundFlight):
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
-            "states": self.state_names,
-            "state_units": self.state_units,
-            "inputs": self.input_names,
-            "input_units": self.input_units,
-            "operating_point": self.point,
-            "start": self.start,
-            "source": self.source,
-            "reason": self.reason,
-            "saturated": self.saturated,
-            "envelope": self.envelope,
+            **super().contents(),
             "seconds": self.seconds,
             "spread": self.spread,
             "box": self.box,
             "arrival": self.arrival,
-        } | given(reserve=self.reserve)
+            **given(reserve=self.reserve),
+        }
 
     def report(self) -> Report:
         """Return the report: duration, deviations, saturated inputs, and limits."""

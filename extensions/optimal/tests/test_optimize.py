@@ -136,6 +136,14 @@ def test_an_interrupted_table_contains_the_finished_flights(folder: Path) -> Non
         ),
         (["--start", "angle=1", "--limit", "mass=0:1"], "mass"),
         (["--starts", "2", "--picture", "a.png"], "applies only to a single flight"),
+        (["--to", "angle=10", "--start", "angle=1"], "give either --start"),
+        (["--to", "height=3"], "height"),
+        (
+            ["--hold", "angle=10", "--to", "angle=10", "--minimize", "time"],
+            "give another initial condition",
+        ),
+        (["--to", "angle=10", "--minimize", "fuel"], "choose from cost, time"),
+        (["--starts", "3", "--minimize", "time"], "applies only to --minimize cost"),
     ],
 )
 def test_wrong_options_are_refused(

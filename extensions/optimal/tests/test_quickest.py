@@ -113,26 +113,3 @@ def test_the_hfa_changes_its_dihedral_to_15_degrees(begin: float, seconds: float
     assert best.seconds <= 1.01 * seconds
     assert best.spread < 0.005
     assert best.reserve < 0.01
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--to", "angle=10", "--start", "angle=1"], "give either --start"),
-        (["--to", "height=3"], "height"),
-        (
-            ["--hold", "angle=10", "--to", "angle=10", "--minimize", "time"],
-            "give another initial condition",
-        ),
-        (["--to", "angle=10", "--minimize", "fuel"], "choose from cost, time"),
-        (["--starts", "3", "--minimize", "time"], "applies only to --minimize cost"),
-    ],
-)
-def test_wrong_options_for_quickest_flights_are_refused(
-    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Wrong options of `hfa optimize --to` are refused in one line."""
-    assert main(["optimize", "--aircraft", PENDULUM, *words]) == 2
-    error = capsys.readouterr().err.strip()
-    assert says in error
-    assert "\n" not in error
