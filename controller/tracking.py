@@ -13,7 +13,7 @@ from controller.game.zero_sum import Game
 from controller.reference import Feedforward, feedforward, particular
 from controller.riccati.gare import Solution
 from hfa_aircraft.waveform import Waveform, channel, constant, stacked
-from hfa_support.arguments import need
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
@@ -222,6 +222,7 @@ def _needed_row(name: str, trims: Sequence[CommandedTrim]) -> tuple[str, ...]:
     return name, shown_unit(unit), *values
 
 
+@checks_arguments
 def track(
     linear: LinearModel,
     solution: Solution,

@@ -23,6 +23,7 @@ from hfa_aircraft.layout import (
     linearized_rows,
 )
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NotFiniteError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
@@ -97,6 +98,7 @@ class _Imposed(dict[str, float]):
         )
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Model(Reported):
     """Aircraft model x' = f(x, u, p, w), y = h(x, u, p, w).

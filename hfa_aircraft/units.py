@@ -14,9 +14,11 @@ from typing import Any
 from hfa_aircraft.about import Domain, Source, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
+from hfa_support.arguments import checks_arguments
 from hfa_support.units import si_factor, si_unit
 
 
+@checks_arguments
 def in_si(model: Model) -> Model:
     """Return a model with all signals in SI units.
 

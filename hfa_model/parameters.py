@@ -11,6 +11,7 @@ from typing import Any, Generic, NamedTuple
 import numpy as np
 
 from hfa_model.vectors import T
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_whole
 from hfa_support.files import write_text
 from hfa_support.provenance import Change
@@ -165,6 +166,7 @@ NAMED = {
 }
 
 
+@checks_arguments
 def default_parameters() -> ParameterSet:
     """Return the identified parameters of the paper's aircraft, which are part of the package.
 
@@ -175,6 +177,7 @@ def default_parameters() -> ParameterSet:
     return load_parameters("identified")
 
 
+@checks_arguments
 def load_parameters(name: str | Path) -> ParameterSet:
     """Return a set of parameters of the aircraft.
 
@@ -252,6 +255,7 @@ def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
     return changes
 
 
+@checks_arguments
 def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
     """Write a parameter file, from which `load_parameters` restores the exact values.
 
@@ -282,6 +286,7 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
+@checks_arguments
 def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:
     """Return random samples of the identified parameters, p_i exp(z_i) with z ~ N(0, C_ij / (p_i
     p_j)).

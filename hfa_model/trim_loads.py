@@ -11,6 +11,7 @@ from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
 from hfa_model.atmosphere import density
 from hfa_model.declaration import check_in_range, parameters_of, variant_of
 from hfa_model.vectors import INPUTS, STATES, Input, State
+from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, four_decimals
@@ -32,6 +33,7 @@ class TrimLoads(Result):
     load_units: Mapping[str, str]
 
 
+@checks_arguments
 def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
     """Return the forces and moments on the flexible aircraft and on its panels.
 

@@ -42,8 +42,9 @@ def checks_arguments(public: Public) -> Public:
     attribute `_how_to_make` what to write instead.
     """
     if isinstance(public, type):
+        maker = "__new__" if issubclass(public, tuple) else "__init__"
         how = getattr(public, "_how_to_make", "")
-        public.__init__ = _named(public.__init__, public.__name__, how)  # type: ignore[misc]  # of a class
+        setattr(public, maker, _named(getattr(public, maker), public.__name__, how))
         return public
     return cast(Public, _named(public, public.__name__))
 
@@ -75,7 +76,7 @@ def _mismatch(
     try:
         signature.bind(*arguments, **named)
     except TypeError as wrong:
-        known = [each for each in signature.parameters if each != "self"]
+        known = [each for each in signature.parameters if each not in ("self", "_cls")]
         unknown = next((word for word in named if word not in known), "")
         near = advice(unknown, known) if unknown else ""
         first = type(arguments[0]) if arguments else None

@@ -36,6 +36,7 @@ class NonlinearPlant(NamedTuple):
         return saturated(u, ca.DM(self.lowest), ca.DM(self.highest))
 
 
+@checks_arguments
 def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
     """Return the nonlinear plant about the trim of a linear model, with the limits of its inputs.
 

@@ -30,6 +30,7 @@ from hfa_support.reporting.results import Matrix
 FUNCTIONS = ("V", "gradient", "policy")
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Critic(Reported):
     """Policy u(z) and its value V(z), with the linear part u = -K z and the quadratic part z'Pz.

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 
 #: Largest number of stored rows of the history, evenly distributed over the ticks.
@@ -31,6 +32,7 @@ class Run:
     history: dict[str, np.ndarray]
 
 
+@checks_arguments
 def run(learner: Any, *, progress: Progress | None = None) -> Run:
     """Run all ticks of a learner, and return its last memory and its history.
 

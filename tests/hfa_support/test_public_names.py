@@ -1,6 +1,7 @@
 """Public names of the packages, which are imported when they are used."""
 
 import ast
+import inspect
 import re
 import subprocess
 import sys
@@ -109,8 +110,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         "did you mean initial (deviation from the trim)?",
     ),
     "lqr(A, B)": (lambda: hfa.lqr([[1.0]], [[1.0]]), "the arguments are A, B, Q, R"),
-    "lqr(A, B, Q)": (lambda: hfa.lqr([[1.0]], [[1.0]], [1.0]), "the arguments are A, B, Q, R"),
-    "game(linear)": (lambda: hfa.game(plant()["linear"]), "the arguments are linear, Q, R"),
     "Game(linear)": (
         lambda: hfa.Game(plant()["linear"], np.eye(6), np.eye(5)),
         "write hfa.game(linear, Q, R, delta)",
@@ -146,6 +145,21 @@ def test_a_wrong_call_names_the_right_one(call: str) -> None:
         wrong()
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_every_public_function_names_its_arguments() -> None:
+    """A public function called with an unknown argument is refused in one line with its arguments.
+
+    So are classes that users make.
+    """
+    pytest.importorskip("hfa_flight")
+    public = [getattr(hfa, name) for name in dir(hfa)]
+    called = [each for each in public if inspect.isfunction(each)]
+    called += [hfa.Critic, hfa.Game, hfa.LinearModel, hfa.Model, hfa.Signal, hfa.Turbulence]
+    assert hfa.track in called
+    for each in called:
+        with pytest.raises(hfa.BadInputError, match=f"^{each.__name__}: .*arguments are"):
+            each(nonsense=1)
 
 
 def test_the_right_neighbours_are_accepted() -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
@@ -37,6 +38,7 @@ class Responses(Result):
     transfers: Sequence[Transfer]
 
 
+@checks_arguments
 def transfers(system: System) -> list[Transfer]:
     """Return the transfer functions of a system from each input to each output.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_aircraft.model import recognized
+from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
@@ -34,6 +35,7 @@ class Qualities(Result):
     handling_qualities: Mapping[str, Quantity]
 
 
+@checks_arguments
 def handling_qualities(point: OperatingPoint) -> list[Quantity]:
     """Return the handling qualities at a trim, as far as the model declares their modes and
     outputs.

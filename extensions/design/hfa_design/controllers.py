@@ -31,6 +31,7 @@ from trim.linear.linear_model import LinearModel
 from trim.point.solve import level_model
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False)
 class LinearController:
     """Controller x' = A x + B [y; w] + W (u_applied - u), u = C x + D [y; w] at one value of the
@@ -150,6 +151,7 @@ def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
         warn(f"{first.kinks[0]} ({count}, the first at {where})")
 
 
+@checks_arguments
 def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearController:
     """Return the controller of a design for one linear model.
 

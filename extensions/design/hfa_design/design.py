@@ -33,6 +33,7 @@ NAMED = {"paper": "paper.toml", "servo": "servo.toml"}
 DISTURBANCES = ("states", "commands")
 
 
+@checks_arguments
 class OutputWeight(NamedTuple):
     """Weight gain (1 + corner/s) / (1 + lag s) of an output, with the Laplace variable s.
 
@@ -46,6 +47,7 @@ class OutputWeight(NamedTuple):
     lag: float = 0.0
 
 
+@checks_arguments
 class Following(NamedTuple):
     """Settings of model following: weights of squared errors, command filter, actuators.
 

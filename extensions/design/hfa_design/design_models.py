@@ -24,6 +24,7 @@ from trim.linear.linear_model import LinearModel
 RANK = 1e-10
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class DesignModel(Reported):
     """Design model z' = A z + B u + E w, y = C z + D u + noise, about an operating point of

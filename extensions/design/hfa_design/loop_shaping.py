@@ -19,6 +19,7 @@ import numpy as np
 
 from controller.riccati.frequency_response import system_gain
 from hfa_design.design import Following, OutputWeight
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.checks import Check, at_most
@@ -42,6 +43,7 @@ class Robust(NamedTuple):
     gamma: float
 
 
+@checks_arguments
 def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float) -> Robust:
     """Return the central controller for γ = factor γ_min, robust to coprime-factor perturbations.
 
@@ -68,6 +70,7 @@ def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float
     return Robust(B.T @ X, H, smallest, gamma)
 
 
+@checks_arguments
 def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> Check:
     """Return the check that ‖[K; I] (I - G K)⁻¹ [I G]‖∞ is at most γ.
 

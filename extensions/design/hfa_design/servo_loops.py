@@ -22,6 +22,7 @@ from hfa_design.design import Design
 from hfa_design.design_models import DesignModel, design_model
 from hfa_flight.actuators import Actuator
 from hfa_flight.schedule.scheduled_controller import ScheduledController
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.checks import Check, Checked, below, checks_block
@@ -82,6 +83,7 @@ class ServoLoop:
         return spectrum(self.closed).abscissa
 
 
+@checks_arguments
 def servo_plant(
     model: Model,
     linear: LinearModel,
@@ -103,6 +105,7 @@ def servo_plant(
     return design_model(model, linear, loop)
 
 
+@checks_arguments
 def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop:
     """Return the closed loop of a controller and a plant at the plant's scheduling value.
 
@@ -122,6 +125,7 @@ def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop
     return ServoLoop(plant.A, plant.B, plant.C, Ak, Bk, Ck, Dk)
 
 
+@checks_arguments
 def servo_margins(
     loop: ServoLoop, inputs: tuple[str, ...], sensors: tuple[str, ...]
 ) -> dict[str, LoopMargin]:
@@ -289,6 +293,7 @@ def _smallest_table(
     return Table((*names, "gain dB", "at", "phase deg", "rad/s", "at", "delay ms"), rows)
 
 
+@checks_arguments
 def check_margins(
     model: Model,
     controller: ScheduledController,

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.march.march import saturated
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 
 #: Longest integration step relative to the lag. For the actuators alone, the Runge-Kutta method of
@@ -17,6 +18,7 @@ from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_posi
 LONGEST_STEP = 2.5
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class ActuatorFault:
     """Change of the actuator dynamics during a flight, from the time `begin` on.
@@ -45,6 +47,7 @@ class ActuatorFault:
             raise BadInputError(f"the start time of a fault is {self.begin:g} s; give at least 0 s")
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class ActuatorBank:
     """Actuators of the m inputs, with limits of position and rate.
@@ -206,6 +209,7 @@ class ActuatorBank:
         return ca.vertcat(saturated(speeds, -fastest, fastest), accelerations)
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Actuator:
     """Actuator of order 1, a' = -ω a + ω λ u, or of order 2, a'' = -ω² a - 2 ζ ω a' + ω² λ u.

@@ -17,6 +17,7 @@ from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.signals import TimeVector
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
     BadInputError,
     is_finite,
@@ -36,6 +37,7 @@ _AIR = 2
 MOST_STEPS = 10_000_000
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Uncertainty:
     """Random quantities of the members of a simulation. By default there are none.
@@ -101,6 +103,7 @@ def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(seed, spawn_key=(member, kind))
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Scenario(Reported):
     """Initial condition, reference, disturbances, noise, gusts and timing of a flight.

@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Result
@@ -21,6 +22,7 @@ COMMAND_FILTER = (0.5, 2.0)
 TimeVector = Any
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class CommandSteps(Reported):
     """Filtered command steps: r'' = ω² (r_step(t) - r) - 2 ζ ω r', with r = r' = 0 initially.
@@ -107,6 +109,7 @@ class CommandSteps(Reported):
         return 1 - even - middle * odd, self.bandwidth**2 * odd
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False)
 class CommandedStates(Result):
     """Reference x_d(t), (k,), of a flight: commands for some states, 0 for the others.

@@ -17,6 +17,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.jsbsim_log import TIME, log_columns
 from hfa_identify.ulog import ulog_columns
+from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
 from hfa_support.files import regular_file
@@ -38,6 +39,7 @@ _MORE_OFTEN = 5
 _FAR = 4.0
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False)
 class Record:
     """Flight record of one maneuver.
@@ -171,6 +173,7 @@ def record_of(
     return Record(name, time, _stacked(time, inputs), arrays)
 
 
+@checks_arguments
 def read_record(
     path: str | Path, model: Model, held: Mapping[str, float], table: str | Path | None = None
 ) -> Record:

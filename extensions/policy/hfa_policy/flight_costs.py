@@ -133,16 +133,20 @@ class FlightCosts(Result):
         """Return sentences on the mean costs and on the range of the ratios."""
         sentences = []
         if self.cost is not None and self.lqr_cost is not None:
-            some = "" if self.both == self.compared else f" from {self.both} of {self.compared}"
+            some = f" where both end at the trim ({self.both} of {self.starts})"
+            some = "" if self.both == self.starts else some
             sentences.append(f"mean cost {self.cost.text()}, LQR {self.lqr_cost.text()}{some}")
         if self.ratios is not None:
             least, _, worst = self.ratios
             reference = "the best found" if self.found else "the exact gain's"
             sentences.append(f"flights cost {_number(least)} to {_number(worst)} x {reference}")
-        if self.lost or self.lqr_lost:
-            count = f"{self.lost} of {self.compared}"
-            lqr = f", of the LQR {self.lqr_lost}"
-            sentences.append(f"{count} flights leave or do not end at the trim{lqr}")
+        if self.lost or self.lqr_lost or self.refused:
+            count = f"{self.compared} of {self.starts}" if self.refused else f"{self.starts}"
+            refused = f" (no best flight found from {self.refused})" if self.refused else ""
+            sentences.append(
+                f"costs are of flights from {count} other initial conditions{refused}, of which "
+                f"{self.lost} leave or do not end at the trim, of the LQR {self.lqr_lost}"
+            )
         if self.unresolved:
             sentences.append(f"{self.unresolved} flights are not resolved by the integration step")
         return sentences

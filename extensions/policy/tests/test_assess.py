@@ -58,6 +58,33 @@ def test_the_first_line_contains_verdict_and_cost_ratio(passing_assessment):
     assert max(len(each.first_line) for each in (passing_assessment, failing)) <= 80
 
 
+@pytest.mark.slow  # searches of best flights
+def test_starts_without_a_best_flight_are_counted():
+    """Costs are compared from where v' = v + v^3 + f, |f| <= 1, can return: v + v^3 < 1.
+
+    f = -2 v + 4 v^3 returns from v^2 < 1/5 alone. The report counts both kinds beside the costs.
+    """
+    model = hfa.Model(
+        "cubic",
+        {"v": hfa.Signal(min=-3.0, max=3.0)},
+        {"f": hfa.Signal(min=-1.0, max=1.0)},
+        lambda x, u, p, w: ({"v": x.v + x.v**3 + u.f}, {}),
+        trim={"v": 0.0},
+    )
+    o = ca.SX.sym("o")
+    weak = Deployment(
+        policy={"file": ca.Function("gain", [o], [-2.0 * o + 4.0 * o**3])},
+        observation={"v": {}},
+        action={"f": {"box": [-1.0, 1.0]}},
+        timing={"dt": 0.02},
+        cost={"Q": {"v": 1.0}, "R": {"f": 1.0}},
+    )
+    assessment = assess(model, weak, samples=3, seed=7, box={"v": 1.0}, best=3)  # .25, .79, .55
+    costs = assessment.points[0].best
+    assert (costs.found, costs.refused, costs.lost, costs.lqr_lost, costs.both) == (2, 1, 1, 0, 1)
+    assert all(count in assessment.report().title for count in ("(1 of 3)", "2 of 3", "from 1)"))
+
+
 def test_a_policy_30_times_dearer_than_the_best_shows_it():
     """The median ratio to the best flight is in the first line of a policy that acts far too much.
 

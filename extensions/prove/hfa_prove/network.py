@@ -14,6 +14,7 @@ from controller.critic.critic import Critic
 from controller.game.linear_game import Game
 from hfa.options.output import ProgressLine
 from hfa_prove.enclosure.relaxation import Relaxation
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report
@@ -73,6 +74,7 @@ class Proof(NamedTuple):
         return f"Proved: no error of the network exceeds {self.error:g} in the box"
 
 
+@checks_arguments
 def error_bound(
     game: Game,
     critic: Critic,

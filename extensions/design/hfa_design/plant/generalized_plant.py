@@ -76,6 +76,7 @@ _OBSTACLES = (
 Controller = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class GeneralizedPlant(Reported):
     """Generalized plant x' = A x + B1 w + B2 u, z = C1 x + D11 w + D12 u, y = C2 x + D21 w + D22 u.
@@ -509,6 +510,7 @@ def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
     return np.asarray(np.linalg.solve(R[:m], np.linalg.solve(S[:p], inner.T).T))
 
 
+@checks_arguments
 def closed_plant(plant: GeneralizedPlant, controller: Controller) -> Controller:
     """Return A, B, C, D from w to z of the closed loop, with the states [x; x̂]."""
     Ak, Bk, Ck, Dk = controller

@@ -20,6 +20,7 @@ from hfa_design.plant.generalized_plant import (
     solve_plant,
     stored_plant,
 )
+from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, Roots, given
@@ -242,6 +243,7 @@ def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Rep
     return solution_of_plant(plant, bound, str(file), notes).report()
 
 
+@checks_arguments
 def solution_of_plant(
     plant: GeneralizedPlant, delta: float | None, origin: str, notes: Sequence[str] = ()
 ) -> PlantSolution:

@@ -10,6 +10,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.names import UPDRAFT
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_positive
 
 
@@ -53,6 +54,7 @@ class Gust:
         return np.zeros(0)
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class OneMinusCosine(Gust):
     """Discrete gust w = (peak/2) (1 - cos(2π V (t - begin) / length)).

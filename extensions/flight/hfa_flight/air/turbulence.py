@@ -19,6 +19,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import ADDED, missing_states, taken_components
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.names import UPDRAFT, gust_speed
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, is_finite, shown
 from hfa_support.units import si_factor
 from trim.point.operating_point import OperatingPoint
@@ -75,6 +76,7 @@ FILTERS = {
 }
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Turbulence:
     """Turbulence with the spectra of MIL-F-8785C.
@@ -211,6 +213,7 @@ class Scales(NamedTuple):
     intensities: tuple[float, float, float]
 
 
+@checks_arguments
 def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales:
     """Return scale lengths, ft, and intensities, ft/s, of u, v and w at an altitude in ft.
 

@@ -17,6 +17,7 @@ from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.policies.tables import table_expression
 from hfa_flight.schedule.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_flight.signals import CommandSteps
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.linear_table import LinearTable
 from trim.point.linearize import linearize
@@ -256,6 +257,7 @@ class MatrixTables:
         )
 
 
+@checks_arguments
 def servo_policy(
     controller: ScheduledController, commands: CommandSteps, model: Model, point: OperatingPoint
 ) -> ServoPolicy:

@@ -203,6 +203,7 @@ def member_loop(plan: MonteCarlo) -> CompiledLoop:
     return CompiledLoop(plan.loop(), plan.members)
 
 
+@checks_arguments
 def fly_member(plan: MonteCarlo, member: int) -> Flight:
     """Draw the member with this number and return its flight."""
     scenario = plan.member(member)

@@ -55,6 +55,7 @@ def run_monte_carlo(
     return {name: np.concatenate([rows[name] for rows in in_order]) for name in KEPT}
 
 
+@checks_arguments
 def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
     """Simulate all members of a plan into the store at `path` and return it as `xarray.Dataset`.
 

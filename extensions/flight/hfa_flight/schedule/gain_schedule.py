@@ -100,6 +100,7 @@ class GainSchedule(Reported):
             )
 
 
+@checks_arguments
 def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     """Return the gain schedule in a file.
 

@@ -137,12 +137,14 @@ class Family:
         SteadyFlight(self.flight(low, high))
 
 
+@checks_arguments
 def breakpoints_of(family: Family, low: float, high: float) -> np.ndarray:
     """Return the breakpoints of exact gains from `low` to `high`, equally spaced."""
     count = max(2, math.ceil((high - low) / (_STEP * family.step)) + 1)
     return np.linspace(low, high, count)
 
 
+@checks_arguments
 def exact_gains(family: Family, breakpoints: np.ndarray, **changes: Any) -> Gains:
     """Return the gains of the exact game at scheduling values (g,).
 
