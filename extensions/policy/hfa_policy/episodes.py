@@ -200,8 +200,6 @@ class Episodes:
         trims = self._trims[owners]
         starts = trims[:, : len(self.deployed.model.states)].copy()
         starts[:, self._linear] += share * self._boxes[owners]
-        if self._air is not None and len(numbers) == len(self.owners):
-            self._air.seed(int(random.integers(2**63)))
         return self.begin_at(numbers, owners, starts, random)
 
     def begin_at(
@@ -218,10 +216,13 @@ class Episodes:
         numbers: (N,), indices of the episodes
         owners: (N,), index of each episode's trim
         starts: (N, n), initial states
-        random: draws the varied parameters, or None for those of the model
+        random: draws the turbulence and the varied parameters, or None to continue the turbulence
+            with the parameters of the model
         """
         count = len(numbers)
         trims = self._trims[owners]
+        if self._air is not None and random is not None and count == len(self.owners):
+            self._air.seed(int(random.integers(2**63)))
         if random is not None and self.varied:
             lowest, highest = np.array(list(self.varied.values())).T
             trims[:, self._drawn] = random.uniform(lowest, highest, (count, len(lowest)))

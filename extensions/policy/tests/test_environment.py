@@ -238,15 +238,15 @@ def test_training_logs_the_return_of_episodes() -> None:
 
 @pytest.mark.filterwarnings("ignore:turbulence without")
 def test_episodes_with_equal_seeds_have_equal_turbulence() -> None:
-    """Episodes in turbulence are equal for equal seeds and different for different seeds."""
+    """From one initial state, turbulence is equal for equal seeds, and differs for different seeds."""
     light = Turbulence("light", 150.0, span=2.0)
     model, deployment = aircraft("ppo_gtm"), gtm_deployment({}, action=ACTION)
-    points = trims("ppo_gtm")[1:2]
-    env = environment(model, deployment, points, turbulence=light)
+    (point,) = trims("ppo_gtm")[1:2]
+    env = environment(model, deployment, [point], turbulence=light)
     still = env.action_space.low * 0.0
     runs = []
     for seed in (5, 5, 6):
-        env.reset(seed=seed, options=None)
+        env.reset(seed=seed, options={"start": np.array(point.states)})
         runs.append([env.step(still)[0] for _ in range(20)])
     np.testing.assert_array_equal(runs[0], runs[1])
     assert np.abs(np.subtract(runs[0], runs[2])).max() > 1e-3
