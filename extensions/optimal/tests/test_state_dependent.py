@@ -25,7 +25,7 @@ DUFFING = hfa.Model(
 AT_REST = hfa.trim(DUFFING)
 
 
-@pytest.mark.parametrize("state", [[0.0, 0.0], [1.3, 0.0], [-1.0, 0.3]])
+@pytest.mark.parametrize("state", [[1.3, 0.0], [-1.0, 0.3]])
 def test_the_command_solves_the_riccati_equation_of_the_state(state: list[float]) -> None:
     """u = -R⁻¹B'P(z) z with A(z) by hand and P by SciPy, where the filter does not act."""
     policy = hfa.state_dependent(DUFFING, AT_REST, np.eye(2), np.eye(1), limit_weight=0.0)

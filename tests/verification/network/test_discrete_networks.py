@@ -88,8 +88,6 @@ def test_a_policy_exact_only_at_the_origin_fails() -> None:
     assert verdict.K_rel_error < 1e-12
     assert failed_names(verdict.checks) == {"searched_policy_error", "cost_lost_flown_percent"}
     assert verdict.to_dict()["network"]["reach"] == 0.0
-    assert "cost without bound" in verdict.headline()
-    assert " at the origin, and by " in verdict.reason
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -183,28 +181,20 @@ def test_the_exact_network_of_a_discounted_game_passes(game: Game) -> None:
     assert "searched_policy_error" in failed_names(verdict.checks)
 
 
-def test_verify_reports_how_networks_are_read() -> None:
-    """On a discrete-time plant, `hfa verify` reports how a network was read.
+def test_the_equilibrium_of_a_shifted_network_is_found() -> None:
+    """`hfa verify` passes the exact policy of a plant file, and fails one with a bias b.
 
-    A network with a shifted equilibrium fails.
+    The equilibrium of x⁺ = A x + B (b - K x) is (I - A + B K)⁻¹ B b.
     """
-    problem = problem_of()
-    exact = exact_of(problem)
-    step = problem
-    plant = {name: getattr(step, name).tolist() for name in "ABEQR"} | {"delta": step.delta}
+    problem, bias = problem_of(), np.array([0.2])
+    K = exact_of(problem).K
+    plant = {name: getattr(problem, name).tolist() for name in "ABEQR"} | {"delta": problem.delta}
     path = stored("plant.json", time="discrete", **plant)
     words = ("verify", "--model", path, "--network", "policy=", "--weights")
-    right = hfa(*words, torch_file("right.pt", {"weight": -exact.K}))
-    assert right.code == DONE
-    assert right.out.startswith(
-        "PASS on the discrete game, balanced box, 100 flights: optimal cost\n"
-    )
-    assert "\nno error above 1e-06 found at 20000 states\n" in right.out
-    assert "Read: network right.pt: policy 2 -> 1" in right.out
-    shifted = torch_file("shifted.pt", {"weight": -exact.K, "bias": np.array([0.2])})
-    wrong = answer(*words, shifted, code=FAILED)
-    assert wrong["network"]["rest_point"][0] > 0.01
-    assert wrong["schema"] == "hfa.critic-check/1"
+    assert hfa(*words, torch_file("right.pt", {"weight": -K})).code == DONE
+    shifted = torch_file("shifted.pt", {"weight": -K, "bias": bias})
+    rest = answer(*words, shifted, code=FAILED)["network"]["rest_point"]
+    np.testing.assert_allclose(rest, np.linalg.solve(np.eye(2) - A + B @ K, B @ bias), rtol=1e-6)
 
 
 def test_rounding_of_an_accurate_value_at_the_trim_is_no_error() -> None:

@@ -57,10 +57,7 @@ def test_a_network_that_equals_the_value_passes(game: Game) -> None:
     assert {"value", "gradient", "policy"} == {each["name"] for each in found["searched"]}
     assert pickle.loads(pickle.dumps(check)).to_dict()["network"] == check.to_dict()["network"]
     assert from_network(game, narrow).precision == "float32"
-    said = hfa("verify", *AT_15, "--weights", narrow).out
-    assert said.startswith("PASS on the linear game, typical box, 100 flights: optimal cost\n")
-    assert "\nno error above 1e-06 found at 20000 states\n" in said
-    assert "(searched, 20000 starts; not a bound)" in said
+    assert hfa("verify", *AT_15, "--weights", narrow).code == DONE
 
 
 def test_exact_gradient_and_policy_networks_pass(game: Game) -> None:
