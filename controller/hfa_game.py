@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.game.linear_game import names_of_linear
-from controller.game.weights import nominal_weights
+from controller.game.weights import default_weight
 from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
@@ -98,7 +98,8 @@ def usual_game(
     """Return the default game of a model with the linear plant (A, B).
 
     - all states and exactly the inputs of the paper's aircraft: the paper's game
-    - any other model: Q and R are diag(1/nominal²), E is the identity and delta is inf
+    - any other model: Q, R and N are those of a plant file, else diag(1/nominal²) and 0; E is the
+      identity and delta is inf
 
     model: model of the plant
     A: (n, n)
@@ -117,9 +118,8 @@ def usual_game(
     if _is_flexible(model):
         return paper_game(A, B, names, model, changes)
     parts: dict[str, Any] = {
-        "E": np.eye(len(A)),
-        "Q": nominal_weights(model, model.linear),
-        "R": nominal_weights(model, model.inputs),
-        "delta": np.inf,
+        name: default_weight(name, model, model.linear, tuple(model.inputs))
+        for name in ("Q", "R", "N")
+        if name not in changes
     }
     return Game(A, B, names=names, **(parts | changes))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from controller.game.weights import default_weight
 from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.names import PlantNames
@@ -19,23 +21,25 @@ from trim.linear.linear_model import LinearModel
 @checks_arguments
 def game(
     linear: LinearModel,
-    Q: ArrayLike | Mapping[str, float],
-    R: ArrayLike | Mapping[str, float],
+    Q: ArrayLike | Mapping[str, float] | None = None,
+    R: ArrayLike | Mapping[str, float] | None = None,
     delta: float = np.inf,
     E: ArrayLike | None = None,
     N: ArrayLike | None = None,
 ) -> Game:
     """Return the game J = ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt on a linear model.
 
-    The plant is z' = A z + B u + E d. The game keeps the names and units of the model.
+    The plant is z' = A z + B u + E d. The game keeps the names and units of the model. The game of
+    the paper on its flexible aircraft is `hfa.paper.published_game(linear)`.
 
     linear: the linear model, with A and B
     Q: (n, n), or its diagonal, (n,), or state -> weight, with 0 for all other states
-    R: (m, m), or its diagonal, (m,), or input -> weight, for every input
+    R: (m, m), or its diagonal, (m,), or input -> weight, for every input. The defaults of Q and R
+        are those in the file of a linear plant, else diag(1/nominal²)
     delta: > 0; inf for LQR, without a disturbance
     E: (n, k), disturbance matrix; by default the identity. E=linear.E is the matrix of the model's
         winds.
-    N: (n, m), cross weights; by default 0
+    N: (n, m), cross weights; by default 0, without Q or R those in the file of a linear plant
 
     Rows and columns of tables of pandas are put into the order of the states and inputs.
 
@@ -49,17 +53,20 @@ def game(
     [0.01, 0.0, 0.0, 0.0, 0.0, 0.0]
     """
     need(linear, LinearModel, "game: linear", LinearModel._how_to_make)
-    if Q is None or R is None:
-        raise BadInputError("game: Q or R is None; give weights: hfa.game(linear, Q, R, delta)")
     names = names_of_linear(linear)
     if E is not None and linear.disturbances and np.array_equal(E, linear.E):
         names = names._replace(disturbances=linear.disturbances)
+    default = partial(
+        default_weight, model=linear.model, states=linear.states, inputs=linear.inputs
+    )
+    if N is None and (Q is None or R is None):
+        N = default("N")
     return Game(
         A=linear.A,
         B=linear.B,
         E=in_order("E", E, linear.states, ()),
-        Q=_weights("Q", Q, linear.states),
-        R=_weights("R", R, linear.inputs),
+        Q=default("Q") if Q is None else _weights("Q", Q, linear.states),
+        R=default("R") if R is None else _weights("R", R, linear.inputs),
         delta=delta,
         N=in_order("N", N, linear.states, linear.inputs),
         names=names,

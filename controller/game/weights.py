@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors
+from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 
 #: Matrices with more entries are summarized.
 _SHOWN = 40
+#: Signals of the rows and the columns of each weight: states x or inputs u.
+_SIGNALS = {"Q": ("x", "x"), "R": ("u", "u"), "N": ("x", "u")}
 
 
 def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
@@ -19,6 +23,38 @@ def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
     With these weights, the cost rate of a deviation of nominal size is 1.
     """
     return np.diag([model.signals[name].nominal ** -2.0 for name in names])
+
+
+def default_weight(
+    matrix: str, model: Model, states: Sequence[str], inputs: Sequence[str]
+) -> np.ndarray:
+    """Return the default Q, R or N: that in the file of a linear plant, else diag(1/nominal²) or 0.
+
+    matrix: "Q", "R" or "N"
+    states, inputs: linear states and inputs of the rows and columns
+
+    Raises BadInputError, which names the model, if the matrix in the file has a wrong shape.
+    """
+    of_model = {"x": tuple(model.linear), "u": tuple(model.inputs)}
+    wanted = {"x": states, "u": inputs}
+    signals = _SIGNALS[matrix]
+    stored = model.about.weights.get(matrix)
+    if stored is None and matrix == "N":
+        return np.zeros((len(states), len(inputs)))
+    if stored is None:
+        return nominal_weights(model, wanted[signals[0]])
+    with prefix_errors(model.name):
+        weight = numbers_in(matrix, stored)
+        if weight.ndim == 1 and matrix != "N":
+            weight = np.diag(weight)
+        weight = checked_matrix(matrix, weight, LARGEST)
+        shape = (len(of_model[signals[0]]), len(of_model[signals[1]]))
+        if weight.shape != shape:
+            rule = f"give {shape_text(shape)}, to match A and B"
+            raise BadInputError(f"{matrix} is {shape_text(weight.shape)}; {rule}")
+    places = [[of_model[each].index(name) for name in wanted[each]] for each in signals]
+    rows, columns = ([model.signals[name].nominal for name in wanted[each]] for each in signals)
+    return np.asarray(weight[np.ix_(*places)] / np.outer(rows, columns))
 
 
 def weights_line(game: Game, whose: Mapping[str, str] | None = None) -> str:
@@ -50,21 +86,19 @@ def cost_text(
     names: Sequence[str],
     Q: np.ndarray,
     R: np.ndarray,
-    of_file: Collection[str] = (),
 ) -> str:
-    """Return Q and R as one line of text, marked as "file", or as "default" where they equal
-    1/nominal².
+    """Return Q and R as one line of text, marked where they are the default, with its source.
 
-    The text is, for example, "Q diag(1, 2), R diag(1) (default 1/nominal^2)".
+    The text is, for example, "Q diag(1, 2) (file), R diag(1) (default 1/nominal^2)".
 
     names: states of Q, then inputs of R
-    of_file: names of the weights that a plant file contains
     """
     parts = []
-    for name, weight, signals in (("Q", Q, names[: len(Q)]), ("R", R, names[len(Q) :])):
-        is_usual = np.allclose(weight, nominal_weights(model, signals), rtol=1e-12, atol=0.0)
-        source = " (file)" if name in of_file else " (default 1/nominal^2)" * is_usual
-        parts.append(f"{name} {matrix_text(weight)}{source}")
+    for name, weight in (("Q", Q), ("R", R)):
+        usual = default_weight(name, model, names[: len(Q)], names[len(Q) :])
+        source = "file" if name in model.about.weights else "default 1/nominal^2"
+        is_usual = np.allclose(weight, usual, rtol=1e-12, atol=0.0)
+        parts.append(f"{name} {matrix_text(weight)}" + f" ({source})" * is_usual)
     return ", ".join(parts)
 
 

@@ -158,11 +158,12 @@ class GameGiven(Part):
     def game_at(self, linear: LinearModel, aircraft: Aircraft) -> NamedGame:
         """Return the game on the linear model of an aircraft at a trim."""
         warnings = (*linear.point.warnings, *linear.kinks)
-        missing = [name for name in ("Q", "R", "delta") if name not in self.weights.changed]
+        of_file = tuple(linear.model.about.weights)
+        whose = self.weights.sources("default", of_file)
+        missing = [name for name, source in whose.items() if source == "default"]
         if aircraft.own and missing:
             taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
             warnings += (f"{' and '.join(missing)} not given; used: {', '.join(taken)}",)
-        whose = self.weights.sources("default")
         return NamedGame(self.weights.game(linear), warnings, linear=linear, weights_from=whose)
 
     def _game_of_file(self, plant: Path, read: dict[str, Any] | None) -> NamedGame:

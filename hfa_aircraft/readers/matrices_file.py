@@ -265,4 +265,7 @@ def linear_plant(path: str) -> Model:
         names = plant_names(stored, n, m, notes)
     model = plant_model(path, names.completed(n, m), A, B)
     weights: dict[str, Any] = {name: stored[name] for name in ("Q", "R", "N") if name in stored}
-    return replace(model, about=replace(model.about, weights=weights))
+    unused = "delta and E of the file are not used; --model uses them"
+    is_game = "delta" in stored and one_number("delta", stored["delta"]) < math.inf
+    about = replace(model.about, weights=weights, notes=model.about.notes + (unused,) * is_game)
+    return replace(model, about=about)

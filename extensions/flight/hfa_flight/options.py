@@ -198,6 +198,7 @@ class PolicyGiven(Part):
         limits: state -> (lowest, highest), replacing the limits of the flight envelope
         """
         game = self.game.game(linear)
+        game.refuse_cross_weights(f"--law {self.law}")
         settings = LawSettings(self.horizon, self.margin, self.estimate)
         problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
         policy: Policy = loaded(LAWS[self.law])(problem, game, settings)

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from controller.game.linear_game import game
-from controller.game.weights import cost_text, nominal_weights
+from controller.game.weights import cost_text
 from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
@@ -299,7 +299,7 @@ class OfProblem:
         return self.problem.model
 
     def weights_text(self) -> str:
-        """Return Q and R as text, marked where they are the default 1/nominal²."""
+        """Return Q and R as text, marked where they are the default."""
         problem = self.problem
         signals = (*problem.states, *problem.inputs)
         return f"cost: {cost_text(self.model, signals, self.Q, self.R)}"
@@ -331,8 +331,8 @@ def flight_problem(
 ) -> FlightProblem:
     """Return the optimal control problem of flights to a trim.
 
-    Q, R: weights, as `hfa.game` accepts them, by default diag(1/nominal²); R is the weight of the
-        moving inputs
+    Q, R: weights, as `hfa.game` accepts them and with its defaults; R is the weight of the moving
+        inputs
     inputs: inputs that move, by default all; the others are constant
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
 
@@ -346,11 +346,8 @@ def flight_problem(
         for name in inputs:
             refuse_unknown("there is no input", name, linear.inputs)
         linear = linear.select(inputs=tuple(inputs))
-    lqr = game(
-        linear,
-        nominal_weights(model, linear.states) if Q is None else Q,
-        nominal_weights(model, linear.inputs) if R is None else R,
-    )
+    lqr = game(linear, Q, R)
+    lqr.refuse_cross_weights("the cost of these flights")
     solution = unconfirmed_solution(lqr)
     envelope = flight_envelope(model, point, limits)
     return FlightProblem(linear, lqr.Q, lqr.R, solution.P, solution.K, envelope)

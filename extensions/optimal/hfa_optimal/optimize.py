@@ -66,7 +66,7 @@ def optimize(
     point: trim at which the flight ends
     initial: state of the linear model -> deviation from the trim, in the units of the model, or
         another trim
-    Q, R: weights, as `hfa.game` accepts them, by default diag(1/nominal²). R is the weight of the
+    Q, R: weights, as `hfa.game` accepts them and with its defaults. R is the weight of the
         moving inputs.
     minimize: "cost", or "time" to the trim. For the time, Q and R weight the linear policy that
         follows the proposal.

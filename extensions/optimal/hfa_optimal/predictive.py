@@ -160,7 +160,7 @@ def predictive(
 
     model: the aircraft
     point: trim at which flights end
-    Q, R: weights, as `hfa.game` accepts them, by default diag(1/nominal²); R is the weight of the
+    Q, R: weights, as `hfa.game` accepts them and with its defaults; R is the weight of the
         moving inputs
     delta: δ of the game whose P and K are at the end of a plan; by default the LQR
     dt: sample time, s, by default chosen from the linear model

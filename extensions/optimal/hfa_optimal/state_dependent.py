@@ -214,7 +214,7 @@ def state_dependent(
 
     model: the aircraft
     point: trim at which flights end
-    Q, R: weights, as `hfa.game` accepts them, by default diag(1/nominal²)
+    Q, R: weights, as `hfa.game` accepts them and with its defaults
     delta, E: δ and disturbance matrix of the game, as `hfa.game` accepts them; by default the LQR
     dt: sample time, s, by default chosen from the linear model as for `hfa.predictive`
     limit_weight: weight that is added to a kept rate at its limit, in units of 1/nominal²

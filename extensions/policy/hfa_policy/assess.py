@@ -19,6 +19,7 @@ from hfa_policy.flight_costs import flight_costs
 from hfa_policy.rough_flights import RoughFlights, rough_flights, rough_scenario
 from hfa_policy.trims import trims_of
 from hfa_policy.variations import changes_of, variations
+from hfa_policy.weights import has_weights
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import (
     BadInputError,
@@ -67,7 +68,7 @@ def assess(
     needs: requirement of `hfa assess --need`, such as "delay" (s) or "cost" (%) -> required value
     best: number of flights at each trim whose costs are compared with the best flights found and
         with the exact gain's. 0 compares five with the exact gain's alone. Default: 5 if the
-        deployment has a cost, else 0; no flight is compared if `samples` is 0
+        deployment or the plant file has Q and R, else 0; no flight is compared if `samples` is 0
 
     Raises BadInputError for a wrong argument or a deployment that does not fit the aircraft, and
     TrimError if there is no trim.
@@ -154,7 +155,7 @@ def _with_costs(
     """Return the result at a trim with the costs of some flights, or a remark why none exist."""
     deployed = assessor.deployed
     count = min(COMPARED, assessor.samples)
-    searched = deployed.deployment.cost is not None and count > 0
+    searched = has_weights(deployed) and count > 0
     if best is not None:
         count, searched = best or count, best > 0
     if count == 0:

@@ -18,6 +18,7 @@ from hfa_policy.assessment_figure import drawn_assessment
 from hfa_policy.assessment_report import records_table, report_parts
 from hfa_policy.findings import Finding, Severity, findings_at_trims, where_text, worst_first
 from hfa_policy.variations import Variation
+from hfa_policy.weights import has_weights
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.figure import new_figure, pyplot_figure
@@ -93,7 +94,7 @@ class Assessment(Result, Reported):
                 if len(self.points) == 1:
                     where = ""
                 sentences.append(f"{NEEDS[name].format(need)}{where}")
-        if "cost" in self.needs and self.deployed.deployment.cost is None:
+        if "cost" in self.needs and not has_weights(self.deployed):
             raise BadInputError(
                 "--need cost requires weights; add [cost] with the Q and R of the training "
                 "to the deployment file"

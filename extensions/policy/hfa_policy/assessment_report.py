@@ -11,11 +11,11 @@ import numpy as np
 from controller.game.weights import cost_text
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_policy.assessed_point import AssessedPoint, scheduled_value
-from hfa_policy.cost_above_optimum import weights_at
 from hfa_policy.evidence import ActionEffect, ObservationRange
 from hfa_policy.findings import where_text
 from hfa_policy.rough_flights import rough_table
 from hfa_policy.variations import Variation, variation_table
+from hfa_policy.weights import weights_at
 from hfa_support.reporting.text import Table, shown_unit
 
 
@@ -48,8 +48,7 @@ def _weights_text(deployed: Deployed, point: AssessedPoint) -> str:
     """Return the weights of the cost as text."""
     signals = (*deployed.model.linear, *deployed.commanded)
     has_cost = deployed.deployment.cost is not None
-    of_file = () if has_cost else tuple(deployed.model.about.weights)
-    text = cost_text(deployed.model, signals, *weights_at(deployed, point.point), of_file)
+    text = cost_text(deployed.model, signals, *weights_at(deployed, point.point))
     return f"cost: {text}" if has_cost else f"cost: {text}; the deployment has no [cost]"
 
 

@@ -31,6 +31,7 @@ from hfa_policy.nonlinearity import nonlinearity
 from hfa_policy.outcomes import Outcomes, Place, ends_from_trim, fly_places, refuse_edges
 from hfa_policy.reach import HORIZON, Reach, reach_of, seconds_to_converge
 from hfa_policy.recorded_flights import resolved_flight
+from hfa_policy.weights import has_weights
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from trim.point.operating_point import OperatingPoint
@@ -203,7 +204,7 @@ class Assessor:
 
     def _cost(self, reach: Reach, chain: Chain, remarks: list[str]) -> CostAboveOptimum | None:
         """Return the cost above the optimum, or None without weights or an optimum."""
-        if self.deployed.deployment.cost is None:
+        if not has_weights(self.deployed):
             return None
         lost = cost_above_optimum(self.deployed, reach.loop, chain)
         if isinstance(lost, str):

@@ -14,10 +14,9 @@ from hfa_flight.hold import hold_of
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Chain
-from hfa_policy.episodes import cost_weights
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_policy.weights import weights_at
+from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.results import Result
-from trim.point.operating_point import OperatingPoint
 
 #: A state whose eigenvalue of the optimal cost is smaller, relative to the largest, has no cost.
 _COSTS_NOTHING = 1e-12
@@ -83,36 +82,6 @@ def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
         Q = equilibrium.basis.T @ Q @ equilibrium.basis
     E = np.eye(len(equilibrium.A))
     return Game(equilibrium.A, equilibrium.B, E, Q, R, math.inf)
-
-
-def weights_at(
-    deployed: Deployed, place: Equilibrium | OperatingPoint
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return Q (k, k) of the linear states and R (m', m') of the commanded inputs.
-
-    The weights are those of `cost_weights`. An output with the weight q and the slopes c
-    contributes q c c' to Q.
-
-    Raises BadInputError for an output that depends on the inputs.
-
-    place: point at which the outputs are linearized
-    """
-    of_states, of_inputs = cost_weights(deployed)
-    linear = deployed.model.linear
-    outputs = tuple(name for name in of_states if name not in linear)
-    slopes = deployed.model.at(place.states, place.inputs, outputs)
-    if np.any(slopes.D):
-        wrong = [name for name, row in zip(outputs, slopes.D, strict=True) if row.any()]
-        raise BadInputError(
-            f"cost.Q.{wrong[0]} weights an output that depends directly on the inputs, which is "
-            "not supported; give weights of states instead"
-        )
-    rows = deployed.model.state_places(linear)
-    Q = np.diag([float(of_states.get(name, 0.0)) for name in linear])
-    for name, row in zip(outputs, slopes.C[:, rows], strict=True):
-        Q += float(of_states[name]) * np.outer(row, row)
-    R = np.diag([float(of_inputs[name]) for name in deployed.commanded])
-    return Q, R
 
 
 def _sampled_costs(game: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:

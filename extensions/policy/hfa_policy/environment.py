@@ -13,9 +13,10 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_policy.episodes import SECONDS, Episodes, diagonal_weights, usual_weights
+from hfa_policy.episodes import SECONDS, Episodes
 from hfa_policy.start_boxes import sample_time
 from hfa_policy.trims import trims_of
+from hfa_policy.weights import diagonal_weights, usual_weights
 from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.errors import BadInputError, missing_package, refuse_unless_whole, warn
 from hfa_support.reporting.figure import new_figure

@@ -24,12 +24,11 @@ from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.flights import SampledFlight
 from hfa_policy.outcomes import departure_at, refuse_edges
 from hfa_policy.start_boxes import surviving_boxes
+from hfa_policy.weights import cost_rate, cost_weights
 from hfa_support.errors import (
     BadInputError,
     is_finite,
-    numbers_in,
     pair_of,
-    prefix_errors,
     refuse_unknown,
     shown,
 )
@@ -477,76 +476,3 @@ def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> 
     within = saturated(action, ca.DM(low), ca.DM(high))
     commanded = deployed.inputs(within, *arguments)
     return ca.Function("moves", [action, *arguments], [ca.densify(commanded)])
-
-
-def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Return Q of states and outputs, and R of inputs, by name, as given in the deployment file.
-
-    Without a cost, the weights of the linear states and the commanded inputs are those of the plant
-    file, by default 1/nominal².
-
-    Raises BadInputError if a weight of the plant file is not diagonal.
-    """
-    cost = deployed.deployment.cost
-    if cost is not None:
-        return cost["Q"], cost["R"]
-    model = deployed.model
-    if np.any(numbers_in("N", model.about.weights.get("N", 0.0))):
-        raise BadInputError(
-            f"{model.name} has cross weights N, which are not supported; remove N, or give a "
-            "deployment file with Q and R in [cost]"
-        )
-    R = usual_weights("R", model)
-    return usual_weights("Q", model), {name: R[name] for name in deployed.commanded}
-
-
-def usual_weights(matrix: str, model: Model) -> dict[str, float]:
-    """Return the diagonal of the matrix "Q" or "R" in the plant file, by default 1/nominal², by
-    name.
-
-    Raises BadInputError if the matrix in the file is not diagonal.
-    """
-    names = tuple(model.linear if matrix == "Q" else model.inputs)
-    stored = model.about.weights.get(matrix)
-    weights = dict.fromkeys(names, 1.0)
-    if stored is not None:
-        with prefix_errors(model.name):
-            weights = diagonal_weights(matrix, stored, names)
-    return {name: weights[name] * model.signals[name].nominal ** -2.0 for name in names}
-
-
-def diagonal_weights(matrix: str, given: Any, names: Sequence[str]) -> dict[str, float]:
-    """Return name -> weight of a diagonal matrix (k, k), or of its diagonal (k,).
-
-    Raises BadInputError if the matrix is not diagonal.
-    """
-    weights = numbers_in(matrix, given)
-    diagonal = np.diagonal(weights) if weights.ndim == 2 else weights
-    if diagonal.shape != (len(names),) or np.count_nonzero(weights) > np.count_nonzero(diagonal):
-        raise BadInputError(
-            f"{matrix} is not a diagonal matrix of {len(names)} weights; give one weight for each "
-            f"of {', '.join(names)}"
-        )
-    return dict(zip(names, diagonal.tolist(), strict=True))
-
-
-def cost_rate(deployed: Deployed) -> ca.Function:
-    """Return the CasADi Function (X, U, trim) -> x'Q x + u'R u, the cost rate of an episode.
-
-    x are the deviations of states and outputs from the trim, and u those of the inputs. Q and R are
-    the weights from `cost_weights`.
-    """
-    Q, R = cost_weights(deployed)
-    return weighted_squares(deployed, {**Q, **R})
-
-
-def weighted_squares(deployed: Deployed, weights: Mapping[str, float]) -> ca.Function:
-    """Return the function (X, U, trim) -> weighted sum of squared deviations from the trim.
-
-    weights: weight of each state, input or output, by name
-    """
-    X, U, trim = deployed.symbols()
-    here = deployed.values(X, U, trim)
-    there = deployed.at_trim(trim)
-    terms = [weight * (here[name] - there[name]) ** 2 for name, weight in weights.items()]
-    return ca.Function("cost_rate", [X, U, trim], [ca.densify(ca.SX(sum(terms)))])

@@ -72,8 +72,8 @@ def action_effects(
 ) -> list[ActionEffect]:
     """Return the effect of each action at an equilibrium, or at the trim if it is saturated.
 
-    The exact gain is that of the linear problem with the weights of the deployment, by default
-    1/nominal². The result is [] if this problem has no solution.
+    The exact gain is that of the linear problem with the weights of `weights_at`. The result is []
+    if this problem has no solution.
 
     search: search for the equilibrium at this trim
     """

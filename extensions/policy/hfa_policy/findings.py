@@ -11,8 +11,8 @@ import numpy as np
 
 from hfa_flight.needs import is_enough
 from hfa_policy.assessed_point import AssessedPoint, scheduled_value
-from hfa_policy.cost_above_optimum import weights_at
 from hfa_policy.outcomes import Outcomes, departure_text
+from hfa_policy.weights import weights_at
 from hfa_support.reporting.text import short_number, shown_unit
 
 #: A policy with a smaller nonlinearity counts as linear.

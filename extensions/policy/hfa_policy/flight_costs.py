@@ -16,8 +16,8 @@ from hfa_flight.policies.deployment.policy import policy_about
 from hfa_flight.problem import flight_problem
 from hfa_optimal.initial_conditions import starts_table
 from hfa_optimal.search import BestFlights
-from hfa_policy.cost_above_optimum import weights_at
 from hfa_policy.outcomes import Place
+from hfa_policy.weights import weights_at
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
 
@@ -187,7 +187,7 @@ def flight_costs(
 ) -> FlightCosts:
     """Return the costs of flights from random initial conditions in the box of a trim.
 
-    deployed: the policy. Without a cost in its deployment, the weights are 1/nominal²
+    deployed: the policy. Without a cost in its deployment, the weights are those of `weights_at`
     count: number of initial conditions
     seed: seed of the initial conditions
     searched: whether the best flight from each initial condition is searched

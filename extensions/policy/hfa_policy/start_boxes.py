@@ -38,11 +38,10 @@ def sample_time(model: Model, points: Sequence[OperatingPoint]) -> float:
     """Return the sample time of a default environment, s.
 
     It is the longest of 20, 10, 5, 2 and 1 ms whose product with the fastest pole is at most 1, of
-    the aircraft and of its LQR loop with the weights 1/nominal² at all trims. A slower policy than
-    the LQR does not need a shorter one.
+    the aircraft and of its LQR loop with the default weights at all trims. A slower policy than the
+    LQR does not need a shorter one.
     """
     from controller.game.linear_game import game
-    from controller.game.weights import nominal_weights
     from controller.riccati.gare import unconfirmed_solution
 
     fastest = 0.0
@@ -50,9 +49,7 @@ def sample_time(model: Model, points: Sequence[OperatingPoint]) -> float:
         linear = linearize(model, point)
         fastest = max(fastest, spectral_radius(linear.A))
         try:
-            Q = nominal_weights(model, linear.states)
-            R = nominal_weights(model, linear.inputs)
-            K = unconfirmed_solution(game(linear, Q, R)).K
+            K = unconfirmed_solution(game(linear)).K
         except NoSolutionError:
             continue
         fastest = max(fastest, spectral_radius(linear.A - linear.B @ K))

@@ -146,9 +146,10 @@ def test_a_gain_alone_is_assessed(folder, capsys):
 def test_weights_of_the_plant_file_are_those_of_the_cost(assessed):
     """The exact gain of Q and R in the plant file costs 1.00 times its own cost, as they are used.
 
-    Without R in the file, it is 1. Weights that are not diagonal are refused.
+    Without R in the file, it is 1. With both, the cost is compared with the optimum, and satisfies
+    `--need cost`. A weight of another size and cross weights are refused.
     """
-    plant = {"A": [[0.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": np.diag([1.0, 0.1])}
+    plant = {"A": [[0.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": [[1.0, 0.1], [0.1, 0.1]]}
     for weights, marked in (({"R": [[0.05]]}, "R diag(0.05) (file)"), ({}, "R diag(1) (default")):
         R = weights.get("R", [[1.0]])
         P = solve_continuous_are(plant["A"], plant["B"], plant["Q"], R)
@@ -156,9 +157,10 @@ def test_weights_of_the_plant_file_are_those_of_the_cost(assessed):
         code, output, _ = assessed(K, "--json", **plant, **weights)
         best = json.loads(output)["points"][0]["best"]
         assert best["policy_over_lqr"]["median"] == pytest.approx(1.0, abs=0.01)
-        code, output, _ = assessed(K, **plant, **weights)
+        assert (best["policy_over_best"] is None) is (not weights)
+        code, output, _ = assessed(K, *["--need", "cost=1"] * bool(weights), **plant, **weights)
         assert code == 0
-        assert f"cost: Q diag(1, 0.1) (file), {marked}" in output
-    for wrong in ({"Q": [[1.0, 0.1], [0.1, 1.0]]}, {"N": [[0.1], [0.0]]}):
+        assert f"cost: Q [1 0.1; 0.1 0.1] (file), {marked}" in output
+    for wrong in ({"Q": np.eye(3)}, {"N": [[0.1], [0.0]]}):
         code, _, errors = assessed(K, **plant | wrong)
         assert (code, "plant.npz" in errors) == (2, True)

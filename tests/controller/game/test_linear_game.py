@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
+from own_models import GTM, trimmed
+from scipy.linalg import solve_continuous_are
 
 import hfa
 from hfa import LinearModel
+from hfa.main import main
 from hfa_support.errors import BadInputError
 
 
@@ -45,6 +50,30 @@ def test_the_disturbance_of_a_game_is_named_in_its_reports() -> None:
         hfa.game(linear, **weights, E=np.zeros((6, 0)))
 
 
+def test_default_weights_are_those_of_the_plant_file(folder, capsys) -> None:
+    """Without Q and R, the solution is SciPy's for Q, R and N of a plant file, in Python and with
+    `--aircraft`, and for 1/nominal² where a model has no weights.
+
+    An input that is left out takes its weight along.
+    """
+    A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0, 0.5], [1.0, 0.0]])
+    Q, R = np.array([[4.0, 0.5], [0.5, 1.0]]), np.array([[0.5, 0.1], [0.1, 2.0]])
+    N = np.array([[0.1, 0.0], [0.0, 0.2]])
+    np.savez("plant.npz", A=A, B=B, Q=Q, R=R, N=N)
+    model = hfa.load_model("plant.npz")
+    linear = hfa.linearize(model, hfa.trim(model))
+    P = solve_continuous_are(A, B, Q, R, s=N)
+    assert hfa.solve(hfa.game(linear)).P == pytest.approx(P, rel=1e-9)
+    assert main(["solve", "--aircraft", "plant.npz", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert np.array(data["P"]) == pytest.approx(P, rel=1e-9)
+    one = hfa.game(linear.select(inputs=("u2",)))
+    assert (one.R.tolist(), one.N.tolist()) == ([[2.0]], [[0.0], [0.2]])
+    game = hfa.game(trimmed(GTM).linearize())
+    nominal = np.array([GTM.signals[name].nominal for name in GTM.linear])
+    assert np.diag(game.Q) == pytest.approx(nominal**-2.0)
+
+
 @pytest.mark.parametrize(
     ("weights", "words"),
     [
@@ -53,7 +82,6 @@ def test_the_disturbance_of_a_game_is_named_in_its_reports() -> None:
         ({"R": {"throttle": 1.0}}, "R has no weight for aileron_center"),
         ({"Q": np.eye(5)}, "Q is 5 x 5"),
         ({"Q": [1.0, "2"]}, "Q does not consist of rows of real numbers"),
-        ({"Q": None}, r"give weights: hfa.game\(linear, Q, R, delta\)"),
     ],
 )
 def test_a_wrong_weight_is_named(

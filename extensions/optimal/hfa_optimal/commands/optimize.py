@@ -128,6 +128,7 @@ class OptimizeRequest(Request):
         aircraft = self.trim.aircraft
         point = self.end().point()
         game = self.cost.game(linearize(aircraft, point))
+        game.refuse_cross_weights("the cost of hfa optimize")
         problem = flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)
         count = 1 if self.starts is None else self.starts
         return BestFlights(problem, count), game

@@ -237,13 +237,15 @@ def assess(request: AssessRequest) -> int:
 
 def _refuse_contradictions(request: AssessRequest, deployed: list[Deployed]) -> None:
     """Raise BadInputError for options that contradict each other or the deployments."""
+    from hfa_policy.weights import has_weights
+
     if len(deployed) > 1:
         request.refuse(("output.picture",), "requires a single deployment file; give only one file")
     for each in deployed:
-        if each.deployment.cost is not None:
+        if has_weights(each):
             continue
         origin = each.deployment.origin
-        remedy = "give a deployment file with Q and R in [cost]"
+        remedy = "give a deployment file with Q and R in [cost], or Q and R in the plant file"
         if each.deployment.actor and "cost" in request.need:
             raise BadInputError(f"--need cost: {origin} has no table [cost]; {remedy}")
         if request.best:

@@ -179,4 +179,5 @@ class CostRequest(Request):
         aircraft = self.trim.aircraft
         point = self.trim.point()
         game = self.game.weights.game(linearize(aircraft, point))
+        game.refuse_cross_weights("the cost of hfa prove")
         return flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)
