@@ -62,11 +62,11 @@ def test_default_weights_are_those_of_the_plant_file(folder, capsys) -> None:
     np.savez("plant.npz", A=A, B=B, Q=Q, R=R, N=N)
     model = hfa.load_model("plant.npz")
     linear = hfa.linearize(model, hfa.trim(model))
-    P = solve_continuous_are(A, B, Q, R, s=N)
-    assert hfa.solve(hfa.game(linear)).P == pytest.approx(P, rel=1e-9)
+    P = pytest.approx(solve_continuous_are(A, B, Q, R, s=N), rel=1e-9)
+    assert hfa.solve(hfa.game(linear)).P == P
     assert main(["solve", "--aircraft", "plant.npz", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
-    assert np.array(data["P"]) == pytest.approx(P, rel=1e-9)
+    assert np.array(data["P"]) == P
     one = hfa.game(linear.select(inputs=("u2",)))
     assert (one.R.tolist(), one.N.tolist()) == ([[2.0]], [[0.0], [0.2]])
     game = hfa.game(trimmed(GTM).linearize())
