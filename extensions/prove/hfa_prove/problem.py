@@ -11,9 +11,9 @@ import numpy as np
 import scipy.linalg
 
 from hfa_prove.statements.loop import Gain, Loop
-from hfa_prove.statements.plant import SAME_TRIM, Plant, model_limits
+from hfa_prove.statements.plant import SAME_TRIM, Limits, Plant, limits_hold, model_limits
 from hfa_prove.subject import Given, within
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, refuse_unknown
 
 if TYPE_CHECKING:
     from hfa_flight.problem import FlightProblem
@@ -45,14 +45,37 @@ def plant_of(problem: FlightProblem) -> Plant:
     return replace(plant_at(problem.point), limits=finite)
 
 
-def loop_at(linear: LinearModel, policy: Gain | ca.Function) -> Loop:
+def loop_at(linear: LinearModel, policy: Gain | ca.Function, limits: Limits | None = None) -> Loop:
     """Return the closed loop of a policy about the trim of a linear model.
 
-    The limits are those of the model at the trim.
+    limits: signal -> lowest and highest value, within the model's limits at the trim, which they
+        replace; None for the model's
+
+    Raises BadInputError if a limit is wider than the model's.
     """
     at = plant_at(linear.point)
-    limits = model_limits(at.model, {**at.trim, **at.held}, at.parameters)
-    return Loop(**vars(replace(at, limits=limits)), policy=policy)
+    return Loop(**vars(replace(at, limits=limits_at(at, limits or {}))), policy=policy)
+
+
+def limits_at(at: Plant, given: Limits) -> Limits:
+    """Return the model's limits at a trim, in which the given ones replace those of the model.
+
+    Raises BadInputError if a given limit is not that of a state, input or output, or is wider than
+    the model's.
+    """
+    model = at.model
+    names = (*model.states, *model.inputs, *model.outputs)
+    for name in given:
+        refuse_unknown("no state, input or output is called", name, names)
+    own = model_limits(model, {**at.trim, **at.held}, at.parameters)
+    wider = limits_hold({**own, **given}, own)
+    if wider is not None:
+        low, high = (model.describe(wider, end) for end in own[wider])
+        raise BadInputError(
+            f"the limits of {wider} are wider than the model's, {low} to {high}; narrow these "
+            "limits"
+        )
+    return {**own, **given}
 
 
 def plant_at(point: OperatingPoint) -> Plant:
@@ -89,7 +112,7 @@ def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) ->
     """Return the values in the user's problem that a certificate must state, by path in the
     certificate.
 
-    option: option that selects the aircraft, for messages
+    option: the options that gave the problem, for messages
     weights: Q and R if the user gave them, else {}
 
     Raises BadInputError if derivatives depend on a state that the cost omits.
@@ -105,7 +128,7 @@ def given_plant(plant: Plant, option: str, before: str = "") -> dict[str, Given]
 
     The values of its trim are compared within `SAME_TRIM` nominal values.
 
-    option: the option that defined the plant, for messages
+    option: the options that gave the plant, for messages
     before: beginning of every path, such as "plant."
     """
     widths = {name: SAME_TRIM * signal.nominal for name, signal in plant.model.signals.items()}

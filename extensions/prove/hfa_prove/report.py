@@ -232,7 +232,7 @@ def _(statement: RegionStatement) -> Claim:
     begins = "Every trajectory that begins in V(z) <= rho stays there and within all limits"
     then = " and converges to the equilibrium" if not sizes else f" under every {sizes}"
     held = f" {', '.join(loop.held)} held at trim values." if loop.held else ""
-    saturated = f"; inputs saturated: {', '.join(loop.inputs) or 'none'}."
+    saturated = f"; inputs saturated: {', '.join(_saturated(loop)) or 'none'}."
     convergence = " Convergence is not claimed." if sizes else ""
     V = PolynomialFunction.of_terms(statement.piece.W.terms).substituted(statement.piece.M)
     data = {
@@ -304,6 +304,15 @@ def _plant_data(plant: Plant) -> dict[str, Any]:
         "trim": {**plant.trim, **plant.inputs, **plant.held},
         "limits": plant.limits,
     }
+
+
+def _saturated(loop: Plant) -> list[str]:
+    """Return the names of the inputs, with the limits of those that are not the model's."""
+    shown = []
+    for name, signal in loop.model.inputs.items():
+        is_own = loop.limits.get(name, (-np.inf, np.inf)) == (signal.min, signal.max)
+        shown.append(name if is_own else f"{name} at {' and '.join(_limits(loop, name))}")
+    return shown
 
 
 def _limits(plant: Plant, name: str) -> list[str]:

@@ -47,14 +47,16 @@ class Given(NamedTuple):
     """A value from the user's data that is compared with an entry of a statement.
 
     value: the value, in the form that is stored in a certificate
-    option: the option that gave the value
+    option: the options that gave the value, for messages
     same: (value in the certificate, user's value) -> whether the values agree, exact equality by
         default
+    option_of: name in an object of values -> the option that gave it, if it is not `option`
     """
 
     value: Any
-    option: str
+    option: str = ""
     same: Callable[[Any, Any], bool] = _same
+    option_of: Mapping[str, str] = {}
 
 
 def close_to(relative: float) -> Callable[[Any, Any], bool]:
@@ -110,20 +112,16 @@ def compare(statement: Stated, given: Mapping[str, Given]) -> list[str]:
             )
         value = stated[path][1]
         if not own.same(value, own.value):
-            name = _first_other(name, value, own)
-            raise NoSolutionError(
-                f"{name} in the certificate differs from the value of {own.option}"
-            )
+            other = _first_other(name, value, own)
+            option = own.option_of.get(other, own.option)
+            what = f"limit of {other}" if name == "limits" else other
+            raise NoSolutionError(f"{what} in the certificate differs from the value of {option}")
     not_given = [declared.subject for path, (declared, _) in stated.items() if path not in given]
     return [subject for subject in dict.fromkeys(not_given) if subject]
 
 
 def _first_other(name: str, stated: Any, own: Given) -> str:
-    """Return the name of the first entry that differs from the user's value, for a message.
-
-    - Entry `limits`: "limit of KEY", with the first key whose values differ
-    - Other entries that are objects: the first key whose values differ
-    - Other entries: `name`
+    """Return the first name in an object whose values differ, or the name of another entry.
 
     name: name of the entry
     stated: value in the certificate
@@ -135,5 +133,5 @@ def _first_other(name: str, stated: Any, own: Given) -> str:
             if key in stated:
                 changed[key] = stated[key]
             if not own.same(changed, own.value):
-                return f"limit of {key}" if name == "limits" else str(key)
+                return str(key)
     return name

@@ -13,7 +13,10 @@ ROOT = Path(__file__).resolve().parents[3]
 PENDULUM = ("--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM")
 #: Kind of a certificate -> options of its proof, and options that give the whole subject.
 PROOFS = {
-    "region": ((*PENDULUM, "--degree", "2", "--seconds", "4", "--R", "2"), (*PENDULUM, "--R", "2")),
+    "region": (
+        (*PENDULUM, "--degree", "2", "--seconds", "4", "--R", "2", "--limit", "torque=-0.6:0.6"),
+        (*PENDULUM, "--R", "2", "--limit", "torque=-0.6:0.6"),
+    ),
     "schedule": (("--dihedral", "14:14.25"), ("--dihedral", "14:14.25", "--dynamics", "published")),
     "cost": (
         (*PENDULUM, "--degree", "2", "--R", "2", "--limit", "angle=-60:60"),
@@ -22,7 +25,7 @@ PROOFS = {
 }
 #: Options that change the subject: kind, path of the option, words.
 CHANGED = [
-    ("region", "game.weights.N", ("--N", "0;1")),
+    ("region", "game.weights.N", ("--N", "0;0.1")),
     ("region", "game.weights.Q", ("--Q", "1,2")),
     ("region", "game.weights.R", ("--R", "3")),
     ("region", "game.weights.delta", ("--delta", "20")),
@@ -32,6 +35,7 @@ CHANGED = [
     ("region", "reading.set", ("--set", "scale=1,2")),
     ("region", "policy", ("--policy", "policy.toml")),
     ("region", "disturbance", ("--disturbance", "push=0.1")),
+    ("region", "trim.limit", ("--limit", "torque=-0.6:0.5")),
     ("region", "trim.hold", ("--hold", "angle=0.1")),
     ("region", "trim.free", ("--free", "angle", "--hold", "torque=0.1")),
     ("region", "aircraft.source", ("--aircraft", f"{ROOT}/examples/pendulum.py:VAN_DER_POL")),
@@ -41,10 +45,10 @@ CHANGED = [
     ("schedule", "trim.limit", ("--limit", "elevator_center=-20:20")),
     ("schedule", "trim.hold", ("--hold", "speed=70")),
     ("schedule", "aircraft.dynamics", ("--dynamics", "newton")),
-    ("schedule", "aircraft.parameters", ("--parameters", "published")),
+    ("schedule", "aircraft.parameters", ("--parameters", "gibson-2011-simulation")),
     ("schedule", "weights", ("--weights", "K6.npz")),
     *(("schedule", f"game.weights.{name}", (f"--{name}", word)) for name, word in (
-        ("Q", "1,1,1,1,1,1"), ("R", "1,1,1,1,1"), ("delta", "150"), ("N", ";".join(["1,0,0,0,0"] * 6)),
+        ("Q", "1,1,1,1,1,1"), ("R", "1,1,1,1,1"), ("delta", "150"), ("N", ";".join(["1,0,0,0,0", *["0,0,0,0,0"] * 5])),
     )),
     ("cost", "game.weights.Q", ("--Q", "1,2")),
     ("cost", "game.weights.R", ("--R", "3")),
@@ -79,21 +83,30 @@ def test_the_options_of_the_proof_give_the_subject(kind: str, certificates: Path
 def test_an_option_that_changes_the_subject_is_refused(
     kind: str, path: str, words: tuple[str, ...], certificates: Path, folder: Path
 ) -> None:
-    """Each option that differs from the proof, or does not apply, is refused in one line."""
+    """Each option that differs from the proof, or does not apply, is named in one line."""
     np.savez("K.npz", K=[[2.0, 1.5]])
     np.savez("W.npz", W=[1.0, 2.0, 3.0, 0.5])
     np.savez("K6.npz", K=np.ones((5, 6)))
     np.savez("plant.npz", A=np.eye(2), B=np.ones((2, 1)), Q=np.eye(2), R=np.eye(1))
     Path("policy.toml").write_text("")
-    subject = () if path == "aircraft.source" else PROOFS[kind][1]
-    subject = tuple(word for word in subject if word not in words[:1])
-    if kind == "schedule" and path != "trim.at":
+    subject: tuple[str, ...] = PENDULUM if kind != "schedule" else ()
+    if path == "aircraft.source":
         subject = ()
-    if (path.startswith("game.weights") and kind != "schedule") or path == "trim.limit":
-        subject = PENDULUM if kind != "schedule" else ()
+    elif kind == "region" and path != "trim.limit":
+        subject = (*PENDULUM, "--limit", "torque=-0.6:0.6")
     found = hfa("prove", "--check", str(certificates / f"{kind}.json"), *subject, *words)
     assert (found.code in (1, 2), len(found.err.splitlines())) == (True, 1), found
     assert found.out == ""
+    if "in the certificate differs" in found.err:
+        assert words[0] in found.err, found.err
+
+
+def test_limits_bind_in_the_loop(certificates: Path) -> None:
+    """The limits of an input that the trim imposes are those where the loop is saturated."""
+    words = ("prove", "--check", str(certificates / "region.json"), *PENDULUM, "--R", "2")
+    stated = answer(*words, "--limit", "torque=-0.6:0.6")["claim"]["loop"]["limits"]
+    assert stated["torque"] == [-0.6, 0.6]
+    assert hfa(*words).code == 1  # the model's limits are wider
 
 
 def test_no_option_is_left_out() -> None:

@@ -14,10 +14,10 @@ from hfa_prove.certificate import kind_of
 from hfa_prove.commands.policies import GivenPolicy, given_policy
 from hfa_prove.commands.request import CheckRequest
 from hfa_prove.fields import rows_of
-from hfa_prove.problem import given_of, given_plant, plant_at
+from hfa_prove.problem import given_of, given_plant, limits_at, plant_at
 from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.loop import SAME_GAIN, Gain
-from hfa_prove.statements.plant import limits_hold, model_limits
+from hfa_prove.statements.plant import limits_hold
 from hfa_prove.statements.region import RegionStatement
 from hfa_prove.statements.schedule import ScheduleStatement
 from hfa_prove.subject import Given, close_to
@@ -30,6 +30,22 @@ _OF_THE_AIRCRAFT = (
     "aircraft.parameters",
     *(f"trim.{name}" for name in OF_THE_TRIM),
 )
+#: Beginnings of the paths of options that define a policy or gains.
+_OF_THE_POLICY = ("weights", "policy", "reading.", "game.")
+#: Subject of an entry (`Entry.subject`), or path of an entry without a subject -> paths of the
+#: options that give its value.
+_GIVEN_BY: Mapping[str, tuple[str, ...]] = {
+    "aircraft": ("aircraft.source", "aircraft.dynamics"),
+    "parameters": ("aircraft.parameters", "aircraft.mass"),
+    "trim": tuple(f"trim.{name}" for name in ("at", *OF_THE_TRIM)),
+    "limits": ("trim.limit",),
+    "policy": _OF_THE_POLICY,
+    "gains": _OF_THE_POLICY,
+    "flight.range": ("trim.at",),
+    "loop.disturbances": ("disturbance",),
+    "Q": ("game.weights.Q",),
+    "R": ("game.weights.R",),
+}
 #: Kind of a certificate -> its subject, and paths of options that do not apply to it.
 _OTHERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "schedule": ("a schedule", ("policy", "reading.", "disturbance", "game.plant")),
@@ -42,8 +58,6 @@ _OTHERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
         ),
     ),
 }
-#: Beginnings of the paths of options that define a policy or gains.
-_OF_THE_POLICY = ("weights", "policy", "reading.", "game.")
 
 
 def _typed(request: CheckRequest, paths: tuple[str, ...]) -> list[str]:
@@ -69,13 +83,23 @@ def names_aircraft(request: CheckRequest) -> bool:
     return any(name in request.typed for name in _OF_THE_AIRCRAFT)
 
 
-def aircraft_option(request: CheckRequest) -> str:
-    """Return the first given option that defines the aircraft or its trim, for messages.
+def _options(request: CheckRequest, *of: str) -> str:
+    """Return the given options of the first key of `_GIVEN_BY` that has any, joined by "and"."""
+    for key in of:
+        typed = _typed(request, _GIVEN_BY.get(key, ()))
+        if typed:
+            return " and ".join(request.typed[name] for name in typed)
+    return "the default aircraft"
 
-    If there is no such option, return the option of the scheduling value.
-    """
-    named = [name for name in _OF_THE_AIRCRAFT if name in request.typed]
-    return request.typed[named[0]] if named else f"--{called_at(request.model)}"
+
+def _option_of_each(request: CheckRequest, subject: str) -> dict[str, str]:
+    """Return variable -> the option that gives its trim value, parameter or limits."""
+    if subject == "limits":
+        return dict.fromkeys(request.trim.limit, "--limit")
+    held = dict.fromkeys(request.trim.hold, "--hold")
+    if request.trim.at is not None:
+        held[request.model.schedule] = f"--{called_at(request.model)}"
+    return held
 
 
 def at_one_value(request: CheckRequest) -> CheckRequest:
@@ -105,7 +129,14 @@ def given_for(statement: Any, request: CheckRequest, own: GivenPolicy | None) ->
         "region": _of_region,
         "cost": _of_cost,
     }
-    return of_kind[kind_of(statement)](statement, request, own)
+    given = of_kind[kind_of(statement)](statement, request, own)
+    subjects = {path: declared.subject for path, declared, _ in statement.entries()}
+    named = {}
+    for path, value in given.items():
+        subject = subjects.get(path, "")
+        option = _options(request, path, subject, "aircraft", "trim", "limits")
+        named[path] = value._replace(option=option, option_of=_option_of_each(request, subject))
+    return named
 
 
 def _of_schedule(statement: ScheduleStatement, request: CheckRequest, _: Any) -> dict[str, Given]:
@@ -115,13 +146,12 @@ def _of_schedule(statement: ScheduleStatement, request: CheckRequest, _: Any) ->
     flight = statement.flight
     given = {}
     if request.trim.at:
-        option = f"--{called_at(request.model)}"
-        given["flight.range"] = Given([request.trim.at[0], request.trim.at[-1]], option)
+        given["flight.range"] = Given([request.trim.at[0], request.trim.at[-1]])
     family = Family(request.trim.aircraft, request.trim.common_condition)
     if names_aircraft(request):
         content = family.flight(flight.low, flight.high).content()
         for name in ("model", "parameters", "imposed", "limits"):
-            given[f"flight.{name}"] = Given(content[name], aircraft_option(request))
+            given[f"flight.{name}"] = Given(content[name])
     policy = _typed(request, _OF_THE_POLICY)
     if request.weights is not None:
         request.game.weights.refuse(
@@ -135,9 +165,8 @@ def _of_schedule(statement: ScheduleStatement, request: CheckRequest, _: Any) ->
         same = close_to(SAME_GAIN)
     else:
         return given
-    option = request.typed[policy[0]]
-    given["gains.breakpoints"] = Given(gains.breakpoints, option)
-    given["gains.K"] = Given(gains.K, option, same)
+    given["gains.breakpoints"] = Given(gains.breakpoints)
+    given["gains.K"] = Given(gains.K, same=same)
     return given
 
 
@@ -153,7 +182,7 @@ def _of_region(
                 "the certificate is about a polynomial policy, not a network or a deployed policy; "
                 "give the file of the proved gain or critic as --weights"
             )
-        given = given_plant(own.problem.loop, "the user", "loop.")
+        given = given_plant(own.problem(request.trim.limit).loop, "", "loop.")
     else:
         request.refuse(
             ("policy", "reading.network", "reading.set"),
@@ -162,21 +191,22 @@ def _of_region(
         )
         if names_aircraft(request) or request.trim.at is not None:
             plant = plant_at(request.trim.point())
-            option = aircraft_option(request)
-            given = given_plant(plant, option, "loop.")
-            limits = model_limits(plant.model, {**loop.trim, **loop.held}, plant.parameters)
-            same = _not_wider(tuple(plant.model.inputs))
-            given["loop.limits"] = Given(limits, option, same)
-        typed = _typed(request, _OF_THE_POLICY)
-        if typed or (given and not loop.inputs):
-            given |= _given_policy(request, request.typed[typed[0]] if typed else "the aircraft")
+            given = given_plant(plant, "", "loop.")
+            at_stated_trim = replace(plant, trim=loop.trim, held=loop.held)
+            limits = limits_at(at_stated_trim, request.trim.limit)
+            given["loop.limits"] = Given(limits, same=_not_wider(tuple(plant.model.inputs)))
+        if _typed(request, _OF_THE_POLICY) or (given and not loop.inputs):
+            given |= _given_policy(request)
     if request.disturbance:
-        given["loop.disturbances"] = Given(dict(request.disturbance), "--disturbance")
+        given["loop.disturbances"] = Given(dict(request.disturbance))
     return given
 
 
 def _not_wider(inputs: tuple[str, ...]) -> Callable[[Any, Any], bool]:
-    """Return a comparison of (limits in the certificate, user's limits) by `limits_hold`."""
+    """Return a comparison of (limits in the certificate, user's limits) by `limits_hold`.
+
+    inputs: names of the inputs, whose limits must be equal
+    """
 
     def same(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
         pairs = {
@@ -188,14 +218,14 @@ def _not_wider(inputs: tuple[str, ...]) -> Callable[[Any, Any], bool]:
     return same
 
 
-def _given_policy(request: CheckRequest, option: str) -> dict[str, Given]:
+def _given_policy(request: CheckRequest) -> dict[str, Given]:
     """Return the entries `policy.K` and `policy.terms`, of the user's policy."""
     gain = given_policy(request).gain
     assert gain is not None  # the caller found no function
     rows = {name: rows_of(terms) for name, terms in gain.terms.items()}
     return {
-        "loop.policy.K": Given(gain.K.tolist(), option, close_to(SAME_GAIN)),
-        "loop.policy.terms": Given(rows, option, _same_policy),
+        "loop.policy.K": Given(gain.K.tolist(), same=close_to(SAME_GAIN)),
+        "loop.policy.terms": Given(rows, same=_same_policy),
     }
 
 
@@ -224,11 +254,9 @@ def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
 def _of_cost(statement: CostStatement, request: CheckRequest, _: Any) -> dict[str, Given]:
     from hfa_flight.problem import flight_problem
 
-    given = {
-        name: Given(value, f"--{name}") for name, value in request.game.weights.changed.items()
-    }
+    given = {name: Given(value) for name, value in request.game.weights.changed.items()}
     if not (names_aircraft(request) or request.trim.at):
         return given
     trim = at_one_value(request).trim
     problem = flight_problem(trim.aircraft, trim.point(), limits=trim.limit)
-    return given | given_of(problem, aircraft_option(request), {})
+    return given | given_of(problem, "", {})

@@ -25,6 +25,7 @@ from trim.point.linearize import linearize
 if TYPE_CHECKING:
     from hfa_prove.commands.request import CheckRequest, RegionRequest
     from hfa_prove.search.region_search import RegionProblem
+    from hfa_prove.statements.plant import Limits
 
 #: Options of a network or critic.
 _OF_NETWORKS = ("weights", "reading.basis", "reading.network", "reading.set")
@@ -59,13 +60,15 @@ class GivenPolicy:
         known = [] if P is None else [("P of the game", P)]
         return cls(linear, gain.function(linear.inputs), gain, words, known)
 
-    @property
-    def problem(self) -> RegionProblem:
-        """The closed loop whose region is to be proved."""
+    def problem(self, limits: Limits) -> RegionProblem:
+        """Return the closed loop whose region is to be proved.
+
+        limits: limits that replace those of the model (`loop_at`)
+        """
         from hfa_prove.search.region_search import RegionProblem
 
         policy = self.gain or scalars(self.function)
-        return RegionProblem(loop_at(self.linear, policy), self.known)
+        return RegionProblem(loop_at(self.linear, policy, limits), self.known)
 
 
 def is_function(request: CheckRequest | RegionRequest) -> bool:

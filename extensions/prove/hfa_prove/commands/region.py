@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hfa_prove.search.region_search import Region, RegionProblem
-    from hfa_prove.statements.loop import Loop
 
 #: Default degree of V for a network or deployment file.
 _DEGREE_OF_FUNCTIONS = 2
@@ -57,7 +56,7 @@ def _prove(request: RegionRequest) -> int:
     from hfa_support.interruption import interruptible
 
     given = given_policy(request)
-    problem = given.problem
+    problem = given.problem(request.trim.limit)
     problem = replace(problem, loop=replace(problem.loop, disturbances=request.disturbance))
     degree = request.degree
     if given.gain is None and "degree" not in request.typed:
@@ -123,13 +122,10 @@ def _earlier(request: RegionRequest, problem: RegionProblem) -> Region | None:
     own = request.model if request.aircraft.own else None
     proved = check_certificate(path, ProgressLine("check"), own, policy)
     forget_read(path)
-    if not isinstance(proved.statement, RegionStatement) or not _same_loop(
-        proved.statement.loop, problem.loop
+    statement = proved.statement
+    if (
+        not isinstance(statement, RegionStatement)
+        or statement.loop.content() != problem.loop.content()
     ):
         raise BadInputError(f"{path} is the certificate of another loop; give another path with -o")
     return region_of_certificate(proved)
-
-
-def _same_loop(first: Loop, second: Loop) -> bool:
-    """Return whether two loops are the same, except for their limits."""
-    return replace(first, limits=second.limits).content() == second.content()

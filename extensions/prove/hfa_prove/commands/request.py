@@ -36,6 +36,18 @@ def disturbance_size(model: Model, name: str, text: str) -> float:
     return quantity(model, name, text)
 
 
+def limits_option(about: str) -> Any:
+    """Return the request field `limit`, whose option sets limits of signals."""
+    return option(
+        f"{about}, degrees for angles; repeatable",
+        "NAME=LOW:HIGH",
+        OfModel(span),
+        names="--limit",
+        named=True,
+        rare=True,
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckRequest(Request):
     """Options of `hfa prove --check`: a certificate, and data with which it must agree."""
@@ -46,6 +58,7 @@ class CheckRequest(Request):
         at=scheduled(
             interval_of, "DEG|LOW:HIGH", "value or interval that the certificate must contain"
         ),
+        limit=limits_option("limits of a signal that the certificate must be about"),
     )
     game: GameGiven = part(GameGiven)
     reading: ReadingGiven = part(ReadingGiven)
@@ -81,7 +94,13 @@ class RegionRequest(Request):
     """Options of `hfa prove region`."""
 
     aircraft: Aircraft = part(Aircraft, without=("units",))
-    trim: Trim = part(Trim)
+    trim: Trim = part(
+        Trim,
+        limit=limits_option(
+            "limits of a state, input or output, within the model's: of the trim, and of the loop, "
+            "where inputs are saturated"
+        ),
+    )
     game: GameGiven = part(GameGiven)
     reading: ReadingGiven = part(ReadingGiven)
     output: Output = part(

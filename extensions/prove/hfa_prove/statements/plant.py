@@ -278,26 +278,24 @@ def check_limits_of_model(plant: Plant) -> None:
     """Raise Malformed unless the stated limits are admissible for the model (`limits_hold`)."""
     states = {**plant.trim, **plant.held}
     own = model_limits(plant.model, states, plant.parameters)
-    wrong = limits_hold(plant.limits, own, plant.inputs)
-    require(wrong is None, f"limits: {wrong} beyond or not the model's")
+    wrong = limits_hold(plant.limits, own)
+    require(wrong is None, f"limits: {wrong} beyond the model's")
 
 
-def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | None:
-    """Return the first signal whose stated limits are not admissible, or None if all are.
-
-    The limits of an input define its saturation and must equal the model's. The limits of a state
-    or output must not be wider than the model's.
+def limits_hold(stated: Limits, own: Limits, saturated: Collection[str] = ()) -> str | None:
+    """Return the first signal whose stated limits are not within one's own, or None if all are.
 
     stated: limits in the certificate, signal -> lowest and highest value
-    own: limits of the model, signal -> lowest and highest value
-    inputs: names of the inputs
+    own: one's own limits, signal -> lowest and highest value
+    saturated: names of the inputs, whose limits define the loop and must be equal; none if only
+        the width is compared
     """
     unlimited = (-np.inf, np.inf)
-    for name in (*inputs, *own):
+    for name in (*saturated, *own):
         low, high = stated.get(name, unlimited)
         least, most = own.get(name, unlimited)
         same = (low, high) == (least, most)
-        if not (same if name in inputs else least <= low and high <= most):
+        if not (same if name in saturated else least <= low and high <= most):
             return name
     return None
 
