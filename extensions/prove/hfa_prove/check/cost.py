@@ -50,6 +50,17 @@ class Guess(NamedTuple):
     value: np.ndarray
     slopes: np.ndarray
 
+    def part(self, boxes: np.ndarray) -> Guess:
+        """Return the estimates for the boxes with the given indices."""
+        return Guess(self.value[boxes], self.slopes[boxes])
+
+
+class Ends(NamedTuple):
+    """Lower and upper bounds of numbers, arrays of one shape."""
+
+    low: np.ndarray
+    high: np.ndarray
+
 
 @dataclass(frozen=True, eq=False)
 class CostInequality(OnPiece):
@@ -93,10 +104,10 @@ class CostInequality(OnPiece):
     def _margin(self) -> ca.SX:
         """Expression of g(y, v), the left side of the inequality g >= 0."""
         y, z, v, e = self.symbols
-        at = ca.DM(self.equilibrium.x)
-        rates, _ = self.plant.rates_at(
-            at[: self.n] + z + e[: self.n], at[self.n :] + v + e[self.n :]
-        )
+        ends = [0, self.n, self.n + self.m]
+        x, u = ca.vertsplit(ca.DM(self.equilibrium.x), ends)
+        error_of_x, error_of_u = ca.vertsplit(e, ends)
+        rates, _ = self.plant.rates_at(x + z + error_of_x, u + v + error_of_u)
         _, slopes = self.piece.W.expressions(y)
         price = ca.dot(ca.DM(self.Q) @ z, z) + ca.dot(ca.DM(self.R) @ v, v)
         return ca.dot(slopes, ca.DM(self.piece.M) @ rates) + price
@@ -213,39 +224,43 @@ class CostInequality(OnPiece):
         the cube.
         """
         edges = np.full(len(boxes.centres), -1)
-        near = np.flatnonzero(~super().is_outside(boxes))
-        if len(near):
+        meets_set = np.flatnonzero(~super().is_outside(boxes))
+        if len(meets_set):
             with np.errstate(all="ignore"):
-                edges[near] = self._edges_inside(boxes.part(near))
+                edges[meets_set] = self._edges_in_set(boxes.part(meets_set))
         return edges
 
-    def _edges_inside(self, boxes: Boxes) -> np.ndarray:
-        """Return for each box the index of the edge to halve, or -1 if the box is decided, (N,).
+    def _edges_in_set(self, boxes: Boxes) -> np.ndarray:
+        """Return the result of `edges` for boxes that meet the set {W <= c}.
 
-        A box is decided in two cases:
-        - The box is within the hole around the equilibrium.
-        - The box meets no face of the cube, and g is proved positive for all inputs within the
-          limits. The lower bound of g is that at the guessed inputs, minus the bound `_loss`.
+        With a guess v* of the best inputs, g(y, v) >= 0 for all v within the limits follows from
 
-        Raises RefutedError as `edges` does.
+            g(y, v*) > g(y, v*) - min over v of g(y, v)
+
+        The left side is bounded from below by a Taylor model, the right side from above by `_loss`.
+        In the hole about the equilibrium, g >= 0 is known. No box may meet a face of the cube.
         """
-        N = self.inverse[0]
-        v, slopes = self.best_inputs(boxes.centres @ N.T)
-        guess = Guess(v, np.einsum("bmn,nk,bk->bmk", slopes, N, boxes.half_widths))
+        guess = self._guess(boxes)
         traced = self._values.traced(*self._inputs(boxes, guess))
-        models = traced.outputs
-        refute(boxes.centres, models.value[0] + models.radius[0], self.within)
-        self._refute_faces(boxes.part(boxes.reach >= 1.0))
-        every = np.arange(len(v))
+        at_guess = traced.outputs
+        refute(boxes.centres, at_guess.value[0] + at_guess.radius[0], self.within)
+        meets_face = boxes.reach >= 1.0
+        self._refute_faces(boxes.part(meets_face))
+        every = np.arange(len(boxes.centres))
         sharpened = self._values.sharpened(traced, np.zeros_like(every), every)
-        bound = sharpened.lowest
-        may_be = np.flatnonzero((bound > 0.0) & (boxes.reach < 1.0))
-        guess_there = Guess(guess.value[may_be], guess.slopes[may_be])
-        bound[may_be] -= self._loss(boxes.part(may_be), guess_there)
-        is_positive = (bound > 0.0) & (boxes.reach < 1.0)
+        left = sharpened.lowest
+        may_be = np.flatnonzero((left > 0.0) & ~meets_face)
+        right = np.full(len(left), np.inf)
+        right[may_be] = self._loss(boxes.part(may_be), guess.part(may_be))
         in_hole = boxes.reach <= 2.0**-self.hole
         edges = self.decisive_edges(boxes, sharpened.lowered_by)
-        return np.where(is_positive | in_hole, -1, edges)
+        return np.where((left > right) | in_hole, -1, edges)
+
+    def _guess(self, boxes: Boxes) -> Guess:
+        """Return estimates of the inputs that minimize g on each box."""
+        N = self.inverse[0]
+        v, slopes = self.best_inputs(boxes.centres @ N.T)
+        return Guess(v, np.einsum("bmn,nk,bk->bmk", slopes, N, boxes.half_widths))
 
     def _refute_faces(self, boxes: Boxes) -> None:
         """Raise RefutedError if a tested point of a face of the cube is in the set.
@@ -278,28 +293,27 @@ class CostInequality(OnPiece):
         return slice(2 * self.n, 2 * self.n + self.m)
 
     def _loss(self, boxes: Boxes, guess: Guess) -> np.ndarray:
-        """Return an upper bound (boxes,) of g(guess) - min g(v) over all v within the limits.
+        """Return upper bounds of g(y, v*) - min over v of g(y, v), (boxes,), for a guess v*.
 
-        With d = v - guess, the gradient b of g in v at the guess, and lower bounds λ_i of the
-        curvature between the guess and all inputs within the limits,
+        For d = v - v*, the gradient b of g in v at v*, and lower bounds λ of the curvature between
+        v* and all v within the limits (`_curvature`),
 
-            g(guess + d) - g(guess) >= Σ_i (b_i d_i + λ_i d_i² / 2)
+            g(y, v* + d) - g(y, v*) >= Σ_i (b_i d_i + λ_i d_i² / 2)
 
-        Each term is least for the lowest b_i if d_i >= 0, and for the highest b_i if d_i <= 0. The
-        bound is minus the sum of the least terms.
+        The bound is minus the sum of the least terms.
         """
         if not self.m or not len(boxes.centres):
             return np.zeros(len(boxes.centres))
-        low, high = self.ends.T
+        limits = Ends(*self.ends.T)
         reach = np.abs(guess.slopes).sum(axis=2) * (1.0 + ROUNDING)
-        guess_low, guess_high = guess.value - reach, guess.value + reach
-        curvature = self._curvature(boxes, np.minimum(low, guess_low), np.maximum(high, guess_high))
+        guessed = Ends(guess.value - reach, guess.value + reach)
+        d = Ends(limits.low - guessed.high, limits.high - guessed.low)
         gradient = self._slopes.of(*self._inputs(boxes, guess))
-        b_low, b_high = lowest(gradient, self.n).T, highest(gradient, self.n).T
-        d_low, d_high = low - guess_high, high - guess_low
-        rising = _least(b_low, curvature, np.maximum(d_low, 0.0), d_high)
-        falling = _least(-b_high, curvature, np.maximum(-d_high, 0.0), -d_low)
-        least = np.minimum(np.minimum(rising, falling), 0.0)
+        b = Ends(lowest(gradient, self.n).T, highest(gradient, self.n).T)
+        curvature = self._curvature(
+            boxes, np.minimum(limits.low, guessed.low), np.maximum(limits.high, guessed.high)
+        )
+        least = np.minimum(_least_change(b, curvature, d), 0.0)
         return np.asarray(-least.sum(axis=1) * (1.0 + ROUNDING) + TINY)
 
     def _curvature(self, boxes: Boxes, least: np.ndarray, most: np.ndarray) -> np.ndarray:
@@ -364,42 +378,33 @@ class CostInequality(OnPiece):
     def _is_convex(self, box: Boxes, radii: np.ndarray) -> bool:
         """Return whether the Hessian H of g in (z, v) is proved positive definite on a box.
 
-        The proof encloses J'H J instead of H. J is chosen such that J'H J is near the identity at
-        the equilibrium.
+        With the Cholesky factor L of H at the center and C = L⁻ᵀ, C'H C is near the identity. It is
+        enclosed on the whole box and proved positive definite.
 
         box: box about the equilibrium
         radii: (m,), the proof covers all inputs with |v_i| <= radii_i
         """
-        n, m = self.n, self.m
-        size = 2 * n + m
-        linear, radius = self.symbols_on(box)
-        of_v = np.zeros((len(linear), m, 1))
-        of_v[self._of_inputs, :, 0] = np.diag(radii)
-        models = self._hessian.of(np.concatenate([linear, of_v], axis=1), radius)
-        entries = models.c.reshape(size, size, -1)
-        off = models.radius.reshape(size, size)
-        lift = np.zeros((size, n + m))
-        lift[:n, :n] = self.piece.M
-        lift[n:, :] = np.eye(n + m)
-        middle = lift.T @ entries[:, :, 0] @ lift
+        of_yzv = self._hessian_on(box, radii)
+        lift = np.vstack([np.pad(self.piece.M, ((0, 0), (0, self.m))), np.eye(self.n + self.m)])
+        H = lift.T @ of_yzv.c[:, :, 0] @ lift
         try:
-            C = np.linalg.inv(np.linalg.cholesky(0.5 * (middle + middle.T))).T
+            C = np.linalg.inv(np.linalg.cholesky(0.5 * (H + H.T))).T
         except np.linalg.LinAlgError:
             return False
-        J = lift @ C
-        near_one = np.einsum("ajk,jb->abk", np.einsum("ia,ijk->ajk", J, entries), J)
-        sizes = np.abs(entries).sum(axis=2) + off
-        most = np.abs(lift) @ np.abs(C)
-        # J is a sum of n + m terms, and either product of at most `size` terms
-        rounded = 4.0 * (size + 2) * 2.0**-53 * sizes
-        rest = (most.T @ (off + rounded) @ most * (1.0 + ROUNDING)).reshape(-1, 1)
-        near_one_on_box = Models(near_one.reshape(len(rest), -1, 1), rest, rest)
-        low = lowest(near_one_on_box, n + m)
-        high = highest(near_one_on_box, n + m)
-        if not np.all(np.isfinite(low) & np.isfinite(high)):
+        near_one = of_yzv.congruent(lift, C)
+        if not np.all(np.isfinite(near_one)):
             return False
-        full = hull(low.reshape(n + m, n + m), high.reshape(n + m, n + m))
-        return bool(is_positive_definite(full + full.transpose()))
+        enclosed = hull(*near_one)
+        return bool(is_positive_definite(enclosed + enclosed.transpose()))
+
+    def _hessian_on(self, box: Boxes, radii: np.ndarray) -> _Matrix:
+        """Return the Hessian of g in (y, z, v) for y in a box and |v_i| <= radii_i."""
+        size = 2 * self.n + self.m
+        linear, radius = self.symbols_on(box)
+        of_v = np.zeros((len(linear), self.m, 1))
+        of_v[self._of_inputs, :, 0] = np.diag(radii)
+        models = self._hessian.of(np.concatenate([linear, of_v], axis=1), radius)
+        return _Matrix(models.c.reshape(size, size, -1), models.radius.reshape(size, size))
 
     @cached_property
     def _hessian(self) -> TaylorProgram:
@@ -409,18 +414,54 @@ class CostInequality(OnPiece):
         return TaylorProgram(self.program([ca.vec(second)]), self.n + self.m)
 
 
-def _least(b: np.ndarray, curvature: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return a lower bound of b d + curvature d² / 2 over all d with low <= d <= high.
+class _Matrix(NamedTuple):
+    """Taylor models of the entries of a square matrix over one box.
 
-    The result is 0 if high < low.
+    c: coefficients, (k, k, coefficients of an entry)
+    radius: (k, k)
+    """
 
-    b, curvature, low, high: (boxes, m), with low >= 0
+    c: np.ndarray
+    radius: np.ndarray
+
+    def congruent(self, lift: np.ndarray, C: np.ndarray) -> Ends:
+        """Return bounds of the entries of C' lift' H lift C, (p, p), for all H in the models.
+
+        lift: (k, p)
+        C: (p, p)
+        """
+        J = lift @ C
+        size = len(J)
+        p = len(C)
+        c = np.einsum("ajk,jb->abk", np.einsum("ia,ijk->ajk", J, self.c), J)
+        # J is a sum of p terms, and either product of at most `size` terms
+        rounded = 4.0 * (size + 2) * 2.0**-53 * (np.abs(self.c).sum(axis=2) + self.radius)
+        sizes = np.abs(lift) @ np.abs(C)
+        radius = sizes.T @ (self.radius + rounded) @ sizes * (1.0 + ROUNDING)
+        listed = radius.reshape(-1, 1)
+        models = Models(c.reshape(p * p, -1, 1), listed, listed)
+        return Ends(lowest(models, p).reshape(p, p), highest(models, p).reshape(p, p))
+
+
+def _least_change(b: Ends, curvature: np.ndarray, d: Ends) -> np.ndarray:
+    """Return a lower bound of b d + curvature d² / 2 over all b and all d within bounds.
+
+    For d >= 0 the lowest b gives the least value, for d <= 0 the highest.
+    """
+    rising = _least(b.low, curvature, Ends(np.maximum(d.low, 0.0), d.high))
+    falling = _least(-b.high, curvature, Ends(np.maximum(-d.high, 0.0), -d.low))
+    return np.minimum(rising, falling)
+
+
+def _least(b: np.ndarray, curvature: np.ndarray, d: Ends) -> np.ndarray:
+    """Return a lower bound of b d + curvature d² / 2 over all d within bounds, of which none is
+    negative, or 0 if there are none (high < low).
     """
     is_convex = curvature > 0.0
-    vertex = np.clip(-b / np.where(is_convex, curvature, 1.0), low, high)
-    at_ends = np.minimum(_parabola(b, curvature, low), _parabola(b, curvature, high))
+    vertex = np.clip(-b / np.where(is_convex, curvature, 1.0), d.low, d.high)
+    at_ends = np.minimum(_parabola(b, curvature, d.low), _parabola(b, curvature, d.high))
     least = np.where(is_convex, _parabola(b, curvature, vertex), at_ends)
-    return np.asarray(np.where(high < low, 0.0, least))
+    return np.asarray(np.where(d.high < d.low, 0.0, least))
 
 
 def _parabola(b: np.ndarray, curvature: np.ndarray, d: np.ndarray) -> np.ndarray:

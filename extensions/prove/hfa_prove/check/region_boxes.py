@@ -133,17 +133,17 @@ class OnSet(OnPiece):
         traced = self._functions.traced(*self.symbols_on(boxes))
         models = traced.outputs
         refute(boxes.centres, np.min(models.value + models.radius, axis=0), self.within)
-        proved = lowest(models, self.n) > 0.0
-        proved[0] |= boxes.reach <= 2.0**-self.hole
+        is_positive = lowest(models, self.n) > 0.0
+        is_positive[0] |= boxes.reach <= 2.0**-self.hole
         is_inside = boxes.reach < 1.0
+        waiting = np.flatnonzero(~(is_positive.all(axis=0) & is_inside))
+        # the first function of each of these boxes that is not yet proved positive is sharpened
+        first = np.argmin(is_positive[:, waiting], axis=0)
+        sharpened = self._functions.sharpened(traced, first, waiting)
+        is_positive[first, waiting] |= sharpened.lowest > 0.0
         edges = np.full(len(boxes.centres), -1)
-        left = np.flatnonzero(~(proved.all(axis=0) & is_inside))
-        first = np.argmin(proved[:, left], axis=0)
-        sharpened = self._functions.sharpened(traced, first, left)
-        proved[first, left] |= sharpened.lowest > 0.0
-        edges[left] = self.decisive_edges(boxes.part(left), sharpened.lowered_by)
-        edges[proved.all(axis=0) & is_inside] = -1
-        return edges
+        edges[waiting] = self.decisive_edges(boxes.part(waiting), sharpened.lowered_by)
+        return np.where(is_positive.all(axis=0) & is_inside, -1, edges)
 
     @property
     def hole(self) -> int:

@@ -94,6 +94,20 @@ def test_a_margin_of_1e13_is_decided_correctly(margin: float) -> None:
         check_cost(cart_bound(1.0 + margin), witness)
 
 
+@pytest.mark.parametrize(("k", "is_proved"), [(0.5 - 1e-12, True), (0.5 + 1e-9, False)])
+def test_a_cost_without_inputs_is_decided(k: float, is_proved: bool) -> None:
+    """The cost of x' = -x from z is z²/2, with one state and no inputs."""
+    model = Model("decay", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
+    plant = Plant(model, {}, {"x": 0.0}, {}, {}, {})
+    piece = Piece(ONE, Polynomial(1, ((k, (2,)),)), 0.05)
+    claim = CostStatement(plant, {"x": 0.0}, ONE, np.zeros((0, 0)), (piece,))
+    if is_proved:
+        assert check_cost(claim, CostWitness(("x",), (1000,)))[0] > 0
+    else:
+        with pytest.raises(NoSolutionError):
+            check_cost(claim, CostWitness(("x",), (1000,)))
+
+
 #: Terms of W above the least cost a² + b²/2 of a' = u, b' = -b with unit weights.
 TOO_LARGE = [
     [(1.0 + 1e-12, (2, 0)), (0.5, (0, 2))],

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.check.cost import CostInequality, Guess, _least
+from hfa_prove.check.cost import CostInequality, Ends, Guess, _least
 from hfa_prove.check.cover import Boxes, RefutedError
 from hfa_prove.check.equilibrium import Equilibrium, check_near
 from hfa_prove.check.piece import OnPiece
@@ -296,8 +296,8 @@ def test_the_lowest_value_of_a_parabola_is_not_rounded_up() -> None:
     b, c, first, second = rng.normal(size=(4, 300, 1))
     low, high = np.minimum(np.abs(first), np.abs(second)), np.maximum(np.abs(first), np.abs(second))
     high[::10] = low[::10]
-    found = _least(b, c, low, high)
-    assert _least(b, c, high + 1.0, low).tolist() == np.zeros((300, 1)).tolist()
+    found = _least(b, c, Ends(low, high))
+    assert _least(b, c, Ends(high + 1.0, low)).tolist() == np.zeros((300, 1)).tolist()
     for i in range(300):
         slope, bend, least, most = map(_exact, (b[i], c[i], low[i], high[i]))
         places = {least, most}
