@@ -76,6 +76,21 @@ def scheduled(
     )
 
 
+def limits_option(about: str, *, rare: bool = False) -> Any:
+    """Return a request field whose option --limit sets limits, signal -> (lowest, highest).
+
+    about: whose limits they are
+    """
+    return option(
+        f"{about}, degrees for angles; repeatable",
+        "NAME=LOW:HIGH",
+        OfModel(span),
+        names="--limit",
+        named=True,
+        rare=rare,
+    )
+
+
 def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
     """Return the trim condition named by --condition, or the path of a CSV file of trim points.
 
@@ -131,12 +146,8 @@ class Trim(Part):
     hold: Mapping[str, Any] = option(
         "hold a variable at a value (repeatable)", "NAME=VALUE", OfModel(quantity), named=True
     )
-    limit: Mapping[str, tuple[float, float]] = option(
-        "limits of a free variable of the trim, degrees for angles; repeatable",
-        "NAME=LOW:HIGH",
-        OfModel(span),
-        named=True,
-        rare=True,
+    limit: Mapping[str, tuple[float, float]] = limits_option(
+        "limits of a free variable of the trim", rare=True
     )
     start: OperatingPoint | Mapping[str, float] | None = option(
         "initial point of the trim search: an operating point (.json), or NAME=VALUE,NAME=VALUE",

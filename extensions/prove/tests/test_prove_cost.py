@@ -56,22 +56,6 @@ def test_a_bound_is_proved_and_checked(
     assert data["levels"][0] < data["levels"][-1]
 
 
-@pytest.mark.parametrize(
-    ("words", "reason"),
-    [
-        (("--Q", "1,2"), "Q in the certificate differs from the value of --Q"),
-        (("--R", "2"), "R in the certificate differs from the value of --R"),
-        (("--hold", "angle=0.1"), "angle in the certificate differs from the value of --aircraft"),
-    ],
-)
-def test_other_weights_and_trims_are_refused(
-    words: tuple[str, ...], reason: str, certificate: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A certificate for other weights or another trim is refused, and the difference is named."""
-    assert main(["prove", *AIRCRAFT, *words, "--check", str(certificate)]) in (1, 2)
-    assert reason in capsys.readouterr().err
-
-
 def test_a_run_is_resumed_from_its_certificate(
     certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

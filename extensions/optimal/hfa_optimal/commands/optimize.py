@@ -15,7 +15,6 @@ from hfa.options.argument_types import (
     linear_state,
     one_of,
     quantity,
-    span,
     whole,
 )
 from hfa.options.critics import critic_path
@@ -23,7 +22,7 @@ from hfa.options.game import GameWeights
 from hfa.options.output import Output, ProgressLine, output_option, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request, command
-from hfa.options.trim import Trim
+from hfa.options.trim import Trim, limits_option
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.policies.laws import LAWS, LawSettings, loaded
 from hfa_support.errors import BadInputError, prefix_errors
@@ -104,13 +103,8 @@ class OptimizeRequest(Request):
     policy: Path | None = option(
         "compare with the policy of this deployment file", "DEPLOYMENT.toml", input_file(".toml")
     )
-    limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state, instead of the limits of the flight envelope, degrees for angles; "
-        "repeatable",
-        "NAME=LOW:HIGH",
-        OfModel(span),
-        names="--limit",
-        named=True,
+    limits: Mapping[str, tuple[float, float]] = limits_option(
+        "limits of a state, instead of the limits of the flight envelope"
     )
     bound: Path | None = option(
         "compare the best cost found with the lower bound in this certificate of `hfa prove cost`",

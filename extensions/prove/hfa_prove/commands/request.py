@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.aircraft import Aircraft
-from hfa.options.argument_types import input_file, number, one_of, positive, quantity, span
+from hfa.options.argument_types import input_file, number, one_of, positive, quantity
 from hfa.options.critics import ReadingGiven, critic_path
 from hfa.options.game import GameGiven, GameWeights
 from hfa.options.output import Output, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request
-from hfa.options.trim import Trim, scheduled
+from hfa.options.trim import Trim, limits_option, scheduled
 from hfa_aircraft.model import Model
 from hfa_prove.commands.options import interval_of
 from hfa_support.errors import BadInputError, refuse_unknown
@@ -36,18 +36,6 @@ def disturbance_size(model: Model, name: str, text: str) -> float:
     return quantity(model, name, text)
 
 
-def limits_option(about: str) -> Any:
-    """Return the request field `limit`, whose option sets limits of signals."""
-    return option(
-        f"{about}, degrees for angles; repeatable",
-        "NAME=LOW:HIGH",
-        OfModel(span),
-        names="--limit",
-        named=True,
-        rare=True,
-    )
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckRequest(Request):
     """Options of `hfa prove --check`: a certificate, and data with which it must agree."""
@@ -58,7 +46,7 @@ class CheckRequest(Request):
         at=scheduled(
             interval_of, "DEG|LOW:HIGH", "value or interval that the certificate must contain"
         ),
-        limit=limits_option("limits of a signal that the certificate must be about"),
+        limit=limits_option("limits of a signal that the certificate must be about", rare=True),
     )
     game: GameGiven = part(GameGiven)
     reading: ReadingGiven = part(ReadingGiven)
@@ -98,7 +86,8 @@ class RegionRequest(Request):
         Trim,
         limit=limits_option(
             "limits of a state, input or output, within the model's: of the trim, and of the loop, "
-            "where inputs are saturated"
+            "where inputs are saturated",
+            rare=True,
         ),
     )
     game: GameGiven = part(GameGiven)
@@ -180,13 +169,8 @@ class CostRequest(Request):
         positive,
         default=120.0,
     )
-    limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state, instead of the limits of the flight envelope, degrees for angles; "
-        "repeatable",
-        "NAME=LOW:HIGH",
-        OfModel(span),
-        names="--limit",
-        named=True,
+    limits: Mapping[str, tuple[float, float]] = limits_option(
+        "limits of a state, instead of the limits of the flight envelope"
     )
     resume: bool = option("resume the proof of the unfinished certificate given by -o", rare=True)
 

@@ -25,11 +25,10 @@ from hfa_prove.fields import Rejected
 from hfa_prove.problem import plant_of, unknowns_of
 from hfa_prove.search.clock import Clock, OutOfTimeError
 from hfa_prove.search.cost_fit import CostProblem, Fit, TargetFlights, quadratic_piece
-from hfa_prove.search.kinks import kink_at
+from hfa_prove.search.timed_search import TimedSearch
 from hfa_prove.statements.cost import CostStatement, CostWitness
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Plant
-from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
 #: Number of initial conditions that are drawn.
@@ -118,7 +117,7 @@ class _Proved(NamedTuple):
     seconds: tuple[float, float]
 
 
-class CostSearch:
+class CostSearch(TimedSearch):
     """Search for a lower bound of the cost, with pieces of different levels.
 
     plant: the aircraft, whose state limits are the envelope
@@ -145,15 +144,14 @@ class CostSearch:
         clock: Clock,
         save: Callable[[CostBound], None] | None = None,
     ) -> None:
+        super().__init__(plant, equilibrium, clock)
         Q, R, P = weights
         starts = half * np.random.default_rng(0).uniform(-1.0, 1.0, (_DRAWN, len(half)))
         self.problem = CostProblem(plant, equilibrium, Q, R, P, degree, margin)
         self._solved = solved
         self.starts = starts
-        self._clock = clock
         self._save = save
         self._pieces: list[_Proved] = []
-        self._stopped = ""
 
     def found(self, earlier: Proved | None = None) -> CostBound:
         """Return the proved lower bound.
@@ -167,17 +165,9 @@ class CostSearch:
         if earlier is not None:
             for known in zip(earlier.statement.pieces, earlier.sizes, strict=True):
                 self._pieces.append(_Proved(*known, (0.0, 0.0)))
-        try:
-            self._search()
-        except OutOfTimeError as error:
-            self._stopped = self._stopped or str(error)
-        except KeyboardInterrupt:
-            self._stopped = "interrupted"
+        self._run()
         if not self._pieces:
-            plant = self.problem.plant
-            kink = kink_at(plant, self.problem.equilibrium)
-            why = f"{self._stopped}; {kink}" if kink else self._stopped
-            raise NoSolutionError(f"no lower bound was proved: {why}")
+            raise self._nothing_proved("no lower bound was proved: ")
         return self._bound()
 
     def _search(self) -> None:

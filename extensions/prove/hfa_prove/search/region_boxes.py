@@ -16,7 +16,6 @@ from hfa_prove.check.equilibrium import equilibrium_near
 from hfa_prove.check.region_boxes import claims_of
 from hfa_prove.fields import Rejected
 from hfa_prove.search.clock import OutOfTimeError
-from hfa_prove.search.kinks import kink_at
 from hfa_prove.search.loop_values import DisturbedValues, LoopValues
 from hfa_prove.search.region_search import (
     Region,
@@ -26,6 +25,7 @@ from hfa_prove.search.region_search import (
     refuse_unstable,
 )
 from hfa_prove.search.shape_boxes import Growth, Shape
+from hfa_prove.search.timed_search import TimedSearch
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_prove.words import place_in_words
@@ -62,7 +62,7 @@ _DEFINITE = 1e-12
 _WIDEST = 100.0
 
 
-class BoxesSearch:
+class BoxesSearch(TimedSearch):
     """Search for a region of attraction on boxes.
 
     problem: the closed loop. Its disturbances are neglected while V is searched.
@@ -75,14 +75,13 @@ class BoxesSearch:
         self._problem = problem
         self.loop = replace(problem.loop, disturbances={})
         self._settings = settings
-        self._clock = settings.clock
         self._degree = settings.degree
-        self.equilibrium = equilibrium_near(self.loop, np.array(list(self.loop.trim.values())))
+        at = equilibrium_near(self.loop, np.array(list(self.loop.trim.values())))
+        super().__init__(self.loop, at, settings.clock)
         self.samples = LoopValues(self.loop, self.equilibrium.x, self._clock)
         self.J = self.samples.J
         self._best = settings.earlier
         self._largest = 0.0 if self._best is None else self._best.set.size
-        self._stopped = ""
         #: Descriptions and first V of the search, the largest sampled set first.
         self.firsts: list[tuple[str, Shape]] = []
 
@@ -94,16 +93,10 @@ class BoxesSearch:
         Raises NoSolutionError if no region is proved or the linearization is not Hurwitz.
         """
         refuse_unstable(self.J)
-        try:
-            self._search()
-        except OutOfTimeError as error:
-            self._stopped = self._stopped or str(error)
-        except KeyboardInterrupt:
-            self._stopped = "interrupted"
+        self._run()
         self.samples.clock = None  # the obstacles have a clock of their own
         if self._best is None:
-            kink = kink_at(self.loop, self.equilibrium)
-            raise NoSolutionError(f"{self._stopped}; {kink}" if kink else self._stopped)
+            raise self._nothing_proved()
         return replace(self._best, stopped=self._stopped)
 
     def _search(self) -> None:
