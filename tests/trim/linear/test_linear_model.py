@@ -311,7 +311,7 @@ def test_an_entry_is_compared_in_half_units_and_percent(
     entry = replace(
         row, row="alpha", column="speed", printed=printed, computed=computed, half_unit=0.05
     )
-    assert entry.half_units == pytest.approx(half_units)
+    assert entry.half_units == pytest.approx(half_units, rel=1e-4, abs=0.0)
     assert entry.percent == pytest.approx(percent, nan_ok=True)
     assert (entry.is_zero, entry.name) == (is_zero, "A(alpha, speed)")
 

@@ -67,14 +67,18 @@ def test_each_equation_has_a_tolerance_and_verdict(published_aircraft: Model) ->
     assert all(entry["ok"] for entry in report.data["equations"].values())
     for name in published().steady:
         tolerance = 1e-10 * getattr(RATE_SCALES, name)
-        assert report.data["equations"][name]["tolerance"] == pytest.approx(tolerance)
+        assert report.data["equations"][name]["tolerance"] == pytest.approx(
+            tolerance, rel=1e-12, abs=0.0
+        )
         for factor, verdict in ((1.01, "FAIL"), (-1.01, "FAIL"), (0.99, "PASS")):
             residuals = point.residuals | {name: factor * tolerance}
             planted = replace(
                 point, residuals=residuals, status=type(point.status)("failed")
             )  # without figures
-            assert planted.scaled_residuals[name] == pytest.approx(1e-10 * factor)
-            assert planted.residual == pytest.approx(1e-10 * abs(factor), rel=1e-3)
+            assert planted.scaled_residuals[name] == pytest.approx(
+                1e-10 * factor, rel=1e-6, abs=0.0
+            )
+            assert planted.residual == pytest.approx(1e-10 * abs(factor), rel=1e-3, abs=0.0)
             checked_report = trim_report(published_aircraft, BASE, planted)
             row = re.search(rf"^rate of {name} .* {verdict}$", checked_report.text(), re.M)
             assert (row is not None) == (verdict == "FAIL")

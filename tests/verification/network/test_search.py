@@ -120,7 +120,9 @@ def test_the_cost_of_a_very_small_bias_is_printed(game: Game) -> None:
     z = np.array(found["rest_point"])
     u = np.array(critic.policy(z)).ravel()
     assert np.linalg.norm(game.A @ z + game.B @ u) <= 1e-12 * np.linalg.norm(game.B @ u)
-    assert found["equilibrium_cost"] == pytest.approx(z @ game.Q @ z + u @ game.R @ u, rel=1e-9)
+    assert found["equilibrium_cost"] == pytest.approx(
+        z @ game.Q @ z + u @ game.R @ u, rel=1e-9, abs=0.0
+    )
     assert f"costs {found['equilibrium_cost']:.2g} per second" in str(verdict)
 
 
