@@ -50,7 +50,8 @@ def hamiltonian_axis_distance(H: np.ndarray, eigenvalues: np.ndarray) -> Nearest
     H: (2n, 2n)
     eigenvalues: of H, (2n,)
     """
-    J = np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(len(H) // 2))
+    one = np.eye(len(H) // 2)
+    J = hamiltonian(0.0 * one, -one, one)
     norm = float(np.linalg.norm(H, 2))
     symmetric = H @ J
     symmetric = (symmetric + symmetric.T) / 2.0

@@ -68,7 +68,7 @@ def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """Return the Hamiltonian matrix [[A, -S], [-Q, -A']], (2n, 2n)."""
-    return np.block([[A, -S], [-Q, -A.T]])
+    return np.vstack([np.hstack([A, -S]), np.hstack([-Q, -A.T])])
 
 
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
@@ -87,7 +87,7 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     _, scaling = balanced(hamiltonian(A, S, Q))
     of_states, of_costates = np.split(np.log2(scaling), 2)
     units = np.exp2(np.round(0.5 * (of_states - of_costates)))
-    if S.any() and A.any() and not Q.any():
+    if not Q.any() and S.any() and A.any():
         S_in_units = S / np.outer(units, units)
         with np.errstate(all="ignore"):
             logarithm = np.log2(largest(S_in_units)) - np.log2(largest(A))

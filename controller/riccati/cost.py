@@ -13,8 +13,8 @@ from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from controller.riccati.axis_distance import distance_to_instability
 from controller.riccati.balancing import is_stable, spectrum
 from controller.riccati.certificate import form_of
-from controller.riccati.frequency_response import bounded_real_gain
 from controller.riccati.gare import Solution
+from controller.riccati.meaning import bounded_real_gain
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Result
 

@@ -76,32 +76,6 @@ def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
     return pair
 
 
-def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return total - left right', (..., p, q), with an error of the order of the rounding of left.
-
-    If right is diagonal, the products have no rounding error (Dekker's product).
-
-    total: (..., p, q)
-    left: (..., p, n)
-    right: (q, n)
-    """
-    factors = np.diag(right)
-    if np.count_nonzero(right) > np.count_nonzero(factors):
-        columns = np.broadcast_to(right.T, (*left.shape[:-2], *right.T.shape))
-        products = product_of_doubles(left, columns)
-        return (total - products.high) - products.low
-    left_high, left_low = _halves(left)
-    high, low = _halves(factors)
-    return total - left_high * high - left_high * low - left_low * high - left_low * low
-
-
-def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (high, low) with numbers = high + low, both with at most 26 bits."""
-    scaled = numbers * (2.0**27 + 1.0)
-    high = scaled - (scaled - numbers)
-    return high, numbers - high
-
-
 def _slices(rows: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return the slices of rows, and the remainders before the first and after each slice."""
     # A slice contains so few bits that sums of products of two slices have no rounding error. All

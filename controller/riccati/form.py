@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -57,6 +57,8 @@ class Form(ABC):
     units: u, (n,), powers of two, so that the change of units does not round
     delta: delta of the game
     """
+
+    is_discrete: ClassVar[bool]
 
     A: np.ndarray
     inputs: np.ndarray
@@ -129,10 +131,6 @@ class Form(ABC):
         return (P + P.T) / 2.0
 
     @abstractmethod
-    def game(self) -> Game:
-        """Return the game in the units y, with the input v."""
-
-    @abstractmethod
     def gains(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return K (m, n) and L (k, n) of v = -K y and d = L y, the policies of the value y'X y."""
 
@@ -181,7 +179,7 @@ class Form(ABC):
 
     @abstractmethod
     def by_doubling(self) -> np.ndarray:
-        """Return X by a doubling algorithm after Newton steps.
+        """Return X by a doubling algorithm, not refined.
 
         Raises NoSolutionError if a matrix is singular.
         """
@@ -207,6 +205,7 @@ class Form(ABC):
         """Return the mode because of which no delta has a solution, as one sentence, or ""."""
 
 
+@lru_cache(maxsize=8)
 def _rounding_factors(count: int) -> np.ndarray:
     """Return 1 ± eps, (count,), with the signs of sin(k² + 1), which have no pattern."""
     k = np.arange(count)

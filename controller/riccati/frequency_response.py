@@ -1,9 +1,4 @@
-"""L2 gain of a closed loop from its bounded-real Hamiltonian.
-
-The closed loop is z' = (A - B K) z + E d with the output y = (Q^½ z, R^½ u) and u = -K z. Its gain
-is sup ‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The solution of the game
-has a gain below δ.
-"""
+"""L2 gain of a system, max_ω σ_max(C (jω I - A)⁻¹ B + D), from its bounded-real Hamiltonian."""
 
 from __future__ import annotations
 
@@ -13,10 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced, norms, spectrum
+from controller.riccati.balancing import balanced, hamiltonian, norms, spectrum
 from controller.riccati.bilinear import System, in_continuous_time
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
 
@@ -49,16 +42,17 @@ def level_crossings(
     singular value of D.
     Source: Zhou, Doyle and Glover, Section 4.7.
     """
-    free = level**2 * np.eye(D.shape[1]) - D.T @ D
-    by_output = np.linalg.solve(free, D.T @ C)
-    into = B @ np.linalg.solve(free, B.T)
+    n, m = B.shape
+    free = level**2 * np.eye(m) - D.T @ D
+    freed = np.linalg.solve(free, np.hstack([D.T @ C, B.T]))
+    by_output, into = freed[:, :n], B @ freed[:, n:]
     out = C.T @ (C + D @ by_output)
     # Every `ratio` gives the same eigenvalues. With this one, the blocks have similar size in any
     # unit of B.
     ratio = math.sqrt((np.linalg.norm(into) or 1.0) / (np.linalg.norm(out) or 1.0))
     loop = A + B @ by_output
-    H = np.block([[loop, into / ratio], [-out * ratio, -loop.T]])
-    roots = np.linalg.eigvals(balanced(H)[0])
+    H, _ = balanced(hamiltonian(loop, -into / ratio, out * ratio))
+    roots = np.linalg.eigvals(H)
     near = np.abs(roots.real) <= width * np.abs(roots).max()
     return np.unique(np.abs(roots.imag[near]))
 
@@ -88,21 +82,7 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
     ]
     frequencies = np.unique(np.concatenate(points))
     frequencies = np.concatenate([frequencies, (frequencies[1:] + frequencies[:-1]) / 2.0])
-    return float(gains_at(A, B, C, D, frequencies, fraction=1.0).max())
-
-
-@checks_arguments
-def bounded_real_gain(game: Game, K: np.ndarray) -> float:
-    """Return the L2 gain of the closed loop with u = -K z, from the disturbance to (Q^½ z, R^½ u).
-
-    In discrete time, signals are weighted by α^(k/2), as their squares are in the cost. The result
-    is inf if the loop is not stable (`system_gain`).
-
-    K: (m, n)
-
-    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError as `system_gain` does.
-    """
-    return loop_gain(closed_loop(game, K), is_discrete=game.is_discrete).high
+    return _highest_at(System(A, B, C, D), frequencies).gain
 
 
 class LoopGain(NamedTuple):
@@ -133,24 +113,6 @@ def loop_gain(loop: System, *, is_discrete: bool) -> LoopGain:
     sign = 1.0 if ends[0] >= ends[1] else -1.0
     gain = gain_bounds(*in_continuous_time(loop._replace(A=sign * loop.A)))
     return LoopGain(gain.low, gain.high, sign * cmath.exp(2j * math.atan(gain.frequency)))
-
-
-def closed_loop(game: Game, K: np.ndarray) -> System:
-    """Return the closed loop of u = -K z as (A - B K, E, C, 0), with C'C = Q + K'R K.
-
-    C z is the output (Q^½ z, R^½ u). With cross weights N, C'C = Q - N K - K'N' + K'R K. In
-    discrete time, the loop of the signals weighted by α^(k/2) has √α (A - B K) and √α E.
-
-    K: (m, n)
-
-    Raises BadInputError if K is not a real m x n matrix.
-    """
-    K = game.checked_gain(K)
-    state_cost = square_root(game.without_cross_weights.Q)
-    C = np.vstack([state_cost, square_root(game.R) @ (K - game.F)])
-    root = math.sqrt(game.discount)
-    nothing = np.zeros((len(C), game.E.shape[1]))
-    return System(root * (game.A - game.B @ K), root * game.E, C, nothing)
 
 
 def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
@@ -199,7 +161,7 @@ def gain_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> G
         C = np.linalg.qr(C).R  # the same gains by fewer outputs
         D = D[: len(C)]
     typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
-    at_infinity = float(np.linalg.norm(D, 2)) if D.size else 0.0
+    at_infinity = float(np.linalg.norm(D, 2)) if D.any() else 0.0
     if typical == 0.0:
         return GainBounds(at_infinity, at_infinity, 0.0)
     floor = max(ZERO * typical, at_infinity)  # a level must exceed rounding and σ_max(D)
@@ -241,10 +203,18 @@ def _highest(system: System, starts: np.ndarray, floor: float) -> _Peak:
 
 
 def _highest_at(system: System, frequencies: np.ndarray) -> _Peak:
-    """Return the largest gain at given frequencies."""
-    gains = gains_at(*system, frequencies, fraction=1.0)
-    place = int(gains.argmax())
-    return _Peak(float(gains[place]), float(frequencies[place]))
+    """Return the largest gain at given frequencies.
+
+    Raises NoSolutionError as `responses` does.
+    """
+    A, B, C, D = system
+    peaks = []
+    together = max(1, _LARGEST // max(A.size, B.size, D.size))
+    for first in range(0, len(frequencies), together):
+        some = frequencies[first : first + together]
+        place, gain = _largest_gain(C @ responses(A, B, some) + D)
+        peaks.append(_Peak(gain, float(some[place])))
+    return max(peaks)
 
 
 def _resonances(poles: np.ndarray) -> np.ndarray:
@@ -252,35 +222,6 @@ def _resonances(poles: np.ndarray) -> np.ndarray:
     least_damped = poles[np.argsort(-poles.real / np.abs(poles))[:STARTS]]
     resonances = np.concatenate([np.abs(least_damped), np.abs(least_damped.imag)])
     return np.unique(np.append(resonances, 0.0))
-
-
-def gains_at(
-    A: np.ndarray,
-    B: np.ndarray,
-    C: np.ndarray,
-    D: np.ndarray,
-    frequencies: np.ndarray,
-    fraction: float,
-) -> np.ndarray:
-    """Return the largest singular values of C (jω I - A)⁻¹ B + D at N frequencies, (N,).
-
-    frequencies: ω, (N,), rad/s
-    fraction: as in `largest_gains`, of the largest of the frequencies that are evaluated together
-
-    Raises NoSolutionError as `responses` does.
-    """
-    together = _together(max(B.size, D.size))
-    return np.concatenate(
-        [
-            largest_gains(C @ responses(A, B, some) + D, fraction)
-            for some in np.split(frequencies, range(together, len(frequencies), together))
-        ]
-    )
-
-
-def _together(size: int) -> int:
-    """Return how many matrices of so many entries are in memory at once."""
-    return max(1, _LARGEST // max(size, 1))
 
 
 def responses_at(loop: np.ndarray, B: np.ndarray, point: complex) -> np.ndarray:
@@ -298,32 +239,22 @@ def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.nd
 
     Raises NoSolutionError if a pole of the loop is on the imaginary axis within rounding.
     """
-    x = np.empty((len(frequencies), *B.shape), dtype=complex)
-    several = _together(loop.size)
-    for first in range(0, len(frequencies), several):
-        some = frequencies[first : first + several, None, None]
-        resolvent = 1j * some * np.eye(len(loop)) - loop
-        try:
-            x[first : first + several] = np.linalg.solve(resolvent, B)
-        except np.linalg.LinAlgError as error:
-            raise NoSolutionError(
-                "the loop has a pole on the imaginary axis, within rounding; give a stabilizing"
-                " gain"
-            ) from error
-    return x
+    resolvent = 1j * frequencies[:, None, None] * np.eye(len(loop)) - loop
+    try:
+        return np.linalg.solve(resolvent, B)
+    except np.linalg.LinAlgError as error:
+        raise NoSolutionError(
+            "the loop has a pole on the imaginary axis, within rounding; give a stabilizing gain"
+        ) from error
 
 
-def largest_gains(matrices: np.ndarray, fraction: float) -> np.ndarray:
-    """Return the largest singular value of each matrix, (N,).
+def _largest_gain(matrices: np.ndarray) -> tuple[int, float]:
+    """Return which of N matrices (N, p, m) has the largest singular value, and this value.
 
-    The Frobenius norm is an upper bound. Where it is below the given fraction of the largest
-    result, it is returned instead.
-
-    matrices: (N, p, m)
-    fraction: from 0 to 1
+    Only matrices whose Frobenius norm, an upper bound, reaches the largest value are decomposed.
     """
     if not matrices.size:
-        return np.zeros(len(matrices))
+        return 0, 0.0
     size = float(np.abs(matrices).max()) or 1.0
     scaled = matrices / size
     bounds = norms(scaled)
@@ -333,11 +264,15 @@ def largest_gains(matrices: np.ndarray, fraction: float) -> np.ndarray:
         gram = some @ some.mT.conj() if wide else some.mT.conj() @ some
         return np.sqrt(np.linalg.eigvalsh(gram)[:, -1].clip(0.0))
 
-    most = int(bounds.argmax())
-    least = fraction * float(values_of(scaled[most : most + 1])[0])
-    is_sought = bounds >= least
-    bounds[is_sought] = values_of(scaled[is_sought])
-    return size * bounds
+    place = int(bounds.argmax())
+    gain = float(values_of(scaled[place : place + 1])[0])
+    bounds[place] = 0.0
+    others = np.flatnonzero(bounds > gain)
+    if len(others):
+        values = values_of(scaled[others])
+        if values.max() > gain:
+            place, gain = int(others[values.argmax()]), float(values.max())
+    return place, size * gain
 
 
 def square_root(matrix: np.ndarray) -> np.ndarray:

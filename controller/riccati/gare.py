@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -234,13 +234,13 @@ def solve(game: Game, progress: Progress | None = None) -> Solution:
     need(game, Game, "solve: game", "a game: hfa.game(linear, Q, R, delta)")
     form = form_of(game)
     solved = certified(form, progress)
-    meaning = meaning_checks(form.game(), solved.X, np.ones(len(solved.X)))
+    meaning = meaning_checks(form, solved.X)
     for check in meaning:
         if not check.ok:
             unconfirmed = f"certified, but not confirmed: {check.name}: {check.reason}"
             advice = smallest_delta_of(form, progress).advice(game.delta)
             raise NoSolutionError(f"{unconfirmed}; {advice}")
-    return replace(solution_of(form, solved, game), meaning=meaning)
+    return solution_of(form, solved, game, meaning)
 
 
 def unconfirmed_solution(game: Game) -> Solution:
@@ -268,15 +268,18 @@ def certified(form: Form, progress: Progress | None = None) -> Certified:
         raise NoSolutionError(why_refused(form, str(failure), progress)) from failure
 
 
-def solution_of(form: Form, certified: Certified, game: Game) -> Solution:
+def solution_of(
+    form: Form, certified: Certified, game: Game, meaning: tuple[Check, ...] = ()
+) -> Solution:
     """Return the solution of a game in the user's coordinates.
 
     form: form of the game
     certified: certified solution of the game
     game: the game as the user gave it
+    meaning: checks of the cost and the L2 gain, () if they were not made
     """
     X = certified.X
     P = form.value(X)
     K, L = form.policies(X)
     P.setflags(write=False)
-    return Solution(P=P, K=K, disturbance_gain=L, game=game, certificate=certified.certificate)
+    return Solution(P, K, L, game, certified.certificate, meaning)

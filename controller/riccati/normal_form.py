@@ -67,6 +67,8 @@ class NormalForm(Form):
     Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1.
     """
 
+    is_discrete = False
+
     @staticmethod
     def units_of(game: Game) -> np.ndarray:
         """Return the units u (n,) that balance the Hamiltonian of a game with N = 0.
@@ -77,10 +79,6 @@ class NormalForm(Form):
         B = np.linalg.solve(np.linalg.cholesky(game.R), game.B.T).T
         E = game.E / game.delta
         return units_of(game.A, B @ B.T - E @ E.T, game.Q)
-
-    def game(self) -> Game:
-        """Return the game in the units y, with the input v."""
-        return Game(self.A, self.inputs, self.disturbance, self.Q, self.R, self.delta)
 
     @cached_property
     def root(self) -> np.ndarray:
@@ -185,7 +183,7 @@ class NormalForm(Form):
         return not self.Q.any() and is_hurwitz(self.A)
 
     def by_doubling(self) -> np.ndarray:
-        """Return X, (n, n), by the structure-preserving doubling algorithm, after Newton steps.
+        """Return X, (n, n), by the structure-preserving doubling algorithm.
 
         X is the limit of the optimal costs over 2^k steps with the final cost p I, p = `LAST`.
 
@@ -210,7 +208,7 @@ class NormalForm(Form):
                 Y = doubled(one - T[:n, :n], T[:n, n:], T[n:, :n])
         except np.linalg.LinAlgError as error:
             raise NoSolutionError("doubling meets a singular matrix") from error
-        return self.refined(Y + LAST * one)
+        return Y + LAST * one
 
     @property
     def _is_finite(self) -> bool:

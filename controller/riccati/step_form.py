@@ -44,16 +44,13 @@ class StepForm(Form):
     R may be singular: the solution only needs R + B'X B > 0.
     """
 
+    is_discrete = True
+
     @staticmethod
     def units_of(game: Game) -> np.ndarray:
         """Return the units u (n,) in which a game with N = 0 is balanced."""
         alpha = game.discount
         return units_of(math.sqrt(alpha) * game.A, alpha * game.S_control, game.Q)
-
-    def game(self) -> Game:
-        """Return the game in the units y, with the input v."""
-        matrices = (self.A, self.inputs, self.disturbance, self.Q, self.R)
-        return Game(*matrices, self.delta, dt=True)
 
     @cached_property
     def G(self) -> np.ndarray:
@@ -146,8 +143,7 @@ class StepForm(Form):
             return np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T)
 
     def by_doubling(self) -> np.ndarray:
-        """Return X as the limit of the costs over 2^k steps, with the cost p I of the final state,
-        after Newton steps.
+        """Return X as the limit of the costs over 2^k steps, with the cost p I of the final state.
 
         X = p I + Y, and the first step with the final cost p I gives a game of Y without R
         (`doubled`).
@@ -165,7 +161,7 @@ class StepForm(Form):
             S = G @ np.linalg.solve(weights, G.T)
             with np.errstate(all="ignore"):
                 Y = doubled(A, S, Y)
-        return self.refined(Y + LAST * one)
+        return Y + LAST * one
 
     def axis_checks(self) -> tuple[Check, ...]:
         """Return no checks: `unrefined` counts the eigenvalues inside the unit circle."""
