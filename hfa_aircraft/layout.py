@@ -249,8 +249,13 @@ def linearized(
 def linearized_rows(
     layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
 ) -> RowFunction:
-    """Return `linearized` as a function of rows (x, u, p)."""
-    return RowFunction(linearized(layout, outputs, disturbances))
+    """Return `linearized` as a function of rows (x, u, p), whose one result is a row with f, y, A,
+    B, C, D, E and F, each matrix row by row.
+    """
+    arguments = layout.symbols("x", "u", "p")
+    parts = linearized(layout, outputs, disturbances)(*arguments)
+    flat = ca.vertcat(*(ca.vec(part.T) for part in parts))
+    return RowFunction(ca.Function("linearized_rows", arguments, [flat]))
 
 
 @lru_cache(maxsize=16)

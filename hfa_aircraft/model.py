@@ -515,17 +515,17 @@ class Model(Reported):
         Raises BadInputError as `linearized` does, and NotFiniteError if a result is not finite.
         """
         rows = linearized_rows(self.layout, tuple(outputs), tuple(disturbances))
-        columns = rows(*(np.asarray(vector)[None] for vector in (x, u, self.p)))
-        shapes = (rows.function.size_out(number) for number in range(len(columns)))
-        f, y, *derivatives = (
-            column.reshape(shape, order="F").copy()
-            for column, shape in zip(columns, shapes, strict=True)
-        )
-        result = Linearization(f[:, 0], y[:, 0], *derivatives)
-        if not all(np.isfinite(part).all() for part in result):
+        ((flat,),) = rows(*(np.asarray(vector)[None] for vector in (x, u, self.p)))
+        n, m, k, d = len(self.states), len(self.inputs), len(outputs), len(disturbances)
+        if not np.isfinite(flat).all():
             values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
-            raise NotFiniteError(self.not_finite(result.f, values, list(self.states)))
-        return result
+            raise NotFiniteError(self.not_finite(flat[:n], values, list(self.states)))
+        parts, first = [], 0
+        for shape in ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d)):
+            last = first + math.prod(shape)
+            parts.append(flat[first:last].reshape(shape))
+            first = last
+        return Linearization(*parts)
 
     def not_finite(
         self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]

@@ -9,6 +9,7 @@ from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 
@@ -52,6 +53,12 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         """
         if name == "__all__":
             return installed()
+        module, name_there = origin(name)
+        return getattr(module, name_there) if name_there else module
+
+    @cache
+    def origin(name: str) -> tuple[ModuleType, str]:
+        """Return the module that defines a public name, and the name in this module."""
         if name not in modules():
             from hfa_support.errors import advice
 
@@ -60,14 +67,13 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
             raise AttributeError(f"module {package!r} has no attribute {name!r}{near}")
         module_name, name_there = modules()[name]
         try:
-            module = import_module(module_name, package)
+            return import_module(module_name, package), name_there
         except ModuleNotFoundError as error:
             if error.name != module_name.partition(".")[0]:
                 raise
             raise AttributeError(
                 f"{package}.{name} requires the package {error.name}; install this package"
             ) from None
-        return getattr(module, name_there) if name_there else module
 
     def installed() -> list[str]:
         """Return the public names that can be imported, because their packages are installed."""

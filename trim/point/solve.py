@@ -105,7 +105,8 @@ def trim(
         need(start, OperatingPoint, "trim: start", "a trim: hfa.trim(model)")
     condition = condition or usual_condition(model)
     refuse_unfit(condition, model)
-    need(hold or {}, Mapping, "trim: hold", "{name: value}")
+    if hold:
+        need(hold, Mapping, "trim: hold", "{name: value}")
     held = {**(hold or {}), **held}
     if at is not None:
         if model.schedule in held:

@@ -202,27 +202,46 @@ def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] =
     condition: condition of the trim
     varied: variables, outputs or rates whose values differ between the points
     """
-    held = {*condition.imposed, *varied}
+    return _structure(
+        model,
+        tuple([(name, value != 0.0) for name, value in condition.imposed.items()]),
+        tuple([(name, rate != 0.0) for name, rate in condition.rates.items()]),
+        tuple([(name, *ends) for name, ends in condition.limits.items()]),
+        tuple(varied),
+    )
+
+
+@lru_cache(maxsize=32)
+def _structure(
+    model: Model,
+    imposed: tuple[tuple[str, bool], ...],
+    rates: tuple[tuple[str, bool], ...],
+    limits: tuple[tuple[str, float, float], ...],
+    varied: tuple[str, ...],
+) -> Structure:
+    """Return the structure of the conditions that impose these names.
+
+    imposed: (variable or output, whether its value is not 0)
+    rates: (state, whether its rate is not 0)
+    limits: (name, lowest, highest), instead of the model's limits
+    """
+    held = {*dict(imposed), *varied}
+    moving = dict(rates)
     following = [name for name in (*model.states, *model.outputs) if name not in model.variables]
     rows = []
     for name in model.states:
         rate = f"{name}_dot"
-        if name in condition.rates or rate in varied:
-            is_zero = rate not in varied and condition.rates[name] == 0.0
+        if name in moving or rate in varied:
+            is_zero = rate not in varied and not moving[name]
             rows.append(Row(name, True, "" if is_zero else rate, model.rate_scale(name)))
     for name in following:
         if name in held:
             rows.append(Row(name, False, name, model.signals[name].nominal))
     given = {*varied, *(row.imposed for row in rows)}
-    for name, value in condition.imposed.items():
-        if value != 0.0 or name in model.outputs:
-            given.add(name)
+    given.update(name for name, is_nonzero in imposed if is_nonzero or name in model.outputs)
     free = [name for name in model.variables if name not in held]
-    watched = [
-        name
-        for name in following
-        if name not in held and tuple(condition.limits_of(name)) != _UNLIMITED
-    ]
+    ends = model.limits | {name: (low, high) for name, low, high in limits}
+    watched = [name for name in following if name not in held and ends[name] != _UNLIMITED]
     return Structure(
         model.layout,
         tuple(name for name in (*model.holdable, *model.rates) if name in given),
@@ -438,15 +457,18 @@ class TrimSystem:
         model = self.model
         (rows,) = self.equations.point_rows(z[None], c)
         equations = len(self.row_scales)
-        sizes = [len(model.states), len(model.inputs), len(self.structure.watched), equations]
-        x, u, y, residual, jacobian = np.split(rows[0], np.cumsum(sizes))
+        row = rows[0]
+        n = len(model.states)
+        after_u = n + len(model.inputs)
+        after_y = after_u + len(self.structure.watched)
+        after_residual = after_y + equations
         return Evaluation(
-            model.layout.record("x", x.tolist()),
-            model.layout.record("u", u.tolist()),
-            y,
-            residual,
-            jacobian.reshape(equations, len(z)),
-            bool(np.isfinite(rows).all()),
+            model.layout.record("x", row[:n].tolist()),
+            model.layout.record("u", row[n:after_u].tolist()),
+            row[after_u:after_y],
+            row[after_y:after_residual],
+            row[after_residual:].reshape(equations, len(z)),
+            bool(np.isfinite(row).all()),
         )
 
     def constants(
@@ -523,6 +545,8 @@ def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]
     imposed: name -> imposed value
     """
     values = {name: model.signals[name].start for name in model.variables}
+    if model.trimming.begin is None:
+        return values
     held = {name: signal.start for name, signal in model.parameters.items()}
     begun = model.trimming.initial({**held, **imposed})
     return values | {name: float(begun[name]) for name in begun if name in values}
