@@ -135,6 +135,11 @@ class Model(Reported):
         "linearize": "hfa.linearize(model)",
         "fly": "hfa.fly(model, point, policy)",
         **{name: f"hfa.linearize(model).{name}" for name in ("A", "B", "poles")},
+        **{
+            name: f"hfa.{name}(model, deployment, points) with the trims as points, and "
+            "observations and actions in hfa.Deployment(policy, observation, action, timing)"
+            for name in ("environment", "vector_environment")
+        },
     }
     _how_to_make: ClassVar[str] = "hfa.load_model(FILE)"
 
@@ -374,8 +379,8 @@ class Model(Reported):
             return
         if name in self.parameters:
             raise BadInputError(
-                f"{meaning} {name!r}, a parameter; set the parameter by --hold {name}=VALUE or "
-                f"with_parameters({name}=VALUE)"
+                f"{meaning} {name!r}: a trim does not change this parameter; set it by "
+                f"--hold {name}=VALUE or model.with_parameters({name}=VALUE)"
             )
         known = (*self.holdable, *also, *self.parameters)
         refuse_unknown(meaning, name, dict.fromkeys(known))

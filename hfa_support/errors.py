@@ -104,10 +104,14 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
 def choice_of(name: str, known: Iterable[str]) -> str:
     """Return advice for an error message on an unknown name.
 
-    The advice lists the nearest known names, if any, and then all known names.
+    The advice lists the nearest known names, if any, and then the known names, of more than
+    `_MOST_LISTED` the first ones.
     """
-    meant = advice(name, known).removeprefix("; ")
-    return f"{meant} choose from {', '.join(known) or 'none'}".lstrip()
+    choices = [*known]
+    meant = advice(name, choices).removeprefix("; ")
+    listed = ", ".join(choices[:_MOST_LISTED]) or "none"
+    others = len(choices) - _MOST_LISTED
+    return f"{meant} choose from {listed}{f' and {others} more' * (others > 0)}".lstrip()
 
 
 def advice(name: str, known: Iterable[str]) -> str:
@@ -155,6 +159,8 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
 #: Least number of letters that are completed to a longer name, and largest number of suggestions.
 _SHORTEST_BEGINNING = 3
 _MOST_MEANT = 4
+#: Largest number of known names that a message lists.
+_MOST_LISTED = 12
 #: Least share of equal letters of two similar names.
 _LEAST_LIKENESS = 0.75
 

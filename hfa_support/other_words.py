@@ -1,5 +1,17 @@
 """Synonyms in other tools and books, used in messages on unknown names."""
 
+#: Options that a command does not have -> what to do in their place.
+INSTEAD = {
+    "hfa solve --discount": "discount is an entry of the plant file (--model FILE)",
+    "hfa solve --dt": "dt is an entry of the plant file (--model FILE)",
+    "hfa learn --discount": "discount is an entry of the plant file (--model FILE)",
+    "hfa learn --dt": "dt is an entry of the plant file (--model FILE)",
+    "hfa fly --model": "give the plant by --aircraft FILE",
+    "hfa optimize --model": "give the plant by --aircraft FILE",
+    "hfa trim --model": "give the plant by --aircraft FILE",
+    "hfa prove region --law": "a region is proved for a gain or a critic (--weights FILE), and for "
+    "no policy that plans",
+}
 #: Each row: a word in lower case, and names in this project that it may mean, with _ for -.
 _TABLE = """
 aileron: aileron_center aileron_outer

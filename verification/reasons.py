@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -40,6 +40,12 @@ ROOT = 1e-9
 APART = 0.05
 #: Factor on a slope per degree, and on the column of a state in degrees.
 DEGREE = math.pi / 180.0
+#: Units other than the plant's -> factor on the column of a state in K.
+UNITS_OF_STATES = {
+    "in degrees": DEGREE,
+    "in metres in place of feet": 1.0 / 0.3048,
+    "in feet in place of metres": 0.3048,
+}
 #: Factors of all entries, and their names.
 FACTORS = {-1.0: "has the wrong sign", 0.5: "is half the exact one", 2.0: "is twice the exact one"}
 
@@ -184,7 +190,7 @@ def _of_value(P: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
     order = _order_of_states(P, exact)
     places = np.argsort(order)
     yield Mistake(_order_text("state", order), P[np.ix_(places, places)])
-    for says, divisors in _units("state", _factors_of_states(P, exact), DEGREE):
+    for says, divisors in _units("state", _factors_of_states(P, exact), UNITS_OF_STATES):
         yield Mistake(says, P / np.outer(divisors, divisors))
     yield from _one_entry("P", P, exact)
 
@@ -223,17 +229,21 @@ def _of_gain(game: Game, K: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
         yield Mistake("R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(game.R, K))
     says = "K was read row by row, but its entries are stored column by column"
     yield Mistake(says, K.reshape(K.shape[::-1]).T)
-    yield from _of_rows("input", 1.0 / DEGREE, K, exact)
-    for says, undone in _of_rows("state", DEGREE, K.T, exact.T):
-        yield Mistake(says, undone.T)
+    for first, right in (("", K), ("the gain has the wrong sign, and ", -K)):
+        for says, undone in _of_rows("input", {"in degrees": 1.0 / DEGREE}, right, exact):
+            yield Mistake(first + says, undone)
+        for says, undone in _of_rows("state", UNITS_OF_STATES, right.T, exact.T):
+            yield Mistake(first + says, undone.T)
     yield from _one_entry("K", K, exact)
 
 
-def _of_rows(noun: str, degree: float, given: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
+def _of_rows(
+    noun: str, units: Mapping[str, float], given: np.ndarray, exact: np.ndarray
+) -> Iterator[Mistake]:
     """Yield that the rows of K are in another order, or that some have a wrong sign or unit.
 
     noun: what the rows belong to
-    degree: factor on a row in degrees
+    units: name of a wrong unit -> factor on a row
     """
     columns = np.maximum(np.abs(exact).max(axis=0), TINY)
     rows, exact_rows = given / columns, exact / columns
@@ -243,7 +253,7 @@ def _of_rows(noun: str, degree: float, given: np.ndarray, exact: np.ndarray) -> 
     yield Mistake(_order_text(noun, order), given[np.argsort(order)])
     with np.errstate(all="ignore"):
         factors = np.sum(rows * exact_rows, axis=1) / np.sum(exact_rows**2, axis=1)
-    for says, divisors in _units(noun, factors, degree):
+    for says, divisors in _units(noun, factors, units):
         yield Mistake(says, given / divisors[:, None])
 
 
@@ -264,9 +274,11 @@ def _power_of_ten(ratio: float) -> int:
     return round(math.log10(ratio)) if math.isfinite(ratio) and ratio > 0.0 else 0
 
 
-def _units(noun: str, factors: np.ndarray, degree: float) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield (sentence, divisors) for states or inputs with the wrong sign or in degrees."""
-    for wrong, factor in (("the wrong sign", -1.0), ("in degrees", degree)):
+def _units(
+    noun: str, factors: np.ndarray, units: Mapping[str, float]
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield (sentence, divisors) for states or inputs with the wrong sign or in a wrong unit."""
+    for wrong, factor in {"the wrong sign": -1.0, **units}.items():
         where = np.abs(factors / factor - 1.0) < NEAR
         if where.any() and not where.all():
             *numbers, last = (str(index + 1) for index in np.flatnonzero(where))

@@ -37,6 +37,11 @@ AT_TRIM = 1e-6
 _IN_THE_FACTS = ("error", "rest", "stability", "game loop")
 #: Checks of the gain K.
 _OF_K = ("K_rel_error", "K_balanced_error", "K_entry_error")
+#: What to compare if no mistake is recognized; of a network, none is searched.
+UNEXPLAINED = (
+    "Compare signs, units and order of states and inputs, Q, R, delta, discount and dt "
+    "with those of the training"
+)
 #: Largest number of columns of the first line of a report.
 _FIRST_LINE = 80
 
@@ -385,6 +390,8 @@ class Verdict(Checked, Result, Reported):
         if self.reason:
             where = "" if self.nonlinear is None else f", on the {self.game}"
             heading.append(f"Reason{where}: {self.reason}")
+        if self.grade == "fail" if self.critic.network else not (self.ok or self.reason):
+            heading.append(UNEXPLAINED)
         return Report(
             "\n".join(self._first_lines(limit_cost)),
             [

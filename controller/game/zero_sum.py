@@ -68,6 +68,7 @@ class Game(ByValue, Reported):
 
     _instead: ClassVar[Mapping[str, str]] = {
         "solve": "hfa.solve(game)",
+        "verify": "hfa.verify(game, hfa.from_gain(game, K))",
         "solve(delta)": "hfa.solve(game.with_delta(delta))",
         **{name: f"hfa.solve(game).{name}" for name in ("K", "P")},
     }

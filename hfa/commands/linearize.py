@@ -98,7 +98,7 @@ def linearize(request: LinearizeRequest) -> int:
         report = linear_model_report(model)
     else:
         report = _of_the_hfa(request, model)
-    report = with_qualities(report, point)
+    report = with_qualities(report, point, model.states)
     if request.bode:
         from trim.linear.frequency import with_transfers
 

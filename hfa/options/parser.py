@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 
 from hfa.options.part import Option, is_installed
 from hfa_support.errors import BadInputError, advice, shortened
+from hfa_support.other_words import INSTEAD
 
 
 class Parser(argparse.ArgumentParser):
@@ -198,13 +199,16 @@ class _Named(argparse.Action):
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     """Return the error message for an unknown option or command, with the nearest known name.
 
-    If no known name is near, the message names the help of `program`.
+    If no known name is near, the message says what to do in place of the option, or names the help
+    of `program`.
 
     what: kind of word, with the word
     name: the unknown name
     known: known names
     program: name of the command, such as "hfa trim"
     """
+    if instead := INSTEAD.get(f"{program} {name}"):
+        return f"unknown {what}; {instead}"
     return f"unknown {what}{advice(name, known) or f' (see `{program} --help`)'}"
 
 

@@ -150,6 +150,16 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
         lambda game: gain(game) * np.where(ANGLES, DEGREE, 1.0),
         "states 2, 3, 4, 5 and 6 are in",
     ),
+    "speed in metres": (
+        "K",
+        lambda game: gain(game) * np.where(np.arange(6) == 0, 1.0 / 0.3048, 1.0),
+        "state 1 is in metres in place of feet",
+    ),
+    "sign and degrees, K": (
+        "K",
+        lambda game: -gain(game) * np.where(ANGLES, DEGREE, 1.0),
+        "the gain has the wrong sign, and states 2, 3, 4, 5 and 6 are in degrees",
+    ),
     "inputs in degrees": (
         "K",
         lambda game: np.array([[1.0], [1.0], [1.0], [1 / DEGREE], [1 / DEGREE]]) * gain(game),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -82,16 +82,21 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
     return quantities
 
 
-def with_qualities(report: Report, point: OperatingPoint) -> Report:
-    """Return the report of a linear model with a table of its handling qualities.
+def with_qualities(report: Report, point: OperatingPoint, states: Sequence[str]) -> Report:
+    """Return the report of a linear model with a table of the handling qualities of the aircraft.
 
     The report is unchanged for a model without handling qualities.
+
+    states: states of the linear model; with fewer than the aircraft's, the table says of how many
+        its figures are
     """
     quantities = handling_qualities(point)
     if not quantities:
         return report
     rows = [(each.name, f"{each.value:.4f}", each.unit) for each in quantities]
-    table = Table(("handling qualities", "value", "unit"), rows)
+    whole = point.model.linear
+    of_all = f", all {len(whole)} states" * (len(states) < len(whole))
+    table = Table((f"handling qualities{of_all}", "value", "unit"), rows)
     found = Qualities({each.name: each for each in quantities})
     return replace(report, parts=(*report.parts, table)).with_data(found)
 

@@ -170,7 +170,9 @@ def transfer_function(system: System) -> control.TransferFunction:
 
     _refuse_several(system)
     (found,) = transfers(system)
-    return control.zpk(found.zeros, found.poles, found.gain)
+    return control.zpk(
+        found.zeros, found.poles, found.gain, inputs=[*system.inputs], outputs=[*system.outputs]
+    )
 
 
 def nyquist(system: System) -> Axes:

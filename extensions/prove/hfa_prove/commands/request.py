@@ -31,7 +31,7 @@ def disturbance_size(model: Model, name: str, text: str) -> float:
 
     Raises BadInputError if the model has no such disturbance or the value is not positive.
     """
-    refuse_unknown(f"{model.name} declares no disturbance", name, tuple(model.disturbances))
+    refuse_unknown(f"is no disturbance of {model.name}:", name, tuple(model.disturbances))
     positive(text)
     return quantity(model, name, text)
 
