@@ -17,7 +17,7 @@ from hfa.options.request import Request
 from hfa.options.trim import Trim, limits_option, scheduled
 from hfa_aircraft.model import Model
 from hfa_prove.commands.options import interval_of
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError, choice_of
 
 if TYPE_CHECKING:
     from hfa_flight.problem import FlightProblem
@@ -31,7 +31,8 @@ def disturbance_size(model: Model, name: str, text: str) -> float:
 
     Raises BadInputError if the model has no such disturbance or the value is not positive.
     """
-    refuse_unknown(f"is no disturbance of {model.name}:", name, tuple(model.disturbances))
+    if name not in model.disturbances:
+        raise BadInputError(f"is unknown; {choice_of(name, model.disturbances)}")
     positive(text)
     return quantity(model, name, text)
 
