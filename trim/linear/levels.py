@@ -21,6 +21,9 @@ CLASSES = ("I", "II-C", "II-L", "III", "IV")
 #: Categories: A rapid maneuvers; B gradual maneuvers, such as cruise; C terminal, such as landing.
 CATEGORIES = ("A", "B", "C")
 STANDARD = "MIL-F-8785C"
+#: Modes with a rule, and the paragraph on roll and spiral coupled in one oscillation.
+_MODES = ("short period", "phugoid", "dutch roll", "roll", "spiral")
+_COUPLED = "3.3.1.4"
 #: Number of a quality that is worse than level 3.
 NO_LEVEL = 4
 _AGILE = ("I", "II-C", "IV")
@@ -169,7 +172,7 @@ def _of_roll_spiral(mode: str, airplane: Airplane) -> _Rule:
     limits = _least(0.5, 0.3, 0.15)
     if airplane.category == "A":
         limits = _least(math.inf, math.inf, math.inf)
-    return _Rule(f"{mode} damping times frequency", "rad/s", "3.3.1.4", limits)
+    return _Rule(f"{mode} damping times frequency", "rad/s", _COUPLED, limits)
 
 
 def _of_dutch_roll(qualities: Mapping[str, float], airplane: Airplane) -> Iterator[_Rule]:
@@ -226,14 +229,20 @@ def levels_table(found: Sequence[Graded], airplane: Airplane, stated: bool) -> t
             rows.append(
                 (name, f"{each.value:.4g}", cell, _limits_text(each.limits), each.paragraph)
             )
+    if not rows:
+        return (f"{STANDARD}: not in this model: no mode that it has a rule for",)
     header = (STANDARD, "value", "level", "limits of levels 1, 2, 3", "paragraph")
     usual = "" if stated else ", by default (--class, --category)"
     lines = [f"{STANDARD}: class {airplane.class_}, category {airplane.category}{usual}"]
     without = [each.mode for each in found if each.level is None]
     if without:
         lines.append(f"{STANDARD} has no rule for: {', '.join(without)}")
-    table = [Table(header, rows)] if rows else []
-    return *table, "\n".join(lines)
+    named = {each.mode.partition(" (")[0] for each in found}
+    if any(each.paragraph == _COUPLED for each in found):
+        named |= {"roll", "spiral"}
+    if absent := [mode for mode in _MODES if mode not in named]:
+        lines.append(f"{', '.join(absent)}: not in this model")
+    return Table(header, rows), "\n".join(lines)
 
 
 def _limits_text(limits: Limits) -> str:

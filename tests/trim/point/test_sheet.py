@@ -600,6 +600,8 @@ def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
     by_mode = {(entry["mode"], entry["quality"]): entry["level"] for entry in flexible["levels"]}
     assert by_mode["phugoid", "damping"] == 4  # doubles in 44 s
     assert by_mode["dihedral", ""] is None
+    said = command("trim", "--dihedral", "15").out
+    assert "dutch roll, roll, spiral: not in this model" in said
     text = command("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--class", "iv", "--category", "A")
     assert "class IV, category A" in text.out
     assert "by default" not in text.out
