@@ -162,6 +162,8 @@ class NonlinearComparison(Result):
 
 
 def _share(error: DegreeError) -> str:
+    if math.isfinite(error.learned) and error.exact == 0.0:
+        return f"{error.learned:.3g} in place of 0"
     if not math.isfinite(error.error):
         return "not finite"
     return f"off by {100.0 * error.error:.2g} %"

@@ -33,7 +33,7 @@ NEAR = 1.0
 #: Largest distance of an equilibrium from the trim, as a fraction of the box, with which the cost
 #: decides: from there, the cost that counts from the equilibrium is that from the trim.
 AT_TRIM = 1e-6
-#: Kinds of checks that the first lines always mention; a failed check of another kind is named.
+#: Kinds of checks that the first lines always mention. Another failed check is told by its reason.
 _IN_THE_FACTS = ("error", "rest", "stability", "game loop")
 #: Checks of the gain K.
 _OF_K = ("K_rel_error", "K_balanced_error", "K_entry_error")
@@ -258,7 +258,7 @@ class Verdict(Checked, Result, Reported):
         failed = [check for check in self.checks if not check.ok]
         facts = []
         if failed and not any(check.kind in _IN_THE_FACTS for check in failed):
-            facts.append(f"{failed[0].name} fails")
+            facts.append(failed[0].reason)
         facts += [self._cost_text()] if self.flights is None else self._network_facts()
         if not self.stabilizing:
             facts.append("not stabilizing")

@@ -15,6 +15,7 @@ from project import ROOT
 
 import hfa
 from hfa import BadInputError, NoSolutionError
+from verification import Box, Scope
 
 
 def main_arguments(function: Callable[..., Any]) -> list[str]:
@@ -145,6 +146,13 @@ def test_a_wrong_main_argument_is_named(name: str) -> None:
 
 
 GAME = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0], delta=2.0)
+
+
+@pytest.mark.parametrize("box", [5, Box([1.0, 1.0], ""), Box([-1.0], ""), Box("x", "")])
+def test_a_wrong_box_of_a_scope_is_named(box: Any) -> None:
+    """A box that is none, or without a positive half-width for each state, is refused."""
+    with pytest.raises(BadInputError, match=r"^[^\n]*scope\.box[^\n]*$"):
+        hfa.verify(GAME, hfa.from_gain(GAME, [[1.0]]), scope=Scope(box))
 
 
 def test_matrices_in_place_of_a_game_name_the_game() -> None:

@@ -14,7 +14,13 @@ from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.errors import BadInputError, NoSolutionError, refuse_unless_positive
+from hfa_support.errors import (
+    BadInputError,
+    NoSolutionError,
+    numbers_in,
+    refuse_unless_positive,
+    shown,
+)
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Part
 from verification.box import Box, usual_box
@@ -102,7 +108,7 @@ def verify(
     if taylor and (linear is None or last.is_quadratic):
         missing = "linear=LINEAR of an aircraft" if linear is None else "a network"
         raise BadInputError(f"verify: taylor requires {missing}")
-    box = scope.box or usual_box(judged.game)
+    box = usual_box(judged.game) if scope.box is None else _given_box(scope.box, judged.game)
     errors_of = partial(_errors, judged, box.half_widths, limit)
 
     nonlinear, about_nonlinear = None, None
@@ -177,6 +183,17 @@ def _run(judged: JudgedGame, run: TrainingRun) -> _OverTime:
 def _history_section(table: ErrorTable) -> Section:
     """Return the section of the report on a history, with the errors at all times as records."""
     return Section((table.shown, table.sentence), Details(history=table), table.records)
+
+
+def _given_box(box: Box, game: Game) -> Box:
+    """Return the box of a scope, refused unless it has a positive half-width for each state."""
+    need(box, Box, "verify: scope.box", "verification.Box(half_widths, about)")
+    widths = numbers_in("scope.box.half_widths", box.half_widths)
+    count = len(game.A)
+    if widths.shape != (count,) or not np.all(widths > 0.0):
+        given = shown(widths.tolist())
+        raise BadInputError(f"verify: scope.box is {given}; give {count} positive half-widths")
+    return box._replace(half_widths=widths)
 
 
 def _searched(

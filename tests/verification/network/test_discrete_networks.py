@@ -90,6 +90,22 @@ def test_a_policy_exact_only_at_the_origin_fails() -> None:
     assert verdict.to_dict()["network"]["reach"] == 0.0
 
 
+def test_a_policy_exact_in_the_box_that_loses_flights_fails() -> None:
+    """A policy that is exact in the box fails if its loop leaves the box and does not converge."""
+    slow = Game(
+        [[0.99369, 0.01564], [0.01473, 1.0595]],
+        [[0.14128], [-0.09389]],
+        Q=np.eye(2),
+        R=np.eye(1),
+        dt=0.1,
+    )
+    u = ca.if_else(ca.norm_inf(Z) < 1.05, exact_policy(slow), 0.0)
+    verdict = verify(slow, critic_of(slow, policy=u), scope=replace(SCOPE, box=Box([1.0, 1.0], "")))
+    assert failed_names(verdict.checks) == {"cost_lost_flown_percent"}
+    assert not verdict.ok
+    assert "not all flights from the box converge" in verdict.headline()
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_value_wrong_away_from_the_origin_fails(name: str) -> None:
     """A value that is exact to second order at the origin and wrong away from it fails."""
