@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
 import subprocess
 import zipfile
@@ -17,6 +18,7 @@ from cli import assert_refused, hfa as run
 import hfa
 
 COMPILER = shutil.which("cc")
+REFERENCE = os.environ.get("REFERENCE_FMUS")
 pytestmark = [
     pytest.mark.skipif(COMPILER is None, reason="there is no C compiler"),
     pytest.mark.usefixtures("folder"),
@@ -208,3 +210,17 @@ def test_a_data_file_executes_no_fmu() -> None:
     assert_refused(run("trim", "--aircraft", "changed.toml"), 2, "executes none")
     Path("text.fmu").write_text("no archive")
     assert_refused(run("trim", "--aircraft", "text.fmu"), 2, "not an FMU")
+
+
+@pytest.mark.skipif(REFERENCE is None, reason="REFERENCE_FMUS names no folder of reference FMUs")
+def test_reference_fmus_are_read_or_refused() -> None:
+    """A of VanDerPol and Dahlquist at rest; BouncingBall has events.
+
+    The folder REFERENCE_FMUS contains the FMUs of github.com/modelica/Reference-FMUs as NAME.fmu,
+    of FMI 2.0 or 3.0. No package of PyPI contains them.
+    """
+    for name, A in (("VanDerPol", [[0.0, 1.0], [-1.0, 1.0]]), ("Dahlquist", [[-1.0]])):
+        model = hfa.load_model(f"{REFERENCE}/{name}.fmu")
+        linear = hfa.linearize(model, hfa.trim(model))
+        assert linear.A.tolist() == pytest.approx(np.array(A), abs=1e-8)
+    assert_refused(run("trim", "--aircraft", f"{REFERENCE}/BouncingBall.fmu"), 2, "events")
