@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import hfa
 from hfa.main import main
-from hfa_flight.problem import flight_problem
-from hfa_optimal.bracket import bracket_of, bracket_sentence
-from hfa_prove.certificate import read_content, read_sealed, sealed
-from hfa_prove.problem import given_of
-from hfa_prove.statements.cost import CostStatement
-from hfa_prove.statements.plant import Subject
-from hfa_prove.subject import compare
-from hfa_support.errors import NoSolutionError
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 AIRCRAFT = ("--aircraft", PENDULUM)
+SEALS = ("digest", "provenance", "checksum")
 
 
 @pytest.fixture(scope="module")
@@ -33,10 +28,17 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def statement(certificate: Path) -> CostStatement:
-    """Return the statement in the certificate, without its proof."""
-    return read_content(read_sealed(certificate)[0], Subject(hfa.load_model(PENDULUM)))[0]
+def changed(certificate: Path, path: Path, change: Callable[[dict[str, Any]], object]) -> Path:
+    """Write a certificate with changed entries and the hashes of docs/proof.md."""
+    content = json.loads(certificate.read_text())
+    origin = json.dumps(content["provenance"])
+    content = {name: content[name] for name in content if name not in SEALS}
+    change(content)
+    text = json.dumps(content)[:-1]
+    for name, more in (("digest", f', "provenance": {origin}'), ("checksum", "}\n")):
+        text += f', "{name}": "{hashlib.sha256(text.encode()).hexdigest()}"{more}'
+    path.write_text(text)
+    return path
 
 
 def test_a_bound_is_proved_and_checked(
@@ -85,10 +87,7 @@ def test_a_certificate_of_another_kind_is_refused(
     assert main([*words, "--resume", "-o", str(path)]) == 2
     assert path.read_bytes() == before
     assert len(capsys.readouterr().err.splitlines()) == 1
-    content, _ = read_sealed(certificate)
-    body = {key: value for key, value in content.items() if key not in ("digest", "checksum")}
-    origin = json.dumps(body.pop("provenance"))
-    path.write_text(sealed(json.dumps({**body, "kind": "sorcery"})[:-1], origin))
+    changed(certificate, path, lambda content: content.update(kind="sorcery"))
     assert main(["prove", *AIRCRAFT, "--check", str(path)]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert "kind" in line
@@ -127,33 +126,36 @@ def test_command_and_function_report_equal_bounds(
     assert f"The least cost is in [{best.lower_bound:.6g}, {best.cost:.6g}]" in best.report().text()
 
 
-def test_an_initial_condition_above_the_level_is_bounded(statement: CostStatement) -> None:
-    """If W exceeds the certificate's level at the initial condition, the lower bound is the level.
+def test_an_initial_condition_above_the_level_is_bounded(certificate: Path, tmp_path: Path) -> None:
+    """Where W exceeds the level of the certificate, the lower bound of the cost is the level."""
 
-    The sentence on the bounds reports initial conditions beyond the level.
-    """
-    small = replace(statement, pieces=statement.pieces[:1])
-    near, far = (bracket_of(small, z, {}, 1e3) for z in (np.full(2, 1e-3), np.full(2, 9.0)))
-    assert (near.beyond, far.beyond) == (False, True)
-    assert far.lower_bound == small.level
-    assert bracket_sentence([(far, far.best)]).startswith("beyond the level")
-    both = bracket_sentence((each, each.best) for each in (near, far))
-    assert both.endswith("of the best possible, 1 beyond the level")
+    def first_piece(content: dict[str, Any]) -> None:
+        for listed in (content["statement"]["pieces"], content["witness"]["boxes"]):
+            del listed[1:]
 
-
-def test_a_bound_within_narrower_limits_is_refused(statement: CostStatement) -> None:
-    """A bound that was proved within narrower limits is refused."""
+    small = changed(certificate, tmp_path / "small.json", first_piece)
+    (piece,) = json.loads(small.read_text())["statement"]["pieces"]
     model = hfa.load_model(PENDULUM)
-    problem = flight_problem(model, hfa.trim(model))
-    given = given_of(problem, "this command", {})
-    compare(statement, given)
-    limits = {**statement.plant.limits, "angle": (-0.5, 0.5)}
-    narrower = replace(statement, plant=replace(statement.plant, limits=limits))
-    with pytest.raises(
-        NoSolutionError,
-        match="limit of angle in the certificate differs from the value of this command",
-    ):
-        compare(narrower, given)
+    for degrees, is_beyond in ((1.0, False), (45.0, True)):
+        start = {"angle": float(np.radians(degrees))}
+        best = hfa.optimize(model, hfa.trim(model), start, bound=small)
+        assert best.lower_bound is not None
+        assert (best.lower_bound == piece["c"]) == is_beyond
+        assert ("beyond the level" in best.report().title) == is_beyond
+
+
+def test_a_bound_within_narrower_limits_is_refused(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A bound that was proved within narrower limits is refused."""
+
+    def narrow(content: dict[str, Any]) -> None:
+        content["statement"]["plant"]["limits"]["angle"] = [-0.5, 0.5]
+
+    path = changed(certificate, tmp_path / "narrow.json", narrow)
+    words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--bound", str(path)]
+    assert main(words) == 2
+    assert "limit of angle" in capsys.readouterr().err
 
 
 def test_a_bound_of_other_weights_is_refused(
@@ -163,3 +165,44 @@ def test_a_bound_of_other_weights_is_refused(
     words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--Q", "1,2"]
     assert main([*words, "--bound", str(certificate)]) == 2
     assert "Q in the certificate differs from the value of --Q" in capsys.readouterr().err
+
+
+DAMPED = """
+from hfa import Model, Signal
+
+def rates(x, u, p, w):
+    return {"x": x.x - 30.0 * x.x**3 + u.push}, {}
+
+push = Signal("1", 1.0, -10.0, 10.0)
+DAMPED = Model("damped", {"x": Signal("", 1.0, -0.5, 0.5)}, {"push": push}, rates, trim={"x": 0.0})
+"""
+
+
+@pytest.mark.slow
+def test_smaller_shares_are_proved_up_to_higher_levels(folder: Path) -> None:
+    """Shares a of the linear cost are proved up to the level (1 + 2 a P - a² P²) / 60.
+
+    For x' = x - 30 x³ + u, P = 1 + √2, the least of g over u is (1 + 2 a P - a² P² - 60 a P x²) x²
+    for W = a P x². The highest level is that of a P near 1, five times that of a = 0.95.
+    """
+    (folder / "damped.py").write_text(DAMPED)
+    words = ["prove", "cost", "--aircraft", "damped.py:DAMPED", "--Q", "1", "--R", "1"]
+    assert main([*words, "--degree", "2", "--margin", "0.05", "-o", "damped.json"]) == 0
+    pieces = json.loads((folder / "damped.json").read_text())["statement"]["pieces"]
+    P = 1.0 + np.sqrt(2.0)
+    for number, piece in enumerate(pieces):
+        aP = piece["W"][0][0] * piece["M"][0][0] ** 2
+        permitted = (1.0 + 2.0 * aP - aP**2) / 60.0
+        assert 0.9 * permitted < piece["c"] < permitted or number == 0
+    first = (1.0 + 1.9 * P - (0.95 * P) ** 2) / 60.0
+    assert max(piece["c"] for piece in pieces) > 5.0 * first
+
+
+def test_a_search_without_time_ends_with_the_limit(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """A search whose time is over proves nothing, writes no file and names the time limit."""
+    path = tmp_path / "none.json"
+    assert main(["prove", "cost", *AIRCRAFT, "--seconds", "1e-6", "-o", str(path)]) == 1
+    assert "time limit" in capsys.readouterr().err
+    assert not path.exists()

@@ -1,0 +1,91 @@
+"""Regions of networks by `hfa prove`: proved, checked and refused."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import answer, hfa
+from small_networks import imitation
+
+from hfa import load_model, prove_region, trim
+
+ROOT = Path(__file__).resolve().parents[4]
+PENDULUM = f"{ROOT}/examples/pendulum.py:PENDULUM"
+K = np.array([[1.97725, 0.97624]])
+WEIGHTS = ("--aircraft", PENDULUM, "--Q", "1,1", "--R", "1")
+CLOCK = """
+import casadi as ca
+from hfa import Model, Signal
+
+def rates(x, u, p, w):
+    return {"angle": x.rate, "rate": 0.4 * ca.fabs(x.rate) - 0.2 * x.rate - x.angle}, {}
+
+CLOCK = Model("clock", {name: Signal("rad") for name in ("angle", "rate")}, {}, rates, trim={})
+"""
+
+
+def network(path: Path, seed: int = 0, hidden: tuple[int, ...] = (8,)) -> tuple[str, ...]:
+    """Write a network that imitates the gain K, and return the options that give it."""
+    file = imitation(path, K, np.array([1.0, 4.0]), hidden=hidden, seed=seed)
+    return "--weights", str(file), "--set", "activation=tanh", "--network", "policy="
+
+
+@pytest.fixture(scope="module")
+def proved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("boxes")
+    words = (*WEIGHTS, *network(folder / "network.npz"), "--degree", "2", "--seconds", "3")
+    assert hfa("prove", "region", *words, "-o", str(folder / "proved.json")).code == 0
+    return folder / "proved.json"
+
+
+def test_a_region_of_a_network_is_verified(proved: Path, folder: Path) -> None:
+    """The region is checked with its network, and refused with another one or without any."""
+    check = ("prove", "--check", str(proved))
+    own = network(folder / "network.npz")
+    assert answer(*check, *WEIGHTS, *own)["proved"]
+    others = (
+        network(folder / "other.npz", seed=1),
+        tuple(word.replace("=tanh", "=relu") for word in own),
+        (),
+    )
+    assert [hfa(*check, *WEIGHTS, *words).code for words in others] == [2, 2, 2]
+
+
+def test_what_has_no_region_is_refused(folder: Path) -> None:
+    """Recurrent and large networks, and a kink at the equilibrium, are named in one line."""
+    names = ("weight_ih_l0", "weight_hh_l0", "bias_ih_l0", "bias_hh_l0")
+    shapes = ((16, 2), (16, 4), (16,), (16,))
+    arrays = {f"lstm.{name}": np.ones(shape) for name, shape in zip(names, shapes, strict=True)}
+    np.savez("lstm.npz", **arrays, **{"out.weight": np.ones((1, 4)), "out.bias": np.zeros(1)})
+    recurrent = ("--weights", "lstm.npz", "--set", "activation=tanh", "--network", "policy=")
+    Path("clock.py").write_text(CLOCK)
+    clock = ("--aircraft", "clock.py:CLOCK", "--degree", "2", "--seconds", "0.2")
+    for words, code, name in (
+        ((*WEIGHTS, *recurrent), 2, "lstm.weight_ih_l0"),
+        ((*WEIGHTS, *network(Path("wide.npz"), hidden=(200, 300))), 2, "100000"),
+        (clock, 1, "kink in rate"),
+    ):
+        found = hfa("prove", "region", *words, "-o", "no.json")
+        assert (found.code, len(found.err.splitlines())) == (code, 1), found
+        assert name in found.err
+        assert not Path("no.json").exists()
+
+
+def test_an_interrupted_search_returns_the_proved_region() -> None:
+    """Ctrl-C ends the search at its next step. The region proved so far is returned."""
+    model = load_model(PENDULUM)
+    before = signal.getsignal(signal.SIGINT)
+    end = os.times().user + 5.0
+
+    def interrupt(done: float, whole: float, text: str = "", /) -> None:
+        if os.times().user > end:
+            raise KeyboardInterrupt
+
+    found = prove_region(model, trim(model), K, seconds=60.0, progress=interrupt)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert found.stopped == "interrupted"
+    assert found.set.size > 0.0
