@@ -1,7 +1,6 @@
 """Tests import the public faces of packages: what `import PACKAGE` offers, and these modules.
 
-`inner_imports.toml` names the exceptions. A file leaves the list when its imports of inner modules
-are replaced; no file may join it.
+`inner_imports.toml` names the exceptions, which attack what they import.
 """
 
 from __future__ import annotations
@@ -50,17 +49,13 @@ def files() -> list[str]:
 
 def test_no_other_test_imports_inner_modules() -> None:
     """Only the listed files import inner modules of the packages."""
-    assert [name for name in with_inner_imports() if name not in EXCEPTIONS["still"]] == []
-
-
-def with_inner_imports() -> list[str]:
-    """Return the files that import inner modules, but for those that attack what they import."""
-    return [
+    others = [
         name
         for name in files()
         if inner_imports((ROOT / name).read_text("utf-8"))
         and not any(fnmatch(name, pattern) for pattern in EXCEPTIONS["attacks"])
     ]
+    assert others == []
 
 
 @pytest.mark.parametrize(
@@ -76,7 +71,3 @@ def with_inner_imports() -> list[str]:
 def test_planted_imports_are_found(source: str, found: set[str]) -> None:
     """Imports of inner modules are found, also in functions; public ones are not."""
     assert inner_imports(source) == found
-
-
-if __name__ == "__main__":  # the list of the files that remain
-    print(*(f'    "{name}",' for name in with_inner_imports()), sep="\n")
