@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -72,19 +72,23 @@ Learned = Callable[[np.ndarray], Critic]
 class LearnedGains(GainPolicy):
     """Policy u = -K(t) z + u_d(t), whose feedforward begins with the first certified gain.
 
+    K: the last gain
+    gains: gain at each tick, (N, m, n)
     certified_from: time when a learned gain replaces the baseline, s
     tick: s
     """
 
+    gains: np.ndarray = field(kw_only=True)
     certified_from: float = 0.0
     tick: float = 0.0
 
     def __post_init__(self) -> None:
         """Add to the held inputs of each tick whether the feedforward has begun."""
         super().__post_init__()
-        times = self.tick * np.arange(len(self.held))
+        columns = self.gains.transpose(0, 2, 1).reshape(len(self.gains), -1)
+        times = self.tick * np.arange(len(self.gains))
         begun = times >= self.certified_from - 1e-9
-        object.__setattr__(self, "held", np.column_stack([self.held, begun]))
+        object.__setattr__(self, "held", np.column_stack([columns, begun]))
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """Return the input, (5,)."""
@@ -449,4 +453,4 @@ def _learned(
     inputs = None
     if law == CERTIFIED_FF:
         inputs = feedforward(case.game, case.exact.P, reference).inputs
-    return LearnedGains(law, gains, inputs, first, tick), critic_of
+    return LearnedGains(law, gains[-1], inputs, first, tick, gains=gains), critic_of

@@ -284,9 +284,9 @@ class ClosedLoop:
         m = self.plant.trim.size
         if self.scenario.actuators is not None:
             self.scenario.actuators.refuse_trim(self.plant.trim)
-        if isinstance(self.policy, GainPolicy) and self.policy.gains.shape[1:] != (m, k):
+        if isinstance(self.policy, GainPolicy) and self.policy.K.shape != (m, k):
             raise BadInputError(
-                f"the gain has shape {self.policy.gains.shape[1:]}; give {m} x {k}, inputs x states"
+                f"the gain has shape {self.policy.K.shape}; give {m} x {k}, inputs x states"
             )
         if isinstance(self.policy, FunctionPolicy):
             function = self.policy.function

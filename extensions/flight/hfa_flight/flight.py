@@ -60,7 +60,7 @@ from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.results import Result, Vector, given
+from hfa_support.reporting.results import Result, given
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 from trim.tables import draw_curves
@@ -261,17 +261,6 @@ def fly_within(
     return Flight(envelope, loop, flight, left_at, cycle, decay=decay)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FlightHistory(Result):
-    """Time history of a flight, written in addition to its summary.
-
-    history: once per tick, absolute: times (N,), states (N, n), inputs (N, m), angles_of_attack
-      (N,), errors (N, k), updrafts (N,), and winds, disturbance -> (N,).
-    """
-
-    history: Mapping[str, Any]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Flight(StatesAndInputs, Result, Reported):
     """A simulated flight, up to the first tick outside the envelope.
@@ -388,12 +377,6 @@ class Flight(StatesAndInputs, Result, Reported):
     def scenario(self) -> Mapping[str, Any]:
         """Scenario of the flight."""
         return self.loop.scenario.to_dict()
-
-    @property
-    def envelope_limits(self) -> Mapping[str, Vector]:
-        """Lowest and highest permitted value of each state."""
-        limits = envelope_data(self.envelope, bool(self.flight.winds))
-        return {name: np.array(pair) for name, pair in limits.items()}
 
     @property
     def step(self) -> float:
@@ -520,10 +503,10 @@ class Flight(StatesAndInputs, Result, Reported):
             return draw_curves(self.model, across, {name: self[name] for name in names})
         from matplotlib import pyplot
 
-        from hfa_flight.flight_report import drawn_flight
+        from hfa_flight.flight_report import flight_figure
 
         figure = pyplot.figure(layout="constrained")
-        return np.array(drawn_flight(figure, self, self.title()).axes)
+        return np.array(flight_figure(self, self.title(), figure).axes)
 
     def figure(self) -> Figure:
         """Return a new figure of the states and inputs over time."""
@@ -533,18 +516,32 @@ class Flight(StatesAndInputs, Result, Reported):
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a `pandas.DataFrame` of states and inputs, absolute, indexed by time in s."""
-        from hfa_flight.flight_report import frame
+        import pandas
 
-        return frame(self)
+        columns = [*self.model.states, *self.model.inputs]
+        index = pandas.Index(self.time, name="time")
+        return pandas.DataFrame(np.hstack([self.states, self.inputs]), index, columns)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return an `xarray.Dataset` of states, inputs and linear prediction over time.
+        """Return an `xarray.Dataset` of states and inputs, absolute, over time, with units.
 
-        The Dataset contains the units.
+        A linear prediction is included as NAME_linear for each state.
         """
-        from hfa_flight.flight_report import dataset
+        import xarray
 
-        return dataset(self)
+        model = self.model
+        columns = dict(zip(model.states, self.states.T, strict=True))
+        columns |= dict(zip(model.inputs, self.inputs.T, strict=True))
+        if self.predicted is not None:
+            predicted = self.predicted.states + np.array(self.point.states)
+            for name, column in zip(model.states, predicted.T, strict=True):
+                columns[f"{name}_linear"] = column
+        variables = {
+            name: ("time", column, {"units": model.unit(name.removesuffix("_linear"))})
+            for name, column in columns.items()
+        }
+        time = ("time", self.time, {"units": model.time_unit})
+        return xarray.Dataset(variables, {"time": time}, {"model": model.title})
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -561,7 +558,7 @@ class Flight(StatesAndInputs, Result, Reported):
             "within_limits": self.ok,
             "held": self.held,
             "scenario": self.scenario,
-            "envelope": self.envelope_limits,
+            "envelope": envelope_data(self.envelope, bool(self.flight.winds)),
             "flown": self.flown,
             "final": self.final,
             "largest_deviation": self.largest_deviation,
@@ -666,8 +663,12 @@ class Flight(StatesAndInputs, Result, Reported):
             rows.append((name, shown_unit(unit), lowest, highest, f"{100 * shares[name]:.3g} %"))
         return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
 
-    def history(self) -> FlightHistory:
-        """Return the time history, with one row for each tick."""
+    def history(self) -> dict[str, Any]:
+        """Return the time history, absolute, with one row for each tick: name -> array.
+
+        times (N,), states (N, n), inputs (N, m), angles_of_attack (N,), errors (N, k), updrafts
+        (N,), and winds, disturbance -> (N,).
+        """
         every = slice(None, None, round(self.loop.scenario.tick / self.step))
         columns = {
             "times": self.flight.times[every],
@@ -677,13 +678,13 @@ class Flight(StatesAndInputs, Result, Reported):
             "states": self.states[every],
             "inputs": self.inputs[every],
         }
-        if has_angle_of_attack(self.point.model):
+        if has_angle_of_attack(self.model):
             columns["angles_of_attack"] = self.angles_of_attack[every]
-        return FlightHistory(history=columns)
+        return columns
 
     def _records(self) -> Table:
         """Return the time history as a table of numbers, one row for each tick."""
-        history = self.history().history
+        history = self.history()
         model = self.point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
         columns = [history["times"], history["states"], history["inputs"]]

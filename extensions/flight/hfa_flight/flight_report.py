@@ -14,8 +14,6 @@ from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
 
 if TYPE_CHECKING:
-    import pandas
-    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -30,17 +28,13 @@ _STILL = 1e-9
 _LIMIT = "limit"
 
 
-def flight_figure(result: Flight, title: str) -> Figure:
-    """Return a new figure of a flight over time (`drawn_flight`)."""
-    return drawn_flight(new_figure(10.0, 2.1), result, title)
-
-
-def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
-    """Draw a flight over time on an empty figure, set its size, and return it.
+def flight_figure(result: Flight, title: str, figure: Figure | None = None) -> Figure:
+    """Draw a flight over time on an empty figure, by default a new one, and return it.
 
     There is a panel for each state that moves, a panel for the inputs of each unit, and a panel for
     the updraft if it is not zero.
     """
+    figure = figure or new_figure(10.0, 2.1)
     model = result.point.model
     input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
     has_updraft = bool(np.any(result.flight.updrafts))
@@ -221,33 +215,3 @@ def series(flight: Any, name: str, p: np.ndarray) -> np.ndarray:
     parameters = np.tile(p[:, None], (1, count))
     function = model.functions((name,)).map(count)
     return np.array(function(flight.states.T, flight.inputs.T, parameters)[1]).ravel()
-
-
-def frame(flight: Flight) -> pandas.DataFrame:
-    """Return a pandas table of the absolute states and inputs, indexed by time in s."""
-    import pandas
-
-    columns = [*flight.model.states, *flight.model.inputs]
-    index = pandas.Index(flight.time, name="time")
-    return pandas.DataFrame(np.hstack([flight.states, flight.inputs]), index, columns)
-
-
-def dataset(flight: Flight) -> xarray.Dataset:
-    """Return an xarray Dataset of the absolute states and inputs over time, with units.
-
-    A linear prediction is included as NAME_linear for each state.
-    """
-    import xarray
-
-    model = flight.model
-    values = dict(zip(model.states, flight.states.T, strict=True))
-    values |= dict(zip(model.inputs, flight.inputs.T, strict=True))
-    variables = {
-        name: ("time", column, {"units": model.unit(name)}) for name, column in values.items()
-    }
-    if flight.predicted is not None:
-        predicted = flight.predicted.states + np.array(flight.point.states)
-        for name, column in zip(model.states, predicted.T, strict=True):
-            variables[f"{name}_linear"] = ("time", column, {"units": model.unit(name)})
-    time = ("time", flight.time, {"units": model.time_unit})
-    return xarray.Dataset(variables, {"time": time}, {"model": model.title})

@@ -15,7 +15,7 @@ from simulated_cases import SMALL, SimulatedCase
 
 import hfa
 from hfa import fly, learn, solve
-from hfa_flight import GainPolicy, Scenario, Waveform
+from hfa_flight import Scenario, Waveform
 from studies.section5.configuration import PaperFlight, section5_configuration
 from studies.section5.flights import (
     CERTIFIED,
@@ -27,6 +27,7 @@ from studies.section5.flights import (
     PRINTED,
     FlightPlan,
     FlightRecord,
+    LearnedGains,
     Setting,
     law_of,
     make_setting,
@@ -289,7 +290,7 @@ def test_learning_in_flight_begins_with_the_baseline(
     np.testing.assert_array_equal(gains[-1], learned.K)
     cut = replace(learned, time=learned.time[:120], weights=learned.weights[:120])
     assert np.array_equal(certified_gains(newton.game, cut, 0.01, baseline)[0][:119], gains[:119])
-    law = GainPolicy("learning", gains)
+    law = LearnedGains("learning", learned.K, gains=gains, tick=0.01)
     result = fly(
         newton.aircraft,
         newton.point,

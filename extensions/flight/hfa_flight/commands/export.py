@@ -23,7 +23,6 @@ from hfa_flight.options import (
     actuators_option,
     noted_linear_model,
 )
-from hfa_flight.results import Exported
 from hfa_support.errors import BadInputError, printable
 from hfa_support.files import write_text
 from hfa_support.reporting.report import Report
@@ -186,8 +185,5 @@ def _report(written: list[Path]) -> Report:
     rows = [(str(path), path.stat().st_size) for path in written]
     table = Table(("file", "bytes"), [(printable(name), str(size)) for name, size in rows])
     listed = [{"file": name, "bytes": size} for name, size in rows]
-    return Report(
-        f"Exported: {len(rows)} {'files' if len(rows) > 1 else 'file'}",
-        [table],
-        data=Exported(files=listed).as_data(),
-    )
+    title = f"Exported: {len(rows)} {'files' if len(rows) > 1 else 'file'}"
+    return Report(title, [table], data={"schema": "hfa.export/1", "files": listed})

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
 
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import (
@@ -32,7 +29,7 @@ from hfa_flight.needs import ALL, SHARE, is_enough, needed_share
 from hfa_flight.options import NONE, PolicyGiven, ScenarioGiven, noted_linear_model
 from hfa_flight.policies.laws import LAWS
 from hfa_flight.scenario import Scenario, with_errors
-from hfa_flight.signals import CommandedStates, CommandSteps
+from hfa_flight.signals import CommandedStates
 from hfa_support.errors import BadInputError, refuse_unknown, warn
 from trim.point.operating_point import OperatingPoint
 
@@ -46,15 +43,11 @@ _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
 
 
 def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
-    """Return the steps of a command: pairs (time in s, value), with times increasing from 0 on."""
+    """Return the steps of a command: pairs (time in s, value)."""
     pairs = [part.split(":") for part in text.split(",")]
     if any(len(pair) != 2 for pair in pairs):
         raise BadInputError(f"is {text!r}; give {_COMMAND}")
-    steps = [(number(time), quantity(model, name, value)) for time, value in pairs]
-    times = [time for time, _ in steps]
-    if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
-        raise BadInputError(f"is {text!r}; give increasing times of at least 0 s")
-    return steps
+    return [(number(time), quantity(model, name, value)) for time, value in pairs]
 
 
 class PlannedFlight(NamedTuple):
@@ -132,7 +125,10 @@ class FlyRequest(Request):
         Raises BadInputError if the options contradict each other.
         """
         from hfa_flight.commands.tracking import tracking_of
+        from hfa_flight.policies.deployment.policy import flown_deployment
+        from hfa_flight.policies.given import command_steps, controller_policy
         from hfa_flight.policies.policy import GainPolicy, open_loop
+        from hfa_flight.schedule.scheduled_controller import load_controller_or_gains
 
         given = self.policy
         if self.reference:
@@ -151,20 +147,13 @@ class FlyRequest(Request):
             )
         model = self.trim.aircraft
         point = self.trim.point()
-        drawn = self.members is not None
-        scenario = self.scenario.scenario(point, self.trim.hold, drawn=drawn)
-        steps = _steps_of(self.command)
+        scenario = self.scenario.scenario(point, self.trim.hold, drawn=self.members is not None)
+        steps = command_steps(self.command)
         reference: Any = None
+        policy: Policy
         if given.deployment is not None:
-            from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
-
-            deployed = flown_deployment(given.deployment, point)
-            scenario = sampled_scenario(deployed, scenario, point)
-            policy: Policy = deployed
+            policy = flown_deployment(given.deployment, point)
         elif given.controller is not None:
-            from hfa_flight.policies.given import controller_policy
-            from hfa_flight.schedule.scheduled_controller import load_controller_or_gains
-
             controller = load_controller_or_gains(given.controller, model)
             name = f"gains of {given.controller}"
             condition = self.trim.common_condition.at
@@ -178,8 +167,7 @@ class FlyRequest(Request):
                 ("command", "reference"),
                 f"cannot be combined with --law {given.law}; remove this option",
             )
-            limits = self.scenario.envelope
-            policy = given.planning(noted_linear_model(model, point), limits)
+            policy = given.planning(noted_linear_model(model, point), self.scenario.envelope)
         else:
             for name in steps.names:
                 refuse_unknown("a gain cannot follow a command of", name, model.linear)
@@ -203,16 +191,6 @@ class FlyRequest(Request):
         policy, scenario = policy.in_scenario(scenario)
         envelope = flight_envelope(model, point, self.scenario.envelope)
         return PlannedFlight(model, point, policy, scenario, envelope)
-
-
-def _steps_of(given: Mapping[str, list[tuple[float, float]]]) -> CommandSteps:
-    """Return the commands of --command as one table of steps."""
-    times = sorted({time for steps in given.values() for time, _ in steps})
-    values = np.zeros((len(times), len(given)))
-    for column, steps in enumerate(given.values()):
-        for time, value in steps:
-            values[times.index(time) :, column] = value
-    return CommandSteps(tuple(given), np.array(times), values)
 
 
 @command(FlyRequest)
@@ -278,7 +256,7 @@ def fly(request: FlyRequest) -> int:
     request.show(
         report,
         figure=lambda: flight_figure(result, report.title),
-        only_in_files=result.history(),
+        only_in_files={"history": result.history()},
         notes=result.warnings,
     )
     return 0 if result.ok else 1

@@ -47,7 +47,7 @@ def c_model_texts(
     The files are a header, a source file and, if a policy is given, an example 100 Hz loop.
 
     linear: linear model at a trim
-    policy: policy about that trim, or None. A time-varying gain is replaced by its first value
+    policy: policy about that trim, or None
     origin: provenance, for a comment
 
     Raises BadInputError if the equations cannot be expressed in C.
@@ -58,7 +58,7 @@ def c_model_texts(
     states = units_of(model, tuple(model.states))
     inputs = units_of(model, tuple(model.inputs))
     winds = or_unused(units_of(model, tuple(model.disturbances)))
-    gain = policy.gains[0] if isinstance(policy, GainPolicy) else np.zeros(linear.B.T.shape)
+    gain = policy.K if isinstance(policy, GainPolicy) else np.zeros(linear.B.T.shape)
     functions = c_function(_rates(model), "rates", ("x", "u", "w", "p"), ("dx",))
     formula = "u = u0 - K z: the policy at x. Nothing is limited."
     body = _LINEAR

@@ -13,7 +13,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
@@ -28,15 +27,15 @@ from controller.game.linear_game import names_of_linear
 from controller.tracking import Tracking
 from hfa_flight.policies.controller import servo_policy
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.policy import flown_deployment, sampled_scenario
+from hfa_flight.policies.deployment.policy import flown_deployment
 from hfa_flight.policies.policy import (
     GainPolicy,
-    Measurements,
     OpenLoop,
     Policy,
     function_policy,
     open_loop,
 )
+from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.policies.scheduled_gains import scheduled_gains
 from hfa_flight.scenario import Scenario
 from hfa_flight.schedule.gain_schedule import GainSchedule
@@ -81,23 +80,20 @@ def policy_and_scenario(
     if given is None:
         return OpenLoop("none", held=np.zeros((1, len(inputs)))), scenario
     if isinstance(given, Mapping):
-        steps = command_steps(given)
-        return open_loop(steps, inputs), scenario
+        return open_loop(command_steps(given), inputs), scenario
     if isinstance(given, Critic) and not given.linear:
         return function_policy(given.origin, given.policy, point), scenario
     if isinstance(given, Tracking):
         policy = GainPolicy("tracking", given.K, given.inputs)
         return policy, replace(scenario, reference=given.exact.reference)
     if isinstance(given, ScheduledController | GainSchedule):
-        no_steps = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
-        return controller_policy(given, point, scenario, no_steps)
+        return controller_policy(given, point, scenario, command_steps({}))
     if hasattr(given, "K"):
         return GainPolicy(getattr(given, "origin", "exact"), given.K), scenario
     if callable(given):
-        return PythonPolicy.of(given, point, scenario.tick), scenario
+        return _python_policy(given, point, scenario.tick), scenario
     if isinstance(given, Deployment):
-        deployed = flown_deployment(given, point)
-        return deployed, sampled_scenario(deployed, scenario, point)
+        return flown_deployment(given, point).in_scenario(scenario)
     try:
         return GainPolicy("gain", numbers_in("policy", given)), scenario
     except BadInputError as error:
@@ -193,61 +189,19 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PythonPolicy(Policy):
-    """Policy U = function(t, X) in absolute values.
-
-    The function is called at the beginning of each tick, and U is constant during the tick.
+class PythonPolicy(SampledPolicy):
+    """Policy U = function(t, X) in absolute values, called at the beginning of each tick.
 
     function: (t in s, X by name) -> U, (m,), or U by name. Inputs without a value remain at trim
-    point: the trim
-    tick: s
     """
 
+    is_called = True
+
     function: Callable[[float, Any], Any]
-    point: OperatingPoint
-    tick: float
 
-    @property
-    def is_called(self) -> bool:
-        """True: the function may count its calls."""
-        return True
-
-    @classmethod
-    def of(cls, function: Callable[..., Any], point: OperatingPoint, tick: float) -> PythonPolicy:
-        """Return the policy of a function of (t, X), named after the function.
-
-        Raises BadInputError if the function does not accept two arguments.
-        """
-        name = getattr(function, "__name__", type(function).__name__)
-        try:
-            inspect.signature(function).bind(0.0, point.states)
-        except (TypeError, ValueError):
-            raise BadInputError(f"the policy {name} does not accept (t, X); {_FORMS}") from None
-        held = np.zeros((1, len(point.model.inputs)))
-        return cls(name, function, point, tick, held=held)
-
-    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the inputs held during the tick, as deviations from trim, (m,)."""
-        return held
-
-    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the function that computes u (m,), deviations of the inputs, at each tick.
-
-        Its arguments are the number of the tick and the measured deviations of the states from
-        trim, (n,). It raises BadInputError if the Python function does not return finite inputs.
-        """
-        trim = np.array(self.point.inputs)
-        states = np.array(self.point.states)
-        record = type(self.point.states)
-
-        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
-            U = self.function(tick * self.tick, record(*(states + measured).tolist()))
-            return self._numbers(U) - trim
-
-        return sample
-
-    def _numbers(self, returned: Any) -> np.ndarray:
-        """Return the result of the Python function as U, (m,)."""
+    def __call__(self, t: float, X: Any) -> np.ndarray:
+        """Return U, (m,). Raises BadInputError unless the function returns finite inputs."""
+        returned = self.function(t, type(self.point.states)(*X.tolist()))
         inputs = self.point.inputs._asdict()
         if isinstance(returned, Mapping):
             for name in returned:
@@ -260,3 +214,16 @@ class PythonPolicy(Policy):
                 f"numbers, or a mapping by name ({', '.join(inputs)})"
             )
         return U
+
+
+def _python_policy(
+    function: Callable[..., Any], point: OperatingPoint, tick: float
+) -> PythonPolicy:
+    """Return the policy of a function of (t, X), named after the function."""
+    name = getattr(function, "__name__", type(function).__name__)
+    try:
+        inspect.signature(function).bind(0.0, point.states)
+    except (TypeError, ValueError):
+        raise BadInputError(f"the policy {name} does not accept (t, X); {_FORMS}") from None
+    held = np.zeros((1, len(point.model.inputs)))
+    return PythonPolicy(name, point, tick, function, tick=tick, held=held)

@@ -58,9 +58,11 @@ class Policy(Reported):
     identity: JSON data that identify the policy
     fastest: magnitude of the policy's fastest mode, 1/s. It determines the number of substeps
     predicts: whether the linear model is flown with the policy too, as a prediction
+    is_called: whether the policy is a function of the user, which is called in one flight alone
     """
 
     predicts: ClassVar[bool] = True
+    is_called: ClassVar[bool] = False
 
     name: str
     held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
@@ -69,8 +71,8 @@ class Policy(Reported):
     fastest: float = field(default=0.0, kw_only=True)
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the commanded inputs as deviations from trim, (m,)."""
-        raise NotImplementedError
+        """Return the commanded inputs as deviations from trim, (m,), by default those held."""
+        return held
 
     def memory_rate(
         self,
@@ -89,16 +91,6 @@ class Policy(Reported):
         applied: command u within the limits of the actuators
         """
         return ca.SX(0, 1)
-
-    @property
-    def is_called(self) -> bool:
-        """True if the policy is a function of the user, which is called in one flight alone."""
-        return False
-
-    @property
-    def breaks(self) -> np.ndarray:
-        """Times at which commands step, s. The integration is broken there."""
-        return np.zeros(0)
 
     def held_inputs(self, tick: int, time: float) -> np.ndarray:
         """Return the inputs held from a time in a tick, (h,).
@@ -154,42 +146,39 @@ class GainPolicy(Policy):
     """Policy u = -K z + u_d(t), with the measured error z = x - x_d of the states of the linear
     model.
 
-    gains: K (m, k), or (N, m, k) with a gain for each tick. Both are stored as (N, m, k)
+    K: (m, k), held column by column
     feedforward: u_d, (m,), or None for 0
 
     Raises BadInputError for another shape or a number that is not finite.
     """
 
-    gains: np.ndarray
+    K: np.ndarray
     feedforward: Waveform | None = None
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for invalid gains, and store them column by column in `held`."""
-        gains = numbers_in("the gain", self.gains)
-        if gains.ndim not in (2, 3) or not gains.size or not np.all(np.isfinite(gains)):
+        """Raise BadInputError for an invalid gain, and store it in `held`."""
+        K = numbers_in("the gain", self.K)
+        if K.ndim != 2 or not K.size or not np.all(np.isfinite(K)):
             raise BadInputError(
-                f"the gain has shape {np.shape(self.gains)}; give a matrix of finite numbers, "
+                f"the gain has shape {np.shape(self.K)}; give a matrix of finite numbers, "
                 "inputs x states"
             )
-        stack = gains.reshape(-1, *gains.shape[-2:])
-        object.__setattr__(self, "gains", stack)
-        object.__setattr__(self, "held", np.array([column_by_column(K) for K in stack]))
-        object.__setattr__(self, "identity", {"K": gains})
+        for name, value in (("K", K), ("held", K.ravel("F")[None]), ("identity", {"K": K})):
+            object.__setattr__(self, name, value)
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """Return the commanded inputs u = -K z + u_d(t), (m,)."""
-        feedback = -ca.mtimes(ca.reshape(held, *self.gains.shape[1:]), measurements.error)
+        feedback = -ca.mtimes(ca.reshape(held, *self.K.shape), measurements.error)
         return feedback if self.feedforward is None else feedback + self.feedforward.at(t)
 
     @property
-    def gain(self) -> np.ndarray | None:
-        """Gain K (m, k), or None if the gain changes from tick to tick."""
-        return self.gains[0] if len(self.gains) == 1 else None
+    def gain(self) -> np.ndarray:
+        """Gain K (m, k)."""
+        return self.K
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return the JSON data on the policy: name, units of the states, and the last gain."""
-        units = list(model.units(model.linear))
-        return {"law": self.name, "state_units": units, "K": self.gains[-1]}
+        """Return the JSON data on the policy: name, units of the states, and gain."""
+        return {"law": self.name, "state_units": list(model.units(model.linear)), "K": self.K}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -245,11 +234,6 @@ def function_policy(name: str, function: ca.Function, point: OperatingPoint) -> 
     )
 
 
-def column_by_column(matrix: np.ndarray) -> np.ndarray:
-    """Return the entries of a matrix in CasADi's order, column by column."""
-    return np.asarray(matrix, dtype=float).ravel(order="F")
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class OpenLoop(Policy):
     """Policy whose inputs are constant between steps.
@@ -269,10 +253,6 @@ class OpenLoop(Policy):
         """Return the deviations of the inputs from a time on, (m,)."""
         row: np.ndarray = self.held[np.searchsorted(self.times, time + SAME_TIME, side="right")]
         return row
-
-    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the held inputs, as deviations from trim, (m,)."""
-        return held
 
 
 def open_loop(commands: CommandSteps, inputs: tuple[str, ...]) -> OpenLoop:

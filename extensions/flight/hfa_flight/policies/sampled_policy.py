@@ -6,10 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
-import casadi as ca
 import numpy as np
 
-from hfa_flight.policies.policy import Measurements, Policy
+from hfa_flight.policies.policy import Policy
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError
 from trim.point.operating_point import OperatingPoint
@@ -46,10 +45,6 @@ class SampledPolicy(Policy):
 
     def reset(self) -> None:
         """Forget the samples of an earlier flight."""
-
-    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the inputs held since the last sample, as deviations from trim, (m,)."""
-        return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,).

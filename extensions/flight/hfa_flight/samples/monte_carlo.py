@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from functools import cached_property, lru_cache, wraps
-from typing import Any, TypeVar
+from functools import cached_property, lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import VECTORS, StatesAndInputs
+from hfa_aircraft.signals import VECTORS
 from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight.air.names import ALPHA, limited_names
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
@@ -32,37 +32,8 @@ from hfa_support.native.bound import MAKING
 from hfa_support.reporting.report import Reported
 from trim.point.operating_point import OperatingPoint
 
-Made = TypeVar("Made")
-
-
-def cached_per_thread(maxsize: int | None) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
-    """Return a decorator like `functools.lru_cache` with one cache for each thread.
-
-    Threads must not share results such as a `BoundFunction`, because each call overwrites the
-    memory of the result.
-
-    maxsize: number of results in each cache, or None for no limit
-    """
-
-    def decorate(make: Callable[..., Made]) -> Callable[..., Made]:
-        own = threading.local()
-
-        def make_alone(*key: Any) -> Made:
-            with MAKING:
-                return make(*key)
-
-        @wraps(make)
-        def cached(*key: Any) -> Made:
-            if not hasattr(own, "cache"):
-                own.cache = lru_cache(maxsize)(make_alone)
-            made: Made = own.cache(*key)
-            return made
-
-        return cached
-
-    return decorate
-
-
+#: Compiled loops of each thread. Threads must not share a loop, whose memory each call overwrites.
+_OF_THREAD = threading.local()
 #: Stored result of a member -> its meaning, and its axis or, for a single number, its unit.
 KEPT = {
     "left": ("number in the attribute left; -1: stayed inside", ""),
@@ -85,7 +56,7 @@ KEPT = {
 
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
-class MonteCarlo(StatesAndInputs, Reported):
+class MonteCarlo(Reported):
     """Plan of N flights (members), each with its own draw of one scenario.
 
     Plans with the same results compare equal. A member depends only on the seed and its number, so
@@ -197,10 +168,17 @@ def _equations_identity(model: Model) -> tuple[str, ...]:
     return (hashlib.sha256(ca.Function("f", vectors, [rates]).serialize().encode()).hexdigest(),)
 
 
-@cached_per_thread(maxsize=4)
 def member_loop(plan: MonteCarlo) -> CompiledLoop:
     """Return the compiled closed loop of a plan, cached for each thread."""
-    return CompiledLoop(plan.loop(), plan.members)
+    if not hasattr(_OF_THREAD, "loops"):
+        _OF_THREAD.loops = lru_cache(maxsize=4)(_compiled)
+    loop: CompiledLoop = _OF_THREAD.loops(plan)
+    return loop
+
+
+def _compiled(plan: MonteCarlo) -> CompiledLoop:
+    with MAKING:
+        return CompiledLoop(plan.loop(), plan.members)
 
 
 @checks_arguments

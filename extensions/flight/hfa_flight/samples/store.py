@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from hfa_flight.air.names import limited_names
-from hfa_flight.results import MemberAttributes
 from hfa_flight.samples.monte_carlo import KEPT, MonteCarlo, fly_members
 from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
@@ -104,15 +103,16 @@ def _template(plan: MonteCarlo) -> Any:
 
     import xarray
 
-    attributes_of_store = MemberAttributes(
-        errors=errors,
-        left=limited_names(model, plan.scenario.moving_air),
-        error_states=model.linear,
-        error_units=model.units(model.linear),
-        states=plan.state_names,
-        state_units=plan.state_units,
-        inputs=plan.input_names,
-        input_units=plan.input_units,
-        plan=plan.identity,
-    ).as_data()
-    return xarray.Dataset(arrays, coordinates, attributes_of_store)
+    about = {
+        "schema": "hfa.monte-carlo-store/3",
+        "errors": list(errors),
+        "left": list(limited_names(model, plan.scenario.moving_air)),
+        "error_states": list(model.linear),
+        "error_units": list(model.units(model.linear)),
+        "states": list(states),
+        "state_units": list(model.units(states)),
+        "inputs": list(inputs),
+        "input_units": list(model.units(inputs)),
+        "plan": plan.identity,
+    }
+    return xarray.Dataset(arrays, coordinates, about)

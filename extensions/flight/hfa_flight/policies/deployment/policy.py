@@ -8,9 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
@@ -20,7 +19,7 @@ from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
 from hfa_flight.policies.deployment.notes import notes_on_files
 from hfa_flight.policies.deployment.sampled_loop import chain_of
-from hfa_flight.policies.policy import Measurements, Policy
+from hfa_flight.policies.policy import Policy
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError, warn
 from hfa_support.native.bound import BoundFunction
@@ -61,15 +60,10 @@ class DeployedPolicy(Policy):
             )
         return deployment.dt / ratio.denominator
 
-    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the inputs held since the last sample, as deviations from trim, (m,)."""
-        return held
-
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the function that computes the inputs of the aircraft at each tick of a flight.
+        """Return the function (tick, measured) -> inputs as deviations from trim, (m,).
 
-        The function maps (number of the tick, measured deviations of the states from trim (n,)) to
-        the deviations of the inputs from trim, (m,).
+        It is called at each tick, with the measured deviations of the states from trim, (n,).
         """
         deployment = self.deployed.deployment
         trim = self.deployed.trim_vector(self.point)
@@ -82,25 +76,23 @@ class DeployedPolicy(Policy):
         past: list[np.ndarray] = []
         sampled = BoundFunction(self.deployed.sampled)
 
-        def arrived(tick: int) -> np.ndarray:
-            while waiting and waiting[0][0] <= tick:
-                acting[0] = waiting.pop(0)[1]
-            return acting[0]
-
         def sample(tick: int, measured: np.ndarray) -> np.ndarray:
             if tick % ticks == 0:
-                # The input just before the sample; a command that arrives at this tick acts after
-                # it.
-                before = arrived(tick - 1)
-                at = (states + measured, before, trim)
+                at = (states + measured, acting[0], trim)  # the input just before the sample
                 if not past:
                     first = np.array(self.deployed.observe(*at)).ravel()
                     past.append(np.tile(first, deployment.history - 1))
                 U, past[0] = sampled.at(*at, past[0])
                 waiting.append((tick + late, U))
-            return np.asarray(arrived(tick) - inputs)
+            while waiting and waiting[0][0] <= tick:
+                acting[0] = waiting.pop(0)[1]
+            return np.asarray(acting[0] - inputs)
 
         return sample
+
+    def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
+        """Return the policy, and the scenario with its sampling."""
+        return self, sampled_scenario(self, scenario, self.point)
 
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop at the equilibrium near the trim, 1/s, or None."""
