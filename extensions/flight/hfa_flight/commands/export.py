@@ -136,11 +136,11 @@ def _write_deployed_policy(
     request: ExportRequest, deployment: Path, point: OperatingPoint, origin: str
 ) -> list[Path]:
     """Write the command of a deployed policy at one sample as a C function."""
-    from hfa_flight.export.deployment_c import exported_texts
+    from hfa_flight.export.deployment_c import c_policy_texts
     from hfa_flight.policies.deployment.policy import flown_deployment
 
     policy = flown_deployment(deployment, point)
-    return write_texts(request.target, exported_texts(policy, origin))
+    return write_texts(request.target, c_policy_texts(policy, origin))
 
 
 def _written(

@@ -64,12 +64,3 @@ def _command(policy: DeployedPolicy) -> ca.Function:
         return ca.Function("command", [X, U], [commanded], {"cse": True})
     observed = policy.deployed.observe(X, U, trim)
     return ca.Function("command", [X, U, past], [commanded, observed], {"cse": True})
-
-
-def exported_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
-    """Return the C source of a policy's command at a sample, as file name -> text.
-
-    origin: comment on the origin of the policy
-    """
-
-    return c_policy_texts(policy, origin)

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -25,106 +25,19 @@ from hfa_support.provenance import parameter_hash
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.data_files import jsonable, save_data
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Matrix, Result, Stack, Vector
+from hfa_support.reporting.results import ByValue
 from hfa_support.reporting.text import Table, shown_value
 from hfa_support.schema import NUMBER, POSITIVE, checked
 from hfa_support.units import conversion
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ControllerTable(Result):
-    """A controller x' = A x + B y + W (applied - u), u = C x + D y at N scheduling values.
-
-    feedback: feedback of the states or of outputs.
-    dynamics: published or newton, or the name of another model.
-    parameters: hash of the parameters of the aircraft.
-    states: names of the controller states x.
-    measurements: names of the first part of y, the first columns of B and D.
-    commands: names of the second part of y, the last columns of B and D.
-    inputs: names of the rows of C and D.
-    dihedrals: dihedral angles of the table, rad, N.
-    places: with --aircraft: scheduling values of the table, N.
-    A: (N, n, n).
-    B: (N, n, p).
-    C: (N, m, n).
-    D: (N, m, p).
-    W: (N, n, m), gain of the applied minus the commanded u.
-    command_filter: bandwidth rad/s and damping, empty without a filter.
-    """
-
-    feedback: Literal["state", "output"]
-    dynamics: str
-    parameters: str
-    states: Sequence[str]
-    measurements: Sequence[str]
-    commands: Sequence[str]
-    inputs: Sequence[str]
-    dihedrals: Vector | None = None
-    places: Vector | None = None
-    A: Stack
-    B: Stack
-    C: Stack
-    D: Stack
-    W: Stack
-    command_filter: Vector
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ControllerData(ControllerTable):
-    """A scheduled controller and its margins.
-
-    signal_units: unit of each measurement, then of each command.
-    state_units: unit of each state, empty if its name does not imply one.
-    input_units: unit of each input.
-    design: name or file of the design.
-    schedule: name of the scheduling variable.
-    delta: delta of the game, null for none.
-    angles: for each scheduling value: dihedral or the scheduling variable, delta_min or gamma_min,
-      checks.
-    margins: ok, checks, and rows of scheduling value, actuators, abscissa and loops: gain dB, phase
-      deg, crossover rad/s, delay s.
-    """
-
-    schema = "hfa.controller-design/1"
-
-    signal_units: Sequence[str]
-    state_units: Sequence[str]
-    input_units: Sequence[str]
-    design: str
-    schedule: str
-    delta: float
-    angles: Sequence[Mapping[str, Any]]
-    margins: Mapping[str, Any] | None = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ControllerFile(ControllerTable):
-    """Content of a controller file.
-
-    name: name of the design.
-    trim_states: (N, states of the aircraft) X0.
-    trim_inputs: (N, inputs of the aircraft) U0.
-    about: JSON text: delta, angles with delta_min or gamma_min and checks, provenance.
-    units: units of all numbers, if they are not those that the aircraft declares.
-    """
-
-    schema = "hfa.controller/1"
-
-    about: str
-    name: str
-    trim_states: Matrix
-    trim_inputs: Matrix
-    units: Literal["si"] | None = None
-
 
 #: Endings of the names of command signals: the filtered command r, its rate, and the unfiltered
 #: command.
 COMMAND_SIGNALS = ("_command", "_command_rate", "_command_end")
 #: Tolerance at the ends of the range of scheduling values, relative to their size.
 _AT_THE_END = 1e-9
-SCHEMA = ControllerFile.schema
+_SCHEMA = "hfa.controller/1"
 #: Suffixes of controller files.
-SUFFIXES = (".npz", ".mat")
+_SUFFIXES = (".npz", ".mat")
 _ARRAYS = ("breakpoints", "A", "B", "C", "D", "W", "trim_states", "trim_inputs", "command_filter")
 _NAMES = ("states", "measurements", "commands", "inputs")
 _TEXTS = ("name", "feedback", "dynamics", "parameters")
@@ -367,21 +280,18 @@ class ScheduledController(ByValue, Reported):
         """Return the JSON data of the controller, with the units of its signals."""
         stored = _stored(self)
         signals = (*self.measurements, *self.commands)
-        kinds = {"signal": signals, "state": self.states, "input": self.inputs}
-        units: dict[str, Any] = {
-            f"{kind}_units": [signal_unit(self.model, name) for name in names]
-            for kind, names in kinds.items()
-        }
+        for kind, names in {"signal": signals, "state": self.states, "input": self.inputs}.items():
+            stored[f"{kind}_units"] = [signal_unit(self.model, name) for name in names]
         for key in ("name", "trim_states", "trim_inputs"):
             del stored[key]
-        return ControllerData(
+        return {
+            "schema": "hfa.controller-design/1",
             **stored,
-            **units,
-            design=self.name,
-            schedule=self.model.schedule,
-            delta=self.about.get("delta", np.inf),
-            angles=list(self.about.get("angles", [])),
-        ).as_data()
+            "design": self.name,
+            "schedule": self.model.schedule,
+            "delta": self.about.get("delta", np.inf),
+            "angles": list(self.about.get("angles", [])),
+        }
 
 
 def identity(model: Model) -> str:
@@ -452,14 +362,15 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
     Raises BadInputError if the suffix is not supported or the folder does not exist.
     """
     target = Path(path)
-    if target.suffix.lower() not in SUFFIXES:
+    if target.suffix.lower() not in _SUFFIXES:
         raise BadInputError(
-            f"{path}: the suffix {target.suffix!r} is unknown; use {' or '.join(SUFFIXES)}"
+            f"{path}: the suffix {target.suffix!r} is unknown; use {' or '.join(_SUFFIXES)}"
         )
     about = json.dumps(jsonable(controller.about))
-    units: Literal["si"] | None = None if controller.model.source.native is None else "si"
-    content = ControllerFile(about=about, **_stored(controller), units=units)
-    save_data(target, content.as_data(), Table((), ()))
+    content = {"schema": _SCHEMA, "about": about, **_stored(controller)}
+    if controller.model.source.native is not None:
+        content["units"] = "si"
+    save_data(target, content, Table((), ()))
 
 
 @checks_arguments
@@ -476,7 +387,7 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
     content = read_arrays(path)
     if not _is_controller(content):
         raise BadInputError(
-            f"{path}: the file is not a controller file ({SCHEMA}); create a controller file "
+            f"{path}: the file is not a controller file ({_SCHEMA}); create a controller file "
             "with `hfa design -o`"
         )
     try:
@@ -511,7 +422,7 @@ def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | 
 
 def _is_controller(content: Mapping[str, Any]) -> bool:
     """Return whether the content of a file was written by `save_controller`."""
-    return str(content.get("schema", "")) == SCHEMA
+    return str(content.get("schema", "")) == _SCHEMA
 
 
 def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledController:
