@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,23 +15,8 @@ from hfa_flight.flight import Flight
 from hfa_flight.policies.policy import GainPolicy, Policy
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 from trim.linear.linear_model import LinearModel
-
-
-@dataclass(frozen=True, eq=False)
-class FlownTracking(Result):
-    """Entries that --reference adds to a flight.
-
-    tracking: tracking of the reference on the linear model, by a gain or the exact gain
-    late_rms_errors: root mean square of each error in the second half of the flight, (n,)
-    late_rms_errors_without_feedforward: the same of a flight without feedforward, (n,)
-    """
-
-    tracking: Tracking
-    late_rms_errors: Vector
-    late_rms_errors_without_feedforward: Vector
 
 
 def tracking_of(
@@ -68,6 +53,9 @@ def with_errors(report: Report, tracking: Tracking, flown: Flight, plain: Flight
     for flight, which in ((flown, "With"), (plain, "Without")):
         if flight.departure is not None:
             parts.append(f"{which} feedforward, the flight {flight.departure.text()}")
+    errors = dict(
+        zip(("late_rms_errors", "late_rms_errors_without_feedforward"), late, strict=True)
+    )
     return replace(report, parts=(*parts, *tracking.trim_parts())).with_data(
-        FlownTracking(tracking, *late)
+        errors, tracking=tracking
     )

@@ -55,9 +55,9 @@ def c_model_texts(
     model = linear.point.model
     header, source, example = AIRCRAFT_FILES
     origin_and_title = {"origin": comment_lines(origin), "title": comment_lines(model.title)}
-    states = units_of(model, tuple(model.states))
-    inputs = units_of(model, tuple(model.inputs))
-    winds = or_unused(units_of(model, tuple(model.disturbances)))
+    states = units_of(model, model.states)
+    inputs = units_of(model, model.inputs)
+    winds = or_unused(units_of(model, model.disturbances))
     gain = policy.K if isinstance(policy, GainPolicy) else np.zeros(linear.B.T.shape)
     functions = c_function(_rates(model), "rates", ("x", "u", "w", "p"), ("dx",))
     formula = "u = u0 - K z: the policy at x. Nothing is limited."
@@ -68,7 +68,6 @@ def c_model_texts(
         body = _CALLED
     texts = {
         header: filled(
-            __package__,
             header,
             **origin_and_title,
             states=positions(states),
@@ -79,7 +78,6 @@ def c_model_texts(
             policy=formula,
         ),
         source: filled(
-            __package__,
             source,
             **origin_and_title,
             parameters=_parameters(model),
@@ -102,9 +100,7 @@ def c_model_texts(
     }
     if policy is not None:
         state, amount = displaced_state(model)
-        texts[example] = filled(
-            __package__, example, state=state.upper(), amount=amount, unit=model.unit(state)
-        )
+        texts[example] = filled(example, state=state.upper(), amount=amount, unit=model.unit(state))
     return texts
 
 

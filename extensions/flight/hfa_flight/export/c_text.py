@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -10,20 +10,13 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.units import signal_unit
 from hfa_support.files import write_text
 
-#: Name of the only entry of an array that would be empty, which C does not permit.
-UNUSED = "unused"
 
-
-def filled(package: str, file: str, **values: object) -> str:
-    """Return the template of a file with its fields filled in.
-
-    package: package that contains the template
-    file: name of the file. The template has the same name with the suffix .in
-    values: values of the fields
-    """
-    return files(package).joinpath(f"{file}.in").read_text("utf-8").format(**values)
+def filled(file: str, **values: object) -> str:
+    """Return a file whose template is FILE.in, with the values of its fields filled in."""
+    return files(__package__).joinpath(f"{file}.in").read_text("utf-8").format(**values)
 
 
 def comment_lines(text: str) -> str:
@@ -51,19 +44,14 @@ def name_tables(kind: str, units: Mapping[str, str]) -> dict[str, list[str]]:
     units: name -> unit
     """
     return {
-        f"const char *const hfa_{kind}_name": _quoted(units),
-        f"const char *const hfa_{kind}_unit": _quoted(units.values()),
+        f"const char *const hfa_{kind}_name": [f'"{name}"' for name in units],
+        f"const char *const hfa_{kind}_unit": [f'"{unit}"' for unit in units.values()],
     }
 
 
-def _quoted(words: Iterable[str]) -> list[str]:
-    """Return each word as a C string literal."""
-    return [f'"{word}"' for word in words]
-
-
 def or_unused(units: dict[str, str]) -> dict[str, str]:
-    """Return the names and units, or one unused entry if the dictionary is empty."""
-    return units or {UNUSED: ""}
+    """Return the names and units, or one unused entry, because C permits no empty array."""
+    return units or {"unused": ""}
 
 
 def constant_tables(values_by_declaration: Mapping[str, Any]) -> str:
@@ -90,12 +78,12 @@ def braced(values: Any) -> str:
     return str(values)
 
 
-def units_of(model: Model, names: Sequence[str]) -> dict[str, str]:
-    """Return the units of some signals of a model, by name.
-
-    names: names of the signals
-    """
-    return dict(zip(names, model.units(tuple(names)), strict=True))
+def units_of(model: Model, names: Iterable[str]) -> dict[str, str]:
+    """Return the units of signals of a model or of a controller, by name."""
+    signals = model.signals
+    return {
+        name: model.unit(name) if name in signals else signal_unit(model, name) for name in names
+    }
 
 
 def displaced_state(model: Model) -> tuple[str, float]:

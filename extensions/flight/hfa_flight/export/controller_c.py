@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
-from hfa_aircraft.units import signal_unit
 from hfa_flight.actuators import ActuatorBank
 from hfa_flight.export.c_text import (
     comment_lines,
@@ -20,6 +18,7 @@ from hfa_flight.export.c_text import (
     name_tables,
     or_unused,
     positions,
+    units_of,
 )
 from hfa_flight.export.exported_loop import Argument, Channel, ExportedLoop, Steering, exported_loop
 from hfa_flight.policies.controller import MeasuredOutputs, ServoPolicy, servo_policy
@@ -66,82 +65,42 @@ class CommandArguments:
         return self.goal
 
 
-class CommandedPolicy(NamedTuple):
-    """Controller about a trim, with the command filter r'' = ω² (goal - r) - 2 ζ ω r' as states.
-
-    r are the filtered commands. ω and ζ are the bandwidth and the damping of the filter.
-
-    policy: the controller
-    filtered: symbols of [r; r']
-    filtered_rate: rates of [r; r']
-    goal: symbols of the unfiltered commands
-    """
-
-    policy: ServoPolicy
-    filtered: ca.SX
-    filtered_rate: ca.SX
-    goal: ca.SX
-
-
 def commandable(controller: ScheduledController) -> tuple[str, ...]:
     """Return the names of the outputs for which the controller accepts commands."""
     value = COMMAND_SIGNALS[0]
     return tuple(name.removesuffix(value) for name in controller.commands if name.endswith(value))
 
 
-def longest_step(controller: ScheduledController) -> float:
-    """Return the longest permitted integration step of a controller, s.
-
-    The step is the smaller of 1 ms and 1/|λ| for the fastest eigenvalue λ of the controller.
-    """
-    return 1.0 / max(float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)), 1e3)
-
-
-def commanded_policy(
+def controller_steering(
     controller: ScheduledController, model: Model, point: OperatingPoint
-) -> CommandedPolicy:
-    """Return a controller about a trim, with its command filter and with commands as symbols.
+) -> Steering:
+    """Return the steering of an exported loop by a controller, whose arguments are the commands.
+
+    The filtered commands r are states: r'' = ω² (goal - r) - 2 ζ ω r', with the bandwidth ω and the
+    damping ζ of the command filter. The longest step is 1 ms, or 1/|λ| for the fastest eigenvalue λ
+    of the controller.
 
     Raises BadInputError if the controller was made for another model, or does not cover the
     scheduling variable at the trim.
     """
     names = commandable(controller)
-    r = ca.SX.sym("r", len(names))
-    slope = ca.SX.sym("slope", len(names))
-    goal = ca.SX.sym("goal", len(names))
+    r, slope, goal = (ca.SX.sym(name, len(names)) for name in ("r", "slope", "goal"))
     none = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
-    policy = replace(
-        servo_policy(controller, none, model, point),
-        commands=CommandArguments(names, r, slope, goal),
-    )
+    servo = servo_policy(controller, none, model, point)
     bandwidth, damping = controller.command_filter or COMMAND_FILTER
     acceleration = bandwidth**2 * (goal - r) - 2 * damping * bandwidth * slope
-    return CommandedPolicy(policy, ca.vertcat(r, slope), ca.vertcat(slope, acceleration), goal)
-
-
-def controller_steering(
-    controller: ScheduledController, model: Model, point: OperatingPoint
-) -> Steering:
-    """Return the steering of an exported loop by a controller.
-
-    The arguments of the steering are the commands. The states of the controller and of its command
-    filter become states of the loop. Raises BadInputError if the controller was made for another
-    model, or does not cover the scheduling variable at the trim.
-    """
-    commanded = commanded_policy(controller, model, point)
-    names = commandable(controller)
-    units = {name: signal_unit(model, name) for name in names}
+    units = units_of(model, names)
     states = [Channel(f"controller_{name}", None) for name in controller.states]
     states += [Channel(f"command_{name}_filtered", unit) for name, unit in units.items()]
     states += [Channel(f"command_{name}_filtered_rate", None) for name in names]
     return Steering(
-        policy=commanded.policy,
+        policy=replace(servo, commands=CommandArguments(names, r, slope, goal)),
         arguments=[Channel(f"command_{name}", unit) for name, unit in units.items()],
-        v=commanded.goal,
+        v=goal,
         states=tuple(states),
-        filtered=commanded.filtered,
-        filtered_rate=commanded.filtered_rate,
-        longest_step=longest_step(controller),
+        filtered=ca.vertcat(r, slope),
+        filtered_rate=ca.vertcat(slope, acceleration),
+        longest_step=1.0 / max(servo.fastest, 1e3),
     )
 
 
@@ -164,19 +123,18 @@ def c_controller_texts(
     controller measures actuator states that do not exist.
     """
     header, source, example = CONTROLLER_FILES
-    commanded = commanded_policy(controller, model, point)
+    steering = controller_steering(controller, model, point)
     names = commandable(controller)
     memory = [*controller.states]
     for suffix in COMMAND_SIGNALS[:2]:
         memory += [f"{name}{suffix}" for name in names]
-    measured = {name: signal_unit(model, name) for name in controller.measurements}
-    command = or_unused({name: signal_unit(model, name) for name in names})
+    measured = units_of(model, controller.measurements)
+    command = or_unused(units_of(model, names))
     scheduled = model.schedule
     arguments = (scheduled, "measured", "memory", "command", "lowest", "highest")
-    function = _controller_function(point, commanded)
+    function = _controller_function(point, steering)
     texts = {
         header: filled(
-            __package__,
             header,
             origin=comment_lines(origin),
             name=comment_lines(controller.name),
@@ -187,10 +145,9 @@ def c_controller_texts(
             measured=positions(measured, "MEASURED_"),
             command=positions(command, "COMMAND_"),
             inputs=len(point.inputs),
-            longest=longest_step(controller),
+            longest=steering.longest_step,
         ),
         source: filled(
-            __package__,
             source,
             origin=comment_lines(origin),
             tables=constant_tables(
@@ -198,7 +155,7 @@ def c_controller_texts(
             ),
             scheduled=scheduled,
             function=c_function(function, "controller", arguments, ("u", "rate")),
-            longest=repr(longest_step(controller)),
+            longest=repr(steering.longest_step),
         ),
     }
     if actuators is not None:
@@ -230,7 +187,6 @@ def _example(
     function = _measured_loop(outputs, loop, actuators, point)
     results = ("rate", model.schedule, "measured")
     return filled(
-        __package__,
         CONTROLLER_FILES[2],
         origin=comment_lines(origin),
         command=f"{COMMANDED:g} {unit} of {name}" if is_commanded else "nothing",
@@ -247,10 +203,12 @@ def _example(
     )
 
 
-def _controller_function(point: OperatingPoint, commanded: CommandedPolicy) -> ca.Function:
+def _controller_function(point: OperatingPoint, steering: Steering) -> ca.Function:
     """Return (scheduled, measured, memory, command, lowest, highest) -> (u, memory')."""
     model = point.model
-    controller = commanded.policy.controller
+    policy = steering.policy
+    assert isinstance(policy, ServoPolicy)  # of `controller_steering`
+    controller = policy.controller
     t = ca.SX.sym("t")
     none = ca.SX(0, 1)
     own = ca.SX.sym("own", len(controller.states))
@@ -258,15 +216,15 @@ def _controller_function(point: OperatingPoint, commanded: CommandedPolicy) -> c
     measured = ca.SX.sym("measured", len(controller.measurements))
     lowest = ca.SX.sym("lowest", len(model.inputs))
     highest = ca.SX.sym("highest", len(model.inputs))
-    policy = replace(commanded.policy, outputs=Argument(measured))
+    policy = replace(policy, outputs=Argument(measured))
     states = ca.SX(len(model.linear), 1)
     states[model.linear.index(model.schedule)] = scheduled - policy.scheduled_at
     measurements = Measurements(states, states, none, none)
     u = saturated(policy.control(t, measurements, own, none), lowest, highest)
     rate = policy.memory_rate(t, measurements, own, none, u)
-    memory = ca.vertcat(own, commanded.filtered)
-    results = [ca.densify(u), ca.densify(ca.vertcat(rate, commanded.filtered_rate))]
-    arguments = [scheduled, measured, memory, commanded.goal, lowest, highest]
+    memory = ca.vertcat(own, steering.filtered)
+    results = [ca.densify(u), ca.densify(ca.vertcat(rate, steering.filtered_rate))]
+    arguments = [scheduled, measured, memory, steering.v, lowest, highest]
     return ca.Function("controller", arguments, results, {"cse": True})
 
 

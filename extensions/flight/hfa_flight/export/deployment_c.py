@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
 
 from hfa_flight.export.c_text import comment_lines, filled, positions, units_of
 from hfa_flight.policies.deployment.policy import DeployedPolicy
@@ -28,25 +27,24 @@ def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
     model = policy.deployed.model
     deployment = policy.deployed.deployment
     has_past = bool(policy.deployed.past)
-    arguments = ("x", "before", *(("past",) if has_past else ()))
-    results = ("u", *(("observed",) if has_past else ()))
-    command = c_function(_command(policy), "command", arguments, results)
+    arguments = ("x", "before", "past") if has_past else ("x", "before")
+    results = ("u", "observed") if has_past else ("u",)
     fields = {
         "origin": comment_lines(origin),
         "title": comment_lines(model.title),
-        "states": positions(units_of(model, tuple(model.states))),
-        "inputs": positions(units_of(model, tuple(model.inputs))),
+        "states": positions(units_of(model, model.states)),
+        "inputs": positions(units_of(model, model.inputs)),
         "moved": ", ".join(policy.deployed.commanded),
         "dt": repr(deployment.dt),
         "delay": repr(deployment.delay),
-        "command": command,
+        "command": c_function(_command(policy), "command", arguments, results),
         "history": _HISTORY.format(deployment.history - 1) if has_past else "",
         "observations": len(deployment.observation),
         "frames": deployment.history,
         "more": _MORE if has_past else "",
         "called": ", ".join([*arguments, *results]),
     }
-    return {file: filled(__package__, file, **fields) for file in POLICY_FILES}
+    return {file: filled(file, **fields) for file in POLICY_FILES}
 
 
 def _command(policy: DeployedPolicy) -> ca.Function:
@@ -57,7 +55,7 @@ def _command(policy: DeployedPolicy) -> ca.Function:
         sampled = sampled.expand()
     X = ca.SX.sym("X", len(model.states))
     U = ca.SX.sym("U", len(model.inputs))
-    trim = ca.DM(np.array(policy.deployed.trim_vector(policy.point)))
+    trim = ca.DM(policy.deployed.trim_vector(policy.point))
     past = ca.SX.sym("past", policy.deployed.past)
     commanded = ca.densify(sampled(X, U, trim, past)[0])
     if not policy.deployed.past:

@@ -37,7 +37,7 @@ COMMAND_SIGNALS = ("_command", "_command_rate", "_command_end")
 _AT_THE_END = 1e-9
 _SCHEMA = "hfa.controller/1"
 #: Suffixes of controller files.
-_SUFFIXES = (".npz", ".mat")
+SUFFIXES = (".npz", ".mat")
 _ARRAYS = ("breakpoints", "A", "B", "C", "D", "W", "trim_states", "trim_inputs", "command_filter")
 _NAMES = ("states", "measurements", "commands", "inputs")
 _TEXTS = ("name", "feedback", "dynamics", "parameters")
@@ -362,9 +362,9 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
     Raises BadInputError if the suffix is not supported or the folder does not exist.
     """
     target = Path(path)
-    if target.suffix.lower() not in _SUFFIXES:
+    if target.suffix.lower() not in SUFFIXES:
         raise BadInputError(
-            f"{path}: the suffix {target.suffix!r} is unknown; use {' or '.join(_SUFFIXES)}"
+            f"{path}: the suffix {target.suffix!r} is unknown; use {' or '.join(SUFFIXES)}"
         )
     about = json.dumps(jsonable(controller.about))
     content = {"schema": _SCHEMA, "about": about, **_stored(controller)}
