@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import operator
 import re
 from collections.abc import Callable, Mapping
@@ -14,7 +15,13 @@ from controller.game.basis import Basis, basis as named_basis
 from hfa_support.errors import BadInputError, prefix_errors, shortened
 
 #: Functions that the text may contain, and its largest length.
-_FUNCTIONS = ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "fabs")
+_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    **{name: getattr(ca, name) for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2")},
+    **{name: getattr(ca, name) for name in ("tanh", "exp", "log", "sqrt", "fabs")},
+    **{"abs": ca.fabs, "min": ca.fmin, "max": ca.fmax},
+}
+#: Words that are not names of symbols.
+RESERVED = tuple(_FUNCTIONS)
 _OPERATIONS: Mapping[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -92,7 +99,7 @@ def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.
 def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.SX:
     """Return the CasADi expression of one node of the Python syntax tree of a formula."""
     match node:
-        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+        case ast.Constant(value=int() | float() as number) if _is_finite(number):
             return ca.SX(float(number))
         case ast.Name(id=name) if name in symbols:
             return symbols[name]
@@ -102,8 +109,12 @@ def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.S
         case ast.UnaryOp(op=sign, operand=operand) if type(sign) in _SIGNS:
             return _SIGNS[type(sign)](_expression(operand, symbols, known))
         case ast.Call(func=ast.Name(id=name), args=arguments) if name in _FUNCTIONS:
-            return getattr(ca, name)(*(_expression(part, symbols, known) for part in arguments))
+            return _FUNCTIONS[name](*(_expression(part, symbols, known) for part in arguments))
     raise BadInputError(
         f"{shortened(ast.unparse(node))!r} is not supported; use {known}, + - * / ** and "
         f"{', '.join(_FUNCTIONS)}"
     )
+
+
+def _is_finite(number: float) -> bool:
+    return not isinstance(number, bool) and abs(number) < math.inf

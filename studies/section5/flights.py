@@ -262,7 +262,8 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
     T_w = configuration.predefined_time(section)
     each = configuration.steps_per_tick()
     flown, learned = law_of(setting, case, plan.law, T_w, configuration.frozen(section), reference)
-    plant = LinearPlant((1.0 + plan.uncertainty) * case.game.A, case.game.B)
+    A, B = (1.0 + plan.uncertainty) * case.game.A, case.game.B
+    plant = LinearPlant(A, B, {}, hfa.LinearModel.of(A, B).point)
     noise = configuration.noise if plan.noise else zero(_N)
     settings = configuration.flight
     signals = (reference, configuration.disturbance, noise)

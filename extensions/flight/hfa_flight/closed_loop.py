@@ -44,7 +44,7 @@ class Plant:
     """
 
     parameters_size = 0
-    point: Any
+    point: OperatingPoint
 
     @property
     def chosen(self) -> np.ndarray:
@@ -82,14 +82,14 @@ class LinearPlant(Plant):
 
     A: (n, n)
     B: (n, m)
-    E: disturbance -> column (n,), by default empty
-    point: operating point of the linearization, or None for a plant given by A and B with trim 0
+    E: disturbance -> column (n,)
+    point: operating point of the linearization
     """
 
     A: np.ndarray
     B: np.ndarray
-    E: Winds = field(default_factory=dict)
-    point: OperatingPoint | None = None
+    E: Winds
+    point: OperatingPoint
 
     @classmethod
     def at(cls, model: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
@@ -101,16 +101,6 @@ class LinearPlant(Plant):
             in_gusts(model), point.states, point.inputs, disturbances=winds
         )
         return cls(slopes.A, slopes.B, dict(zip(winds, slopes.E.T, strict=True)), point)
-
-    @property
-    def chosen(self) -> np.ndarray:
-        """Matrix that selects the states of the linear model, or the identity without `point`."""
-        return np.eye(len(self.A)) if self.point is None else super().chosen
-
-    @property
-    def trim(self) -> np.ndarray:
-        """Inputs at the operating point, (m,), or zeros if `point` is None."""
-        return np.zeros(self.B.shape[1]) if self.point is None else super().trim
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
         """Return the time derivative of the states, A x + B u + d + E w, (n,).

@@ -78,6 +78,12 @@ UNDISTURBED = (
 #: Largest deviation at which a flight counts as remaining at trim, in the units of states and
 #: inputs.
 _STILL = 1e-6
+#: Attributes that the file of a flight contains, and those that it contains if they have a value.
+_STORED = (
+    *("state_units", "input_units", "dynamics", "exceeded", "held", "scenario", "flown", "final"),
+    *("largest_deviation", "rms_error", "share_beyond_control_limits", "policy", "warnings"),
+)
+_STORED_IF_ANY = ("decay", "integration", "largest_difference_from_linear", "commanded", "cost")
 #: Nominal values of the states to which changes of smaller deviations are relative.
 _SMALL = 1e-3
 
@@ -545,34 +551,17 @@ class Flight(StatesAndInputs, Result, Reported):
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
-        return {
+        entries: dict[str, Any] = {
             "departure": self.departure,
             "limit_cycle": self.cycle,
             "states": self.state_names,
-            "state_units": self.state_units,
             "inputs": self.input_names,
-            "input_units": self.input_units,
             "operating_point": self.point,
-            "dynamics": self.dynamics,
-            "exceeded": self.exceeded,
             "within_limits": self.ok,
-            "held": self.held,
-            "scenario": self.scenario,
             "envelope": envelope_data(self.envelope, bool(self.flight.winds)),
-            "flown": self.flown,
-            "final": self.final,
-            "largest_deviation": self.largest_deviation,
-            "rms_error": self.rms_error,
-            "share_beyond_control_limits": self.share_beyond_control_limits,
-            "policy": self.policy,
-            "warnings": self.warnings,
-        } | given(
-            decay=self.decay,
-            integration=self.integration,
-            largest_difference_from_linear=self.largest_difference_from_linear,
-            commanded=self.commanded,
-            cost=self.cost,
-        )
+        }
+        entries |= {name: getattr(self, name) for name in _STORED}
+        return entries | given(**{name: getattr(self, name) for name in _STORED_IF_ANY})
 
     def report(self) -> Report:
         """Return the report of the flight: outcome, tables of states and inputs, and a picture.

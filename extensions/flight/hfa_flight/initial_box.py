@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from hfa_aircraft.model import Model
@@ -11,8 +9,8 @@ from hfa_flight.problem import FlightProblem
 from trim.point.operating_point import OperatingPoint
 from verification.box import ordinary_box
 
-if TYPE_CHECKING:
-    pass
+#: Factor on a box that reaches beyond the limits.
+_INSIDE = 0.9
 
 
 def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
@@ -35,10 +33,6 @@ def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
         room = min(value - signal.min, signal.max - value)
         widths.append(min(width, 0.5 * max(room, 0.0)))
     return np.array(widths)
-
-
-#: Factor on a box that reaches beyond the limits.
-_INSIDE = 0.9
 
 
 def usual_box(problem: FlightProblem) -> np.ndarray:

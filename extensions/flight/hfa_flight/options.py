@@ -28,9 +28,8 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import constant
 from hfa_flight.actuators import ActuatorBank
-from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import Gust, OneMinusCosine
-from hfa_flight.air.names import UPDRAFT, gust_speed
+from hfa_flight.air.names import gust_speed
 from hfa_flight.air.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_flight.envelope import control_limits
 from hfa_flight.policies.laws import KEEP_INSIDE, LAWS, PREDICTIVE, LawSettings, loaded
@@ -75,10 +74,6 @@ _IN_PLACE = {
         "command",
     ),
 }
-
-
-def _number(_: str, text: str) -> float:
-    return number(text)
 
 
 def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
@@ -201,16 +196,14 @@ class PolicyGiven(Part):
         game.refuse_cross_weights(f"--law {self.law}")
         settings = LawSettings(self.horizon, self.margin, self.estimate)
         problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
-        policy: Policy = loaded(LAWS[self.law])(problem, game, settings)
-        return policy
+        return loaded(LAWS[self.law])(problem, game, settings)
 
     def kept(self, policy: Policy, point: OperatingPoint, scenario: Scenario) -> Policy:
         """Return the policy, kept inside the limits of rates with --keep-inside."""
         if not self.keep_inside:
             return policy
         problem = flight_problem(point.model, point)
-        kept: Policy = loaded(KEEP_INSIDE)(policy, problem, scenario.tick)
-        return kept
+        return loaded(KEEP_INSIDE)(policy, problem, scenario.tick)
 
     def about(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
         """Return the policy about a trim that the options specify.
@@ -233,26 +226,6 @@ class PolicyGiven(Part):
         return GainPolicy(f"{kind} of {path}", critic.K)
 
 
-def _about_gust(model: Model) -> str:
-    length = _length_of(model)
-    return f"1-cosine updraft: length ({length}), peak ({length}/s), begin (s, default 0)"
-
-
-def _about_turbulence(model: Model) -> str:
-    length = _length_of(model)
-    return (
-        f"turbulence of MIL-F-8785C at ALTITUDE, {length}: {', '.join(LEVELS)}; a wing SPAN,"
-        f" {length}, adds p, q, r; karman-LEVEL has spectra of von Karman; {_OWN} has intensity,"
-        f" {length}/s, and scale, {length}; random by --seed"
-    )
-
-
-def _length_of(model: Model) -> str:
-    """Return the unit of length of the gust velocities of a model, for options such as --gust."""
-    gusty = in_gusts(model)
-    return gusty.unit(UPDRAFT).removesuffix("/s") if UPDRAFT in gusty.disturbances else "ft"
-
-
 def _turbulence(text: str) -> Turbulence:
     """Return the turbulence that a typed text specifies."""
     word, *typed = text.split(":")
@@ -271,7 +244,12 @@ def _turbulence(text: str) -> Turbulence:
 
 def turbulence_option() -> Any:
     """Return the option `--turbulence` as a dataclass field."""
-    return option(_about_turbulence, _TURBULENCE, _turbulence, rare=True)
+    about = (
+        f"turbulence of MIL-F-8785C at ALTITUDE: {', '.join(LEVELS)}; a wing SPAN adds p, q, r; "
+        f"karman-LEVEL has spectra of von Karman; {_OWN} has intensity and scale; units of the "
+        "model; random by --seed"
+    )
+    return option(about, _TURBULENCE, _turbulence, rare=True)
 
 
 def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbulence | None:
@@ -298,7 +276,8 @@ def noise_option(about: str) -> Any:
 
 def gust_option() -> Any:
     """Return the option `--gust` as a dataclass field."""
-    return option(_about_gust, _GUST, numbers(_GUST, 3, otherwise=(0.0,)))
+    about = "1-cosine updraft: length, peak speed (units of the model), begin (s, default 0)"
+    return option(about, _GUST, numbers(_GUST, 3, otherwise=(0.0,)))
 
 
 def gust_at(
@@ -369,7 +348,7 @@ class ScenarioGiven(Part):
         "factor on a parameter of the simulated aircraft only; with --samples, relative "
         "standard deviation of the parameter; repeatable",
         "NAME=NUMBER",
-        _number,
+        lambda _, text: number(text),
         named=True,
         rare=True,
     )
@@ -399,8 +378,7 @@ class ScenarioGiven(Part):
         Raises BadInputError if the delay is out of range, or if both --gust and --turbulence are
         given.
         """
-        duration = self.duration
-        delay = self.delay
+        duration, delay = self.duration, self.delay
         model = point.model
         assert duration is not None  # has a default
         if delay and not 0.0 < delay < duration:

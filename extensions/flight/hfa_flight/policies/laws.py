@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -20,7 +19,7 @@ LAWS = {
 KEEP_INSIDE = "hfa_optimal.laws:kept_inside"
 
 
-def loaded(location: str) -> Callable[..., Any]:
+def loaded(location: str) -> Any:
     """Return a function of `LAWS`, or `KEEP_INSIDE`.
 
     Raises BadInputError if its package is not installed.
@@ -29,8 +28,7 @@ def loaded(location: str) -> Callable[..., Any]:
     package = module.partition(".")[0]
     if not is_installed(package):
         raise BadInputError(f"this law requires the package {package}; install it")
-    function: Callable[..., Any] = getattr(import_module(module), name)
-    return function
+    return getattr(import_module(module), name)
 
 
 def compared(law: str) -> str:

@@ -22,7 +22,7 @@ from hfa_flight.policies.deployment.actor import (
     read_actor,
     stored_gain,
 )
-from hfa_flight.policies.deployment.normalizer import Normalizer, normalizer_of, read_normalizer
+from hfa_flight.policies.deployment.normalizer import Normalizer, read_normalizer
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown
 from hfa_support.files import read_toml, toml_text, write_text
@@ -282,19 +282,19 @@ class Deployment(Reported):
         if stored is None or stored == NONE:
             return None
         with prefix_errors(self.origin):
+            normalizer: Normalizer | None
             if isinstance(stored, dict):
-                normalizer: Normalizer | None = normalizer_of(stored)
+                normalizer = Normalizer(**stored)
             else:
                 normalizer = read_normalizer(self.folder / stored)
-            if normalizer is not None and normalizer.mean.size == len(self.observation):
+            if normalizer is None or normalizer.mean.size == self.width:
+                return normalizer
+            if normalizer.mean.size == len(self.observation):
                 return normalizer.of_frames(self.history)
-            if normalizer is not None and normalizer.mean.size != self.width:
-                raise BadInputError(
-                    f"{normalizer.origin} normalizes {normalizer.mean.size} observations, but the "
-                    f"deployment file lists {len(self.observation)}; give the normalizer of this "
-                    "policy"
-                )
-        return normalizer
+            raise BadInputError(
+                f"{normalizer.origin} normalizes {normalizer.mean.size} observations, but the "
+                f"deployment file lists {len(self.observation)}; give the normalizer of this policy"
+            )
 
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:

@@ -17,7 +17,6 @@ from hfa_support.errors import (
     is_finite,
     numbers_in,
     prefix_errors,
-    shown,
 )
 from hfa_support.files import regular_file
 
@@ -72,8 +71,6 @@ class Normalizer:
 
     def of_frames(self, count: int) -> Normalizer:
         """Return the normalizer for the observations of `count` samples."""
-        if count == 1:
-            return self
         means = np.tile(self.mean, count)
         variances = np.tile(self.variance, count)
         return replace(self, mean=means, variance=variances, last=None)
@@ -148,26 +145,6 @@ def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
             f"{name} of the VecNormalize object is not one number; save the normalizer again"
         )
     return float(numbers.item())
-
-
-def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
-    """Return the normalizer of the table policy.normalizer of a deployment file.
-
-    entries: mean, variance, and optionally epsilon and clip
-
-    Raises BadInputError for a missing or wrong entry.
-    """
-    for name in ("mean", "variance"):
-        if name not in entries:
-            raise BadInputError(
-                f"policy.normalizer has no {name}; add the list {name}, or give "
-                "the path of a normalizer file"
-            )
-    epsilon = entries.get("epsilon", EPSILON)
-    clip = entries.get("clip", CLIP)
-    if not is_finite(epsilon):
-        raise BadInputError(f"policy.normalizer.epsilon is {shown(epsilon)}; give a finite number")
-    return Normalizer(entries["mean"], entries["variance"], float(epsilon), float(clip))
 
 
 def _rows(values: Any, width: int) -> np.ndarray | None:
