@@ -152,8 +152,6 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
                  trim={"level": 0.5}, schedule="level")  # fmt: skip
     found = load_gain_schedule(gains_file(tmp_path, K=square, level=[1.0, 2.0]), both)
     np.testing.assert_array_equal(found.gains, square)  # the value is first if both would fit
-    with_positions = np.ones((2, 1, 3))
-    GainSchedule(np.array([1.0, 2.0]), with_positions, TANK)
     one = load_gain_schedule(gains_file(tmp_path, K=K[0], state_units=["m", "m/s"]), TANK)
     np.testing.assert_allclose(one.gains[0], K[0] * FOOT)
     one.refuse_beyond(-9.0, 9.0)
@@ -180,6 +178,7 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
         ({"K": np.ones((2, 1, 2)), "level": [1.0, np.nan]}, "not finite"),
         ({"K": [[[1.0, np.inf]], [[1.0, 2.0]]], "level": [1.0, 2.0]}, "not finite"),
         ({"K": np.ones((2, 1, 1)), "level": [1.0, 2.0]}, "K has shape (2, 1, 1)"),
+        ({"K": np.ones((2, 1, 3)), "level": [1.0, 2.0]}, "K has shape (2, 1, 3)"),
         ({"K": np.ones((3, 1, 2)), "level": [1.0, 2.0]}, "K has shape (3, 1, 2)"),
         (
             {"K": np.ones((2, 1, 2)), "level": [1.0, 2.0], "state_units": ["m", "m/s"]},

@@ -142,8 +142,8 @@ def scheduled_gains(
         remains constant
     condition: function from the scheduling variable to its trim condition
 
-    Raises BadInputError if the model is not scheduled over a state of its linear model, K has more
-    columns than states, another variable is commanded, or the gains do not cover the commands.
+    Raises BadInputError if the model is not scheduled over a state of its linear model, another
+    variable is commanded, or the gains do not cover the commands.
     Raises NoSolutionError if a trim does not exist.
     """
     model = schedule.model
@@ -151,11 +151,6 @@ def scheduled_gains(
         raise BadInputError(
             f"the scheduling variable of {model.name} is {model.schedule or 'not declared'}; "
             "declare a state of the linear model as the scheduling variable"
-        )
-    if schedule.gains.shape[-1] != len(model.linear):
-        raise BadInputError(
-            f"K has {schedule.gains.shape[-1]} columns; give {len(model.linear)},"
-            " one for each state of the linear model"
         )
     for commanded in commands.names:
         if commanded != model.schedule:

@@ -34,8 +34,7 @@ class GainSchedule(Reported):
 
     breakpoints: (G,), increasing values of η, radians for angles. With a single gain, the value of
       the breakpoint has no effect
-    gains: (G, m, n) in the units of the model, for the n states of the linear model, or
-      (G, m, n + m) with columns for the actuator positions
+    gains: (G, m, n) in the units of the model, for the n states of the linear model
     model: model with the scheduling variable, states and inputs
 
     Raises BadInputError if a shape is wrong, the breakpoints do not increase, or a number is not
@@ -49,12 +48,10 @@ class GainSchedule(Reported):
     def __post_init__(self) -> None:
         """Raise BadInputError unless K and the breakpoints have valid shapes and values."""
         count = np.size(self.breakpoints)
-        m = len(self.model.inputs)
-        n = len(self.model.linear)
-        if np.shape(self.gains) not in ((count, m, n), (count, m, n + m)):
+        shape = (count, len(self.model.inputs), len(self.model.linear))
+        if np.shape(self.gains) != shape:
             raise BadInputError(
-                f"K has shape {np.shape(self.gains)}; give ({count}, {m}, {n}) for {count} "
-                "breakpoints"
+                f"K has shape {np.shape(self.gains)}; give {shape} for {count} breakpoints"
             )
         if not (np.all(np.isfinite(self.breakpoints)) and np.all(np.isfinite(self.gains))):
             raise BadInputError(

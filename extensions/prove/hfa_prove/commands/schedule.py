@@ -111,17 +111,9 @@ def _ends(request: ScheduleRequest) -> tuple[float, float]:
 
 
 def gains_of_file(path: Path, model: Model) -> Gains:
-    """Return the gain or gain table in a file, with breakpoints in the unit of the user.
-
-    Raises BadInputError if a gain also multiplies positions of actuators.
-    """
+    """Return the gain or gain table in a file, with breakpoints in the unit of the user."""
     from hfa_flight.schedule.gain_schedule import load_gain_schedule
     from hfa_prove.statements.schedule import Gains
 
     stored = load_gain_schedule(path, model)
-    n = len(model.linear)
-    if stored.gains.shape[2] != n:
-        raise BadInputError(
-            f"{path}: K has {stored.gains.shape[2]} columns; give {n}, one for each state"
-        )
     return Gains(stored.file_breakpoints, stored.gains)

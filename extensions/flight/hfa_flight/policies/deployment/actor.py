@@ -12,12 +12,10 @@ import numpy as np
 
 from controller.critic.network.network_file import network_in
 from controller.critic.network.row_network import RowNetwork
-from controller.critic.network.tensors import tensors_in
 from hfa_aircraft.readers.matrices_file import sample_time
 from hfa_flight.policies.deployment.stable_baselines import Zip, is_stable_baselines, read_zip
 from hfa_support.arrays.read import read_arrays
-from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shown
-from hfa_support.files import regular_file
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shown
 
 #: Value of `normalizer` for a policy without one. Its training may have had a VecNormalize that
 #: normalized only rewards.
@@ -133,13 +131,13 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
 def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
     """Read the actor in an ONNX file, a state dict or a file with a gain K."""
     squash = bool(entries.get("squash", False))
-    gain = stored_gain(path)
-    if gain is not None:
-        entries_of_gain = read_arrays(path)
-        said = {name: entries_of_gain[name] for name in _OF_GAIN if name in entries_of_gain}
-        said["dt"] = sample_time(entries_of_gain)
-        chain = f"a gain {gain.shape[0]} x {gain.shape[1]}"
-        return Actor(gain_function(gain), chain, squash, of_gain=said)
+    stored = stored_gain(path)
+    if stored is not None:
+        said = {name: stored[name] for name in _OF_GAIN if name in stored}
+        said["dt"] = sample_time(stored)
+        rows, columns = stored["K"].shape
+        chain = f"a gain {rows} x {columns}"
+        return Actor(gain_function(stored["K"]), chain, squash, of_gain=said)
     if path.suffix.lower() == ".onnx" and "activation" in entries:
         raise BadInputError(
             f"policy.activation is given, but {path} contains the activations; remove "
@@ -156,33 +154,23 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     return Actor(function, network.chain, squash, rows=network.rows.get(name))
 
 
-def stored_gain(path: Path) -> np.ndarray | None:
-    """Return the gain K of u = -K o in an .npz file, (actions, observations).
+def stored_gain(path: Path) -> dict[str, Any] | None:
+    """Return the entries of an .npz file with the gain K of u = -K o, (actions, observations).
 
-    The result is None if the suffix is not .npz or the file contains no K. Raises BadInputError if
-    the file cannot be read or K is not a finite matrix.
+    The result is None for another suffix, and for a file without K. Raises BadInputError if the
+    file cannot be read or K is not a finite matrix.
     """
-    if path.suffix.lower() != ".npz":
+    entries = read_arrays(path) if path.suffix.lower() == ".npz" else {}
+    if "K" not in entries:
         return None
-    with prefix_errors(path), file_faults(path):
-        try:
-            arrays = tensors_in(regular_file(path).read_bytes(), ".npz")
-        except (OSError, BadInputError):
-            raise
-        except Exception as error:  # a damaged file may cause any exception
-            raise BadInputError(
-                f"the file is not an .npz file of numbers ({error}); save the arrays with "
-                "numpy.savez"
-            ) from error
-        if "K" not in arrays:
-            return None
-        gain = numbers_in("K", arrays["K"])
+    with prefix_errors(path):
+        gain = numbers_in("K", entries["K"])
         if gain.ndim != 2 or not np.all(np.isfinite(gain)):
             raise BadInputError(
                 f"K (shape {gain.shape}) is not a matrix of finite numbers; give finite "
                 "numbers, one row per action and one column per observation"
             )
-        return gain
+    return {**entries, "K": gain}
 
 
 def gain_function(K: np.ndarray) -> ca.Function:

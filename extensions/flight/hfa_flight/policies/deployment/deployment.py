@@ -373,7 +373,7 @@ def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
     """
     wanted = (len(model.inputs), len(model.linear))
     in_arrays = path.suffix.lower() == ".npz"
-    K = stored_gain(path) if in_arrays else _gain_of_critic(path, model)
+    K = (stored_gain(path) or {}).get("K") if in_arrays else _gain_of_critic(path, model)
     if K is None or K.shape != wanted:
         given = "the file contains no K" if K is None else f"K is {K.shape[0]} x {K.shape[1]}"
         raise BadInputError(
