@@ -109,8 +109,8 @@ def fly(
     time.
 
     The flight is simulated again with half the integration step. If the cost or a largest deviation
-    changes by more than 0.1 %, the step is halved again, at most three times. A policy that is a
-    Python function of (t, X) is called in one flight alone.
+    changes by more than 0.1 %, the step is halved again, at most three times. A Python function of
+    (t, X) is called in one nonlinear flight, and with `predict` in the linear one.
 
     model: the aircraft with nominal parameters
     point: the trim X0, U0, relative to which x and u are defined
@@ -123,7 +123,7 @@ def fly(
     initial: deviations from trim at the start, by the names of states, or (n,)
     scenario: disturbances, noise and faults. Its random quantities must be drawn already
     envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
-    predict: whether the linear model is simulated too, if the policy is not computed in Python
+    predict: whether the linear model is simulated too, except with a policy that plans
     weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
     progress: called during the nonlinear flight
 

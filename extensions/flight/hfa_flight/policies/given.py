@@ -196,6 +196,7 @@ class PythonPolicy(SampledPolicy):
     """
 
     is_called = True
+    predicts = True
 
     function: Callable[[float, Any], Any]
 

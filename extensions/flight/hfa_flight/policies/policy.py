@@ -58,7 +58,7 @@ class Policy(Reported):
     identity: JSON data that identify the policy
     fastest: magnitude of the policy's fastest mode, 1/s. It determines the number of substeps
     predicts: whether the linear model is flown with the policy too, as a prediction
-    is_called: whether the policy is a function of the user, which is called in one flight alone
+    is_called: whether the policy is a function of the user, which is called in one nonlinear flight
     """
 
     predicts: ClassVar[bool] = True

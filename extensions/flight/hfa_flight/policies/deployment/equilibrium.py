@@ -175,7 +175,6 @@ class EquilibriumSearch:
         The value is 0 for an angle that is distinguished, and for other states.
         """
         random = np.random.default_rng(0)
-        n = len(self.model.states)
         turns = np.zeros(len(self.rows))
         sizes = np.zeros(len(self.base))
         sizes[self.moving] = self.scales
@@ -185,20 +184,15 @@ class EquilibriumSearch:
             turned = points.copy()
             turned[:, row] += turn
             if turn and all(
-                np.allclose(
-                    self._seen(one[:n], one[n:]),
-                    self._seen(other[:n], other[n:]),
-                    rtol=_SAME_TURNED,
-                    atol=_SAME_TURNED,
-                    equal_nan=False,
-                )
+                np.allclose(self._seen(one), self._seen(other), _SAME_TURNED, _SAME_TURNED)
                 for one, other in zip(points, turned, strict=True)
             ):
                 turns[number] = turn
         return turns
 
-    def _seen(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
-        """Return the relative rates, the observations and the commands at X and U."""
+    def _seen(self, z: np.ndarray) -> np.ndarray:
+        """Return the relative rates, the observations and the commands at z = (X, U)."""
+        X, U = self._parts(z)
         try:
             rates = np.array([*self.model.rates_at(X.tolist(), U.tolist()).values()])
         except FloatingPointError:

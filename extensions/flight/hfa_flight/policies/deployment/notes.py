@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from enum import Enum
 
 import numpy as np
 
@@ -32,11 +31,10 @@ def notes_on_files(deployed: Deployed) -> list[str]:
     A warning is added if the files leave open whether a normalizer is missing. The list is empty
     for a policy that uses earlier samples.
     """
-    stored = deployed.deployment.actor.stored
     if deployed.past:
         return []
+    stored, normalizer = deployed.deployment.actor.stored, deployed.deployment.normalizer
     notes = _notes_on_gain(deployed)
-    normalizer = deployed.deployment.normalizer
     if stored is not None and stored.timesteps > 0:
         of_normalizer = _note_on_normalizer(deployed, stored, normalizer)
         if of_normalizer:
@@ -48,8 +46,8 @@ def notes_on_files(deployed: Deployed) -> list[str]:
 
 def _notes_on_gain(deployed: Deployed) -> list[str]:
     """Return a sentence for each contradiction between a gain's file and the deployment file."""
-    said = deployed.deployment.actor.of_gain
     deployment = deployed.deployment
+    said = deployment.actor.of_gain
     observed = [entry.get("formula", name) for name, entry in deployment.observation.items()]
     notes = []
     for key, table, listed in (
@@ -90,14 +88,14 @@ def _notes_on_units(deployed: Deployed, observed: list[str], units: list[str]) -
 
 def _note_on_normalizer(deployed: Deployed, stored: Zip, normalizer: Normalizer | None) -> str:
     """Return a sentence on an omitted, superfluous or other checkpoint's normalizer, or ""."""
+    was_normalized = _was_normalized(stored)
     if deployed.deployment.policy.get("normalizer") is None:
-        training = _normalizer_in_training(stored)
-        if training is _Training.NORMALIZED:
+        if was_normalized:
             return (
                 "the policy was trained with a VecNormalize that the deployment file omits: give "
                 f'its file as normalizer, or normalizer = "{NONE}" where it normalized only rewards'
             )
-        if training is _Training.UNKNOWN:
+        if was_normalized is None:
             return (
                 f"the file of the {stored.algorithm} does not show whether it was trained with a "
                 "VecNormalize, and the deployment file has no normalizer: if it was, give its "
@@ -107,7 +105,7 @@ def _note_on_normalizer(deployed: Deployed, stored: Zip, normalizer: Normalizer 
     if normalizer is None:
         return ""
     has_records = stored.last is not None and (stored.on_policy or stored.last_original is not None)
-    if has_records and _normalizer_in_training(stored) is _Training.NONE:
+    if has_records and was_normalized is False:
         return f"the policy was trained without a VecNormalize; leave {normalizer.origin} out"
     if is_of_another_checkpoint(stored, normalizer):
         return (
@@ -135,31 +133,20 @@ def _impossible_spreads(deployed: Deployed, normalizer: Normalizer) -> Iterator[
             )
 
 
-class _Training(Enum):
-    """Evidence in a policy's file of a VecNormalize in the training."""
-
-    NONE = "none, or none that normalized observations"
-    UNKNOWN = "nothing"
-    NORMALIZED = "one"
-
-
-def _normalizer_in_training(stored: Zip) -> _Training:
-    """Return the evidence on whether the training used a VecNormalize."""
+def _was_normalized(stored: Zip) -> bool | None:
+    """Return whether the training normalized observations by a VecNormalize, None if unknown."""
     # PPO and A2C store an original observation only with a VecNormalize. SAC and TD3 always store
     # an original observation. With a VecNormalize, each column of the last observation is a linear
     # function of the original one. Without a VecNormalize, the original is the observation one
-    # sample earlier. With too few environments for a linear function, the result is UNKNOWN. The
-    # result is NONE if the last or the original observation is not stored, or if both are equal.
+    # sample earlier. Too few environments show no linear function.
     if stored.last is None or stored.last_original is None:
-        return _Training.NONE
+        return False
     if stored.on_policy:
-        return _Training.NORMALIZED
+        return True
     if np.array_equal(stored.last, stored.last_original):
-        return _Training.NONE
+        return False
     distance = _distance_from_lines(stored.last_original, stored.last)
-    if not math.isfinite(distance):
-        return _Training.UNKNOWN
-    return _Training.NORMALIZED if distance < _STRAIGHT else _Training.NONE
+    return distance < _STRAIGHT if math.isfinite(distance) else None
 
 
 def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
