@@ -35,7 +35,7 @@ def flight_figure(result: Flight, title: str, figure: Figure | None = None) -> F
     the updraft if it is not zero.
     """
     figure = figure or new_figure(10.0, 2.1)
-    model = result.point.model
+    model = result.model
     input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
     has_updraft = bool(np.any(result.flight.updrafts))
     moving = [index for index in range(len(model.states)) if _moves(result, index)]
@@ -74,7 +74,7 @@ def flight_figure(result: Flight, title: str, figure: Figure | None = None) -> F
 
 def _moves(result: Flight, index: int) -> bool:
     """Return whether a state or its reference changes during the flight by more than rounding."""
-    model = result.point.model
+    model = result.model
     name = tuple(model.states)[index]
     values = result.states[:, index]
     if name in model.linear:
@@ -93,40 +93,26 @@ def _widened(axes: Axes, nominal: float, unit: str) -> None:
 
 def _draw_state(axes: Axes, result: Flight, index: int) -> None:
     """Draw one state over time in a panel, as absolute values."""
-    model = result.point.model
+    model = result.model
     name = tuple(model.states)[index]
     unit = model.unit(name)
-    times = result.flight.times
     flown = result.states[:, index]
+
+    def draw(times: np.ndarray, values: np.ndarray, style: str, label: str, **more: Any) -> Any:
+        return axes.plot(times, shown_values(values, unit), style, label=label, **more)
+
     if name in model.linear:
         reference = flown - result.flight.errors[:, model.linear.index(name)]
-        axes.plot(
-            times,
-            shown_values(reference, unit),
-            ":",
-            color="black",
-            linewidth=1.0,
-            label="reference",
-        )
+        draw(result.time, reference, ":", "reference", color="black", linewidth=1.0)
     if result.predicted is not None:
         predicted = result.predicted.states[:, index] + result.point.states[index]
-        axes.plot(
-            result.predicted.times,
-            shown_values(predicted, unit),
-            "--",
-            color="C1",
-            label="linear",
-        )
-    axes.plot(times, shown_values(flown, unit), color="C0", linewidth=1.2, label="nonlinear")
-    limited = flown
-    label = name
+        draw(result.predicted.times, predicted, "--", "linear", color="C1")
+    draw(result.time, flown, "-", "nonlinear", color="C0", linewidth=1.2)
+    limited, label = flown, name
     if name == ALPHA and result.flight.winds and has_angle_of_attack(model):
-        limited = result.angles_of_attack
-        label = "alpha over ground"
-        (through_air,) = axes.plot(
-            times, shown_values(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK
-        )
-        axes.legend([through_air], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
+        limited, label = result.angles_of_attack, "alpha over ground"
+        relative = draw(result.time, limited, "-", ANGLE_OF_ATTACK, color="C2", linewidth=1.2)
+        axes.legend(relative, [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
     limits = (float(result.envelope.lowest[index]), float(result.envelope.highest[index]))
     _limit_lines(axes, limited, limits, unit)
     if np.isfinite(limits).any():
@@ -137,34 +123,20 @@ def _draw_state(axes: Axes, result: Flight, index: int) -> None:
 
 def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
     """Draw all inputs that have one unit, and their limits, over time in a panel."""
-    inputs = result.point.model.inputs
-    names = [name for name, signal in inputs.items() if signal.unit == unit]
-    for name in names:
-        values = result.inputs[:, list(inputs).index(name)]
-        limits = (inputs[name].min, inputs[name].max)
-        shown_limits = "no limits"
-        if np.isfinite(limits).any():
-            shown_limits = _limits_with_unit(limits, unit)
-        axes.plot(
-            result.flight.times,
-            shown_values(values, unit),
-            label=f"{name}: {shown_limits}",
-            linewidth=1.0,
-        )
+    inputs = {name: each for name, each in result.model.inputs.items() if each.unit == unit}
+    for name, signal in inputs.items():
+        values, limits = result[name], (signal.min, signal.max)
+        shown = _limits_with_unit(limits, unit) if np.isfinite(limits).any() else "no limits"
+        axes.plot(result.time, shown_values(values, unit), label=f"{name}: {shown}", linewidth=1.0)
         _limit_lines(axes, values, limits, unit)
-    _widened(axes, max(inputs[name].nominal for name in names), unit)
-    label = "inputs"
-    if len(names) == 1:
-        label = names[0]
-    elif unit == "rad":
-        label = "deflections"
-    if unit != "1":
-        label += f", {shown_unit(unit)}"
-    if len(names) == 1:
-        axes.set_title(f"limits: {shown_limits}", **_SMALL)
+    _widened(axes, max(signal.nominal for signal in inputs.values()), unit)
+    if len(inputs) == 1:
+        label = name
+        axes.set_title(f"limits: {shown}", **_SMALL)
     else:
+        label = "deflections" if unit == "rad" else "inputs"
         axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
-    _finish(axes, label)
+    _finish(axes, f"{label}, {shown_unit(unit)}" if unit != "1" else label)
 
 
 def _limits_with_unit(limits: tuple[float, float], unit: str) -> str:
@@ -181,13 +153,8 @@ def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], u
         (highest, limited.max() > highest - 0.2 * (highest - lowest)),
     ):
         if near:
-            axes.axhline(
-                float(shown_values(limit, unit)),
-                color="black",
-                linestyle="--",
-                linewidth=0.8,
-                gid=_LIMIT,
-            )
+            level = float(shown_values(limit, unit))
+            axes.axhline(level, color="black", linestyle="--", linewidth=0.8, gid=_LIMIT)
 
 
 def _finish(axes: Axes, label: str) -> None:
