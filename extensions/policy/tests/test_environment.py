@@ -172,7 +172,8 @@ def test_the_rendered_picture_changes_during_an_episode() -> None:
     env.reset(seed=1)
     before = env.render()
     for _ in range(20):
-        env.step(np.ones(2))
+        *_, left, _, _ = env.step(np.zeros(2))
+        assert not left
     after = env.render()
     assert before.shape == after.shape
     assert (before != after).any()
