@@ -96,19 +96,56 @@ def equivalent_airspeed(dynamic_pressure: float) -> float:
     return math.sqrt(2.0 * dynamic_pressure / float(air_at(0.0, "si").density)) / _KNOT
 
 
-def calibrated_airspeed(dynamic_pressure: float, mach: float) -> float:
-    """Return the calibrated airspeed a0 sqrt(5 ((q_c/p0 + 1)^(2/7) - 1)), kt, at subsonic speed.
+def pitot_pressure(mach: Any, pressure: Any) -> Any:
+    """Return the total pressure in a pitot tube, in the unit of `pressure`.
 
-    The impact pressure is q_c = p ((1 + M²/5)^3.5 - 1), with p = 2 q / (1.4 M²).
+    The flow is isentropic below Mach 1. Rayleigh's formula applies from Mach 1 on.
+
+    pressure: static pressure
+    """
+    coefficient = 1.2**3.5 * 6.0**2.5
+    fast = ca.fmax(mach, 1.0)
+    supersonic = coefficient * fast**7.0 / (7.0 * fast * fast - 1.0) ** 2.5
+    return pressure * ca.if_else(mach < 1.0, (1.0 + 0.2 * mach * mach) ** 3.5, supersonic)
+
+
+def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
+    """Return the Mach number from pitot pressure: the inverse of `pitot_pressure`.
+
+    impact_pressure: total minus static pressure
+    pressure: static pressure
+    """
+    ratio = impact_pressure / pressure + 1.0
+    subsonic = subsonic_mach(ratio)
+    coefficient = 1.2 ** (-0.25 * 7.0) * (1.2 / 1.4) ** (-0.5 * 2.5)
+    supersonic = ca.fmax(subsonic, 1.0)
+    for _ in range(10):
+        supersonic = coefficient * ca.sqrt(ratio * (1.0 - 1.0 / (7.0 * supersonic**2)) ** 2.5)
+    return ca.if_else(subsonic > 1.0, supersonic, subsonic)
+
+
+def subsonic_mach(ratio: Any) -> Any:
+    """Return the Mach number of isentropic flow from the ratio of total to static pressure."""
+    return ca.sqrt(5.0 * (ratio ** (2.0 / 7.0) - 1.0))
+
+
+def calibrated_speed(mach: Any, pressure: Any) -> Any:
+    """Return the calibrated airspeed at a Mach number, ft/s.
+
+    pressure: static pressure, lb/ft²
+    """
+    impact = pitot_pressure(mach, pressure) - pressure
+    return SEA_LEVEL.sound * mach_of_pitot(impact, SEA_LEVEL_PRESSURE)
+
+
+def calibrated_airspeed(dynamic_pressure: float, mach: float) -> float:
+    """Return the calibrated airspeed, kt, at the static pressure 2 q / (1.4 M²).
 
     dynamic_pressure: q = ρ V²/2, Pa
     mach: Mach number M
     """
-    sea_level = air_at(0.0, "si")
-    pressure = 2.0 * dynamic_pressure / (HEAT_RATIO * mach**2)
-    impact = pressure * ((1.0 + mach**2 / 5.0) ** 3.5 - 1.0)
-    ratio = (impact / float(sea_level.pressure) + 1.0) ** (2.0 / 7.0)
-    return float(sea_level.sound) * math.sqrt(5.0 * (ratio - 1.0)) / _KNOT
+    pressure = 2.0 * dynamic_pressure / (HEAT_RATIO * mach**2) / si_factor("lbf/ft^2")
+    return float(calibrated_speed(ca.DM(mach), pressure)) * FT_TO_M / _KNOT
 
 
 def _pressure_ratio(warmth: float, lapse: float, climb: Any) -> Any:

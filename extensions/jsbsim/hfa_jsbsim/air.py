@@ -8,75 +8,20 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_aircraft.rigid.atmosphere import FT_TO_M, SEA_LEVEL, SEA_LEVEL_PRESSURE, Air, air_at
+from hfa_aircraft.rigid.atmosphere import (
+    FT_TO_M,
+    SEA_LEVEL,
+    Air,
+    air_at,
+    calibrated_speed,
+    pitot_pressure,
+)
 from hfa_aircraft.rigid.motion import angular_velocity, rotation, turn_rate, wind_axes
 from hfa_jsbsim.airframe import Mass, Metrics
 
 KNOT = 1852.0 / (3600.0 * FT_TO_M)
 _SUTHERLAND = 198.72
 _VISCOSITY = 2.269690e-08
-
-
-def pitot_pressure(mach: Any, pressure: Any) -> Any:
-    """Return the total pressure in a pitot tube, in the unit of `pressure`.
-
-    The flow is isentropic below Mach 1. Rayleigh's formula applies from Mach 1 on.
-
-    pressure: static pressure
-    """
-    coefficient = 1.2**3.5 * 6.0**2.5
-    fast = ca.fmax(mach, 1.0)
-    supersonic = coefficient * fast**7.0 / (7.0 * fast * fast - 1.0) ** 2.5
-    return pressure * ca.if_else(mach < 1.0, (1.0 + 0.2 * mach * mach) ** 3.5, supersonic)
-
-
-def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
-    """Return the Mach number from pitot pressure: the inverse of `pitot_pressure`.
-
-    impact_pressure: total minus static pressure
-    pressure: static pressure
-    """
-    ratio = impact_pressure / pressure + 1.0
-    subsonic = _subsonic_mach(ratio)
-    coefficient = 1.2 ** (-0.25 * 7.0) * (1.2 / 1.4) ** (-0.5 * 2.5)
-    supersonic = ca.fmax(subsonic, 1.0)
-    for _ in range(10):
-        supersonic = coefficient * ca.sqrt(ratio * (1.0 - 1.0 / (7.0 * supersonic**2)) ** 2.5)
-    return ca.if_else(subsonic > 1.0, supersonic, subsonic)
-
-
-def _subsonic_mach(ratio: Any) -> Any:
-    """Return the Mach number of isentropic flow from the ratio of total to static pressure."""
-    return ca.sqrt(5.0 * (ratio ** (2.0 / 7.0) - 1.0))
-
-
-def calibrated_speed(mach: Any, pressure: Any) -> Any:
-    """Return the calibrated airspeed at a Mach number, ft/s.
-
-    pressure: static pressure, lb/ft²
-    """
-    impact = pitot_pressure(mach, pressure) - pressure
-    return SEA_LEVEL.sound * mach_of_pitot(impact, SEA_LEVEL_PRESSURE)
-
-
-def mach_of_calibrated(speed: Any, pressure: Any) -> Any:
-    """Return the Mach number at a calibrated airspeed.
-
-    speed: calibrated airspeed, ft/s
-    pressure: static pressure, lb/ft²
-    """
-    impact = pitot_pressure(speed / SEA_LEVEL.sound, SEA_LEVEL_PRESSURE) - SEA_LEVEL_PRESSURE
-    return mach_of_pitot(impact, pressure)
-
-
-def subsonic_mach_of_calibrated(speed: Any, pressure: Any) -> Any:
-    """Return the Mach number at a calibrated airspeed, if both are subsonic.
-
-    speed: calibrated airspeed, ft/s
-    pressure: static pressure, lb/ft²
-    """
-    total = (1.0 + 0.2 * (speed / SEA_LEVEL.sound) ** 2) ** 3.5
-    return _subsonic_mach((total - 1.0) * SEA_LEVEL_PRESSURE / pressure + 1.0)
 
 
 @dataclass(frozen=True)

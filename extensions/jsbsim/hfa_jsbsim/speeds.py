@@ -9,8 +9,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.rigid.atmosphere import air_at
-from hfa_jsbsim.air import KNOT, mach_of_calibrated, subsonic_mach_of_calibrated
+from hfa_aircraft.rigid.atmosphere import (
+    SEA_LEVEL,
+    SEA_LEVEL_PRESSURE,
+    air_at,
+    mach_of_pitot,
+    pitot_pressure,
+    subsonic_mach,
+)
+from hfa_jsbsim.air import KNOT
 
 
 def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, Any]:
@@ -44,8 +51,11 @@ def _functions() -> dict[str, ca.Function]:
     speed = ca.SX.sym("speed")
     altitude = ca.SX.sym("altitude")
     air = air_at(altitude)
-    subsonic = subsonic_mach_of_calibrated(speed * KNOT, air.pressure)
-    any_mach = mach_of_calibrated(speed * KNOT, air.pressure)
+    at_sea_level = speed * KNOT / SEA_LEVEL.sound
+    ratio = (1.0 + 0.2 * at_sea_level**2) ** 3.5 - 1.0
+    subsonic = subsonic_mach(ratio * SEA_LEVEL_PRESSURE / air.pressure + 1.0)
+    impact = pitot_pressure(at_sea_level, SEA_LEVEL_PRESSURE) - SEA_LEVEL_PRESSURE
+    any_mach = mach_of_pitot(impact, air.pressure)
     return {
         "subsonic": ca.Function("air", [speed, altitude], [subsonic, air.sound, air.density]),
         "mach": ca.Function("mach", [speed, altitude], [any_mach]),

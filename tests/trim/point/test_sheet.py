@@ -16,6 +16,7 @@ import pytest
 from ambiance import Atmosphere
 from cli import hfa as command
 from project import ROOT
+from scipy.optimize import brentq
 
 import hfa
 import hfa_model
@@ -410,6 +411,30 @@ def test_airspeeds_are_those_of_the_standard_atmosphere(name: str) -> None:
     calibrated = float(sea.speed_of_sound[0]) * math.sqrt(5.0 * ratio) / KNOT
     assert figures["calibrated_airspeed"] == pytest.approx(calibrated, rel=2e-4)
     assert "U.S. Standard 1976" in point.report().text()
+
+
+def test_beyond_mach_1_the_calibrated_airspeed_has_the_pitot_pressure_of_rayleigh() -> None:
+    """At M 1.3 and 80 kPa: the speed at sea level whose pressure behind a normal shock is as large."""
+    p, mach = 80e3, 1.3
+
+    def impact(m: float, pressure: float) -> float:
+        shock = (6.0 * m**2 / 5.0) ** 3.5 * (6.0 / (7.0 * m**2 - 1.0)) ** 2.5
+        return pressure * (shock - 1.0)
+
+    plane = Model(
+        "plane",
+        {"speed": Signal("m/s"), "alpha": Signal("rad")},
+        {"throttle": Signal("1")},
+        lambda x, u, p_, w: (
+            {"speed": u.throttle - x.speed, "alpha": -x.alpha},
+            {"mach": mach, "dynamic_pressure": 0.7 * p * mach**2},
+        ),
+        outputs={"mach": Signal("1"), "dynamic_pressure": Signal("N/m^2")},
+        trim={"speed": 430.0},
+    )
+    found = hfa.trim(plane).report().data["performance"]["calibrated_airspeed"]
+    calibrated = brentq(lambda m: impact(m, 101325.0) - impact(mach, p), 1.0, 1.3)
+    assert found == pytest.approx(calibrated * 340.294 / KNOT, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", [f"{EXAMPLES}/uav.toml", "jsbsim:737"])
