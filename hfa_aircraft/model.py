@@ -132,9 +132,11 @@ class Model(Reported):
     """
 
     _instead: ClassVar[Mapping[str, str]] = {
-        "linearize": "hfa.linearize(model)",
+        "linearize": "hfa.linearize(model, hfa.trim(model))",
+        "sweep": "hfa.sweep(model, speed=[...])",
+        "optimize": "hfa.optimize(model, point, {STATE: DEVIATION})",
         "fly": "hfa.fly(model, point, policy)",
-        **{name: f"hfa.linearize(model).{name}" for name in ("A", "B", "poles")},
+        **{name: f"hfa.trim(model).linearize().{name}" for name in ("A", "B", "poles")},
         **{
             name: f"hfa.{name}(model, deployment, points) with the trims as points, and "
             "observations and actions in hfa.Deployment(policy, observation, action, timing)"

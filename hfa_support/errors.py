@@ -11,7 +11,7 @@ import math
 import sys
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -187,6 +187,10 @@ def no_attribute(value: object, name: str) -> AttributeError:
     instead = getattr(type(value), "_instead", {}).get(name)
     if instead is not None:
         return AttributeError(f"{type(value).__name__} has no attribute {name!r}; write {instead}")
+    with suppress(Exception):
+        value[name]  # type: ignore[index]  # an error if the class has no values by name
+        kind = type(value).__name__
+        return AttributeError(f"{kind} has no attribute {name!r}; write its [{name!r}]")
     known = [each for each in dir(value) if each[0] != "_"]
     return AttributeError(f"{type(value).__name__} has no attribute {name!r}{advice(name, known)}")
 

@@ -100,6 +100,22 @@ def conversion(stated: str, unit: str) -> float | None:
     return before.size / after.size
 
 
+def units_like(unit: str) -> list[str]:
+    """Return the other units of the same quantity, one spelling of each.
+
+    >>> units_like("kg")
+    ['lbm', 'slug']
+    """
+    measured = _measured(unit)
+    if measured is None:
+        return []
+    found = {measured.size: unit}
+    for name, each in _UNITS.items():
+        if each.exponents == measured.exponents:
+            found.setdefault(each.size, name)
+    return [*found.values()][1:]
+
+
 def _measured(unit: str) -> _Unit | None:
     """Return a product of units as one unit, or None if it contains an unknown unit."""
     powers = _powers(unit)

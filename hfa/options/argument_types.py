@@ -17,7 +17,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, choice_of, refuse_unknown, shortened
 from hfa_support.files import note_read
 from hfa_support.schema import NUMBER, POSITIVE, Number
-from hfa_support.units import conversion
+from hfa_support.units import conversion, units_like
 
 PICTURES = (".png", ".svg", ".pdf")
 _LARGEST_WHOLE = 10**18
@@ -75,7 +75,9 @@ def number_and_factor(model: Model, name: str, text: str) -> tuple[float, float 
     factor = conversion(with_unit[2], unit)
     if factor is None:
         words = unit.replace("rad", "deg")
-        raise BadInputError(f"is {shortened(text)!r}; give a finite number, in {words}")
+        others = ", ".join(each for each in units_like(unit) if each != words)
+        beside = f", or with a unit: {others}" * bool(others)
+        raise BadInputError(f"is {shortened(text)!r}; give a finite number, in {words}{beside}")
     return number(with_unit[1]), factor
 
 

@@ -69,6 +69,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     _instead: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(("lqr", "solve"), "hfa.solve(hfa.game(linear, Q, R))"),
+        "K": "hfa.solve(hfa.game(linear, Q, R)).K",
         "eigenvalues": "linear.poles()",
     }
     _how_to_make: ClassVar[str] = (
