@@ -30,7 +30,7 @@ def cost(request: CostRequest) -> int:
     from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
-    refuse_no_certificate(request.output.file, resume=request.resume)
+    refuse_no_certificate(request.output.file, resume="cost" * request.resume)
     return _prove(request)
 
 

@@ -44,7 +44,7 @@ def region(request: RegionRequest) -> int:
         ("game.plant",),
         "is a linear plant, but a region requires nonlinear equations; give --aircraft instead",
     )
-    refuse_no_certificate(request.output.file, resume=request.resume)
+    refuse_no_certificate(request.output.file, resume="region" * request.resume)
     return _prove(request)
 
 
