@@ -14,7 +14,40 @@ INSTEAD = {
 }
 #: Each row: a word in lower case, and names in this project that it may mean, with _ for -.
 _TABLE = """
+--input: --command
+--step: --command
+--doublet: --command
+--time: --duration
+--seconds: --duration
+--x0: --initial
+--k: --weights
+--gain: --weights
+--critic: --weights
+--model: --aircraft
+--plant: --model --aircraft
+--class_: --class
+--file: --aircraft
+--out: --output
+--plot: --picture
+--figure: --picture
 aileron: aileron_center aileron_outer
+bode: linearize
+care: solve
+check: verify
+evaluate: verify assess
+dare: solve
+hinfsyn: solve
+linearise: linearize
+linmod: linearize
+lqr: solve
+modes: linearize
+poles: eigenvalues linearize
+riccati: solve
+rlocus: sweep
+rollout: fly
+root_locus: sweep
+step: fly
+train: learn
 alt: altitude
 angle: dihedral
 --alpha: --hold
@@ -29,7 +62,7 @@ aoa: alpha
 bank: phi roll
 derivatives: rates_at
 dynamics: rates_at
-eig: eigenvalues
+eig: eigenvalues linearize
 elev: elevator elevator_center
 elevator: elevator_center elevator_outer
 fpa: path_angle gamma
@@ -77,7 +110,6 @@ start: initial
 vt: speed
 zeta: damping modes
 wn: frequency modes
-poles: eigenvalues
 success: ok
 converged: ok
 """

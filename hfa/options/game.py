@@ -59,7 +59,8 @@ def _rows(text: str) -> np.ndarray:
 
 def _diagonal_option(name: str) -> Any:
     """Return a request field whose option sets the diagonal of Q or R."""
-    about = f"diagonal of {name}; default: of the paper for the HFA, else {USUAL_WEIGHTS[name]}"
+    usual = f"of the paper for the HFA, of the file of a plant, else {USUAL_WEIGHTS[name]}"
+    about = f"diagonal of {name}; default: {usual}"
     return option(about, "a,b,...", diagonal, names=f"--{name}", rare=True)
 
 

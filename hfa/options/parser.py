@@ -95,7 +95,12 @@ class Parser(argparse.ArgumentParser):
                 raise BadInputError(unknown(f"option {shortened(name)}", name, actions, self.prog))
         parsed, strays = self.parse_known_intermixed_args(words)
         if strays:
-            self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}")
+            advised = ""
+            if "=" in strays[0]:
+                advised = "; separate several values of an option by commas, NAME=VALUE,NAME=VALUE"
+            elif "--aircraft" in actions and re.search(r"[.:]", strays[0]):
+                advised = f"; give an aircraft by --aircraft {shortened(strays[0])}"
+            self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}{advised}")
         typed = self.typed(parsed)
         missing = [
             option.flags[-1]
