@@ -53,7 +53,10 @@ class Solution(Result, Reported):
     (True, (1, 1))
     """
 
-    _instead: ClassVar[Mapping[str, str]] = {"L": "solution.disturbance_gain"}
+    _instead: ClassVar[Mapping[str, str]] = {
+        "L": "solution.disturbance_gain",
+        "value": "solution.cost(z)",
+    }
     schema = "hfa.game-solution/1"
 
     P: Matrix

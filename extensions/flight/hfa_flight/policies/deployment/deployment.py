@@ -164,6 +164,7 @@ class Deployment(Reported):
     @staticmethod
     def of(given: Deployment | str | Path) -> Deployment:
         """Return a deployment unchanged, or load it from the TOML file with this path."""
+        need(given, (Deployment, str, Path), "deployment", Deployment._how_to_make)
         return given if isinstance(given, Deployment) else Deployment.load(given)
 
     @staticmethod
