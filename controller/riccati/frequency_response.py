@@ -57,34 +57,6 @@ def level_crossings(
     return np.unique(np.abs(roots.imag[near]))
 
 
-def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float) -> float:
-    """Return a gain of T = C (sI - A)⁻¹ B + D that exceeds a level, if the gain of T exceeds it
-    anywhere.
-
-    The result is the largest gain of T at the `level_crossings`, at the frequencies of the poles,
-    and at frequencies between, below and above them. If σ_max(D) is not below the level, σ_max(D)
-    is returned. A must be Hurwitz. Source: Bruinsma and Steinbuch, Systems and Control Letters 14
-    (1990), 287-293.
-
-    Raises NoSolutionError as `responses` does.
-    """
-    through = float(np.linalg.norm(D, 2)) if D.size else 0.0
-    if not through < level:
-        return through
-    near = level_crossings(A, B, C, D, level)
-    poles = np.linalg.eigvals(A)
-    points = [
-        [0.0],
-        near,
-        np.abs(poles),
-        np.abs(poles.imag),
-        [2.0 * max(np.abs(poles).max(), near.max(initial=0.0))],
-    ]
-    frequencies = np.unique(np.concatenate(points))
-    frequencies = np.concatenate([frequencies, (frequencies[1:] + frequencies[:-1]) / 2.0])
-    return _highest_at(System(A, B, C, D), frequencies).gain
-
-
 class LoopGain(NamedTuple):
     """Bounds of the L2 gain of a closed loop.
 

@@ -22,7 +22,6 @@ from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_solution
 from controller.riccati.delta_search import Answer, smallest_delta
 from controller.riccati.frequency_response import (
-    peak_gain,
     responses,
     scaled_root,
     square_root,
@@ -541,7 +540,7 @@ def loop_checks(
         )
     ]
     if math.isfinite(delta):
-        kept = abscissa < 0.0 and peak_gain(A, B, C, D, delta) < delta
+        kept = abscissa < 0.0 and system_gain(A, B, C, D) < delta
         reason = f"the closed loop's gain from disturbance to cost is not below delta = {delta:.6g}"
         found.append(at_most("gain_above_delta", 0.0 if kept else 1.0, 0.0, reason))
     return tuple(found)
