@@ -43,7 +43,10 @@ def test_the_hfa_leaves_the_envelope_with_exact_policy(capsys: pytest.CaptureFix
 def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The best flight costs z'Pz; that of another gain z'Xz of SciPy's Lyapunov solution."""
+    """The best flight costs z'Pz; that of another gain z'Xz of SciPy's Lyapunov solution.
+
+    The flight of a gain that destabilizes the plant has no cost.
+    """
     A, B = np.array([[0.0, 1.0], [-2.0, -0.3]]), np.array([[0.0], [3.0]])
     np.savez("plant.npz", A=A, B=B)
     P = solve_continuous_are(A, B, np.eye(2), np.eye(1))
@@ -59,6 +62,12 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(
     assert linear["cost"] == pytest.approx(z @ P @ z, rel=1e-4)
     assert other["cost"] == pytest.approx(z @ X @ z, rel=1e-4)
     assert other["over_best"] == pytest.approx(other["cost"] / data["cost"])
+    np.savez("K.npz", K=-K)
+    weighted = ["--Q", "1,1", "--R", "1", "-o", "flight.json"]
+    assert main([*words, "--weights", "K.npz", *weighted]) == 0
+    assert " inf " not in capsys.readouterr().out
+    _, lost = json.loads(Path("flight.json").read_text())["policies"]
+    assert (lost["converges"], lost["cost"], lost["over_best"]) == (False, None, None)
 
 
 def test_a_deployment_and_a_critic_are_compared(
