@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -217,6 +218,14 @@ def test_margins_put_a_pole_on_the_axis(published_aircraft: Model) -> None:
             )
             both.append(np.linalg.svd(closed - 1j * w * np.eye(len(closed)), compute_uv=False)[-1])
         assert np.isnan(w) or min(both) < 1e-9
+    # A common factor f puts a pole at jω where 1/f is an eigenvalue λ of the loop L(jω).
+    eye, inner = np.eye(len(loop.A)), np.eye(len(loop.Ak))
+    smallest = math.inf
+    for s in 1j * np.geomspace(1e-2, 1e2, 600):
+        into = loop.Bk @ loop.C @ np.linalg.solve(s * eye - loop.A, loop.B)
+        loci = np.linalg.eigvals(loop.Ck @ np.linalg.solve(s * inner - loop.Ak, into))
+        smallest = min(smallest, *(2.0 * np.abs((1.0 - loci) / (1.0 + loci))))
+    assert margins["all inputs"].disk == pytest.approx(min(smallest, 2.0), rel=1e-2)
 
 
 def test_states_with_model_actuators_equal_the_model(

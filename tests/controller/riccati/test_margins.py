@@ -130,8 +130,10 @@ def test_gain_and_phase_of_a_disk_margin_are_the_textbooks() -> None:
     game = Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], 10.0)
     found = disk_margin(game, np.array([[3.0]]))
     assert (found.disk, found.gain, found.phase) == pytest.approx((1.0, 3.0, 53.13010235), rel=1e-6)
-    named = solve(game).loop_margins["u1"]
-    alpha = named["disk"]
+    solution = solve(game)
+    named, k = solution.loop_margins["u1"], float(solution.K[0, 0])
+    alpha = named["disk"]  # of the loop k / (s - 1), at 0 rad/s
+    assert alpha == pytest.approx(2.0 * (k - 1.0) / (k + 1.0), rel=1e-3)
     assert named["disk_gain"] == pytest.approx((2.0 + alpha) / (2.0 - alpha))
     assert named["disk_phase"] == pytest.approx(math.degrees(2.0 * math.atan(alpha / 2.0)))
 
