@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 from itertools import groupby
 from typing import Any
@@ -26,7 +25,7 @@ class HeldModel:
     """Smooth equations z' = f(z, v, w) + d over successive holds of v, in nominal units.
 
     scaled: the problem in nominal units
-    holds: durations of the holds, s, (N,)
+    holds: durations of the holds, s, (N,), or the largest ones, if calls give others
     disturbance: name of the disturbance w of the model, or "" for none. A vector of disturbances
       contains the constants d, then w
     """
@@ -101,32 +100,36 @@ class HeldModel:
 
     @cached_property
     def _flown(self) -> BoundFunction:
-        """Machine code of (z, v (m, N), d) -> states after each hold, (n, N)."""
+        """Machine code of (z, v (m, N), d, seconds) -> states after each hold, (n, N)."""
         z, _, d, _ = self._symbols()
         inputs = ca.MX.sym("inputs", self.scaled.sizes[2], len(self._parts))
+        seconds = ca.MX.sym("seconds", 1, len(self._parts))
         nodes = [z]
         for parts, first, last in self._groups():
             held = self._held(self._step, parts).mapaccum(last - first)
-            seconds = ca.DM(self.holds[first:last]).T
             over = ca.repmat(d, 1, last - first)
-            nodes.append(held(nodes[-1][:, -1], inputs[:, first:last], over, seconds))
+            given = inputs[:, first:last], over, seconds[first:last]
+            nodes.append(held(nodes[-1][:, -1], *given))
         after = ca.horzcat(*nodes[1:])
-        return BoundFunction(machine_code(ca.Function("flown", [z, inputs, d], [after])))
+        return BoundFunction(machine_code(ca.Function("flown", [z, inputs, d, seconds], [after])))
 
     @cached_property
     def _slopes(self) -> BoundFunction:
-        """Machine code of (z (n, N), v (m, N), d) -> [z, S] after each hold, (n, N (1 + n + m))."""
+        """Machine code of (z (n, N), v (m, N), d, seconds) -> [z, S] after each hold,
+        (n, N (1 + n + m)).
+        """
         _, n, m = self.scaled.sizes
         _, _, d, _ = self._symbols()
         before = ca.MX.sym("before", n, len(self._parts))
         inputs = ca.MX.sym("inputs", m, len(self._parts))
+        seconds = ca.MX.sym("seconds", 1, len(self._parts))
         slopes = []
         for parts, first, last in self._groups():
             held = self._held_slopes(parts).map(last - first)
-            seconds = ca.DM(self.holds[first:last]).T
             over = ca.repmat(d, 1, last - first)
-            slopes.append(held(before[:, first:last], inputs[:, first:last], over, seconds))
-        function = ca.Function("slopes", [before, inputs, d], [ca.horzcat(*slopes)])
+            given = before[:, first:last], inputs[:, first:last], over, seconds[first:last]
+            slopes.append(held(*given))
+        function = ca.Function("slopes", [before, inputs, d, seconds], [ca.horzcat(*slopes)])
         return BoundFunction(machine_code(function))
 
     def _held_slopes(self, parts: int) -> ca.Function:
@@ -155,38 +158,29 @@ class HeldModel:
         (moved,) = self._one.at(z, v, d, seconds)
         return moved
 
-    def flown(self, z: np.ndarray, v: np.ndarray, d: np.ndarray) -> np.ndarray:
+    def flown(
+        self, z: np.ndarray, v: np.ndarray, d: np.ndarray, seconds: np.ndarray
+    ) -> np.ndarray:
         """Return the states at the ends of the holds, (N + 1, n), the initial states first.
 
         z: initial states, (n,)
         v: inputs during the holds, (N, m)
+        seconds: durations of the holds, s, (N,)
         """
-        (after,) = self._flown.at(z, v.ravel(), d)
+        (after,) = self._flown.at(z, v.ravel(), d, seconds)
         return np.vstack([z[None], after.reshape(len(v), -1)])
 
-    def flown_by(
-        self, z: np.ndarray, d: np.ndarray, policy: Callable[[int, np.ndarray], np.ndarray]
-    ) -> np.ndarray:
-        """Return the inputs of a flight in which a policy is sampled at each hold, (N, m).
-
-        policy: (number of the hold, z) -> v
-        """
-        held = {parts: self._held(self._step, parts) for parts in set(self._parts)}
-        inputs = []
-        for number, (seconds, parts) in enumerate(zip(self.holds, self._parts, strict=True)):
-            inputs.append(policy(number, z))
-            z = np.array(held[parts](z, inputs[-1], d, seconds)).ravel()
-        return np.array(inputs)
-
     def moved_along(
-        self, z: np.ndarray, v: np.ndarray, d: np.ndarray
+        self, z: np.ndarray, v: np.ndarray, d: np.ndarray, seconds: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the states after each hold, (N, n), and their derivatives by those before it and
         by the inputs, (N, n, n + m).
 
         z: states before each hold, (N, n)
         v: inputs during the holds, (N, m)
+        seconds: durations of the holds, s, (N,), by default the largest
         """
-        (columns,) = self._slopes.at(z.ravel(), v.ravel(), d)
+        lengths = self.holds if seconds is None else seconds
+        (columns,) = self._slopes.at(z.ravel(), v.ravel(), d, lengths)
         both = columns.reshape(len(v), -1, z.shape[1]).transpose(0, 2, 1)
         return both[:, :, 0], both[:, :, 1:]

@@ -1,4 +1,4 @@
-"""Holds of a plan, chosen from the linear model, and the linear optimum over them."""
+"""Holds of plans, chosen from the linear model, and the linear optimum over them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,21 @@ from hfa_flight.hold import Hold, hold_of
 from hfa_optimal.scaled import ScaledProblem
 from hfa_support.errors import BadInputError, NoSolutionError, shown
 
-#: Number of holds of a plan.
+#: Number of holds of a plan. With samples of at least _SLOW seconds, it is twice this number.
 HOLDS = 36
+_SLOW = 0.02
 #: Largest product of the sample time and the fastest pole of the aircraft.
 _FASTEST = 0.7
 #: Largest relative increase of the least linear cost over the usual box: by holding the inputs for
 #: ever, and by the holds of a plan that ends with z'Pz.
 _HOLD_PRICE = 0.005
 _GRID_PRICE = 0.01
-#: Largest ratio of successive holds. Largest product of the last hold and the fastest pole.
-_GROWTH = 1.25
-_LAST = 3.0
+#: Numbers of samples from which on holds are longer than a sample, the first that fits is taken.
+_FINE = (8, 16)
+#: Largest product of a hold of several samples and the fastest pole. In longer holds, states exceed
+#: limits between the nodes. Largest number of samples of a hold.
+_LAST = 0.4
+_MOST_SAMPLES = 64
 #: Largest horizon, in time constants of the slowest pole of the linear loop, and in those of the
 #: fastest growing pole of the aircraft. A plan is an open-loop flight, and errors grow with it.
 _LONG = 4.0
@@ -31,33 +35,95 @@ _GROWING = 10.0
 _SAMPLE_TIMES = tuple(a * 10.0**e for e in (0, -1, -2, -3, -4) for a in (5, 2, 1))
 
 
-class Grid(NamedTuple):
-    """Holds of a plan.
+class Holds(NamedTuple):
+    """Holds of one plan.
 
-    dt: sample time, the first hold, s
-    holds: durations of the holds, s, (N,)
-    asked: horizon that was cut to the sum of the holds, s, or None
+    samples: numbers of samples of the holds, (N,)
+    seconds: durations, (N,)
+    linear: linear model and cost of each hold
+    weights: W of each hold, (N, n + m, n + m)
     """
 
-    dt: float
-    holds: np.ndarray
-    asked: float | None = None
+    samples: np.ndarray
+    seconds: np.ndarray
+    linear: list[Hold]
+    weights: np.ndarray
+
+
+class Grid:
+    """Holds of successive plans: the holds of a plan split those of the plan one sample earlier.
+
+    A hold ends at a multiple of its own number of samples, a power of two that grows with the
+    distance. The inputs of a plan are thus also inputs of the next plan, except the last ones.
+
+    scaled: the problem in nominal units
+    dt: sample time, the first hold, s
+    fine: number of samples from which on holds are longer than one sample
+    count: number N of holds
+    longest: largest number of samples of a hold, a power of two
+    asked: horizon that was cut, s, or None
+    """
+
+    def __init__(
+        self,
+        scaled: ScaledProblem,
+        dt: float,
+        fine: int,
+        count: int,
+        longest: int,
+        asked: float | None = None,
+    ) -> None:
+        self.scaled, self.dt, self.asked = scaled, dt, asked
+        self._fine, self._count, self._longest = fine, count, longest
+        self._found: dict[int, Holds] = {}
+        self._holds: dict[int, Hold] = {}
+
+    def samples(self, age: int) -> np.ndarray:
+        """Return the numbers of samples of the holds of a plan, (N,).
+
+        age: number of samples since the first plan
+        """
+        lengths: list[int] = []
+        begin = age
+        for _ in range(self._count):
+            wanted = max(1, 2 * (begin - age) // self._fine)
+            length = min(1 << (wanted.bit_length() - 1), self._longest)
+            while begin % length:
+                length //= 2
+            lengths.append(length)
+            begin += length
+        return np.array(lengths)
+
+    def at(self, age: int) -> Holds:
+        """Return the holds of a plan. The argument is that of `samples`."""
+        phase = age % self._longest
+        if phase not in self._found:
+            samples = self.samples(phase)
+            linear = [self._hold(length) for length in samples.tolist()]
+            weights = np.array([hold.W for hold in linear])
+            self._found[phase] = Holds(samples, self.dt * samples, linear, weights)
+        return self._found[phase]
+
+    def _hold(self, length: int) -> Hold:
+        if length not in self._holds:
+            self._holds[length] = hold_of(*self.scaled.linear, length * self.dt)
+        return self._holds[length]
 
     @property
-    def ends(self) -> np.ndarray:
-        """Times of the nodes of a plan, s, (N + 1,). The first is 0."""
-        return np.append(0.0, np.cumsum(self.holds))
+    def most_seconds(self) -> np.ndarray:
+        """Largest durations of the holds of all plans, s, (N,)."""
+        return self.dt * np.max([self.samples(age) for age in range(self._longest)], axis=0)
 
     @property
     def horizon(self) -> float:
-        """Duration of a plan, s."""
-        return float(self.holds.sum())
+        """Duration of the first plan, s."""
+        return float(self.dt * self.samples(0).sum())
 
-    def of(self, scaled: ScaledProblem) -> list[Hold]:
-        """Return the linear model and the cost of each hold."""
-        lengths = self.holds.tolist()
-        found = {each: hold_of(*scaled.linear, each) for each in dict.fromkeys(lengths)}
-        return [found[each] for each in lengths]
+    def cut(self, longest: float) -> Grid:
+        """Return the grid whose first plan lasts at most a given time, s."""
+        ends = self.dt * np.cumsum(self.samples(0))
+        count = max(1, int(np.count_nonzero(ends <= longest * (1.0 + 1e-9))))
+        return Grid(self.scaled, self.dt, self._fine, count, self._longest, self.asked)
 
 
 def gains_of(holds: Sequence[Hold], P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -78,8 +144,9 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     - dt is the longest of 1, 2, 5, 10, ... ms for which the product with the aircraft's fastest
       pole is at most 0.7, and the linear optimum with held inputs costs at most 0.5 % more than
       the optimum, over the usual box.
-    - The holds grow geometrically from dt, by at most 1.25. The last is at most 3 time constants of
-      the fastest pole. The linear optimum of a plan costs at most 1 % more than the optimum.
+    - The first 8 holds are samples. Later ones last at most 0.4 time constants of the fastest pole.
+      The linear optimum of a plan costs at most 1 % more than the optimum, or all holds are
+      samples. There are 36 holds, or 72 if dt is at least 20 ms.
     - The horizon is at most 4 time constants of the slowest pole of the linear loop and 10 of the
       fastest growing pole of the aircraft.
 
@@ -92,18 +159,28 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     """
     if dt is None:
         dt = sample_time(scaled)
+    if horizon is not None and not dt <= horizon < math.inf:
+        raise BadInputError(
+            f"the horizon is {shown(horizon)} s; with samples of {dt:g} s, give at least {dt:g} s"
+        )
     growing = float(scaled.poles.real.max(initial=0.0))
-    longest = _GROWING / growing if growing > 0.0 else math.inf
+    most = _GROWING / growing if growing > 0.0 else math.inf
+    slowest = float(np.abs(scaled.loop_poles.real).min())
+    wanted = min(most, _LONG / slowest if horizon is None else horizon)
+    longest = int(np.clip(_LAST / (scaled.fastest * dt), 1, _MOST_SAMPLES))
+    longest = 1 << (longest.bit_length() - 1)
+    count = HOLDS * (1 + (dt >= _SLOW))
+    grids = [Grid(scaled, dt, fine, count, longest) for fine in (*_FINE, count)]
     if horizon is not None:
-        return _given_grid(dt, horizon, longest)
-    longest = min(longest, _LONG / float(np.abs(scaled.loop_poles.real).min()))
-    for growth in np.arange(_GROWTH, 1.0, -0.01):
-        grid = _geometric(dt, HOLDS, growth)
-        if grid.holds[-1] * scaled.fastest > _LAST or grid.horizon > longest:
-            continue
-        if scaled.price(gains_of(grid.of(scaled), scaled.P)[1]) <= _GRID_PRICE:
-            return grid
-    return _geometric(dt, max(1, min(HOLDS, math.floor(longest / dt + 1e-9))), 1.0)
+        long_enough = [grid for grid in grids if grid.horizon >= wanted * (1.0 - 1e-9)]
+        grid = (long_enough or grids)[-1 if long_enough else 0].cut(wanted)
+        grid.asked = horizon if grid.horizon < horizon - dt else None
+        return grid
+    for grid in grids:
+        fitting = grid.cut(wanted)
+        if scaled.price(gains_of(fitting.at(0).linear, scaled.P)[1]) <= _GRID_PRICE:
+            break
+    return fitting
 
 
 def sample_time(scaled: ScaledProblem) -> float:
@@ -121,24 +198,3 @@ def sample_time(scaled: ScaledProblem) -> float:
         f"no sample time of at least {_SAMPLE_TIMES[-1]:g} s costs at most "
         f"{100 * _HOLD_PRICE:g} %; give dt"
     )
-
-
-def _given_grid(dt: float, horizon: float, longest: float) -> Grid:
-    """Return the holds of a plan of a given duration."""
-    from scipy.optimize import brentq
-
-    if not dt <= horizon < math.inf:
-        raise BadInputError(
-            f"the horizon is {shown(horizon)} s; with samples of {dt:g} s, give at least {dt:g} s"
-        )
-    longest = min(longest, _geometric(dt, HOLDS, _GROWTH).horizon)
-    asked = horizon if horizon > longest * (1.0 + 1e-9) else None
-    horizon = min(horizon, longest)
-    if horizon <= HOLDS * dt:
-        return _geometric(dt, max(1, round(horizon / dt)), 1.0)._replace(asked=asked)
-    growth = brentq(lambda r: _geometric(dt, HOLDS, r).horizon - horizon, 1.0, _GROWTH + 1e-6)
-    return _geometric(dt, HOLDS, growth)._replace(asked=asked)
-
-
-def _geometric(dt: float, count: int, growth: float) -> Grid:
-    return Grid(dt, dt * growth ** np.arange(count))

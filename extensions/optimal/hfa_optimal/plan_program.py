@@ -1,7 +1,7 @@
 """Quadratic program for the change of a plan, solved with PIQP.
 
 The unknowns of hold i are the changes of the states and inputs at its start, and the slacks of the
-soft limits. The last unknowns are the changes of the states at the end.
+soft limits at its end. The last unknowns are the changes of the states at the end.
 """
 
 from __future__ import annotations
@@ -24,22 +24,16 @@ _OPTIONS: dict[str, Any] = {
 class PlanProgram:
     """Quadratic model of a plan's cost about the plan, with the equations linearized along it.
 
-    weights: W of each hold, (N, n + m, n + m); the cost of a hold is [z; v]' W [z; v]
-    prices: slope and curvature of the cost of a slack s >= 0 of each soft limit at the start of
-        each hold, (N, S) each; a slack costs slope s + curvature s²/2
+    count: number N of holds
+    n, m: numbers of states and inputs
     soft: indices of the states with soft limits, (S,)
     """
 
-    def __init__(
-        self, weights: np.ndarray, prices: tuple[np.ndarray, np.ndarray], soft: np.ndarray, m: int
-    ) -> None:
-        count, size, _ = weights.shape
-        n = size - m
+    def __init__(self, count: int, n: int, m: int, soft: np.ndarray) -> None:
         slacks = len(soft)
+        size = n + m
         width = size + slacks
         height = n + 2 * slacks
-        self._weights = 2.0 * weights
-        self._prices = prices
         # unknowns and rows of each hold
         unknowns = width * np.arange(count)[:, None]
         rows = height * np.arange(count)[:, None]
@@ -63,19 +57,18 @@ class PlanProgram:
         used[self._moves[:, :, None], both[:, None, :]] = True
         values[self._moves, following] = -1.0
         for rows, sign in ((self._above, -1.0), (self._below, 1.0)):
-            values[rows, self._z[:, self._soft]] = 1.0
+            values[rows, following[:, self._soft]] = 1.0
             values[rows, self._slacks] = sign
         used |= values != 0.0
-        hessian = np.zeros((self._shape[1],) * 2)
-        curved = np.zeros_like(hessian, dtype=bool)
-        hessian[both[:, :, None], both[:, None, :]] = self._weights
-        hessian[self._slacks, self._slacks] = self._prices[1]
+        curved = np.zeros((self._shape[1],) * 2, dtype=bool)
         curved[both[:, :, None], both[:, None, :]] = True
         curved[self._slacks, self._slacks] = True
         curved[self._end[:, None], self._end[None]] = True
         matrix, places, self._entries = _sparse(used, values)
         self._slopes_at = places[self._moves[:, :, None], both[:, None, :]]
-        curvature, places, self._curvature = _sparse(curved, hessian)
+        curvature, places, self._curvature = _sparse(curved, np.zeros(curved.shape))
+        self._weights_at = places[both[:, :, None], both[:, None, :]]
+        self._slacks_at = places[self._slacks, self._slacks]
         self._end_at = places[self._end[:, None], self._end[None]]
         self._solve = BoundFunction(_of_entries(curvature, matrix))
 
@@ -83,7 +76,9 @@ class PlanProgram:
         self,
         z: np.ndarray,
         v: np.ndarray,
+        weights: np.ndarray,
         P: np.ndarray,
+        prices: tuple[np.ndarray, np.ndarray],
         slopes: np.ndarray,
         room: tuple[np.ndarray, np.ndarray],
         inputs: tuple[np.ndarray, np.ndarray],
@@ -94,19 +89,24 @@ class PlanProgram:
 
         z: states at the nodes of the plan minus those of the target, (N + 1, n)
         v: inputs of the plan minus those of the target, (N, m)
+        weights: W of each hold, (N, n + m, n + m); the cost of a hold is [z; v]' W [z; v]
         P: matrix of the cost at the end, (n, n)
+        prices: slope and curvature of the cost of a slack s >= 0 of each soft limit at the end of each
+            hold, (N, S) each; a slack costs slope s + curvature s²/2
         slopes: derivatives of the states after each hold by those before it and by the inputs,
             (N, n, n + m)
-        room: least and largest changes within the soft limits at the start of each hold, (N, S)
+        room: least and largest changes within the soft limits at the end of each hold, (N, S)
         inputs: least and largest changes of the inputs, (N, m)
         """
         n = self._z.shape[1]
         self._entries[self._slopes_at] = slopes
+        self._curvature[self._weights_at] = 2.0 * weights
+        self._curvature[self._slacks_at] = prices[1]
         self._curvature[self._end_at] = 2.0 * P
         gradient = np.zeros(self._shape[1])
-        pull = np.einsum("kij,kj->ki", self._weights, np.hstack([z[:-1], v]))
+        pull = 2.0 * np.einsum("kij,kj->ki", weights, np.hstack([z[:-1], v]))
         gradient[self._z], gradient[self._v] = pull[:, :n], pull[:, n:]
-        gradient[self._slacks] = self._prices[0]
+        gradient[self._slacks] = prices[0]
         gradient[self._end] = 2.0 * P @ z[-1]
         least, most = np.zeros(self._shape[0]), np.zeros(self._shape[0])
         least[self._above], most[self._above] = -np.inf, room[1]

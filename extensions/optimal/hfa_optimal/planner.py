@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +13,8 @@ from hfa_optimal.scaled import ScaledProblem
 
 #: Factors on a step of the quadratic program that are tried until the flight is cheaper.
 _SHARES = (1.0, 0.35, 0.1225, 0.042875)
+#: Cost above which a flight is taken as infinite.
+_LOST = 1e20
 #: A plan is not improved further if its cost falls by less than this fraction.
 _SMALL = 1e-4
 #: Price of a soft limit, in units of the largest slope of z'Pz over the usual box, per sample. With
@@ -37,11 +38,13 @@ class Plan(NamedTuple):
     z: states at the nodes, (N + 1, n)
     v: inputs during the holds, (N, m)
     cost: cost of the flight, with z'Pz at its end and the prices of exceeded soft limits
+    age: number of samples since the first plan, which decides the holds
     """
 
     z: np.ndarray
     v: np.ndarray
     cost: float
+    age: int
 
 
 class Planner:
@@ -68,56 +71,55 @@ class Planner:
     ) -> None:
         self.scaled = scaled
         self.grid = grid
-        self.holds = grid.of(scaled)
         self.P = P
         lowest, highest = scaled.state_limits
         self.soft = np.flatnonzero(np.isfinite(lowest) | np.isfinite(highest))
         self._room = (1.0 - margin) * lowest[self.soft], (1.0 - margin) * highest[self.soft]
-        self._prices = self._slack_prices()
-        self._weights = np.array([hold.W for hold in self.holds])
-        self._program = PlanProgram(self._weights, self._prices, self.soft, scaled.sizes[2])
-        self.model = HeldModel(scaled, grid.holds, disturbance)
+        self._slopes, self._curvatures = self._slack_prices()
+        most_seconds = grid.most_seconds
+        _, n, m = scaled.sizes
+        self._program = PlanProgram(len(most_seconds), n, m, self.soft)
+        self.model = HeldModel(scaled, most_seconds, disturbance)
 
     def _slack_prices(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return slope and curvature of the cost of a slack at each node, (N, S) each."""
+        """Return slope and curvature of the cost of a slack for a second, (S,) each."""
         k, _, _ = self.scaled.sizes
         lowest, highest = self.scaled.state_limits
         pull = 2.0 * np.abs(self.P[:, :k]) @ self.scaled.box
         prices = _STIFF * np.maximum(pull, _LEAST_PRICE * pull.max())[self.soft] / self.grid.dt
         reach = np.minimum(0.5 * (highest - lowest)[self.soft], _LARGEST_SLACK)
-        slopes = np.outer(self.grid.holds, prices)
-        return slopes, slopes / np.maximum(reach, 1e-9)
+        return prices, prices / np.maximum(reach, 1e-9)
 
-    @cached_property
-    def gains(self) -> np.ndarray:
-        """Linear optimal gains of the holds, without limits, (N, m, n)."""
-        return gains_of(self.holds, self.P)[0]
-
-    def flown(self, z: np.ndarray, v: np.ndarray, d: np.ndarray, target: Target) -> Plan:
+    def flown(
+        self, z: np.ndarray, v: np.ndarray, d: np.ndarray, target: Target, age: int = 0
+    ) -> Plan:
         """Return the plan with given inputs, with infinite cost if the flight is not finite.
 
         z: states now, (n,)
         v: inputs during the holds, (N, m)
         d: disturbances
+        age: number of samples since the first plan
         """
-        nodes = self.model.flown(z, v, d)
+        nodes = self.model.flown(z, v, d, self.grid.at(age).seconds)
+        plan = Plan(nodes, v, np.inf, age)
         with np.errstate(all="ignore"):
-            cost = self._cost(nodes, v, target)
-        return Plan(nodes, v, cost if np.isfinite(cost) else np.inf)
+            cost = self._cost(plan, target)
+        return plan._replace(cost=cost if cost < _LOST else np.inf)
 
-    def _cost(self, nodes: np.ndarray, v: np.ndarray, target: Target) -> float:
-        both = np.hstack([nodes[:-1] - target.z, v - target.v])
-        end = nodes[-1] - target.z
-        soft = nodes[1:-1, self.soft]
+    def _cost(self, plan: Plan, target: Target) -> float:
+        holds = self.grid.at(plan.age)
+        both = np.hstack([plan.z[:-1] - target.z, plan.v - target.v])
+        end = plan.z[-1] - target.z
+        soft = plan.z[1:, self.soft]
         slack = np.maximum(0.0, np.maximum(soft - self._room[1], self._room[0] - soft))
-        slopes, curvatures = (price[1:] for price in self._prices)
-        cost = np.einsum("ki,kij,kj->", both, self._weights, both) + end @ self.P @ end
-        return float(cost + (slack * (slopes + 0.5 * curvatures * slack)).sum())
+        price = slack * (self._slopes + 0.5 * self._curvatures * slack)
+        cost = np.einsum("ki,kij,kj->", both, holds.weights, both) + end @ self.P @ end
+        return float(cost + holds.seconds @ price.sum(axis=1))
 
     def cost_of_sample(self, plan: Plan, target: Target) -> float:
         """Return the cost of the first hold of a plan."""
         both = np.concatenate([plan.z[0] - target.z, plan.v[0] - target.v])
-        return float(both @ self._weights[0] @ both)
+        return float(both @ self.grid.at(plan.age).weights[0] @ both)
 
     def improved(self, plan: Plan, d: np.ndarray, target: Target, tries: int) -> tuple[Plan, int]:
         """Return a plan of at most the cost of the given one, and the number of refused steps.
@@ -135,7 +137,7 @@ class Planner:
             better = None
             for share in _SHARES if np.isfinite(step).all() else ():
                 v = np.clip(plan.v + share * step, lowest, highest)
-                flown = self.flown(plan.z[0], v, d, target)
+                flown = self.flown(plan.z[0], v, d, target, plan.age)
                 if flown.cost < plan.cost:
                     better = flown
                     break
@@ -149,37 +151,50 @@ class Planner:
 
     def _proposed(self, plan: Plan, d: np.ndarray, target: Target) -> np.ndarray:
         """Return the change of the inputs that the quadratic program proposes, (N, m)."""
-        before = plan.z[:-1]
         lowest, highest = self.scaled.input_limits
-        soft = before[:, self.soft]
+        soft = plan.z[1:, self.soft]
+        holds = self.grid.at(plan.age)
         return self._program.step(
             plan.z - target.z,
             plan.v - target.v,
+            holds.weights,
             self.P,
-            self.model.moved_along(before, plan.v, d)[1],
+            (np.outer(holds.seconds, self._slopes), np.outer(holds.seconds, self._curvatures)),
+            self.model.moved_along(plan.z[:-1], plan.v, d, holds.seconds)[1],
             (self._room[0] - soft, self._room[1] - soft),
             (lowest - plan.v, highest - plan.v),
         )
 
     def guesses(self, z: np.ndarray, d: np.ndarray, target: Target) -> list[Plan]:
         """Return two first plans: inputs of the target, and the saturated linear optimum."""
-        limits = self.scaled.input_limits
-        constant = np.tile(target.v, (len(self.holds), 1))
-        linear = self.model.flown_by(
-            z,
-            d,
-            lambda number, z: np.clip(target.v - self.gains[number] @ (z - target.z), *limits),
-        )
-        return [self.flown(z, v, d, target) for v in (constant, linear)]
+        holds = self.grid.at(0)
+        constant = np.tile(target.v, (len(holds.samples), 1))
+        linear = []
+        moved = z
+        for gain, samples in zip(gains_of(holds.linear, self.P)[0], holds.samples, strict=True):
+            v = target.v - gain @ (moved - target.z)
+            linear.append(np.clip(v, *self.scaled.input_limits))
+            for _ in range(samples):
+                moved = self.model.after(moved, linear[-1], d, self.grid.dt)
+        return [self.flown(z, v, d, target) for v in (constant, np.array(linear))]
 
-    def shifted(self, v: np.ndarray) -> np.ndarray:
-        """Return the inputs of a plan one sample later: averages over the new holds, (N, m)."""
-        ends = self.grid.ends
-        integral = np.vstack(
-            [np.zeros(v.shape[1]), np.cumsum(v * self.grid.holds[:, None], axis=0)]
-        )
-        later = ends + self.grid.dt
-        within = np.minimum(later, ends[-1])
-        moved = np.column_stack([np.interp(within, ends, column) for column in integral.T])
-        moved += (later - within)[:, None] * v[-1]
-        return np.diff(moved, axis=0) / self.grid.holds[:, None]
+    def later(self, plan: Plan, z: np.ndarray, d: np.ndarray, target: Target) -> Plan:
+        """Return the plan one sample later: the same inputs at the same times.
+
+        Holds beyond the end of the plan have the linear optimal inputs.
+
+        z: states now, (n,)
+        """
+        before, holds = self.grid.at(plan.age), self.grid.at(plan.age + 1)
+        begins = 1 + np.cumsum(holds.samples) - holds.samples
+        number = np.searchsorted(np.cumsum(before.samples), begins, side="right")
+        v = plan.v[np.minimum(number, len(plan.v) - 1)]
+        beyond = number == len(plan.v)
+        gain, _ = holds.linear[-1].back(self.P)
+        linear = target.v - gain @ (plan.z[-1] - target.z)
+        plans = []
+        for last in (linear, plan.v[-1], target.v) if beyond.any() else (linear,):
+            v[beyond] = last
+            inputs = np.clip(v, *self.scaled.input_limits)
+            plans.append(self.flown(z, inputs, d, target, plan.age + 1))
+        return min(plans, key=lambda each: each.cost)

@@ -18,7 +18,7 @@ from hfa_flight.policies.laws import compared
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_optimal.end_law import EndLaw
-from hfa_optimal.holds import grid_of
+from hfa_optimal.holds import HOLDS, grid_of
 from hfa_optimal.planner import Planner
 from hfa_optimal.receding import RecedingHorizon, Samples
 from hfa_optimal.scaled import ScaledProblem
@@ -60,7 +60,7 @@ class Predictive(SampledPolicy):
     @property
     def holds(self) -> np.ndarray:
         """Durations of the holds of a plan, s, (N,). The first is the sample time."""
-        return self.controller.planner.grid.holds
+        return self.controller.planner.grid.at(0).seconds
 
     @property
     def K(self) -> np.ndarray:
@@ -104,7 +104,7 @@ class Predictive(SampledPolicy):
         if asked is not None:
             lines.append(
                 f"The horizon of {asked:g} s was cut to {self.holds.sum():.3g} s: plans are "
-                "open-loop flights of at most 36 holds, which grow by at most 1.25."
+                f"open-loop flights of at most {2 * HOLDS} holds."
             )
         if done.first is not None:
             lines.append(
@@ -222,7 +222,7 @@ def policy_of(
     controller = RecedingHorizon(planner, end, estimates=estimate != NOTHING)
     identity = {
         "predictive": [problem.Q.tolist(), problem.R.tolist(), at_end.delta, margin, estimate],
-        "holds": grid.holds.tolist(),
+        "holds": grid.at(0).seconds.tolist(),
     }
     held = np.zeros((1, len(problem.model.inputs)))
     return Predictive(

@@ -22,8 +22,8 @@ from hfa_support.matrices import spectral_radius
 #: later sample takes a further step only while the cost so far plus that of its plan exceeds the
 #: least such sum so far by this factor.
 _FIRST = 30
-_LATER = 8
-_RISE = 1.02
+_LATER = 6
+_RISE = 1.01
 #: The linear policy takes over where z'Pz is within this fraction of the plan's cost.
 _LINEAR = 0.01
 #: Number of samples after which the linear policy is computed again at the estimated equilibrium.
@@ -152,16 +152,13 @@ class RecedingHorizon:
             self._spent, self._least = 0.0, plan.cost
             return plan
         self._spent += planner.cost_of_sample(self._plan, target)
-        v = np.clip(planner.shifted(self._plan.v), *planner.scaled.input_limits)
-        plan = planner.flown(z, v, d, target)
-        most = _RISE * self._least
+        plan = planner.later(self._plan, z, d, target)
         for _ in range(_LATER):
             plan, refused = planner.improved(plan, d, target, 1)
-            total = self._spent + plan.cost
-            if refused or total <= most:
+            if refused or self._spent + plan.cost <= _RISE * self._least:
                 break
         self._refused += refused
-        self._least = total if total > most else min(total, self._least)
+        self._least = min(self._spent + plan.cost, self._least)
         return plan
 
     def _remember(self, z: np.ndarray, delay: float) -> None:

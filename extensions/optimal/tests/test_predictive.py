@@ -218,7 +218,7 @@ def test_a_long_horizon_is_cut_and_said() -> None:
     """A horizon of a minute is cut to 10 time constants of the pendulum's growing pole."""
     policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS, horizon=60.0)
     growing = np.linalg.eigvals(np.array(hfa.linearize(PENDULUM, UPRIGHT).A)).real.max()
-    assert policy.holds.sum() == pytest.approx(10.0 / growing, rel=1e-6)
+    assert 0.0 <= 10.0 / growing - policy.holds.sum() < policy.dt
     assert any("60 s was cut to 3" in note for note in policy.notes())
 
 
