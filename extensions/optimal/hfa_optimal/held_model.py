@@ -100,18 +100,17 @@ class HeldModel:
 
     @cached_property
     def _flown(self) -> BoundFunction:
-        """Machine code of (z, v (m, N), d, seconds) -> states after each hold, (n, N)."""
+        """Machine code of (z, v (m, N), d) -> states after each hold, (n, N)."""
         z, _, d, _ = self._symbols()
         inputs = ca.MX.sym("inputs", self.scaled.sizes[2], len(self._parts))
-        seconds = ca.MX.sym("seconds", 1, len(self._parts))
         nodes = [z]
         for parts, first, last in self._groups():
             held = self._held(self._step, parts).mapaccum(last - first)
+            seconds = ca.DM(self.holds[first:last]).T
             over = ca.repmat(d, 1, last - first)
-            given = inputs[:, first:last], over, seconds[first:last]
-            nodes.append(held(nodes[-1][:, -1], *given))
+            nodes.append(held(nodes[-1][:, -1], inputs[:, first:last], over, seconds))
         after = ca.horzcat(*nodes[1:])
-        return BoundFunction(machine_code(ca.Function("flown", [z, inputs, d, seconds], [after])))
+        return BoundFunction(machine_code(ca.Function("flown", [z, inputs, d], [after])))
 
     @cached_property
     def _slopes(self) -> BoundFunction:
@@ -158,16 +157,13 @@ class HeldModel:
         (moved,) = self._one.at(z, v, d, seconds)
         return moved
 
-    def flown(
-        self, z: np.ndarray, v: np.ndarray, d: np.ndarray, seconds: np.ndarray
-    ) -> np.ndarray:
+    def flown(self, z: np.ndarray, v: np.ndarray, d: np.ndarray) -> np.ndarray:
         """Return the states at the ends of the holds, (N + 1, n), the initial states first.
 
         z: initial states, (n,)
         v: inputs during the holds, (N, m)
-        seconds: durations of the holds, s, (N,)
         """
-        (after,) = self._flown.at(z, v.ravel(), d, seconds)
+        (after,) = self._flown.at(z, v.ravel(), d)
         return np.vstack([z[None], after.reshape(len(v), -1)])
 
     def moved_along(

@@ -110,9 +110,10 @@ class Grid:
         return self._holds[length]
 
     @property
-    def most_seconds(self) -> np.ndarray:
-        """Largest durations of the holds of all plans, s, (N,)."""
-        return self.dt * np.max([self.samples(age) for age in range(self._longest)], axis=0)
+    def most_samples(self) -> tuple[np.ndarray, int]:
+        """Largest numbers of samples of the holds of all plans, (N,), and of a plan."""
+        samples = np.array([self.samples(age) for age in range(self._longest)])
+        return samples.max(axis=0), int(samples.sum(axis=1).max())
 
     @property
     def horizon(self) -> float:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfa_flight.hold import hold_of
 from hfa_optimal.held_model import HeldModel
 from hfa_optimal.scaled import ScaledProblem
 
 #: Fraction of the distance from trim to limit within which the next state must stay.
 WITHIN = 0.96
-#: A limit is kept if the inputs can move its state by this fraction of the range in one sample.
-_REACHES = 0.1
 #: Largest number of Newton steps.
 _STEPS = 4
 
@@ -24,20 +21,17 @@ class OneSampleFilter:
 
     scaled: the problem in nominal units
     dt: sample time, s
+    within: fraction of the distances from trim to limits that the next states keep
     """
 
-    def __init__(self, scaled: ScaledProblem, dt: float) -> None:
+    def __init__(self, scaled: ScaledProblem, dt: float, within: float = WITHIN) -> None:
         self.model = HeldModel(scaled, np.array([dt]))
         k = scaled.sizes[0]
         lowest, highest = scaled.input_limits
         below, above = (limit[:k] for limit in scaled.state_limits)
         ranges = 0.5 * (highest - lowest)
-        moves = np.abs(hold_of(*scaled.linear_states, dt).B) @ np.where(
-            np.isfinite(ranges), ranges, 1.0
-        )
-        room = 0.5 * (above - below)
-        self._kept = np.flatnonzero(np.isfinite(room) & (moves >= _REACHES * room))
-        self._limits = WITHIN * below[self._kept], WITHIN * above[self._kept]
+        self._kept = np.flatnonzero(scaled.reached(dt))
+        self._limits = within * below[self._kept], within * above[self._kept]
         self._squares = np.where(np.isfinite(ranges), ranges, 1.0) ** 2
         self._no_disturbance = np.zeros(self.model.disturbances)
 

@@ -27,13 +27,15 @@ class PlanProgram:
     count: number N of holds
     n, m: numbers of states and inputs
     soft: indices of the states with soft limits, (S,)
+    fast: indices in `soft` of the states whose limits hold at the middle of a hold too, (F,). Their
+        changes there are taken as the mean of those at the ends of the hold
     """
 
-    def __init__(self, count: int, n: int, m: int, soft: np.ndarray) -> None:
+    def __init__(self, count: int, n: int, m: int, soft: np.ndarray, fast: np.ndarray) -> None:
         slacks = len(soft)
         size = n + m
         width = size + slacks
-        height = n + 2 * slacks
+        height = n + 2 * (slacks + len(fast))
         # unknowns and rows of each hold
         unknowns = width * np.arange(count)[:, None]
         rows = height * np.arange(count)[:, None]
@@ -44,7 +46,9 @@ class PlanProgram:
         self._moves = rows + np.arange(n)
         self._above = rows + n + np.arange(slacks)
         self._below = rows + n + slacks + np.arange(slacks)
-        self._soft = soft
+        self._middle_above = rows + n + 2 * slacks + np.arange(len(fast))
+        self._middle_below = rows + n + 2 * slacks + len(fast) + np.arange(len(fast))
+        self._soft, self._fast = soft, fast
         self._shape = height * count, width * count + n
         self._prepare()
 
@@ -59,6 +63,10 @@ class PlanProgram:
         for rows, sign in ((self._above, -1.0), (self._below, 1.0)):
             values[rows, following[:, self._soft]] = 1.0
             values[rows, self._slacks] = sign
+        states = self._soft[self._fast]
+        for rows, sign in ((self._middle_above, -1.0), (self._middle_below, 1.0)):
+            values[rows, self._z[:, states]] = values[rows, following[:, states]] = 0.5
+            values[rows, self._slacks[:, self._fast]] = sign
         used |= values != 0.0
         curved = np.zeros((self._shape[1],) * 2, dtype=bool)
         curved[both[:, :, None], both[:, None, :]] = True
@@ -81,6 +89,7 @@ class PlanProgram:
         prices: tuple[np.ndarray, np.ndarray],
         slopes: np.ndarray,
         room: tuple[np.ndarray, np.ndarray],
+        middle: tuple[np.ndarray, np.ndarray],
         inputs: tuple[np.ndarray, np.ndarray],
     ) -> np.ndarray:
         """Return the change of the inputs that minimizes the quadratic model, (N, m).
@@ -96,6 +105,7 @@ class PlanProgram:
         slopes: derivatives of the states after each hold by those before it and by the inputs,
             (N, n, n + m)
         room: least and largest changes within the soft limits at the end of each hold, (N, S)
+        middle: those at the middle of each hold, (N, F)
         inputs: least and largest changes of the inputs, (N, m)
         """
         n = self._z.shape[1]
@@ -111,6 +121,8 @@ class PlanProgram:
         least, most = np.zeros(self._shape[0]), np.zeros(self._shape[0])
         least[self._above], most[self._above] = -np.inf, room[1]
         least[self._below], most[self._below] = room[0], np.inf
+        least[self._middle_above], most[self._middle_above] = -np.inf, middle[1]
+        least[self._middle_below], most[self._middle_below] = middle[0], np.inf
         lowest = np.full(self._shape[1], -np.inf)
         highest = np.full(self._shape[1], np.inf)
         lowest[self._z[0]] = highest[self._z[0]] = 0.0

@@ -6,8 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfa_flight.hold import Hold
 from hfa_optimal.held_model import HeldModel
 from hfa_optimal.holds import Grid, gains_of
+from hfa_optimal.one_sample_filter import OneSampleFilter
 from hfa_optimal.plan_program import PlanProgram
 from hfa_optimal.scaled import ScaledProblem
 
@@ -36,12 +38,14 @@ class Plan(NamedTuple):
     """Flight of the model over the horizon.
 
     z: states at the nodes, (N + 1, n)
+    middle: states at the samples in the middle of the holds, (N, n)
     v: inputs during the holds, (N, m)
     cost: cost of the flight, with z'Pz at its end and the prices of exceeded soft limits
     age: number of samples since the first plan, which decides the holds
     """
 
     z: np.ndarray
+    middle: np.ndarray
     v: np.ndarray
     cost: float
     age: int
@@ -52,7 +56,8 @@ class Planner:
 
     A plan is a flight of the smooth equations with held inputs. Its cost is the exact cost of the
     linear model over the holds, plus z'Pz at the end. The limits of the inputs are hard. Those of
-    the states are soft at the nodes, with an exact penalty, and narrowed by the margin.
+    the states are soft at the samples, with an exact penalty, and narrowed by the margin. The
+    quadratic program knows them at the ends of the holds, and those of fast states at the middles.
 
     scaled: the problem in nominal units
     grid: holds of a plan
@@ -75,11 +80,14 @@ class Planner:
         lowest, highest = scaled.state_limits
         self.soft = np.flatnonzero(np.isfinite(lowest) | np.isfinite(highest))
         self._room = (1.0 - margin) * lowest[self.soft], (1.0 - margin) * highest[self.soft]
+        self._fast = np.flatnonzero(scaled.reached(grid.dt)[self.soft])
         self._slopes, self._curvatures = self._slack_prices()
-        most_seconds = grid.most_seconds
+        longest, count = grid.most_samples
         _, n, m = scaled.sizes
-        self._program = PlanProgram(len(most_seconds), n, m, self.soft)
-        self.model = HeldModel(scaled, most_seconds, disturbance)
+        self._filter = OneSampleFilter(scaled, grid.dt * longest[-1], 1.0 - margin)
+        self._program = PlanProgram(len(longest), n, m, self.soft, self._fast)
+        self.model = HeldModel(scaled, grid.dt * longest, disturbance)
+        self._flights = HeldModel(scaled, np.full(count, grid.dt), disturbance)
 
     def _slack_prices(self) -> tuple[np.ndarray, np.ndarray]:
         """Return slope and curvature of the cost of a slack for a second, (S,) each."""
@@ -100,21 +108,25 @@ class Planner:
         d: disturbances
         age: number of samples since the first plan
         """
-        nodes = self.model.flown(z, v, d, self.grid.at(age).seconds)
-        plan = Plan(nodes, v, np.inf, age)
+        holds = self.grid.at(age)
+        inputs = np.repeat(v, holds.samples, axis=0)
+        count = len(inputs)
+        inputs = np.pad(inputs, [(0, len(self._flights.holds) - count), (0, 0)], mode="edge")
+        samples = self._flights.flown(z, inputs, d)[: count + 1]
+        ends = np.cumsum(holds.samples)
+        nodes, middle = samples[np.append(0, ends)], samples[ends - holds.samples // 2]
         with np.errstate(all="ignore"):
-            cost = self._cost(plan, target)
-        return plan._replace(cost=cost if cost < _LOST else np.inf)
+            both = np.hstack([nodes[:-1] - target.z, v - target.v])
+            end = nodes[-1] - target.z
+            cost = np.einsum("ki,kij,kj->", both, holds.weights, both) + end @ self.P @ end
+            cost = float(cost + self._price(samples[1:]))
+        return Plan(nodes, middle, v, cost if cost < _LOST else np.inf, age)
 
-    def _cost(self, plan: Plan, target: Target) -> float:
-        holds = self.grid.at(plan.age)
-        both = np.hstack([plan.z[:-1] - target.z, plan.v - target.v])
-        end = plan.z[-1] - target.z
-        soft = plan.z[1:, self.soft]
+    def _price(self, samples: np.ndarray) -> float:
+        """Return the price of exceeded soft limits at some samples, (K, n)."""
+        soft = samples[:, self.soft]
         slack = np.maximum(0.0, np.maximum(soft - self._room[1], self._room[0] - soft))
-        price = slack * (self._slopes + 0.5 * self._curvatures * slack)
-        cost = np.einsum("ki,kij,kj->", both, holds.weights, both) + end @ self.P @ end
-        return float(cost + holds.seconds @ price.sum(axis=1))
+        return float(self.grid.dt * (slack * (self._slopes + 0.5 * self._curvatures * slack)).sum())
 
     def cost_of_sample(self, plan: Plan, target: Target) -> float:
         """Return the cost of the first hold of a plan."""
@@ -152,7 +164,8 @@ class Planner:
     def _proposed(self, plan: Plan, d: np.ndarray, target: Target) -> np.ndarray:
         """Return the change of the inputs that the quadratic program proposes, (N, m)."""
         lowest, highest = self.scaled.input_limits
-        soft = plan.z[1:, self.soft]
+        soft, fast = plan.z[1:, self.soft], plan.middle[:, self.soft[self._fast]]
+        lows, highs = self._room
         holds = self.grid.at(plan.age)
         return self._program.step(
             plan.z - target.z,
@@ -161,7 +174,8 @@ class Planner:
             self.P,
             (np.outer(holds.seconds, self._slopes), np.outer(holds.seconds, self._curvatures)),
             self.model.moved_along(plan.z[:-1], plan.v, d, holds.seconds)[1],
-            (self._room[0] - soft, self._room[1] - soft),
+            (lows - soft, highs - soft),
+            (lows[self._fast] - fast, highs[self._fast] - fast),
             (lowest - plan.v, highest - plan.v),
         )
 
@@ -181,8 +195,6 @@ class Planner:
     def later(self, plan: Plan, z: np.ndarray, d: np.ndarray, target: Target) -> Plan:
         """Return the plan one sample later: the same inputs at the same times.
 
-        Holds beyond the end of the plan have the linear optimal inputs.
-
         z: states now, (n,)
         """
         before, holds = self.grid.at(plan.age), self.grid.at(plan.age + 1)
@@ -190,11 +202,24 @@ class Planner:
         number = np.searchsorted(np.cumsum(before.samples), begins, side="right")
         v = plan.v[np.minimum(number, len(plan.v) - 1)]
         beyond = number == len(plan.v)
-        gain, _ = holds.linear[-1].back(self.P)
-        linear = target.v - gain @ (plan.z[-1] - target.z)
-        plans = []
-        for last in (linear, plan.v[-1], target.v) if beyond.any() else (linear,):
-            v[beyond] = last
-            inputs = np.clip(v, *self.scaled.input_limits)
-            plans.append(self.flown(z, inputs, d, target, plan.age + 1))
-        return min(plans, key=lambda each: each.cost)
+        if beyond.any():
+            v[beyond] = self._last_input(plan, holds.linear[-1], target)
+        return self.flown(z, v, d, target, plan.age + 1)
+
+    def _last_input(self, plan: Plan, hold: Hold, target: Target) -> np.ndarray:
+        """Return the cheapest input of a hold after the end of a plan, (m,).
+
+        It is the linear optimum, the last input of the plan, or that of the target, changed least
+        such that fast states stay within their limits.
+        """
+        z = plan.z[-1]
+        gain, _ = hold.back(self.P)
+        linear = np.clip(target.v - gain @ (z - target.z), *self.scaled.input_limits)
+        inputs = [self._filter(z, v) for v in (linear, plan.v[-1], target.v)]
+        calm = np.zeros(self._filter.model.disturbances)
+        costs = []
+        for v in inputs:
+            (after,) = self._filter.model.moved_along(z[None], v[None], calm)[0]
+            both, end = np.concatenate([z - target.z, v - target.v]), after - target.z
+            costs.append(both @ hold.W @ both + end @ self.P @ end + self._price(after[None]))
+        return inputs[int(np.argmin(costs))]

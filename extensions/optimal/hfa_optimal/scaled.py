@@ -7,9 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
+from hfa_flight.hold import hold_of
 from hfa_flight.initial_box import usual_box
 from hfa_flight.problem import FlightProblem
 from hfa_optimal.smooth import smooth_slopes
+
+#: Fraction of its range by which the inputs move a state that they reach.
+_REACHES = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,3 +98,17 @@ class ScaledProblem:
         lowest, highest = self.problem.input_limits
         sizes = self.problem.sizes[1]
         return lowest / sizes, highest / sizes
+
+    def reached(self, dt: float) -> np.ndarray:
+        """Return which followed states the inputs can move by a tenth of their range in dt seconds,
+        (n,). States without limits, and carried ones, are not.
+        """
+        k, n, _ = self.sizes
+        lowest, highest = self.input_limits
+        ranges = 0.5 * (highest - lowest)
+        moves = np.abs(hold_of(*self.linear_states, dt).B) @ np.where(
+            np.isfinite(ranges), ranges, 1.0
+        )
+        below, above = (limit[:k] for limit in self.state_limits)
+        room = 0.5 * (above - below)
+        return np.pad(np.isfinite(room) & (moves >= _REACHES * room), (0, n - k))

@@ -217,7 +217,9 @@ class Lesson:
     def improve(self, network: Network, progress: Progress | None) -> None:
         """Change the network by gradient steps through flights of the model from the starts."""
         planner = self.teacher.controller.planner
-        flights = FlightCosts(planner.scaled, planner.grid.at(0).weights[0], planner.grid.dt, len(self.starts))
+        flights = FlightCosts(
+            planner.scaled, planner.grid.at(0).weights[0], planner.grid.dt, len(self.starts)
+        )
         best, cheapest = [each.copy() for each in network.parameters], np.inf
         adam = _Adam(network.parameters)
         for number in range(_FLIGHT_STEPS):
