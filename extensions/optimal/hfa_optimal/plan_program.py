@@ -27,8 +27,7 @@ class PlanProgram:
     count: number N of holds
     n, m: numbers of states and inputs
     soft: indices of the states with soft limits, (S,)
-    fast: indices in `soft` of the states whose limits hold at the middle of a hold too, (F,). Their
-        changes there are taken as the mean of those at the ends of the hold
+    fast: indices in `soft` of the states whose limits hold at the middle of a hold too, (F,)
     """
 
     def __init__(self, count: int, n: int, m: int, soft: np.ndarray, fast: np.ndarray) -> None:
@@ -63,9 +62,8 @@ class PlanProgram:
         for rows, sign in ((self._above, -1.0), (self._below, 1.0)):
             values[rows, following[:, self._soft]] = 1.0
             values[rows, self._slacks] = sign
-        states = self._soft[self._fast]
         for rows, sign in ((self._middle_above, -1.0), (self._middle_below, 1.0)):
-            values[rows, self._z[:, states]] = values[rows, following[:, states]] = 0.5
+            used[rows[:, :, None], both[:, None, :]] = True
             values[rows, self._slacks[:, self._fast]] = sign
         used |= values != 0.0
         curved = np.zeros((self._shape[1],) * 2, dtype=bool)
@@ -74,6 +72,8 @@ class PlanProgram:
         curved[self._end[:, None], self._end[None]] = True
         matrix, places, self._entries = _sparse(used, values)
         self._slopes_at = places[self._moves[:, :, None], both[:, None, :]]
+        middle = np.stack([self._middle_above, self._middle_below])
+        self._middle_at = places[middle[:, :, :, None], both[None, :, None, :]]
         curvature, places, self._curvature = _sparse(curved, np.zeros(curved.shape))
         self._weights_at = places[both[:, :, None], both[:, None, :]]
         self._slacks_at = places[self._slacks, self._slacks]
@@ -88,11 +88,12 @@ class PlanProgram:
         P: np.ndarray,
         prices: tuple[np.ndarray, np.ndarray],
         slopes: np.ndarray,
+        middle_slopes: np.ndarray,
         room: tuple[np.ndarray, np.ndarray],
         middle: tuple[np.ndarray, np.ndarray],
         inputs: tuple[np.ndarray, np.ndarray],
-    ) -> np.ndarray:
-        """Return the change of the inputs that minimizes the quadratic model, (N, m).
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the changes of the inputs (N, m) and states (N + 1, n) that minimize the model.
 
         The result may contain values that are not finite.
 
@@ -100,16 +101,18 @@ class PlanProgram:
         v: inputs of the plan minus those of the target, (N, m)
         weights: W of each hold, (N, n + m, n + m); the cost of a hold is [z; v]' W [z; v]
         P: matrix of the cost at the end, (n, n)
-        prices: slope and curvature of the cost of a slack s >= 0 of each soft limit at the end of each
-            hold, (N, S) each; a slack costs slope s + curvature s²/2
+        prices: slope and curvature of the cost of a slack s >= 0 of each soft limit of each hold,
+            (N, S) each; a slack costs slope s + curvature s²/2
         slopes: derivatives of the states after each hold by those before it and by the inputs,
             (N, n, n + m)
+        middle_slopes: derivatives of the fast states at the middle of each hold, (N, F, n + m)
         room: least and largest changes within the soft limits at the end of each hold, (N, S)
         middle: those at the middle of each hold, (N, F)
         inputs: least and largest changes of the inputs, (N, m)
         """
         n = self._z.shape[1]
         self._entries[self._slopes_at] = slopes
+        self._entries[self._middle_at] = middle_slopes
         self._curvature[self._weights_at] = 2.0 * weights
         self._curvature[self._slacks_at] = prices[1]
         self._curvature[self._end_at] = 2.0 * P
@@ -131,7 +134,7 @@ class PlanProgram:
         (changes,) = self._solve.at(
             self._curvature, self._entries, gradient, least, most, lowest, highest
         )
-        return changes[self._v]
+        return changes[self._v], np.vstack([changes[self._z], changes[self._end]])
 
 
 def _of_entries(curvature: ca.Sparsity, matrix: ca.Sparsity) -> ca.Function:

@@ -80,13 +80,15 @@ class Planner:
         lowest, highest = scaled.state_limits
         self.soft = np.flatnonzero(np.isfinite(lowest) | np.isfinite(highest))
         self._room = (1.0 - margin) * lowest[self.soft], (1.0 - margin) * highest[self.soft]
-        self._fast = np.flatnonzero(scaled.reached(grid.dt)[self.soft])
-        self._slopes, self._curvatures = self._slack_prices()
         longest, count = grid.most_samples
+        fast = scaled.reached(grid.dt) & (longest.max() > 1)
+        self._fast = np.flatnonzero(fast[self.soft])
+        self._slopes, self._curvatures = self._slack_prices()
         _, n, m = scaled.sizes
         self._filter = OneSampleFilter(scaled, grid.dt * longest[-1], 1.0 - margin)
         self._program = PlanProgram(len(longest), n, m, self.soft, self._fast)
         self.model = HeldModel(scaled, grid.dt * longest, disturbance)
+        self._begins = HeldModel(scaled, grid.dt * (longest - longest // 2), disturbance)
         self._flights = HeldModel(scaled, np.full(count, grid.dt), disturbance)
 
     def _slack_prices(self) -> tuple[np.ndarray, np.ndarray]:
@@ -141,18 +143,10 @@ class Planner:
 
         tries: largest number of steps
         """
-        lowest, highest = self.scaled.input_limits
         for _ in range(tries):
             if not np.isfinite(plan.cost):
                 return plan, 0
-            step = self._proposed(plan, d, target)
-            better = None
-            for share in _SHARES if np.isfinite(step).all() else ():
-                v = np.clip(plan.v + share * step, lowest, highest)
-                flown = self.flown(plan.z[0], v, d, target, plan.age)
-                if flown.cost < plan.cost:
-                    better = flown
-                    break
+            better = self._step(plan, d, target)
             if better is None:
                 return plan, 1
             gained = plan.cost - better.cost
@@ -161,10 +155,52 @@ class Planner:
                 break
         return plan, 0
 
-    def _proposed(self, plan: Plan, d: np.ndarray, target: Target) -> np.ndarray:
-        """Return the change of the inputs that the quadratic program proposes, (N, m)."""
+    def _step(self, plan: Plan, d: np.ndarray, target: Target) -> Plan | None:
+        """Return a cheaper plan by a step of the quadratic program, or None.
+
+        If the full step is not cheaper, a second program has limits that are corrected by the
+        difference of the flight from its linear prediction. The step then bends towards it.
+        """
+        slopes = self._slopes_along(plan, d)
+        none = np.zeros(plan.middle.shape)
+        step, moved = self._proposed(plan, slopes, (none, none), target)
+        if not np.isfinite(step).all():
+            return None
+        full = self._changed(plan, step, d, target)
+        if full.cost < plan.cost:
+            return full
+        bent = np.zeros(step.shape)
+        if np.isfinite(full.cost):
+            both = np.hstack([moved[:-1], step])
+            ends = full.z[1:] - plan.z[1:] - moved[1:]
+            middles = full.middle - plan.middle - np.einsum("nij,nj->ni", slopes[1], both)
+            corrected, _ = self._proposed(plan, slopes, (ends, middles), target)
+            bent = np.where(np.isfinite(corrected), corrected - step, 0.0)
+        for share in _SHARES:
+            shorter = self._changed(plan, share * step + share**2 * bent, d, target)
+            if shorter.cost < plan.cost:
+                return shorter
+        return None
+
+    def _changed(self, plan: Plan, change: np.ndarray, d: np.ndarray, target: Target) -> Plan:
+        v = np.clip(plan.v + change, *self.scaled.input_limits)
+        return self.flown(plan.z[0], v, d, target, plan.age)
+
+    def _proposed(
+        self,
+        plan: Plan,
+        slopes: tuple[np.ndarray, np.ndarray],
+        correction: tuple[np.ndarray, np.ndarray],
+        target: Target,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the changes of inputs and states that the quadratic program proposes.
+
+        slopes: derivatives at the ends and middles of the holds
+        correction: differences of the states there from their linear prediction
+        """
         lowest, highest = self.scaled.input_limits
-        soft, fast = plan.z[1:, self.soft], plan.middle[:, self.soft[self._fast]]
+        soft = (plan.z[1:] + correction[0])[:, self.soft]
+        fast = (plan.middle + correction[1])[:, self.soft[self._fast]]
         lows, highs = self._room
         holds = self.grid.at(plan.age)
         return self._program.step(
@@ -173,11 +209,21 @@ class Planner:
             holds.weights,
             self.P,
             (np.outer(holds.seconds, self._slopes), np.outer(holds.seconds, self._curvatures)),
-            self.model.moved_along(plan.z[:-1], plan.v, d, holds.seconds)[1],
+            slopes[0],
+            slopes[1][:, self.soft[self._fast]],
             (lows - soft, highs - soft),
             (lows[self._fast] - fast, highs[self._fast] - fast),
             (lowest - plan.v, highest - plan.v),
         )
+
+    def _slopes_along(self, plan: Plan, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives of the states at the ends and middles of the holds."""
+        holds = self.grid.at(plan.age)
+        ends = self.model.moved_along(plan.z[:-1], plan.v, d, holds.seconds)[1]
+        if not len(self._fast):
+            return ends, ends
+        seconds = self.grid.dt * (holds.samples - holds.samples // 2)
+        return ends, self._begins.moved_along(plan.z[:-1], plan.v, d, seconds)[1]
 
     def guesses(self, z: np.ndarray, d: np.ndarray, target: Target) -> list[Plan]:
         """Return two first plans: inputs of the target, and the saturated linear optimum."""
