@@ -13,11 +13,12 @@ import numpy as np
 
 from hfa_support.native.bound import BoundFunction
 
-#: The number of iterations bounds the time of a sample. Ten to twenty solve a program.
+#: The number of iterations bounds the time of a sample. Ten to twenty solve a program. The flight of
+#: its inputs decides, not its accuracy.
 _OPTIONS: dict[str, Any] = {
     "error_on_fail": False,
     "print_time": False,
-    "piqp": {"max_iter": 60},
+    "piqp": {"max_iter": 60, "eps_rel": 1e-5, "eps_duality_gap_rel": 1e-5},
 }
 
 
@@ -92,8 +93,9 @@ class PlanProgram:
         room: tuple[np.ndarray, np.ndarray],
         middle: tuple[np.ndarray, np.ndarray],
         inputs: tuple[np.ndarray, np.ndarray],
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the changes of the inputs (N, m) and states (N + 1, n) that minimize the model.
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return the changes of the inputs (N, m) and states (N + 1, n) that minimize the model,
+        and the change of the cost, with the whole price of slacks.
 
         The result may contain values that are not finite.
 
@@ -131,10 +133,10 @@ class PlanProgram:
         lowest[self._z[0]] = highest[self._z[0]] = 0.0
         lowest[self._v], highest[self._v] = inputs
         lowest[self._slacks] = 0.0
-        (changes,) = self._solve.at(
+        changes, cost = self._solve.at(
             self._curvature, self._entries, gradient, least, most, lowest, highest
         )
-        return changes[self._v], np.vstack([changes[self._z], changes[self._end]])
+        return changes[self._v], np.vstack([changes[self._z], changes[self._end]]), float(cost[0])
 
 
 def _of_entries(curvature: ca.Sparsity, matrix: ca.Sparsity) -> ca.Function:
@@ -148,8 +150,8 @@ def _of_entries(curvature: ca.Sparsity, matrix: ca.Sparsity) -> ca.Function:
     }  # fmt: skip
     given = {name: ca.MX.sym(name, size) for name, size in sizes.items()}
     arguments = {**given, "h": ca.MX(curvature, given["h"]), "a": ca.MX(matrix, given["a"])}
-    solver = ca.conic("plan", "piqp", {"h": curvature, "a": matrix}, _OPTIONS)
-    return ca.Function("changes", list(given.values()), [solver(**arguments)["x"]])
+    solved = ca.conic("plan", "piqp", {"h": curvature, "a": matrix}, _OPTIONS)(**arguments)
+    return ca.Function("changes", list(given.values()), [solved["x"], solved["cost"]])
 
 
 def _sparse(used: np.ndarray, values: np.ndarray) -> tuple[ca.Sparsity, np.ndarray, np.ndarray]:

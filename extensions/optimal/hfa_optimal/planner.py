@@ -18,7 +18,9 @@ _SHARES = (1.0, 0.35, 0.1225, 0.042875)
 #: Cost above which a flight is taken as infinite.
 _LOST = 1e20
 #: A plan is not improved further if its cost falls by less than this fraction.
-_SMALL = 1e-4
+_SMALL = 3e-5
+#: Part of the room of a state beyond which the quadratic program knows its limits.
+_NEAR = 0.5
 #: Price of a soft limit, in units of the largest slope of z'Pz over the usual box, per sample. With
 #: a tenth of it, flights leave the limits where this is cheaper.
 _STIFF = 5.0
@@ -40,7 +42,8 @@ class Plan(NamedTuple):
     z: states at the nodes, (N + 1, n)
     middle: states at the samples in the middle of the holds, (N, n)
     v: inputs during the holds, (N, m)
-    cost: cost of the flight, with z'Pz at its end and the prices of exceeded soft limits
+    cost: cost of the flight, with z'Pz at its end and the price of exceeded soft limits
+    price: that price
     age: number of samples since the first plan, which decides the holds
     """
 
@@ -48,6 +51,7 @@ class Plan(NamedTuple):
     middle: np.ndarray
     v: np.ndarray
     cost: float
+    price: float
     age: int
 
 
@@ -84,9 +88,8 @@ class Planner:
         fast = scaled.reached(grid.dt) & (longest.max() > 1)
         self._fast = np.flatnonzero(fast[self.soft])
         self._slopes, self._curvatures = self._slack_prices()
-        _, n, m = scaled.sizes
+        self._programs: dict[tuple[int, ...], PlanProgram] = {}
         self._filter = OneSampleFilter(scaled, grid.dt * longest[-1], 1.0 - margin)
-        self._program = PlanProgram(len(longest), n, m, self.soft, self._fast)
         self.model = HeldModel(scaled, grid.dt * longest, disturbance)
         self._begins = HeldModel(scaled, grid.dt * (longest - longest // 2), disturbance)
         self._flights = HeldModel(scaled, np.full(count, grid.dt), disturbance)
@@ -121,8 +124,9 @@ class Planner:
             both = np.hstack([nodes[:-1] - target.z, v - target.v])
             end = nodes[-1] - target.z
             cost = np.einsum("ki,kij,kj->", both, holds.weights, both) + end @ self.P @ end
-            cost = float(cost + self._price(samples[1:]))
-        return Plan(nodes, middle, v, cost if cost < _LOST else np.inf, age)
+            price = self._price(samples[1:])
+            cost = float(cost + price)
+        return Plan(nodes, middle, v, cost if cost < _LOST else np.inf, price, age)
 
     def _price(self, samples: np.ndarray) -> float:
         """Return the price of exceeded soft limits at some samples, (K, n)."""
@@ -158,14 +162,18 @@ class Planner:
     def _step(self, plan: Plan, d: np.ndarray, target: Target) -> Plan | None:
         """Return a cheaper plan by a step of the quadratic program, or None.
 
+        The plan itself is returned where the program promises less than _SMALL of its cost.
+
         If the full step is not cheaper, a second program has limits that are corrected by the
         difference of the flight from its linear prediction. The step then bends towards it.
         """
         slopes = self._slopes_along(plan, d)
         none = np.zeros(plan.middle.shape)
-        step, moved = self._proposed(plan, slopes, (none, none), target)
+        step, moved, change = self._proposed(plan, slopes, (none, none), target)
         if not np.isfinite(step).all():
             return None
+        if plan.price - change < _SMALL * plan.cost:
+            return plan
         full = self._changed(plan, step, d, target)
         if full.cost < plan.cost:
             return full
@@ -174,7 +182,7 @@ class Planner:
             both = np.hstack([moved[:-1], step])
             ends = full.z[1:] - plan.z[1:] - moved[1:]
             middles = full.middle - plan.middle - np.einsum("nij,nj->ni", slopes[1], both)
-            corrected, _ = self._proposed(plan, slopes, (ends, middles), target)
+            corrected, _, _ = self._proposed(plan, slopes, (ends, middles), target)
             bent = np.where(np.isfinite(corrected), corrected - step, 0.0)
         for share in _SHARES:
             shorter = self._changed(plan, share * step + share**2 * bent, d, target)
@@ -192,29 +200,46 @@ class Planner:
         slopes: tuple[np.ndarray, np.ndarray],
         correction: tuple[np.ndarray, np.ndarray],
         target: Target,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the changes of inputs and states that the quadratic program proposes.
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return the result of the quadratic program: changes of inputs, states and cost.
+
+        It knows the limits of the states that the plan brings beyond half of their room.
 
         slopes: derivatives at the ends and middles of the holds
         correction: differences of the states there from their linear prediction
         """
-        lowest, highest = self.scaled.input_limits
-        soft = (plan.z[1:] + correction[0])[:, self.soft]
-        fast = (plan.middle + correction[1])[:, self.soft[self._fast]]
         lows, highs = self._room
+        ends, middles = plan.z[1:] + correction[0], plan.middle + correction[1]
+        states = plan.z[1:, self.soft]
+        near = (states > _NEAR * highs) | (states < _NEAR * lows)
+        soft = np.flatnonzero(near.any(axis=0))
+        fast = np.intersect1d(soft, self._fast)
+        ends, middles = ends[:, self.soft[soft]], middles[:, self.soft[fast]]
+        lowest, highest = self.scaled.input_limits
         holds = self.grid.at(plan.age)
-        return self._program.step(
+        prices = (np.outer(holds.seconds, each[soft]) for each in (self._slopes, self._curvatures))
+        return self._program(soft, fast).step(
             plan.z - target.z,
             plan.v - target.v,
             holds.weights,
             self.P,
-            (np.outer(holds.seconds, self._slopes), np.outer(holds.seconds, self._curvatures)),
+            tuple(prices),
             slopes[0],
-            slopes[1][:, self.soft[self._fast]],
-            (lows - soft, highs - soft),
-            (lows[self._fast] - fast, highs[self._fast] - fast),
+            slopes[1][:, self.soft[fast]],
+            (lows[soft] - ends, highs[soft] - ends),
+            (lows[fast] - middles, highs[fast] - middles),
             (lowest - plan.v, highest - plan.v),
         )
+
+    def _program(self, soft: np.ndarray, fast: np.ndarray) -> PlanProgram:
+        """Return the quadratic program with the limits of some states, given by number."""
+        key = tuple(soft.tolist())
+        if key not in self._programs:
+            _, n, m = self.scaled.sizes
+            count = len(self.model.holds)
+            places = np.searchsorted(soft, fast)
+            self._programs[key] = PlanProgram(count, n, m, self.soft[soft], places)
+        return self._programs[key]
 
     def _slopes_along(self, plan: Plan, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives of the states at the ends and middles of the holds."""
