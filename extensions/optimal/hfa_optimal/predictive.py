@@ -87,7 +87,7 @@ class Predictive(SampledPolicy):
         if len(done.seconds):
             times = dict(zip(times, np.quantile(done.seconds, (0.5, 0.99)).tolist(), strict=True))
         first = None if done.first is None else done.first.cost
-        samples = {**counts, **times, "first_plan": first}
+        samples = {**counts, **times, "first_plan": first, "rise": done.rise}
         return {**super().data(model), "dt": self.dt, "holds": self.holds, "samples": samples}
 
     def notes(self) -> tuple[str, ...]:
@@ -99,6 +99,7 @@ class Predictive(SampledPolicy):
             f"{self.dt:g} s; not proved to converge or to stay inside.",
             f"{done.planned} samples with a plan, {done.linear} with the exact held gain; "
             f"{done.refused} steps of the quadratic program refused.",
+            f"The cost so far plus that of the plan rose by at most {100 * done.rise:.2g} %.",
         ]
         asked = self.controller.planner.grid.asked
         if asked is not None:

@@ -39,6 +39,8 @@ class Samples(NamedTuple):
     first: the first plan, or None without one
     first_seconds: processor time of the first plan, s
     seconds: processor time of each later sample with a plan, s
+    rise: largest rise of the cost so far plus that of the plan over the least such sum before it,
+        relative to that sum
     radius: largest spectral radius of the loop of the trim's held gain, linearized at the estimated
         equilibrium, or None without a disturbance of the model
     """
@@ -49,6 +51,7 @@ class Samples(NamedTuple):
     first: Plan | None
     first_seconds: float
     seconds: np.ndarray
+    rise: float
     radius: float | None
 
 
@@ -74,7 +77,7 @@ class RecedingHorizon:
         self.estimate.clear()
         self._plan: Plan | None = None
         self._near = False
-        self._spent = self._least = 0.0
+        self._spent = self._least = self._rise = 0.0
         self._commands.clear()
         self._count = 0
         self._before: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
@@ -104,7 +107,7 @@ class RecedingHorizon:
         seconds = np.array(self._seconds)
         first = float(seconds[0]) if len(seconds) else 0.0
         counts = len(seconds), self._refused, self._linear
-        return Samples(*counts, self._first, first, seconds[1:], self._radius)
+        return Samples(*counts, self._first, first, seconds[1:], self._rise, self._radius)
 
     def __call__(self, z: np.ndarray, delay: float = 0.0) -> np.ndarray:
         """Return the inputs v of the next sample, (m,), within their limits.
@@ -158,7 +161,9 @@ class RecedingHorizon:
             if refused or self._spent + plan.cost <= _RISE * self._least:
                 break
         self._refused += refused
-        self._least = min(self._spent + plan.cost, self._least)
+        total = self._spent + plan.cost
+        self._rise = max(self._rise, total / self._least - 1.0)
+        self._least = min(total, self._least)
         return plan
 
     def _remember(self, z: np.ndarray, delay: float) -> None:

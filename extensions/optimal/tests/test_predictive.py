@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
@@ -90,6 +91,40 @@ def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds(model: Any) -> 
     np.testing.assert_allclose(policy.K, forever, rtol=1e-9)
 
 
+def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies() -> None:
+    """A plan of half a second costs z'Pz with P of SciPy within 1 %, and the next input is -K z."""
+    linear = hfa.linearize(CART, AT_REST)
+    P = np.array(hfa.lqr(linear.A, linear.B, *WEIGHTS).P)
+    policy = hfa.predictive(CART, AT_REST, *WEIGHTS, horizon=0.5, estimate="nothing")
+    z, later = np.array([0.02, -0.01]), np.array([0.015, -0.012])
+    policy(0.0, z)
+    assert policy.samples.first.cost == pytest.approx(z @ P @ z, rel=0.01)
+    np.testing.assert_allclose(policy(policy.dt, later), -policy.K @ later, rtol=1e-9)
+    assert policy.samples.linear == 1
+
+
+@pytest.mark.parametrize("garbage", [np.nan, 1e3, -1e3])
+def test_garbage_of_the_quadratic_program_leaves_the_old_plan(
+    garbage: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If every program returns garbage, the first guess is flown, and the pendulum converges."""
+
+    def conic(name: str, _: str, patterns: dict[str, Any], __: dict[str, Any]) -> ca.Function:
+        curvature, matrix = (ca.MX.sym(key, patterns[key]) for key in "ha")
+        height, width = matrix.shape
+        sizes = {"g": width, "lba": height, "uba": height, "lbx": width, "ubx": width}
+        given = {"h": curvature, "a": matrix}
+        given |= {key: ca.MX.sym(key, size) for key, size in sizes.items()}
+        results = ca.MX(ca.DM.ones(width) * garbage), ca.MX(-1e9)
+        return ca.Function(name, [*given.values()], [*results], [*given], ["x", "cost"])
+
+    monkeypatch.setattr(ca, "conic", conic)
+    policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS)
+    _, states, _ = flown(policy, PENDULUM, UPRIGHT, {"angle": 0.8, "rate": -0.5}, 6.0)
+    assert np.abs(states[-1]).max() < 1e-2
+    assert policy.samples.refused == policy.samples.planned - 1 > 0
+
+
 def flown(
     policy: Any, model: Any, point: Any, start: dict[str, float], seconds: float, **happens: Any
 ) -> tuple[float, np.ndarray, np.ndarray]:
@@ -133,7 +168,7 @@ def test_a_flight_costs_little_more_than_the_best_flight(
         assert signal.min <= column.min()
         assert column.max() <= signal.max
     assert policy.samples.linear > 0
-    assert policy.samples.refused < 0.2 * policy.samples.planned
+    assert policy.samples.rise < 0.02
 
 
 def test_a_delay_is_bridged_by_the_commands_under_way() -> None:
