@@ -13,8 +13,8 @@ import numpy as np
 
 from hfa_support.native.bound import BoundFunction
 
-#: The number of iterations bounds the time of a sample. Ten to twenty solve a program. Flights decide
-#: on its inputs, not its accuracy.
+#: The number of iterations bounds the time of a sample. Ten to twenty solve a program. A flight
+#: decides on its inputs.
 _OPTIONS: dict[str, Any] = {
     "error_on_fail": False,
     "print_time": False,

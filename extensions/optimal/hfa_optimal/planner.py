@@ -217,13 +217,13 @@ class Planner:
         ends, middles = ends[:, self.soft[soft]], middles[:, self.soft[fast]]
         lowest, highest = self.scaled.input_limits
         holds = self.grid.at(plan.age)
-        prices = (np.outer(holds.seconds, each[soft]) for each in (self._slopes, self._curvatures))
+        seconds = holds.seconds[:, None]
         return self._program(soft, fast).step(
             plan.z - target.z,
             plan.v - target.v,
             holds.weights,
             self.P,
-            tuple(prices),
+            (seconds * self._slopes[soft], seconds * self._curvatures[soft]),
             slopes[0],
             slopes[1][:, self.soft[fast]],
             (lows[soft] - ends, highs[soft] - ends),
