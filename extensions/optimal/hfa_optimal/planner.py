@@ -19,6 +19,8 @@ _SHARES = (1.0, 0.35, 0.1225, 0.042875)
 _LOST = 1e20
 #: A plan is not improved further if its cost falls by less than this fraction.
 _SMALL = 3e-5
+#: Share of its cost that a program must promise for a second program of the same step.
+_WORTH = 1e-3
 #: Part of the room of a state beyond which the quadratic program knows its limits.
 _NEAR = 0.5
 #: Price of a soft limit, in units of the largest slope of z'Pz over the usual box, per sample. With
@@ -114,11 +116,10 @@ class Planner:
         age: number of samples since the first plan
         """
         holds = self.grid.at(age)
-        inputs = np.repeat(v, holds.samples, axis=0)
-        count = len(inputs)
-        inputs = np.pad(inputs, [(0, len(self._flights.holds) - count), (0, 0)], mode="edge")
-        samples = self._flights.flown(z, inputs, d)[: count + 1]
         ends = np.cumsum(holds.samples)
+        inputs = np.zeros((len(self._flights.holds), len(target.v)))
+        inputs[: ends[-1]] = np.repeat(v, holds.samples, axis=0)
+        samples = self._flights.flown(z, inputs, d)[: ends[-1] + 1]
         nodes, middle = samples[np.append(0, ends)], samples[ends - holds.samples // 2]
         with np.errstate(all="ignore"):
             both = np.hstack([nodes[:-1] - target.z, v - target.v])
@@ -178,7 +179,7 @@ class Planner:
         if full.cost < plan.cost:
             return full
         bent = np.zeros(step.shape)
-        if np.isfinite(full.cost):
+        if np.isfinite(full.cost) and plan.price - change > _WORTH * plan.cost:
             both = np.hstack([moved[:-1], step])
             ends = full.z[1:] - plan.z[1:] - moved[1:]
             middles = full.middle - plan.middle - np.einsum("nij,nj->ni", slopes[1], both)
