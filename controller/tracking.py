@@ -300,11 +300,13 @@ def loop_abscissa(game: Game, K: np.ndarray) -> float:
 
 
 def _steady(states: Sequence[str], reference: Waveform, duration: float) -> dict[str, float]:
-    """Return the commands without sines, state -> deviation; that of a ramp at the duration."""
-    still = ~reference.waving
+    """Return the commands that are constant or a ramp, state -> deviation after `duration`.
+
+    Commands that are then 0, and those with sines, are left out.
+    """
     values = (reference.constant + reference.slope * duration).tolist()
-    rows = zip(states, values, still, strict=True)
-    return {name: value for name, value, is_still in rows if value and is_still}
+    rows = zip(states, values, reference.waving, strict=True)
+    return {name: value for name, value, waves in rows if value != 0.0 and not waves}
 
 
 def _commanded_trims(

@@ -14,7 +14,7 @@ from typing import Any
 
 import hfa
 from hfa.entry_points import commands
-from hfa.main import filled
+from hfa.main import with_options
 from hfa.options.parser import Parser
 from hfa_support.version import VERSION
 
@@ -61,7 +61,7 @@ def commands_page() -> str:
     aircraft = hfa.aircraft()
     parts = ["# Commands"]
     for name, entry in commands().items():
-        parser = filled(Parser(prog=f"hfa {name}"), entry.load(), aircraft)
+        parser = with_options(Parser(prog=f"hfa {name}"), entry.load(), aircraft)
         parts.append(f"## hfa {name}\n\n```text\n{parser.format_help(more=True).strip()}\n```")
     return "\n\n".join(parts) + "\n"
 

@@ -158,7 +158,7 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
 
     is_help = bool({"-h", "--help"} & {*words})
     model = _model(command.request, program, [] if is_help else words)
-    values = filled(Parser(prog=program), command, model).parse_words(words)
+    values = with_options(Parser(prog=program), command, model).parse_words(words)
     line = shlex.join([*program.split(), *words])
     return command.request.parsed(model, values, line=line, date=now())
 
@@ -212,15 +212,16 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
     raise BadInputError(unknown(f"command {shortened(first)!r}", first.lower(), commands(), "hfa"))
 
 
-def filled(parser: Parser, command: Command, model: Model) -> Parser:
+def with_options(parser: Parser, command: Command, model: Model) -> Parser:
     """Return the parser with the help text and the options of a command.
 
-    Values of the options have the names and units of the model. The help is the same for all
-    aircraft, and is shown without loading one.
+    Values of options are read with the names and units of the model. The text of the help is the
+    same for all models.
     """
     parser.description = inspect.cleandoc(command.run.__doc__ or "")
     parser.declare(command.request.options(model))
     parser.example = command.example
-    if parser.prog.startswith("hfa "):
-        parser.words = words_after(parser.prog.removeprefix("hfa "))
+    called, _, name = parser.prog.partition(" ")
+    if called == "hfa":  # otherwise the program has one command, such as python my_command.py
+        parser.words = words_after(name)
     return parser

@@ -150,7 +150,10 @@ def _in_folder(text: str, folder: str) -> str:
 
 
 def _with_files(text: str, change: Callable[[str], str]) -> str:
-    """Return an argument of --aircraft with changed paths. Schemes and modules have no path."""
+    """Return an argument of --aircraft with changed paths. Schemes and modules have no path.
+
+    Each of the three paths of aero.dml+engine.dml?mass=mass.toml is changed.
+    """
     where, _, name = text.rpartition(":")
     if where.endswith(".py"):
         return f"{change(where)}:{name}"
@@ -158,11 +161,16 @@ def _with_files(text: str, change: Callable[[str], str]) -> str:
     if not suffix.startswith("."):
         return text
     files, question, query = text.partition("?")
-    joined = files.split(f"{suffix}+")  # FILE.dml+FILE.dml
-    paths = [f"{each}{suffix}" for each in joined[:-1]] + joined[-1:]
-    if MASS in text:
-        query = f"mass={change(query.removeprefix('mass='))}"
-    return "+".join(map(change, paths)) + question + query
+    key, _, mass = query.partition("=")
+    if key == "mass":
+        query = f"mass={change(mass)}"
+    return "+".join(map(change, _split_after(suffix, files))) + question + query
+
+
+def _split_after(suffix: str, files: str) -> list[str]:
+    """Return the paths in "a.dml+b.dml". A + that does not follow the suffix belongs to a path."""
+    *first, last = files.split(f"{suffix}+")
+    return [*(f"{path}{suffix}" for path in first), last]
 
 
 def _loaded_from_data(text: str, kind: str) -> Model:

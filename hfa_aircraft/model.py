@@ -526,7 +526,7 @@ class Model(Reported):
         n, m, k, d = len(self.states), len(self.inputs), len(outputs), len(disturbances)
         if not np.isfinite(flat).all():
             values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
-            raise NotFiniteError(self.not_finite(flat[:n], values, list(self.states)))
+            raise NotFiniteError(self.message_of_not_finite(flat[:n], values, list(self.states)))
         parts, first = [], 0
         for shape in ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d)):
             last = first + math.prod(shape)
@@ -534,7 +534,7 @@ class Model(Reported):
             first = last
         return Linearization(*parts)
 
-    def not_finite(
+    def message_of_not_finite(
         self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]
     ) -> str:
         """Return the error message for a rate or derivative that is not finite.

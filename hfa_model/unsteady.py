@@ -491,12 +491,12 @@ def _signals() -> dict[str, Signal]:
         name: signal._replace(start=float(values[name]))
         for name, signal in _RIGID.parameters.items()
     }
-    effects = {name: Signal("1", 1.0, 0.0, 2.0, start=1.0) for name in EFFECTS}
+    effects = {name: Signal("1", nominal=1.0, min=0.0, max=2.0, start=1.0) for name in EFFECTS}
     # The area of the tail is known but not its shape: 20 ft by 2 ft are assumed.
     return {
         **identified,
         **effects,
-        "tail_aspect_ratio": Signal("1", 10.0, 0.1, 1000.0, start=10.0),
+        "tail_aspect_ratio": Signal("1", nominal=10.0, min=0.1, max=1000.0, start=10.0),
     }
 
 

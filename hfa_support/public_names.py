@@ -24,27 +24,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
     file: `__file__` of the package, with the stub `__init__.pyi` in the same folder
     """
 
-    @cache
-    def modules() -> dict[str, tuple[str, str]]:
-        """Return the origin of each public name: (module that defines it, name in this module).
-
-        The second name is "" if the public name is a module.
-        """
-        stub = ast.parse(Path(file).with_suffix(".pyi").read_text("utf-8"))
-        modules = {}
-        for statement in stub.body:
-            if isinstance(statement, ast.ImportFrom):
-                dots = "." * statement.level
-                for alias in statement.names:
-                    public = alias.asname or alias.name
-                    if statement.module is None:
-                        modules[public] = (dots + alias.name, "")
-                    else:
-                        modules[public] = (dots + statement.module, alias.name)
-            elif isinstance(statement, ast.Assign):
-                other, known = statement.targets[0], statement.value
-                modules[other.id] = modules[known.id]  # type: ignore[attr-defined]  # names
-        return modules
+    stub = Path(file).with_suffix(".pyi")
 
     def get(name: str) -> Any:
         """Return the object with a public name, imported from its module.
@@ -59,13 +39,13 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
     @cache
     def origin(name: str) -> tuple[ModuleType, str]:
         """Return the module that defines a public name, and the name in this module."""
-        if name not in modules():
+        if name not in _origins(stub):
             from hfa_support.errors import advice
 
             instead = vars(sys.modules[package]).get("_instead", {}).get(name)
-            near = advice(name, modules()) if instead is None else f"; write {instead}"
+            near = advice(name, _origins(stub)) if instead is None else f"; write {instead}"
             raise AttributeError(f"module {package!r} has no attribute {name!r}{near}")
-        module_name, name_there = modules()[name]
+        module_name, name_there = _origins(stub)[name]
         try:
             return import_module(module_name, package), name_there
         except ModuleNotFoundError as error:
@@ -77,7 +57,31 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
 
     def installed() -> list[str]:
         """Return the public names that can be imported, because their packages are installed."""
-        of_packages = {name: module.partition(".")[0] for name, (module, _) in modules().items()}
-        return [name for name, other in of_packages.items() if not other or find_spec(other)]
+        packages = {name: module.partition(".")[0] for name, (module, _) in _origins(stub).items()}
+        return [name for name, other in packages.items() if not other or find_spec(other)]
 
     return get, installed
+
+
+@cache
+def _origins(stub: Path) -> dict[str, tuple[str, str]]:
+    """Return the origin of each public name: (module that defines it, name in this module).
+
+    The second name is "" if the public name is a module.
+
+    stub: file with imports, and with further names of imported ones, `other = known`
+    """
+    origins = {}
+    for statement in ast.parse(stub.read_text("utf-8")).body:
+        if isinstance(statement, ast.ImportFrom):
+            dots = "." * statement.level
+            for alias in statement.names:
+                public = alias.asname or alias.name
+                if statement.module is None:
+                    origins[public] = (dots + alias.name, "")
+                else:
+                    origins[public] = (dots + statement.module, alias.name)
+        elif isinstance(statement, ast.Assign):
+            other, known = statement.targets[0], statement.value
+            origins[other.id] = origins[known.id]  # type: ignore[attr-defined]  # names
+    return origins

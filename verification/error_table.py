@@ -120,8 +120,8 @@ def history_table(
 ) -> ErrorTable:
     """Return the errors of each critic of a history.
 
-    errors_of: function of a critic -> checks of its errors
-    residuals: as for `run_table`
+    errors_of: function of a critic -> checks of its errors, without one of P if it has no P
+    residuals: function of N matrices P -> their residuals of the Riccati equation
     limit: limit of the largest error
     """
     rows = []

@@ -171,7 +171,10 @@ class JudgedGame:
         return Section((Table((whose, "learned", "exact"), rows),), data)
 
     def _stability_checks(self, K: np.ndarray, is_exact: bool) -> list[Check]:
-        """Return the checks that A - B K is stable, and in discrete time of a finite cost."""
+        """Return the checks that A - B K is stable, and in discrete time of a finite cost.
+
+        is_exact: whether K is that of the exact solution
+        """
         value, limit = self._stability(self.game.A - self.game.B @ K)
         if not self.game.is_discrete:
             reason = f"A - B K is not Hurwitz (abscissa {value:+.3g} 1/s)"
@@ -180,10 +183,10 @@ class JudgedGame:
         unstable = f"A - B K of a step has the spectral radius {value:.7g}"
         if is_exact:
             unstable += ": the exact solution of this discounted problem does not stabilize either"
-        unpaid = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
+        infinite = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
         return [
-            below("control_loop_radius", value, 1.0, unstable, kind="stability"),
-            below("discounted_loop_radius", discounted, 1.0, unpaid, kind="cost"),
+            below("control_loop_radius", value, limit, unstable, kind="stability"),
+            below("discounted_loop_radius", discounted, limit, infinite, kind="cost"),
         ]
 
     def value_checks(self, P: np.ndarray, limit: float) -> list[Check]:

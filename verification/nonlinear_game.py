@@ -229,29 +229,34 @@ def _by_value(critic: Critic, expansion: Expansion) -> ca.Function:
 def _degree_error(
     of: str, degree: int, learned: np.ndarray, expansion: Expansion, widths: np.ndarray
 ) -> DegreeError:
-    """Return the largest error of the weights (k, M) of one degree of V or u.
+    """Return the largest relative error of the weights (k, M) of one degree.
 
+    A weight far below the largest, both at typical deviations, is compared with the fraction
+    `_SMALL` of the largest.
+
+    of: "V" or "u"
+    learned: the critic's weights, (k, M)
     widths: typical deviations, (n,)
     """
     names = expansion.game.names
-    wanted = _exact_terms(expansion, of).get(degree, np.zeros_like(learned))
+    exact = _exact_terms(expansion, of).get(degree, np.zeros_like(learned))
     exponents = homogeneous(expansion.states, degree).exponents
-    reach = np.prod(widths**exponents, axis=1)
-    floor = _SMALL * float(np.max(np.abs(wanted) * reach)) / reach
-    difference = np.abs(learned - wanted)
-    scale = np.maximum(np.abs(wanted), floor)
-    relative = np.where(difference > 0.0, difference / np.where(scale > 0.0, scale, 1.0), 0.0)
-    relative[(scale == 0.0) & (difference > 0.0)] = np.inf
+    monomials = np.prod(widths**exponents, axis=1)  # at typical deviations
+    least = _SMALL * float(np.max(np.abs(exact) * monomials)) / monomials
+    scale = np.maximum(np.abs(exact), least)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.abs(learned - exact) / scale
+    relative[learned == exact] = 0.0  # also where the scale is 0
     relative[~np.isfinite(learned)] = np.inf
     row, column = np.unravel_index(np.argmax(relative), relative.shape)
     monomial = name_of(exponents[column].tolist(), names.states)
     return DegreeError(
-        of,
-        degree,
-        float(relative[row, column]),
-        monomial if of == "V" else f"{names.inputs[row]}: {monomial}",
-        float(learned[row, column]),
-        float(wanted[row, column]),
+        of=of,
+        degree=degree,
+        error=float(relative[row, column]),
+        worst=monomial if of == "V" else f"{names.inputs[row]}: {monomial}",
+        learned=float(learned[row, column]),
+        exact=float(exact[row, column]),
     )
 
 

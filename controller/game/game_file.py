@@ -164,11 +164,19 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
 
 
 def _provenance(stored: dict[str, Any]) -> dict[str, str]:
-    """Return name -> text for the entries of a plant file that describe the origin of the plant."""
-    block = stored.get("provenance", {})
-    entries = dict(block) if isinstance(block, dict) else {}
+    """Return name -> text for the entries of a plant file that describe the origin of the plant.
+
+    They are in a table `provenance` (TOML, JSON) or have keys `provenance.NAME` (flat files).
+    Entries that are not one text are left out.
+    """
+    table = stored.get("provenance", {})
+    entries = dict(table) if isinstance(table, dict) else {}
     for key in stored:
         if key.startswith("provenance."):
             entries[key.removeprefix("provenance.")] = stored[key]
-    texts = {name: words(entries, name) for name in entries}
-    return {name: text[0] for name, text in texts.items() if len(text) == 1 and text[0]}
+    origin = {}
+    for name in entries:
+        texts = words(entries, name)
+        if len(texts) == 1 and texts[0]:
+            origin[name] = texts[0]
+    return origin

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 
-#: Largest number of stored rows of the history, evenly distributed over the ticks.
+#: Largest number of stored rows of the history.
 MOST_ROWS = 20_001
 #: Number of progress reports in a run; there are more if ticks are slow.
 REPORTS = 50
@@ -32,23 +33,37 @@ class Run:
     history: dict[str, np.ndarray]
 
 
+class Learner(Protocol):
+    """Learner that is run tick by tick."""
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks."""
+
+    def start(self) -> Any:
+        """Return the memory before the first tick, any object."""
+
+    def advance(self, tick: int, memory: Any) -> Any:
+        """Return the memory after tick number `tick` (0 .. ticks - 1), without side effects."""
+
+    def observe(self, tick: int, memory: Any) -> Mapping[str, Any]:
+        """Return one row of the history, the values after `tick` ticks (0 .. ticks).
+
+        The row contains "time", s, and further values, with the same names in each row.
+        """
+
+
 @checks_arguments
-def run(learner: Any, *, progress: Progress | None = None) -> Run:
+def run(learner: Learner, *, progress: Progress | None = None) -> Run:
     """Run all ticks of a learner, and return its last memory and its history.
 
-    learner: any object with the four members below
-    progress: called with (fraction done, 1, text), or None
+    The history has at most `MOST_ROWS` rows, evenly distributed over the ticks.
 
-    ticks: number of ticks
-    start(): returns the memory before the first tick, any object
-    advance(tick, memory): returns the memory after tick number `tick` (0 .. ticks - 1), without
-        side effects
-    observe(tick, memory): returns one row of the history, the values after `tick` ticks (0 ..
-        ticks): "time", s, and further values, with the same names in each row.
+    progress: called with (fraction done, 1, text), or None
     """
     memory = learner.start()
     rows = [_row(learner, 0, memory)]
-    every = -(-learner.ticks // (MOST_ROWS - 1))
+    every = math.ceil(learner.ticks / (MOST_ROWS - 1))
     report_every = max(1, learner.ticks // REPORTS)
     reported = time.monotonic()
     for tick in range(1, learner.ticks + 1):
@@ -63,7 +78,7 @@ def run(learner: Any, *, progress: Progress | None = None) -> Run:
     return Run(memory, {name: np.array([row[name] for row in rows]) for name in rows[0]})
 
 
-def _row(learner: Any, tick: int, memory: Any) -> Mapping[str, Any]:
+def _row(learner: Learner, tick: int, memory: Any) -> Mapping[str, Any]:
     """Return the values that a learner reports after `tick` ticks, one row of the history.
 
     A number that overflows is inf, without a warning.

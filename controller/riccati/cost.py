@@ -117,8 +117,8 @@ def cost_above_optimum(game: Game, exact: Solution, K: np.ndarray) -> tuple[floa
 def excess_ratios(D: np.ndarray, P: np.ndarray, units: np.ndarray) -> tuple[float, float]:
     """Return the largest and the mean ratio z'D z / z'P z over the states with z'P z > 0.
 
-    - both inf if D ≠ 0 but no state has a positive optimal cost
-    - both 0 if D = 0 and no state has a positive optimal cost
+    The mean is that over all directions with z'P z = 1. If no state has a positive optimal cost,
+    both are 0 for D = 0, and otherwise inf.
 
     D: excess of the cost, (n, n)
     P: optimal cost, (n, n)
@@ -126,13 +126,12 @@ def excess_ratios(D: np.ndarray, P: np.ndarray, units: np.ndarray) -> tuple[floa
     """
     squared = np.outer(units, units)
     values, vectors = np.linalg.eigh(P * squared)
-    paid = values > SIGNLESS * max(float(values[-1]), 0.0)
-    if not paid.any():
-        lost_anyway = math.inf if D.any() else 0.0
-        return lost_anyway, lost_anyway
-    root = vectors[:, paid] / np.sqrt(values[paid])
-    lost = np.linalg.eigvalsh(root.T @ (D * squared) @ root)
-    return max(float(lost[-1]), 0.0), max(float(lost.mean()), 0.0)
+    positive = values > SIGNLESS * max(float(values[-1]), 0.0)
+    if not positive.any():
+        return (math.inf, math.inf) if D.any() else (0.0, 0.0)
+    root = vectors[:, positive] / np.sqrt(values[positive])  # root' P root = I
+    ratios = np.linalg.eigvalsh(root.T @ (D * squared) @ root)
+    return max(float(ratios[-1]), 0.0), max(float(ratios.mean()), 0.0)
 
 
 def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None:

@@ -143,8 +143,9 @@ def _peak_of(locus: Loci, grid: np.ndarray) -> float:
     """Return the frequency at which |M| of one loop is largest, rad/s."""
     for _ in range(_REFINEMENTS):
         peak = int(np.abs(locus(grid)).argmax())
+        frequency = float(grid[peak])
         grid = np.linspace(grid[max(peak - 1, 0)], grid[min(peak + 1, len(grid) - 1)], _POINTS)
-    return float(grid[_POINTS // 2])
+    return frequency
 
 
 def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:

@@ -306,50 +306,66 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None, slack: float = 
     Programming 141 (2013), 135-163.
     """
     start = _osborne_scaling(M) if start is None else start
-    log_D = start - start[-1]
-    size, slope = _norm_and_slope(log_D, M)
-    unit = np.eye(len(log_D))
-    inverse = unit / size if size > 0.0 else unit
-    before = [math.inf] * FEW_STEPS
-    for number in range(MAX_STEPS):
-        if before[number % FEW_STEPS] - size < SMALL_FRACTION * slack * size:
+    here = _norm_at(start - start[-1], M)
+    unit = np.eye(len(start))
+    inverse_hessian = unit / (here.size or 1.0)
+    sizes = [math.inf] * FEW_STEPS + [here.size]
+    for _ in range(MAX_STEPS):
+        if sizes[-1 - FEW_STEPS] - here.size < SMALL_FRACTION * slack * here.size:
             break
-        before[number % FEW_STEPS] = size
-        way = -inverse @ slope
-        if np.abs(way).max() > FARTHEST:  # no curvature left: use steepest descent again
-            inverse = unit / size
-            way = -inverse @ slope
-        falls = slope @ way
-        if -falls <= SETTLED * size:
+        direction = -inverse_hessian @ here.slope
+        if np.abs(direction).max() > FARTHEST:  # no curvature left: use steepest descent again
+            inverse_hessian = unit / here.size
+            direction = -inverse_hessian @ here.slope
+        if -here.slope @ direction <= SETTLED * here.size:
             break
-        share = 1.0
-        low = 0.0
-        high = math.inf
-        for _ in range(MAX_TRIALS):
-            there, slope_there = _norm_and_slope(log_D + share * way, M)
-            if there >= size + 1e-4 * share * falls:
-                high = share
-            elif slope_there @ way < 0.9 * falls:
-                low = share
-            else:
-                break
-            share = 2.0 * low if math.isinf(high) else 0.5 * (low + high)
+        there = _lower_norm(here, direction, M)
+        if there is None:
+            break
+        step = there.log_D - here.log_D
+        inverse_hessian = _bfgs_update(inverse_hessian, step, there.slope - here.slope)
+        here = there
+        sizes.append(here.size)
+    return here.log_D
+
+
+class _Norm(NamedTuple):
+    """σ_max(D M D⁻¹), `size`, at log D, (m,), and its slope ∂σ/∂log D, (m,)."""
+
+    log_D: np.ndarray
+    size: float
+    slope: np.ndarray
+
+
+def _lower_norm(here: _Norm, direction: np.ndarray, M: np.ndarray) -> _Norm | None:
+    """Return the norm after a step along a direction, or None if no step length is accepted.
+
+    The step length is found by bisection of the weak Wolfe conditions.
+    """
+    descent = here.slope @ direction
+    length, shortest, longest = 1.0, 0.0, math.inf
+    for _ in range(MAX_TRIALS):
+        there = _norm_at(here.log_D + length * direction, M)
+        if there.size >= here.size + 1e-4 * length * descent:
+            longest = length
+        elif there.slope @ direction < 0.9 * descent:
+            shortest = length
         else:
-            break
-        step = share * way
-        change = slope_there - slope
-        column = step[:, None] / (step @ change)
-        turn = unit - column * change
-        inverse = turn @ inverse @ turn.T + column * step
-        log_D = log_D + step
-        size = there
-        slope = slope_there
-    return log_D
+            return there
+        length = 2.0 * shortest if math.isinf(longest) else 0.5 * (shortest + longest)
+    return None
 
 
-def _norm_and_slope(log_D: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return σ = σ_max(D M D⁻¹) and its gradient ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m,)."""
-    # u and v are the singular vectors of σ. D_m is fixed, and the last entry of the gradient is 0.
+def _bfgs_update(inverse: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Return the inverse Hessian after a step that changes the slope by `change`, (m, m)."""
+    scaled_step = step[:, None] / (step @ change)
+    projection = np.eye(len(step)) - scaled_step * change
+    return projection @ inverse @ projection.T + scaled_step * step
+
+
+def _norm_at(log_D: np.ndarray, M: np.ndarray) -> _Norm:
+    """Return σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²) at log D."""
+    # u and v are the singular vectors of σ. D_m is fixed, and the last entry of the slope is 0.
     D = np.exp(log_D)
     scaled = D[:, None] * M / D
     squares, vectors = np.linalg.eigh(scaled @ scaled.conj().T)
@@ -360,7 +376,7 @@ def _norm_and_slope(log_D: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray
     of_columns = np.abs(u.conj() @ scaled) ** 2  # σ² |v_i|²
     slope = (of_rows - of_columns) / (size or 1.0)
     slope[-1] = 0.0
-    return size, slope
+    return _Norm(log_D, size, slope)
 
 
 def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:

@@ -132,15 +132,16 @@ class StepForm(Form):
             ]
         )
         right = np.block([[one, zero], [zero, self.A.T], [no_states, -self.G.T]])
-        # The rows that the last columns of `left` do not enter form a pencil of size 2n.
-        rows = np.linalg.qr(left[:, 2 * n :], mode="complete").Q[:, size:].T
+        # Combinations of the equations without the inputs [v; w] form a pencil of size 2n.
+        of_inputs = left[:, 2 * n :]
+        without_inputs = np.linalg.qr(of_inputs, mode="complete").Q[:, size:].T
+        pencil = without_inputs @ left[:, : 2 * n], without_inputs @ right
         with _no_singularity():
-            _, _, alpha, beta, _, basis = ordqz(
-                rows @ left[:, : 2 * n], rows @ right, sort="iuc", output="real"
-            )
+            _, _, alpha, beta, _, basis = ordqz(*pencil, sort="iuc", output="real")
             if np.sum(np.abs(alpha) < np.abs(beta)) != n:
                 raise NoSolutionError("the pencil has eigenvalues on the unit circle")
-            return np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T)
+            states, costates = np.split(basis[:, :n], 2)
+            return np.linalg.solve(states.T, costates.T)  # costates = X states, X symmetric
 
     def by_doubling(self) -> np.ndarray:
         """Return X as the limit of the costs over 2^k steps, with the cost p I of the final state.

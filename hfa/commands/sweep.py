@@ -150,6 +150,7 @@ def sweep(request: SweepRequest) -> int:
 
 
 def _in_memory(request: SweepRequest) -> int:
+    """Run a sweep whose results are printed, and return 1 if no point has a trim, otherwise 0."""
     plan = request.trim.plan(stored=False)
     picture = request.output.picture
     if picture is not None:
@@ -172,6 +173,7 @@ def _in_memory(request: SweepRequest) -> int:
 
 
 def _in_store(request: SweepRequest, store: Path) -> int:
+    """Run a sweep into a store, and return 1 if no point has a trim, otherwise 0."""
     from trim.sweeps.store import reported_sweep
 
     report = reported_sweep(

@@ -208,7 +208,7 @@ def _assess_line(request: VerifyRequest, source: str) -> str:
     """Return the command line that assesses the policy of a network at the same trim."""
     is_deployment = Path(source).suffix.lower() == _DEPLOYMENT
     words = ["hfa assess", source if is_deployment else "DEPLOYMENT.toml"]
-    if request.aircraft.own:
+    if request.aircraft.is_given:
         words.append(f"--aircraft {request.aircraft.source}")
     if request.trim.at is not None:
         shown = request.model.describe(request.model.schedule, request.trim.at)

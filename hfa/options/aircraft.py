@@ -76,7 +76,7 @@ class Aircraft(Part):
     )
 
     @property
-    def own(self) -> bool:
+    def is_given(self) -> bool:
         """True if the model is an aircraft that the user loaded, and not the HFA."""
         return is_own(self.model)
 
@@ -125,7 +125,7 @@ class Aircraft(Part):
 
         held: parameter -> value, for the parameters that the options of a trim set
         """
-        if self.own:
+        if self.is_given:
             file, digest = self.model.source.text, self.model.source.digest
             origin = {"model": f"{file} (SHA-256 {digest[:12]})"}
             if isinstance(self.parameters, Path):
@@ -156,4 +156,4 @@ class Aircraft(Part):
         from hfa_aircraft.uncertain import spread_of
 
         file = self.parameters or self.model.source.text
-        return spread_of(self.model, str(file) if self.own else self.parameter_set, held)
+        return spread_of(self.model, str(file) if self.is_given else self.parameter_set, held)

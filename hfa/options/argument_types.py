@@ -68,17 +68,19 @@ def number_and_factor(model: Model, name: str, text: str) -> tuple[float, float 
     Raises BadInputError if the text is not a number, or if its unit cannot be converted.
     """
     digits = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
-    with_unit = re.fullmatch(rf"\s*({digits})\s*((?![eE][-+]?\d)[a-zA-Z°µμ].*?)\s*", text)
-    if with_unit is None:
+    unit = r"(?![eE][-+]?\d)[a-zA-Z°µμ].*"  # a text that begins with a letter, but is no exponent
+    found = re.fullmatch(rf"({digits})\s*({unit})", text.strip())
+    if found is None:
         return number(text), None
-    unit = _unit(model, name)
-    factor = conversion(with_unit[2], unit)
+    typed_number, typed_unit = found.groups()
+    declared = _unit(model, name)
+    factor = conversion(typed_unit, declared)
     if factor is None:
-        words = unit.replace("rad", "deg")
-        others = ", ".join(each for each in units_like(unit) if each != words)
+        words = declared.replace("rad", "deg")
+        others = ", ".join(each for each in units_like(declared) if each != words)
         beside = f", or with a unit: {others}" * bool(others)
         raise BadInputError(f"is {shortened(text)!r}; give a finite number, in {words}{beside}")
-    return number(with_unit[1]), factor
+    return number(typed_number), factor
 
 
 def _unit(model: Model, name: str) -> str:

@@ -97,17 +97,17 @@ class GameWeights(Part):
         game = usual_game(linear.model, linear.A, linear.B, names, **self.changed)
         return replace(game, half_widths=widths_within_limits(linear))
 
-    def sources(self, otherwise: str, of_file: Collection[str] = ()) -> dict[str, str]:
+    def sources(self, of_file: Collection[str] = (), otherwise: str = "default") -> dict[str, str]:
         """Return the source of each weight.
 
         The result is "Q", "R" and "delta" -> "given", "file" or `otherwise`, and "N" if given.
 
-        otherwise: source of the weights that are neither given by an option nor in the file
         of_file: names of the weights that the plant file contains
+        otherwise: source of the weights that are neither given by an option nor in the file
         """
-        whose = dict.fromkeys(("Q", "R", "delta"), otherwise)
-        whose |= {name: "file" for name in of_file if name in (*whose, "N")}
-        return whose | dict.fromkeys(self.changed, "given")
+        sources = dict.fromkeys(("Q", "R", "delta"), otherwise)
+        sources |= {name: "file" for name in of_file if name in (*sources, "N")}
+        return sources | dict.fromkeys(self.changed, "given")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -152,7 +152,7 @@ class GameGiven(Part):
                     " solve, hfa learn or hfa verify --weights"
                 )
             return named
-        if not aircraft.own and aircraft.dynamics in VARIANTS and trim.at is None:
+        if not aircraft.is_given and aircraft.dynamics in VARIANTS and trim.at is None:
             raise BadInputError("no plant is given; add --dihedral DEG or --model FILE")
         return self.game_at(trim.point().linearize(), aircraft)
 
@@ -160,12 +160,13 @@ class GameGiven(Part):
         """Return the game on the linear model of an aircraft at a trim."""
         warnings = (*linear.point.warnings, *linear.kinks)
         of_file = tuple(linear.model.about.weights)
-        whose = self.weights.sources("default", of_file)
-        missing = [name for name, source in whose.items() if source == "default"]
-        if aircraft.own and missing:
+        weights_from = self.weights.sources(of_file)
+        missing = [name for name, source in weights_from.items() if source == "default"]
+        if aircraft.is_given and missing:
             taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
             warnings += (f"{' and '.join(missing)} not given; used: {', '.join(taken)}",)
-        return NamedGame(self.weights.game(linear), warnings, linear=linear, weights_from=whose)
+        game = self.weights.game(linear)
+        return NamedGame(game, warnings, linear=linear, weights_from=weights_from)
 
     def _game_of_file(self, plant: Path, read: dict[str, Any] | None) -> NamedGame:
         from controller.game.game_file import stored_game
@@ -177,7 +178,7 @@ class GameGiven(Part):
             warnings=stored.notes,
             plant_provenance=stored.provenance,
             has_time=stored.has_time,
-            weights_from=self.weights.sources("default", stored.stated),
+            weights_from=self.weights.sources(stored.stated),
         )
 
     def refuse_aircraft(self, aircraft: Aircraft, trim: Trim) -> None:

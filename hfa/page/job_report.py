@@ -208,9 +208,10 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
     origin: provenance, shown as the last section
     """
     names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
-    first, *parts = (part for part in report.parts if isinstance(part, Report))
+    # The first part of a job's report is the aircraft at any angle.
+    with_slider, *parts = (part for part in report.parts if isinstance(part, Report))
     parts.append(Report("Provenance", (f"{origin.command}\n{origin.text()}",)))
-    links = [_link("any-angle", first.title)]
+    links = [_link("any-angle", with_slider.title)]
     sections = []
     for number, part in enumerate(parts):
         links.append(_link(f"part-{number}", part.title))
@@ -225,7 +226,7 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
 <h1>{TITLE}</h1>
 <p>{verdict_sentence(job)}</p>
 <nav aria-label="Contents"><ul>{contents}</ul></nav>
-{any_angle(job, first)}
+{any_angle(job, with_slider)}
 {folded_sections}
 </main>{plotly_script()}<script type="module">{_file("page.js")}</script></body></html>
 """

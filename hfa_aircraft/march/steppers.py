@@ -178,7 +178,10 @@ class Adaptive:
     def __call__(
         self, time: float, state: np.ndarray, held: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states at the end of the tick, (1, 1, n). Nothing else is observed."""
+        """Return the states at the end of the tick, (1, 1, n), and nothing observed, (1, 1, 0).
+
+        The rate depends on the state alone: `time` and `held`, (1, 0), are not used.
+        """
         from scipy.integrate import odeint
 
         end = np.full(state.shape[1], np.nan)

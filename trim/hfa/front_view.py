@@ -149,14 +149,13 @@ def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, col
 
 
 def _draw_hinges(axes: Axes, aircraft: Model, point: OperatingPoint) -> None:
-    """Draw both hinges with the hinge moment as text, on the side without panels."""
+    """Draw both hinges with the hinge moment, which is the same at both, on the side without panels."""
     span = hfa_model.parameters_of(aircraft).panel_span
     moment = hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment
-    rounded = round(float(moment), 1) + 0.0
-    sense = "tips up" if rounded > 0.0 else "tips down"
+    rounded = round(float(moment), 1)
     text = f"{abs(rounded):.1f} {unit_of(aircraft, 'ft lbf')}"
-    if rounded:
-        text += f", {sense}"
+    if rounded != 0.0:
+        text += ", tips up" if rounded > 0.0 else ", tips down"
     for side in (-1, 1):
         hinge = np.array([side * span / 2, 0.0])
         axes.plot(*hinge, "o", color=HINGE_COLOR, markersize=7, zorder=3)

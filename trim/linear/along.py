@@ -50,6 +50,6 @@ def models_along(model: Model, states: ArrayLike, inputs: ArrayLike) -> Along:
         first = int(np.argmin(finite))
         names = (*model.states, *model.inputs)
         values = dict(zip(names, (*x[first], *u[first]), strict=True))
-        reason = model.not_finite(rates[first], values, list(model.states))
+        reason = model.message_of_not_finite(rates[first], values, list(model.states))
         raise BadInputError(f"state {first} of the flight: {reason}")
     return Along(rates, A, B)

@@ -109,20 +109,22 @@ class _Search(NamedTuple):
     def improved_by(
         self, residual: np.ndarray, jacobian: np.ndarray, moving: np.ndarray | None
     ) -> np.ndarray:
-        """Return the mask (N,) of the trials at which |r| decreases, or |J⁻¹ r| with the last J.
+        """Return the mask (N,) of the trials at which |r| decreases, or |J⁻¹ r| with the last J, and
+        J is finite.
 
-        The Jacobian at an accepted trial is finite.
+        The decrease of |J⁻¹ r| is that of the natural monotonicity test (Deuflhard, Newton Methods
+        for Nonlinear Problems, Section 3.3).
 
         residual, jacobian: r (N, m) and J (N, m, k) at the trials
         moving: indices of the unknowns that may change, or None for all
         """
         decreases = _norm(residual) < self.size
+        is_finite = np.isfinite(jacobian).all(axis=(1, 2))
         if decreases.all():
-            return decreases
+            return is_finite
         step_with_last_jacobian = newton_step(self.jacobian, residual, moving)
         required = (1.0 - self.share / 4.0) * _norm(self.step)
         step_shortens = _norm(step_with_last_jacobian) < required
-        is_finite = np.isfinite(jacobian).all(axis=(1, 2))
         return np.asarray((decreases | step_shortens) & is_finite)
 
 

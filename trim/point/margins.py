@@ -87,18 +87,21 @@ class Margin(Result):
     def row(self) -> tuple[str, ...]:
         """Return a table row on the variable, as text.
 
-        The cells are name, value, unit, role, lowest and highest value, and distance. Assumed
-        limits have a star. Angles are in degrees.
+        The cells are name, value, unit, role, lowest and highest value. Assumed limits have a star.
+        Angles are in degrees.
         """
         star = "*" * self.assumed
         lowest, highest = (
             "" if math.isinf(limit) else shown_value(limit, self.unit) + star
             for limit in (self.lowest, self.highest)
         )
-        margin = short_number(self.distance, self.unit) if self.nearer else ""
         role = "imposed" if self.role == "held" else self.role
         value, unit = degrees(self.value, self.unit)
-        return self.name, value, unit, role, lowest, highest, margin
+        return self.name, value, unit, role, lowest, highest
+
+    def distance_text(self) -> str:
+        """Return the distance from the nearer limit as text, or "" without limits."""
+        return short_number(self.distance, self.unit) if self.nearer else ""
 
     def used_text(self) -> str:
         """Return the used share of the travel as text, or ""."""

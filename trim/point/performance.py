@@ -198,7 +198,9 @@ def _add_excess(point: OperatingPoint, figures: Figures, available: Quantity) ->
 
 
 def _add_stall(point: OperatingPoint, figures: Figures) -> None:
-    """Add the largest lift coefficient and the margin to the stall, or that it is passed."""
+    """Add the largest lift coefficient, and the speed over the stall speed, or that the aircraft is
+    stalled.
+    """
     names = ("lift", "dynamic_pressure", "reference_area")
     if reason := _lacking(point, *names) or _zero(point, *names):
         figures.not_in_model["stall margin"] = reason
@@ -208,19 +210,19 @@ def _add_stall(point: OperatingPoint, figures: Figures) -> None:
     if largest is None:
         figures.not_in_model["stall margin"] = "no CL_max, and lift without a maximum"
         return
-    _add(figures.performance, "largest_lift_coefficient", largest.lift / force, "1")
-    if point["lift"] > 0.0 and not largest.passed:
+    coefficient, largest_coefficient = point["lift"] / force, largest.lift / force
+    _add(figures.performance, "largest_lift_coefficient", largest_coefficient, "1")
+    if largest.passed:
+        where = f"CL {largest_coefficient:.4g} at alpha {math.degrees(largest.alpha):.4g} deg"
+        figures.stalled.append(f"STALLED: beyond the largest lift, {where}")
+        figures.not_in_model["stall margin"] = "beyond the largest lift"
+        return
+    if point["lift"] > 0.0:
         ratio = math.sqrt(largest.lift / point["lift"])
         _add(figures.performance, "speed_over_stall_speed", ratio, "1")
-    own, most = point["lift"] / force, largest.lift / force
-    if largest.passed:
-        angle = math.degrees(largest.alpha)
-        figures.stalled.append(
-            f"STALLED: beyond the largest lift, CL {most:.4g} at alpha {angle:.4g} deg"
-        )
-        figures.not_in_model["stall margin"] = "beyond the largest lift"
-    elif own > most:
-        figures.stalled.append(f"STALLED: CL {own:.4g} is above CL_max {most:.4g} of the table")
+    if coefficient > largest_coefficient:
+        limit = f"CL_max {largest_coefficient:.4g} of the table"
+        figures.stalled.append(f"STALLED: CL {coefficient:.4g} is above {limit}")
 
 
 def thrust_available(point: OperatingPoint) -> Quantity | str:

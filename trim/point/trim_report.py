@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 _NEAREST = 3
 #: Condition number above which the scaled Jacobian counts as singular.
 _SINGULAR = 1e12
-_MARGIN_COLUMNS = ("value", "unit", "status", "lowest", "highest", "margin")
+_MARGIN_COLUMNS = ("value", "unit", "status", "lowest", "highest")
 _NEAR_COLUMNS = ("nearest limit", "limit", "margin", "unit", "of its range", "verdict")
 #: Figure -> name in the table, if it is not the name with blanks.
 _CALLED = {
@@ -316,16 +316,21 @@ def levels_of(point: OperatingPoint, modes: Sequence[Any], airplane: Airplane) -
 
 
 def _variables(model: Model, margins: Mapping[str, Margin]) -> list[Any]:
-    """Return tables of the states and of the inputs with their limits."""
-    states = [margin.row() for name, margin in margins.items() if name not in model.inputs]
-    inputs = [(*margins[name].row()[:-1], margins[name].used_text()) for name in model.inputs]
-    tables: list[Any] = [
-        Table(("state", *_MARGIN_COLUMNS), states),
-        Table(("input", *_MARGIN_COLUMNS[:-1], "used"), inputs),
-    ]
+    """Return a table of the states with their margins, and one of the inputs with their used
+    shares, both with limits.
+    """
+    states, inputs = [], []
+    for name, margin in margins.items():
+        if name in model.inputs:
+            inputs.append((*margin.row(), margin.used_text()))
+        else:
+            states.append((*margin.row(), margin.distance_text()))
+    of_states = Table(("state", *_MARGIN_COLUMNS, "margin"), states)
+    of_inputs = Table(("input", *_MARGIN_COLUMNS, "used"), inputs)
     if any(margin.nearer and margin.assumed for margin in margins.values()):
-        tables[0] = (tables[0], "* assumed: no data of the aircraft state this limit")
-    return tables
+        note = "* assumed: no data of the aircraft state this limit"
+        return [(of_states, note), of_inputs]
+    return [of_states, of_inputs]
 
 
 def _nearest_line(nearest: Sequence[Margin]) -> str:

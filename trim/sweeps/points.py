@@ -119,13 +119,14 @@ def trim_points(
 
 
 def _leave_out_without_slopes(system: TrimSystem, points: Points) -> None:
-    """Store the reason at each trim at which a derivative is not a number."""
+    """Store that there is no trim, and why, at each trim at which a derivative is not a number."""
     model = system.model
     finite = np.isfinite(points.A).all(axis=(1, 2)) & np.isfinite(points.B).all(axis=(1, 2))
     for i in np.flatnonzero((points.status == TRIMMED) & ~finite).tolist():
         names = (*model.states, *model.inputs)
         values = dict(zip(names, (*points.states[i], *points.inputs[i]), strict=True))
-        points.failures[i] = model.not_finite(np.zeros(len(model.states)), values, [*model.states])
+        balanced = np.zeros(len(model.states))  # no rate is wrong
+        points.failures[i] = model.message_of_not_finite(balanced, values, [*model.states])
         points.status[i] = NO_TRIM
 
 

@@ -67,12 +67,16 @@ def run_points(
     start: OperatingPoint | None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Return the results of a sweep for some of its points, name -> array.
+    """Return the results of a sweep for N of its points, name -> array.
 
-    Two entries are mappings from the number of a point. `failures` contains the reason for a
-    missing trim, and `kinked` the notes on kinks.
+    The names are those of `Points`, of the variables, and "values", "eigenvalues" and "kinks", the
+    number of kinks. Two entries are mappings from the number of a point: `failures` contains the
+    reason for a missing trim, and `kinked` the notes on kinks.
 
-    The arguments are those of `trim_points`.
+    variables: names of the columns of values
+    values: (N, number of variables)
+    start: initial point of the search at each point, or None for the default
+    progress: called with (finished points, all points), or None
     """
     points = trim_points(model, variables, values, condition, start=start, progress=progress)
     found = one_sided_at_kinks(
@@ -84,9 +88,9 @@ def run_points(
         points.B,
     )
     points = points._replace(A=found.A, B=found.B)
-    kinks = np.zeros(len(values), dtype=int)
+    kink_counts = np.zeros(len(values), dtype=int)
     for point, notes in found.notes.items():
-        kinks[point] = len(notes)
+        kink_counts[point] = len(notes)
     trimmed = points.status == TRIMMED
     eigenvalues = np.full(points.states.shape, np.nan, dtype=complex)
     eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(points.A[trimmed]))
@@ -95,7 +99,7 @@ def run_points(
         **dict(zip(variables, values.T, strict=True)),
         "values": values,
         "eigenvalues": eigenvalues,
-        "kinks": kinks,
+        "kinks": kink_counts,
         "kinked": found.notes,
     }
 

@@ -55,10 +55,11 @@ class Products:
         """Return the matrix product left @ right.
 
         If one factor contains symbols and the other is a large constant matrix, the result consists
-        of new symbols.
+        of new symbols (`_times_constant`).
         """
         if _has_symbols(left) and not _has_symbols(right) and right.ndim == 2:
             return self._times_constant(left, right)
+        # (left right)' = right' left' holds for matrices and vectors, not for stacks of matrices.
         if _has_symbols(right) and not _has_symbols(left) and left.ndim == 2 and right.ndim <= 2:
             return self._times_constant(right.T, left.T).T
         return np.asarray(left @ right)

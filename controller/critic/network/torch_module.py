@@ -50,29 +50,31 @@ def state_dict_of(module: Any) -> dict[str, np.ndarray] | None:
 def module_network(module: Any, kind: str, states: int, inputs: int) -> NetworkFile:
     """Return the network of a torch.nn.Sequential of Linear layers and activations.
 
-    kind: one of `OUTPUTS`, or "" if the number of outputs decides
+    kind: one of `OUTPUTS`, or "" if the number of outputs decides, which the caller does
     states, inputs: number of states and of inputs of the plant
 
     Raises BadInputError for another module, for sizes that do not fit, and for a weight that is not
     finite.
     """
-    steps: list[tuple[Layer, str]] = []
+    layers: list[Layer] = []
+    activations: list[str] = []  # after each layer, "" for none
     precisions = set()
     for name, part in _parts("", module):
         if _class_of(part) == "Linear":
             layer, precision = _linear(name, part)
-            steps.append((layer, ""))
+            layers.append(layer)
+            activations.append("")
             precisions.add(precision)
-        elif not steps or steps[-1][1]:
+        elif activations[-1:] != [""]:
             raise BadInputError(
                 f"the network contains the activation {_class_of(part)}, which does not directly "
                 f"follow a linear layer; {_ELSE}"
             )
         else:
-            steps[-1] = (steps[-1][0], _activation(part))
-    if not steps:
+            activations[-1] = _activation(part)
+    if not layers:
         raise BadInputError("the network contains no linear layer; give a feed-forward network")
-    layers = [layer for layer, _ in steps]
+    steps = list(zip(layers, activations, strict=True))
     check_width(layers[0].inputs, states, inputs)
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:

@@ -47,4 +47,5 @@ def designed_game(design: Design, weights: GameWeights, linear: LinearModel) -> 
         game = replace(built.game(), **weights.changed)
     of_design = f"design {built.design.name} of {plant_names(linear).origin}"
     game = replace(game, names=game.names._replace(origin=of_design))
-    return NamedGame(game, tuple(linear.point.warnings), weights_from=weights.sources("design"))
+    weights_from = weights.sources(otherwise="design")
+    return NamedGame(game, tuple(linear.point.warnings), weights_from=weights_from)

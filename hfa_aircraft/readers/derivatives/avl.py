@@ -17,7 +17,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from hfa_aircraft.readers.derivatives.entries import Entry, number
 from hfa_aircraft.readers.derivatives.names import COEFFICIENTS, INDUCED, THRUST_INPUT, UNITS
@@ -133,11 +133,11 @@ def read_stability_file(path: str) -> StabilityFile:
     found = _machine_readable(lines) if is_machine_readable else _printed(lines)
     values: dict[str, Entry] = {}
     controls: dict[str, Entry] = {}
-    for place, name, value, is_control in found:
-        if not is_control:
+    for place, name, value, is_deflection in found:
+        if not is_deflection:
             name = re.sub(r"(?<=d)0+(?=\d)", "", name)  # CLd01 is CLd1
         entry = Entry(value, f"{path}, line {place}")
-        target = controls if is_control else values
+        target = controls if is_deflection else values
         if name in target:
             raise entry.error(f"{name} is given twice; write each run case to a file of its own")
         target[name] = entry
@@ -167,24 +167,38 @@ def read_stability_file(path: str) -> StabilityFile:
     return file
 
 
-#: A line, a name, its value as text, and whether it is the deflection of a control.
-_Found = tuple[int, str, str, bool]
+class _Found(NamedTuple):
+    """Value in a stability file.
+
+    place: number of the line
+    name: name of the value, for a deflection that of the control
+    text: the value
+    is_deflection: whether the value is the deflection of a control
+    """
+
+    place: int
+    name: str
+    text: str
+    is_deflection: bool
 
 
 def _printed(lines: Iterable[tuple[int, str]]) -> Iterable[_Found]:
-    """Yield the values in the lines of a printed file."""
+    """Yield the values in the lines of a printed file.
+
+    The deflections stand between the line of CYff, the last of the total forces, and a rule.
+    """
     shows_deflections = False
     for place, line in lines:
         if line.strip().startswith("---"):
             shows_deflections = False
         if shows_deflections:
-            name, equals, value = line.rpartition("=")
+            control, equals, deflection = line.rpartition("=")
             if equals:
-                yield place, name.strip(), value.strip(), True
+                yield _Found(place, control.strip(), deflection.strip(), is_deflection=True)
         elif ":" not in line and " / " not in line:  # no title, and not the spiral criterion
             for name, value in re.findall(r"([A-Za-z][\w'/]*\*?)\s*=\s*([^\s|]+)", line):
                 if _KNOWN.fullmatch(name):
-                    yield place, name, value, False
+                    yield _Found(place, name, value, is_deflection=False)
         if "CYff" in line:
             shows_deflections = True
 
@@ -210,9 +224,9 @@ def _machine_readable(lines: Iterable[tuple[int, str]]) -> Iterable[_Found]:
             shows_deflections = text == "CONTROL"
         elif shows_deflections and len(text.split()) > 1:
             deflection, _, control = text.partition(" ")
-            yield place, control.strip(), deflection, True
+            yield _Found(place, control.strip(), deflection, is_deflection=True)
         for name, value in _labelled(line):
-            yield place, name, value, False
+            yield _Found(place, name, value, is_deflection=False)
 
 
 def _labelled(line: str) -> Iterator[tuple[str, str]]:

@@ -86,7 +86,7 @@ def export(request: ExportRequest) -> int:
     policy = request.policy
     files_of_policy = (policy.weights, policy.controller, policy.deployment)
     names_no_policy = not policy.law and files_of_policy == (None, None, None)
-    if request.trim.at is None and not request.aircraft.own:
+    if request.trim.at is None and not request.aircraft.is_given:
         request = replace(request, trim=replace(request.trim, at=_DIHEDRAL))
     # Computing the provenance checks options that the code below does not read, before any file is
     # written.

@@ -43,7 +43,7 @@ def prove(request: CheckRequest) -> int:
     kind = kind_in(path)
     refuse_other_kinds(request, kind)
     own = _own_policy(request) if kind == "region" else None
-    model = request.model if request.aircraft.own else None
+    model = request.model if request.aircraft.is_given else None
     policy = None if own is None else own.problem(request.trim.limit).loop.function
     certificate = read_certificate(path, Subject(model, policy))
     statement = certificate.statement

@@ -119,7 +119,7 @@ def _earlier(request: RegionRequest, problem: RegionProblem) -> Region | None:
     path = request.output.file
     assert path is not None  # --resume requires -o
     policy = problem.loop.function
-    own = request.model if request.aircraft.own else None
+    own = request.model if request.aircraft.is_given else None
     proved = check_certificate(path, ProgressLine("check"), own, policy)
     forget_read(path)
     statement = proved.statement

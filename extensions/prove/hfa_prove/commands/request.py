@@ -71,7 +71,7 @@ class CheckRequest(Request):
 
     def origin(self) -> Mapping[str, Any]:
         """Return the provenance of the user's aircraft file, or {} if no file is given."""
-        return self.aircraft.origin({}) if self.aircraft.own else {}
+        return self.aircraft.origin({}) if self.aircraft.is_given else {}
 
 
 def _degree(text: str) -> int:
