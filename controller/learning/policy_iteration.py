@@ -29,6 +29,7 @@ from controller.learning.recording import (
     residual_sizes,
 )
 from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import quadratic_forms
 from hfa_support.progress import Progress
 
 #: Recorded samples for each weight by default.
@@ -108,10 +109,6 @@ class RecordedGame:
         """S_s = B R⁻¹B' - s E E'/δ², (n, n)."""
         return self.control - problem.share * self.disturbance
 
-    def quadratic(self, matrix: np.ndarray) -> np.ndarray:
-        """Return y_j' matrix y_j, (N,)."""
-        return np.asarray(np.einsum("ji,ik,jk->j", self.states, matrix, self.states))
-
     def regressors(self, P: np.ndarray, problem: Problem) -> np.ndarray:
         """Return the rates of the basis functions under the policies of P, (N, M)."""
         pushed = self.states @ (self.worth(problem) @ P).T
@@ -125,7 +122,7 @@ class RecordedGame:
         of equal length.
         """
         regressors = self.regressors(P, problem)
-        costs = self.quadratic(self.Q + P @ self.worth(problem) @ P)
+        costs = quadratic_forms(self.states, self.Q + P @ self.worth(problem) @ P)
         row_lengths = np.linalg.norm(regressors, axis=1)
         equations = regressors / row_lengths[:, None]
         column_lengths = np.linalg.norm(equations, axis=0)
@@ -158,7 +155,7 @@ class RecordedGame:
     def residuals(self, P: np.ndarray) -> tuple[float, float]:
         """Return the relative norms of the residual of the value y'P y (`residual_sizes`)."""
         slopes = 2.0 * self.states @ P
-        costs = self.quadratic(self.Q)
+        costs = quadratic_forms(self.states, self.Q)
         return residual_sizes(slopes, self.drifts, costs, self.worth(Problem(0.0, 1.0)))
 
 

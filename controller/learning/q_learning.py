@@ -20,6 +20,7 @@ from controller.game.q_function import of_q_function, q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
 from controller.learning.recording import excitation, natural_spread
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.matrices import quadratic_forms
 from hfa_support.progress import Progress
 
 #: Number of pauses, after 1, 2, 4, ... value iterations, at which policy iteration is tried.
@@ -142,7 +143,7 @@ class QLearner:
     def costs(self) -> np.ndarray:
         """Cost of each step, (N,)."""
         weights = q_function(self.game, np.zeros_like(self.game.A))
-        return _quadratic(weights, self.steps.begins)
+        return quadratic_forms(self.steps.begins, weights)
 
     @cached_property
     def fitted_plant(self) -> np.ndarray:
@@ -215,7 +216,7 @@ class QLearner:
         """Return the norm of the residual of Bellman's equation over all steps, relative to the
         norm of the costs, and relative to that of the summed magnitudes of the terms.
         """
-        values = _quadratic(H, self.steps.begins)
+        values = quadratic_forms(self.steps.begins, H)
         after = self._after(of_q_function(self.game, H)["P"])
         error = float(np.linalg.norm(values - self.costs - after))
         terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
@@ -243,13 +244,8 @@ class QLearner:
 
     def _after(self, P: np.ndarray) -> np.ndarray:
         """Return the cost α x⁺'P x⁺ after each step, (N,)."""
-        return self.game.discount * _quadratic(P, self.steps.ends)
+        return self.game.discount * quadratic_forms(self.steps.ends, P)
 
     def _of_weights(self, weights: np.ndarray) -> np.ndarray:
         """Return H, (s, s), of weights (M,) in the scaled (x, u, w)."""
         return self.psi.matrix(weights) / np.outer(self.scales, self.scales)
-
-
-def _quadratic(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return z'matrix z of each row z of the points, (N,)."""
-    return np.asarray(np.einsum("ji,ik,jk->j", points, matrix, points))

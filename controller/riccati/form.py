@@ -59,6 +59,7 @@ class Form(ABC):
     """
 
     is_discrete: ClassVar[bool]
+    of_matrix: ClassVar[str]  # ending of the names of modes in messages
 
     A: np.ndarray
     inputs: np.ndarray
@@ -200,9 +201,41 @@ class Form(ABC):
     def delta_bound(self, X: np.ndarray) -> float:
         """Return a delta near delta_min from the X without disturbance, or 0 if delta_min is 0."""
 
+    @property
     @abstractmethod
-    def obstacle(self) -> str:
-        """Return the mode because of which no delta has a solution, as one sentence, or ""."""
+    def reach(self) -> np.ndarray:
+        """Effect of the inputs on the states, in the units of the inputs that the form uses."""
+
+    @abstractmethod
+    def beyond(self, value: complex) -> tuple[float, complex]:
+        """Return how far an eigenvalue λ of A is beyond the boundary of stability, and the nearest
+        point of the boundary.
+        """
+
+    def obstacle(self, unreached: str = UNREACHED, hidden: str = HIDDEN) -> str:
+        """Return the mode because of which no delta has a solution, as one sentence, or "".
+
+        The Riccati equation without disturbance has a stabilizing solution if and only if two
+        matrices have full column rank:
+
+        - [A' - λI; B'] for every eigenvalue λ of A that is not stable, else no input reaches a mode
+        - [A - λI; Q] for every λ on the boundary of stability, else a mode has no cost
+
+        unreached, hidden: sentences about a mode that no input reaches, and about one without cost
+
+        Source: Zhou, Doyle and Glover, Theorem 13.7.
+        """
+        size = float(np.linalg.norm(self.A, 2)) or 1.0
+        for mode in modes_of(self.A):
+            excess, on_boundary = self.beyond(mode.value)
+            if excess < -mode.rounding:
+                continue
+            if dependence(self.A, mode.value, self.reach.T, size) <= BARELY:
+                return unreached.format(f"{mode}{self.of_matrix}")
+            is_undamped = excess <= mode.rounding
+            if is_undamped and dependence(self.A.T, on_boundary, self.Q, size) <= BARELY:
+                return hidden.format(f"{mode}{self.of_matrix}")
+        return ""
 
 
 @lru_cache(maxsize=8)

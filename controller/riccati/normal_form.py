@@ -22,16 +22,11 @@ from controller.riccati.balancing import (
 from controller.riccati.delta_search import Answer
 from controller.riccati.double_double import Pair, exact, product_of_doubles
 from controller.riccati.form import (
-    BARELY,
-    HIDDEN,
     INDEFINITENESS,
     LAST,
     RESIDUAL,
-    UNREACHED,
     Form,
-    dependence,
     doubled,
-    modes_of,
 )
 from controller.riccati.frequency_response import square_root, system_gain
 from controller.riccati.lyapunov import Lyapunov
@@ -68,6 +63,7 @@ class NormalForm(Form):
     """
 
     is_discrete = False
+    of_matrix = ""
 
     @staticmethod
     def units_of(game: Game) -> np.ndarray:
@@ -297,29 +293,14 @@ class NormalForm(Form):
         D = np.zeros((len(C), self.disturbance.shape[1]))
         return system_gain(self.A - self.B @ K, self.disturbance, C, D)
 
-    def obstacle(self, unreached: str = UNREACHED, hidden: str = HIDDEN) -> str:
-        """Return the mode because of which no delta has a solution, as one sentence, or "".
+    @property
+    def reach(self) -> np.ndarray:
+        """B for R = I, (n, m)."""
+        return self.B
 
-        The Riccati equation without disturbance has a stabilizing solution if and only if two
-        matrices have full column rank:
-
-        - [A' - λI; B'] for every eigenvalue λ of A with Re λ >= 0, else no input reaches a mode
-        - [A - λI; Q] for every λ with Re λ = 0, else a mode has no cost
-
-        unreached, hidden: sentences about a mode that no input reaches, and about one without cost
-
-        Source: Zhou, Doyle and Glover, Theorem 13.7.
-        """
-        size = float(np.linalg.norm(self.A, 2)) or 1.0
-        for mode in modes_of(self.A):
-            value = mode.value
-            if value.real >= -mode.rounding:
-                if dependence(self.A, value, self.B.T, size) <= BARELY:
-                    return unreached.format(mode)
-                on_axis = value.real <= mode.rounding
-                if on_axis and dependence(self.A.T, 1j * value.imag, self.Q, size) <= BARELY:
-                    return hidden.format(mode)
-        return ""
+    def beyond(self, value: complex) -> tuple[float, complex]:
+        """Return Re λ, and j Im λ."""
+        return value.real, 1j * value.imag
 
 
 def _is_stable(real: float, imaginary: float) -> bool:

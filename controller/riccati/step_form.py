@@ -15,16 +15,11 @@ from controller.riccati.balancing import largest, largest_or_1, units_of
 from controller.riccati.delta_search import Answer
 from controller.riccati.double_double import exact, product_of_doubles
 from controller.riccati.form import (
-    BARELY,
-    HIDDEN,
     INDEFINITENESS,
     LAST,
     RESIDUAL,
-    UNREACHED,
     Form,
-    dependence,
     doubled,
-    modes_of,
 )
 from controller.riccati.lyapunov import Lyapunov
 from hfa_support.errors import NoSolutionError
@@ -45,6 +40,7 @@ class StepForm(Form):
     """
 
     is_discrete = True
+    of_matrix = " of sqrt(discount) A"
 
     @staticmethod
     def units_of(game: Game) -> np.ndarray:
@@ -217,19 +213,15 @@ class StepForm(Form):
         E = self.disturbance
         return math.sqrt(float(np.linalg.eigvalsh(E.T @ X @ E).max(initial=0.0).clip(0.0)))
 
-    def obstacle(self) -> str:
-        """Return the mode because of which no delta has a solution, as one sentence, or ""."""
-        size = float(np.linalg.norm(self.A, 2)) or 1.0
-        for mode in modes_of(self.A):
-            value = mode.value
-            if abs(value) < 1.0 - mode.rounding:
-                continue
-            if dependence(self.A, value, self.inputs.T, size) <= BARELY:
-                return UNREACHED.format(f"{mode} of sqrt(discount) A, which does not decay")
-            on_circle = abs(value) <= 1.0 + mode.rounding
-            if on_circle and dependence(self.A.T, value, self.Q, size) <= BARELY:
-                return HIDDEN.format(f"{mode} of sqrt(discount) A")
-        return ""
+    @property
+    def reach(self) -> np.ndarray:
+        """B, (n, m)."""
+        return self.inputs
+
+    def beyond(self, value: complex) -> tuple[float, complex]:
+        """Return |λ| - 1, and λ / |λ|."""
+        size = abs(value)
+        return size - 1.0, value / (size or 1.0)
 
 
 def _least(matrix: np.ndarray) -> float:

@@ -149,7 +149,7 @@ def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, col
 
 
 def _draw_hinges(axes: Axes, aircraft: Model, point: OperatingPoint) -> None:
-    """Draw both hinges with the hinge moment, which is the same at both, on the side without panels."""
+    """Draw both hinges on the side without panels, with the hinge moment, the same at both."""
     span = hfa_model.parameters_of(aircraft).panel_span
     moment = hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment
     rounded = round(float(moment), 1)

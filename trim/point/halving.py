@@ -109,8 +109,8 @@ class _Search(NamedTuple):
     def improved_by(
         self, residual: np.ndarray, jacobian: np.ndarray, moving: np.ndarray | None
     ) -> np.ndarray:
-        """Return the mask (N,) of the trials at which |r| decreases, or |J⁻¹ r| with the last J, and
-        J is finite.
+        """Return the mask (N,) of the trials with a finite J at which |r| decreases, or |J⁻¹ r|
+        with the last J.
 
         The decrease of |J⁻¹ r| is that of the natural monotonicity test (Deuflhard, Newton Methods
         for Nonlinear Problems, Section 3.3).
