@@ -22,6 +22,7 @@ _TABLE = """
 --x0: --initial
 --k: --weights
 --gain: --weights
+--gamma: --delta --hold
 --critic: --weights
 --model: --aircraft
 --plant: --model --aircraft

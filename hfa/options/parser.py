@@ -98,8 +98,9 @@ class Parser(argparse.ArgumentParser):
             advised = ""
             if "=" in strays[0]:
                 advised = "; separate several values of an option by commas, NAME=VALUE,NAME=VALUE"
-            elif "--aircraft" in actions and re.search(r"[.:]", strays[0]):
-                advised = f"; give an aircraft by --aircraft {shortened(strays[0])}"
+            elif re.search(r"[.:]", strays[0]):
+                files = [each for each in ("--aircraft", "--model", "--weights") if each in actions]
+                advised = f"; give a file by its option, {' or '.join(files)}" * bool(files)
             self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}{advised}")
         typed = self.typed(parsed)
         missing = [
