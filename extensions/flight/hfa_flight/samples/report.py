@@ -67,7 +67,6 @@ def _outcomes(plan: MonteCarlo, read: Read) -> dict[str, Any]:
     found = {
         "schema": "hfa.monte-carlo-summary/1",
         "dynamics": model.name,
-        "plant": "nonlinear",
         "law": plan.policy.name,
         "members": plan.members,
         "seed": plan.seed,
