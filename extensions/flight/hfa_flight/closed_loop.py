@@ -52,11 +52,6 @@ class Plant:
         model = self.point.model
         return np.array([[float(name == other) for other in model.states] for name in model.linear])
 
-    @property
-    def trim(self) -> np.ndarray:
-        """Inputs U0 at the operating point, (m,)."""
-        return np.array(self.point.inputs)
-
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
         """Return the time derivative x' of the state deviations, (n,).
 
@@ -144,7 +139,7 @@ class NonlinearPlant(Plant):
         The arguments are those of `Plant.rate`. d acts on the states of the linear model.
         """
         p = components(parameters) if self.uncertain else self.model.p.tolist()
-        vectors = self._absolute(x), components(ca.DM(self.trim) + u), p
+        vectors = self._absolute(x), components(ca.DM(self.point.u) + u), p
         model = self._in(winds)
         rates, _ = model.layout.expressions(vectors, (), _values(winds, model))
         return rates + ca.mtimes(ca.DM(self.chosen.T), d)
@@ -170,7 +165,7 @@ class NonlinearPlant(Plant):
         return angle - getattr(self.point.states, ALPHA)
 
     def _absolute(self, x: ca.SX) -> list[ca.SX]:
-        return components(ca.DM(np.array(self.point.states)) + x)
+        return components(ca.DM(self.point.x) + x)
 
     def _in(self, winds: Winds) -> Model:
         """Return the model with all disturbances named in `winds`."""
@@ -271,9 +266,9 @@ class ClosedLoop:
     def __post_init__(self) -> None:
         """Raise BadInputError for wrong sizes and for a trim outside the actuators' limits."""
         k = len(self.plant.chosen)
-        m = self.plant.trim.size
+        m = self.plant.point.u.size
         if self.scenario.actuators is not None:
-            self.scenario.actuators.refuse_trim(self.plant.trim)
+            self.scenario.actuators.refuse_trim(self.plant.point.u)
         if isinstance(self.policy, GainPolicy) and self.policy.K.shape != (m, k):
             raise BadInputError(
                 f"the gain has shape {self.policy.K.shape}; give {m} x {k}, inputs x states"
@@ -315,7 +310,7 @@ class ClosedLoop:
             noise=0 if scenario.samples is None else len(self.plant.chosen),
             gust=0 if scenario.gust is None else scenario.gust.held_size,
             begin=1 if self.breaks.size else 0,
-            delay=2 + 2 * self.plant.trim.size if scenario.delayed_ticks else 0,
+            delay=2 + 2 * self.plant.point.u.size if scenario.delayed_ticks else 0,
         )
 
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -337,7 +332,7 @@ class ClosedLoop:
         command = self.policy.control(t, measurements, state.memory, inputs.policy)
         arriving = command
         if inputs.delay.numel():
-            m = plant.trim.size
+            m = plant.point.u.size
             begin, end, early, late = ca.vertsplit(inputs.delay, [0, 1, 2, 2 + m, 2 + 2 * m])
             arriving = early + (late - early) * (t - begin) / (end - begin)
         if scenario.actuators is None:
@@ -346,7 +341,7 @@ class ClosedLoop:
             actuators_rate = ca.SX(0, 1)
         else:
             actuators = scenario.actuators
-            applied = actuators.reachable(arriving, plant.trim)
+            applied = actuators.reachable(arriving, plant.point.u)
             u = measurements.positions
             actuators_rate = actuators.states_rate(state.actuators, applied, inputs.actuators)
         memory_rate = self.policy.memory_rate(t, measurements, state.memory, inputs.policy, applied)
@@ -429,7 +424,7 @@ class ClosedLoop:
         positions = ca.SX(0, 1)
         rates = ca.SX(0, 1)
         if actuators is not None:
-            positions = actuators.position(state.actuators, self.plant.trim)
+            positions = actuators.position(state.actuators, self.plant.point.u)
             rates = actuators.rates(state.actuators)
         updraft = ca.SX(winds.get(UPDRAFT, ca.SX(0, 1)))
         return Measurements(states - reference, states, positions, rates, updraft, since)

@@ -160,7 +160,7 @@ def fly(
     else:
         result, error = resolved(flown_in, _figures, happens.step)
         result = replace(result, integration=error)
-    start = result.flight.limited[0] + np.array(point.states)
+    start = result.flight.limited[0] + point.x
     refuse_start(within, start, happens.moving_air)
     if not (predict and flown.predicts):
         return result
@@ -252,7 +252,7 @@ def fly_within(
     progress: called during the flight
     """
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
-    trim = np.array(loop.plant.point.states)
+    trim = loop.plant.point.x
 
     def stop(rows: Deviations) -> np.ndarray:
         return outside(envelope, rows.limited + trim)
@@ -325,7 +325,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def states(self) -> np.ndarray:
         """Absolute states X (N, n), also by name: states["alpha"]."""
-        return with_names(self.flight.states + np.array(self.point.states), (), self.state_names)
+        return with_names(self.flight.states + self.point.x, (), self.state_names)
 
     @property
     def angles_of_attack(self) -> np.ndarray:
@@ -339,7 +339,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def inputs(self) -> np.ndarray:
         """Absolute inputs U (N, m), also by name."""
-        return with_names(self.flight.inputs + np.array(self.point.inputs), (), self.input_names)
+        return with_names(self.flight.inputs + self.point.u, (), self.input_names)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Return the absolute values, (N,), of a state, an input or an output, in its unit.
@@ -539,7 +539,7 @@ class Flight(StatesAndInputs, Result, Reported):
         columns = dict(zip(model.states, self.states.T, strict=True))
         columns |= dict(zip(model.inputs, self.inputs.T, strict=True))
         if self.predicted is not None:
-            predicted = self.predicted.states + np.array(self.point.states)
+            predicted = self.predicted.states + self.point.x
             for name, column in zip(model.states, predicted.T, strict=True):
                 columns[f"{name}_linear"] = column
         variables = {

@@ -61,7 +61,7 @@ def fastest_mode(point: OperatingPoint, half_widths: np.ndarray) -> float:
         shares = np.vstack([np.eye(k), -np.eye(k), corners])
     fastest = 0.0
     for share in shares:
-        X = np.array(point.states)
+        X = point.x
         X[rows] += share * half_widths
         A = model.at(type(point.states)(*X.tolist()), point.inputs).A
         if np.isfinite(A).all():

@@ -136,7 +136,7 @@ class FlightProblem:
 
         X: all states, absolute, (n,) or by name in their order
         """
-        away: np.ndarray = np.asarray(X, dtype=float) - np.array(self.point.states)
+        away: np.ndarray = np.asarray(X, dtype=float) - self.point.x
         return away[self.followed_places] / self.sizes[0]
 
     def inputs_of(self, v: np.ndarray) -> np.ndarray:
@@ -144,7 +144,7 @@ class FlightProblem:
 
         v: (m,)
         """
-        U = np.array(self.point.inputs)
+        U = self.point.u
         U[self.moved] += v * self.sizes[1]
         return U
 
@@ -152,13 +152,13 @@ class FlightProblem:
     def input_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest values of v, (m,) each."""
         limits = control_limits(self.model)
-        trim = np.array(self.point.inputs)
+        trim = self.point.u
         return (limits.lowest - trim)[self.moved], (limits.highest - trim)[self.moved]
 
     @cached_property
     def state_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest deviations of the followed states, (followed,) each."""
-        trim = np.array(self.point.states)
+        trim = self.point.x
         lowest = (self.envelope.lowest - trim)[self.followed_places]
         return lowest, (self.envelope.highest - trim)[self.followed_places]
 
@@ -258,7 +258,7 @@ class FlightProblem:
     def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
         """Return another trim as deviations z from the trim of the problem, (k,)."""
         other._refuse_other(self.model)
-        off: np.ndarray = np.array(other.states) - np.array(self.point.states)
+        off: np.ndarray = np.array(other.states) - self.point.x
         for place, name in enumerate(self.model.states):
             if (
                 place not in self.places
@@ -275,7 +275,7 @@ class FlightProblem:
 
         z: initial deviations, (k,)
         """
-        X = np.array(self.point.states)
+        X = self.point.x
         X[self.places] += z
         broken = self.envelope.broken(X)
         if broken:

@@ -175,7 +175,7 @@ def _example(
     model = point.model
     state, amount = displaced_state(model)
     loop = exported_loop(model, point, actuators=actuators)
-    trim = np.array(point.inputs)
+    trim = point.u
     name, unit = next(iter(command.items()))
     is_commanded = name in model.measurable
     tables = {
@@ -233,7 +233,7 @@ def _measured_loop(
 ) -> ca.Function:
     """Return the Function (y, u) -> (y', scheduling variable, measured outputs) in still air."""
     model = point.model
-    trim = np.array(point.inputs)
+    trim = point.u
     y = ca.SX.sym("y", len(loop.states))
     u = ca.SX.sym("u", len(trim))
     still = ca.SX(len(loop.inputs) - len(trim), 1)
@@ -242,7 +242,7 @@ def _measured_loop(
     moved = y[loop.flown :]
     names = list(model.states)
     rows = model.state_places(model.linear)
-    x = X[rows] - ca.DM(np.array(point.states)[rows])
+    x = X[rows] - ca.DM(point.x[rows])
     positions_of_actuators = actuators.position(moved, trim)
     measurements = Measurements(x, x, positions_of_actuators, actuators.rates(moved))
     measured = outputs.at(measurements)

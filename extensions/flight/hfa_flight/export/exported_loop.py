@@ -103,7 +103,7 @@ class Steering(NamedTuple):
 def given_inputs(model: Model, point: OperatingPoint) -> Steering:
     """Return the steering in which the loop's inputs v are the absolute inputs of the aircraft."""
     U = ca.SX.sym("U", len(model.inputs))
-    policy = GivenInputs("none", U - ca.DM(np.array(point.inputs)))
+    policy = GivenInputs("none", U - ca.DM(point.u))
     arguments = _channels(model, model.inputs, point.inputs)
     return Steering(policy, arguments, U, sets_inputs=False)
 
@@ -167,7 +167,7 @@ def exported_loop(
     U = ca.SX(0, 1)
     outputs: list[Channel] = []
     if steering.sets_inputs:
-        U = ca.densify(now.inputs + ca.DM(np.array(point.inputs)))
+        U = ca.densify(now.inputs + ca.DM(point.u))
         outputs = _channels(model, model.inputs, point.inputs)
     rates = ca.densify(ca.vertcat(now.rate, steering.filtered_rate))
     arguments = [ca.vertcat(Y, steering.filtered), ca.vertcat(w, steering.v)]

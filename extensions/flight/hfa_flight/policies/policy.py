@@ -227,7 +227,7 @@ def function_policy(name: str, function: ca.Function, point: OperatingPoint) -> 
     function: π, z (k,) -> u (m,)
     """
     limits = Limits.of(point.model, tuple(point.model.inputs))
-    trim = np.array(point.inputs)
+    trim = point.u
     identity = {"function": hashlib.sha256(function.serialize().encode()).hexdigest()}
     return FunctionPolicy(
         name, function, limits.lowest - trim, limits.highest - trim, identity=identity

@@ -52,7 +52,7 @@ class SampledPolicy(Policy):
         The policy is reset, and computed at the ticks that are samples.
         """
         self.reset()
-        states, inputs = np.array(self.point.states), np.array(self.point.inputs)
+        states, inputs = self.point.x, self.point.u
         ticks = round(self.dt / (self.tick or self.dt))
         held = [np.zeros(len(inputs))]
 

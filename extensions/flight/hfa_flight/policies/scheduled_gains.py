@@ -62,16 +62,14 @@ class TrimPath(Result):
         The entry for the rate of the scheduling variable, a state named NAME_rate, is r'(t).
         """
         model = self.base.model
-        deviation = table_expression(self.states, self.commanded(t)) - ca.DM(
-            np.array(self.base.states)
-        )
+        deviation = table_expression(self.states, self.commanded(t)) - ca.DM(self.base.x)
         rows = dict(zip(model.states, ca.vertsplit(deviation), strict=True))
         rows[f"{model.schedule}_rate"] = self.commands.rate(t)
         return ca.vertcat(*(rows[name] for name in model.linear))
 
     def inputs_at(self, t: Any) -> ca.SX:
         """Return the inputs of the reference, U0(r(t)) - U_base, (m,)."""
-        return table_expression(self.inputs, self.commanded(t)) - ca.DM(np.array(self.base.inputs))
+        return table_expression(self.inputs, self.commanded(t)) - ca.DM(self.base.u)
 
     @property
     def breaks(self) -> np.ndarray:

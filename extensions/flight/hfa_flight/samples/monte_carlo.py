@@ -103,7 +103,7 @@ class MonteCarlo(Reported):
                 "the random quantities of the scenario are already drawn; give the scenario "
                 "without drawn()"
             )
-        refuse_start(self.envelope, np.array(self.point.states) + self.scenario.initial)
+        refuse_start(self.envelope, self.point.x + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:
             if self.model.parameters[name].start == 0.0:
                 raise BadInputError(
@@ -209,7 +209,7 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     flight = result.flight
     left = result.departure
     states = list(plan.model.states)
-    trim = np.array(plan.point.inputs)
+    trim = plan.point.u
     flown = scenario.duration if left is None else left.time
     end = round(flown / scenario.step)  # 0 if turbulence exceeds the envelope at the start
     errors = flight.errors[:end]

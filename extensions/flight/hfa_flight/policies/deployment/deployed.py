@@ -111,14 +111,11 @@ class Deployed:
             refuse_unknown("cost.Q names the unknown state or output", name, known)
         for name in cost["R"]:
             refuse_unknown("cost.R names the input that no action moves,", name, self.commanded)
-        for name in self.commanded:
-            if name not in cost["R"]:
-                raise BadInputError(
-                    f"cost.R has no weight for {name}; give a weight for each "
-                    "input that an action moves"
-                )
-
-    # Symbols.
+        if missing := [name for name in self.commanded if name not in cost["R"]]:
+            raise BadInputError(
+                f"cost.R has no weight for {missing[0]}; give a weight for each input that an "
+                "action moves"
+            )
 
     def symbols(self, kind: Any = ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Return new symbols of X (n,), U (m,) and trim = (X0; U0; p).
@@ -162,28 +159,19 @@ class Deployed:
         """
         with prefix_errors(self.deployment.origin):
             for point in points:
-                n = len(self.model.states)
-                m = len(self.model.inputs)
-                trim = self.trim_vector(point)
-                at_trim = (trim[:n], trim[n : n + m], trim)
+                at_trim = (point.x, point.u, self.trim_vector(point))
                 entries = self.deployment.observation
                 o = _refuse_undefined("observation", entries, self.observe, at_trim, (0, 1))
-                o = np.tile(o, self.deployment.history)
-                arguments = (self._action_at(o) if action is None else action, *at_trim)
+                a = action
+                if a is None:
+                    a = np.array(self.act(np.tile(o, self.deployment.history))).ravel()
+                if not np.isfinite(a).all():
+                    raise BadInputError(
+                        "the output of policy.file is not finite at the trim; check the weights "
+                        "and the normalizer of the policy"
+                    )
                 inputs = tuple(self.model.inputs)  # those without a map stay at the trim
-                _refuse_undefined("action", inputs, self.unlimited_inputs, arguments, (0,))
-
-    def _action_at(self, o: np.ndarray) -> np.ndarray:
-        """Return the action (m,) of the policy for the observations o."""
-        a = np.array(self.act(o)).ravel()
-        if not np.isfinite(a).all():
-            raise BadInputError(
-                "the output of policy.file is not finite at the trim; check the weights and the "
-                "normalizer of the policy"
-            )
-        return a
-
-    # Functions.
+                _refuse_undefined("action", inputs, self.unlimited_inputs, (a, *at_trim), (0,))
 
     @cached_property
     def observe(self) -> ca.Function:
@@ -275,10 +263,10 @@ class Deployed:
         limits = Limits.of(self.model, tuple(self.model.inputs))
         unlimited = self.unlimited_inputs(a, X, U, trim)
         # An input that no action moves keeps its trim value, even outside its limits.
-        low = np.where([name in self.commanded for name in limits.names], limits.lowest, -np.inf)
-        high = np.where([name in self.commanded for name in limits.names], limits.highest, np.inf)
-        within = saturated(unlimited, ca.DM(low), ca.DM(high))
-        within = _unless_nan(unlimited, within)
+        moved = [name in self.commanded for name in limits.names]
+        low = np.where(moved, limits.lowest, -np.inf)
+        high = np.where(moved, limits.highest, np.inf)
+        within = _unless_nan(unlimited, saturated(unlimited, ca.DM(low), ca.DM(high)))
         return ca.Function("inputs", [a, X, U, trim], [ca.densify(within)])
 
     @property

@@ -67,8 +67,8 @@ class DeployedPolicy(Policy):
         """
         deployment = self.deployed.deployment
         trim = self.deployed.trim_vector(self.point)
-        states = np.array(self.point.states)
-        inputs = np.array(self.point.inputs)
+        states = self.point.x
+        inputs = self.point.u
         ticks = round(deployment.dt / self.tick)
         late = round(deployment.delay / self.tick)
         waiting: list[tuple[int, np.ndarray]] = []
@@ -98,7 +98,7 @@ class DeployedPolicy(Policy):
         """Return the eigenvalues of the loop at the equilibrium near the trim, 1/s, or None."""
         timing = self.deployed.deployment
         search = EquilibriumSearch(self.deployed, self.point)
-        equilibrium = search.from_point(np.array(self.point.states), np.array(self.point.inputs))
+        equilibrium = search.from_point(self.point.x, self.point.u)
         if equilibrium is None:
             return None
         values = np.linalg.eigvals(chain_of(equilibrium, timing.dt, timing.delay).closed)
