@@ -288,20 +288,15 @@ def autocorrelation(residual: np.ndarray, present: np.ndarray) -> np.ndarray:
     residual: (N,)
     present: whether each sample was measured, (N,)
     """
+    from scipy.signal import correlate
+
     values = np.where(present, residual, 0.0)
-    pairs = np.maximum(np.round(sums_of_products(present.astype(float))), 1.0)
-    means = sums_of_products(values) / pairs
+    sums, pairs = (
+        correlate(each, each, method="fft")[len(each) - 1 :]
+        for each in (values, present.astype(float))
+    )
+    means = sums / np.maximum(np.round(pairs), 1.0)
     return np.asarray(means / max(means[0], 1e-300))
-
-
-def sums_of_products(values: np.ndarray) -> np.ndarray:
-    """Return Σ_i v_i v_(i + lag) for lags 0 to N - 1.
-
-    values: v, (N,)
-    """
-    size = 2 ** int(np.ceil(np.log2(2 * len(values))))
-    spectrum = np.fft.rfft(values, size)
-    return np.asarray(np.fft.irfft(spectrum * spectrum.conj(), size)[: len(values)])
 
 
 def whiteness(residual: np.ndarray, present: np.ndarray) -> float:

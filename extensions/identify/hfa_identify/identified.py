@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -254,27 +254,10 @@ class Identified(Result, Reported):
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
-        return {
-            "dynamics": self.model.name,
-            "records": self.records,
-            "parameters": self.parameters,
-            "quantities": self.quantities,
-            "covariance": self.covariance,
-            "partings": self.partings,
-            "column_errors": self.column_errors,
-            "coloured": self.coloured,
-            "correlated": self.correlated,
-            "far": self.far,
-            "undetermined": self.undetermined,
-            "at_bounds": self.at_bounds,
-            "unexplained": self.unexplained,
-            "other_minimum": self.other_minimum,
-            "parts_disagree": self.parts_disagree,
-            "converged": self.converged,
-            "steps": self.steps,
-            "ok": self.ok,
-            "first_line": self.first_line,
-        }
+        entries = {each.name: getattr(self, each.name) for each in fields(self)}
+        del entries["model"], entries["fitted"]
+        computed = {name: getattr(self, name) for name in ("far", "ok", "first_line")}
+        return {"dynamics": self.model.name, **entries, **computed}
 
     def report(self) -> Report:
         """Return the report: estimates, quality of the fit, and findings."""
