@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import zipfile
 from collections.abc import Mapping
@@ -73,6 +74,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
 
 def _critics_of(entries: dict[str, Any], game: Game, reading: Reading) -> tuple[Critic, ...]:
     """Return the critics in the entries of a file of arrays: one, or one for each time."""
+    refuse_other_step(entries, game.dt)
     if game.is_discrete and "H" in entries:
         beside_H: dict[str, Any] = {
             name: entries[name] for name in ("P", "K", "L") if name in entries
@@ -100,6 +102,23 @@ def _critics_of(entries: dict[str, Any], game: Game, reading: Reading) -> tuple[
         )
     critic = from_parts(game, parts, psi, policy_in(entries, game.names))
     return (critic if L is None else replace(critic, L=numbers_in("L", L)),)
+
+
+def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> None:
+    """Raise BadInputError if a critic's file has a sample time, but not that of the game.
+
+    dt: sample time of the game, s, True if it is not known, None in continuous time
+    """
+    stored = sample_time(entries)
+    if stored is None or (dt is not None and (dt is True or stored is True)):
+        return
+    if dt is None or not math.isclose(stored, dt, rel_tol=1e-6):
+        own = "continuous time" if dt is None else f"steps of {dt:g} s"
+        steps = "discrete time" if stored is True else f"steps of {stored:g} s"
+        raise BadInputError(
+            f"the file has a policy in {steps}, but the game is in {own}; give a policy of this "
+            "game, or a sampled gain to hfa assess FILE --sample-time S"
+        )
 
 
 @checks_arguments

@@ -21,9 +21,11 @@ from controller.critic.critic_file import (
     is_network,
     policy_in,
     read_critic,
+    refuse_other_step,
     single_parts,
 )
 from controller.game.linear_game import names_of_linear
+from controller.riccati.gare import Solution
 from controller.tracking import Tracking
 from hfa_flight.policies.controller import servo_policy
 from hfa_flight.policies.deployment.deployment import Deployment
@@ -88,6 +90,8 @@ def policy_and_scenario(
         return policy, replace(scenario, reference=given.exact.reference)
     if isinstance(given, ScheduledController | GainSchedule):
         return controller_policy(given, point, scenario, command_steps({}))
+    if isinstance(given, Solution):
+        given.game.refuse_steps("hfa.fly")
     if hasattr(given, "K"):
         return GainPolicy(getattr(given, "origin", "exact"), given.K), scenario
     if callable(given):
@@ -149,6 +153,7 @@ def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
     of_gain = {name: entry for name, entry in entries.items() if name not in ("W", "P")}
     plant = names_of_linear(point.linearize())
     with prefix_errors(path):
+        refuse_other_step(entries, None)
         K = single_parts(of_gain, plant, None)["K"]
         policy = policy_in(entries, plant)
     return Critic(K, network={} if policy is None else {"policy": policy})

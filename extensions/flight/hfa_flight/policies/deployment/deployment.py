@@ -396,7 +396,8 @@ def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
     """Return the gain K in a critic's file."""
     n, m = len(model.linear), len(model.inputs)
     names = PlantNames(tuple(model.linear), tuple(model.inputs), origin=model.name)
-    plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names=names)
+    one = np.eye(n)
+    plant = Game(one, np.zeros((n, m)), one, one, np.eye(m), np.inf, names=names, dt=True)
     critic = critic_in(path, plant)
     if critic.feedback is not None or not critic.linear:
         raise BadInputError(
