@@ -172,6 +172,7 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
     [
         ({"level": [1.0, 2.0]}, "K is missing"),
         ({"K": np.ones((2, 1))}, "K is 2 x 1; give a K of 1 x 2"),
+        ({"K": np.ones((1, 2)), "dt": 0.1}, "a policy in steps of 0.1 s"),
         ({"K": np.ones((2, 1, 2))}, "level is missing"),
         ({"K": np.ones((1, 1, 2)), "level": [1.0]}, "fewer than two values"),
         ({"K": np.ones((2, 1, 2)), "level": [2.0, 1.0]}, "increasing order"),

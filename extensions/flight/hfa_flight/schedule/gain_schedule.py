@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from controller.critic.critic_file import refuse_other_step
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
-from hfa_aircraft.readers.matrices_file import file_scales, sample_time, words
+from hfa_aircraft.readers.matrices_file import file_scales, words
 from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors
@@ -108,8 +109,8 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     The entry `state_units` may state SI or English units for one gain. A table must be in the units
     of the model.
 
-    Raises BadInputError if K or the breakpoints are missing or have a wrong shape, or if the units
-    of a table differ.
+    Raises BadInputError if K or the breakpoints are missing or have a wrong shape, if the units of
+    a table differ, or if the gains are for a sample time.
     """
     stored = read_arrays(path)
     m = len(model.inputs)
@@ -117,7 +118,7 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     key = model.schedule_key
     plant = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
     with prefix_errors(path):
-        sample_time(stored)
+        refuse_other_step(stored, None)
         if "K" not in stored:
             raise BadInputError(
                 f"K is missing; add a K of {m} x {n}, or one for each value of {key}"
