@@ -76,18 +76,13 @@ class TrimPath(Result):
         """Times of the steps of the commands, s."""
         return self.commands.times
 
-    @property
-    def filter(self) -> tuple[float, float]:
-        """Bandwidth, rad/s, and damping of the filter of the commands."""
-        return self.commands.bandwidth, self.commands.damping
-
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "names": self.commands.names,
             "values": self.commands.values,
             "times": self.commands.times,
-            "filter": self.filter,
+            "filter": (self.commands.bandwidth, self.commands.damping),
         }
 
 
