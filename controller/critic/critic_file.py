@@ -104,6 +104,15 @@ def _critics_of(entries: dict[str, Any], game: Game, reading: Reading) -> tuple[
     return (critic if L is None else replace(critic, L=numbers_in("L", L)),)
 
 
+def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
+    """Return the gain K (m, n) in the entries of a critic file, in the units of the plant.
+
+    Raises BadInputError as `single_parts` does.
+    """
+    of_gain = {name: entry for name, entry in entries.items() if name not in ("W", "P")}
+    return single_parts(of_gain, plant, None)["K"]
+
+
 def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> None:
     """Raise BadInputError if a critic's file has a sample time, but not that of the game.
 

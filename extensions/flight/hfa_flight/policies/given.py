@@ -18,11 +18,11 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.critic_file import (
     entries_in,
+    gain_in,
     is_network,
     policy_in,
     read_critic,
     refuse_other_step,
-    single_parts,
 )
 from controller.game.linear_game import names_of_linear
 from controller.riccati.gare import Solution
@@ -150,11 +150,10 @@ def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
     entries = {} if is_network(path) else entries_in(path)
     if "K" not in entries:
         return read_critic(path)
-    of_gain = {name: entry for name, entry in entries.items() if name not in ("W", "P")}
     plant = names_of_linear(point.linearize())
     with prefix_errors(path):
         refuse_other_step(entries, None)
-        K = single_parts(of_gain, plant, None)["K"]
+        K = gain_in(entries, plant)
         policy = policy_in(entries, plant)
     return Critic(K, network={} if policy is None else {"policy": policy})
 

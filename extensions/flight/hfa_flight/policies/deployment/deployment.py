@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from controller.critic.critic_file import critic_in
-from controller.game.zero_sum import Game
+from controller.critic.critic_file import entries_in, gain_in, is_network
 from hfa_aircraft.names import PlantNames
 from hfa_flight.policies.deployment.actor import (
     NONE as NONE,
@@ -394,17 +393,15 @@ def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
 
 def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
     """Return the gain K in a critic's file."""
-    n, m = len(model.linear), len(model.inputs)
-    names = PlantNames(tuple(model.linear), tuple(model.inputs), origin=model.name)
-    one = np.eye(n)
-    plant = Game(one, np.zeros((n, m)), one, one, np.eye(m), np.inf, names=names, dt=True)
-    critic = critic_in(path, plant)
-    if critic.feedback is not None or not critic.linear:
+    entries = {} if is_network(path) else entries_in(path)
+    if "K" not in entries or "policy_weights" in entries:
         raise BadInputError(
-            f"{path}: the file contains no linear policy u = -K x; write a "
-            "deployment file for this policy"
+            f"{path}: the file contains no linear policy u = -K x; write a deployment file for "
+            "this policy"
         )
-    return critic.K
+    names = PlantNames(model.linear, tuple(model.inputs), origin=model.name)
+    with prefix_errors(path):
+        return gain_in(entries, names)
 
 
 def _plain(value: Any) -> Any:
