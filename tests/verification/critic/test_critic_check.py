@@ -38,7 +38,13 @@ from hfa_model import INPUTS, LINEAR_STATES
 from verification import Box, Scope, relative_error
 
 QUADRATIC = basis("quadratic", 6)
-RICHER = pytest.mark.parametrize("name", ["quadratic+linear", "quadratic+quartic", "paper"])
+RICHER = pytest.mark.parametrize(
+    "name",
+    [
+        *(pytest.param(f"quadratic+{x}", marks=pytest.mark.slow) for x in ("linear", "quartic")),
+        "paper",
+    ],
+)
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
 pytestmark = pytest.mark.usefixtures("folder")
 
