@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -55,6 +56,26 @@ def test_the_quickest_time_with_speed_limit_is_exact() -> None:
     )
     assert best.seconds == pytest.approx(8.0 / 2.0 + 2.0 / 2.0, rel=5e-3)
     assert np.abs(best.states[:, 1]).max() <= 2.0
+
+
+def test_without_a_proposal_the_time_is_when_a_simulated_flight_arrives_to_stay() -> None:
+    """Where the optimizer finds nothing: the first time after which no state leaves its box."""
+    smooth = cart()
+
+    def rates(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {
+            "position": x.velocity,
+            "velocity": u.force * (1 + 0.9 * ca.sin(60 * x.position)),
+        }, {}
+
+    model = hfa.Model("comb", smooth.states, smooth.inputs, rates, trim={"position": 0.0})
+    best = hfa.optimize(model, hfa.trim(model), {"position": 8.0}, minimize="time")
+    assert best.reason is not None
+    boxes = [best.box[name] for name in model.states]
+    inside = (np.abs(np.asarray(best.states)) <= boxes).all(axis=1)
+    after = np.asarray(best.time) >= best.seconds
+    assert inside[after].all()
+    assert not inside[~after][-1]
 
 
 def assert_scipy_arrives(flight: Any, target: Any) -> None:
