@@ -58,20 +58,30 @@ def test_the_quickest_time_with_speed_limit_is_exact() -> None:
     assert np.abs(best.states[:, 1]).max() <= 2.0
 
 
-def test_without_a_proposal_the_time_is_when_a_simulated_flight_arrives_to_stay() -> None:
-    """Where the optimizer finds nothing: the first time after which no state leaves its box."""
+def quickest_of_comb(waves: float) -> Any:
+    """Return the quickest flight of a cart whose force depends on the position in waves."""
     smooth = cart()
 
     def rates(x: Any, u: Any, p: Any, w: Any) -> Any:
-        return {
-            "position": x.velocity,
-            "velocity": u.force * (1 + 0.9 * ca.sin(60 * x.position)),
-        }, {}
+        push = u.force * (1.0 + 0.98 * ca.sin(waves * x.position))
+        return {"position": x.velocity, "velocity": push}, {}
 
     model = hfa.Model("comb", smooth.states, smooth.inputs, rates, trim={"position": 0.0})
-    best = hfa.optimize(model, hfa.trim(model), {"position": 8.0}, minimize="time")
+    return hfa.optimize(model, hfa.trim(model), {"position": 8.0}, minimize="time")
+
+
+def test_meshes_are_refined_until_their_times_agree() -> None:
+    """The times on two meshes differ by less than 0.5 %, where those on the first two do not."""
+    best = quickest_of_comb(14.0)
+    assert best.reason is None
+    assert best.spread < 0.005
+
+
+def test_without_a_proposal_the_time_is_when_a_simulated_flight_arrives_to_stay() -> None:
+    """Where no two meshes agree: the first time after which no state leaves its box."""
+    best = quickest_of_comb(26.0)
     assert best.reason is not None
-    boxes = [best.box[name] for name in model.states]
+    boxes = [best.box[name] for name in best.model.states]
     inside = (np.abs(np.asarray(best.states)) <= boxes).all(axis=1)
     after = np.asarray(best.time) >= best.seconds
     assert inside[after].all()
