@@ -15,9 +15,7 @@ from hfa_support.errors import BadInputError, refuse_unless_positive
 
 
 class Gust:
-    """Base class of gusts. By default, a gust is an updraft w(t), positive up.
-
-    Subclasses with other components override `winds`.
+    """Base class of gusts.
 
     names: disturbances of the model that the gust sets
     held_size: number of inputs of the gust that are constant during a tick
@@ -32,10 +30,6 @@ class Gust:
         t: s
         held: (held_size,), held inputs of the tick
         """
-        return {UPDRAFT: ca.SX(self.updraft(t))}
-
-    def updraft(self, t: Any) -> Any:
-        """Return the updraft w at t, as a number or an expression."""
         raise NotImplementedError
 
     def left_out(self, model: Model) -> list[str]:
@@ -95,7 +89,11 @@ class OneMinusCosine(Gust):
         """Time at which the gust ends, s."""
         return self.begin + self.length / self.speed
 
+    def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
+        """Return the updraft at time t."""
+        return {UPDRAFT: ca.SX(self.updraft(t))}
+
     def updraft(self, t: Any) -> Any:
-        """Return the updraft w at t, as a number or an expression."""
+        """Return the updraft w at t, positive up, as a number or an expression."""
         phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
         return self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))
