@@ -11,6 +11,6 @@ from .linear.modes import modes_of as modes_of
 from .linear.transfer import Transfer as Transfer
 from .point.condition import release as release, usual_condition as usual_condition
 from .point.solve import TrimError as TrimError
-from .point.trim_report import trim_report as trim_report
+from .point.trim_report import levels_of as levels_of, trim_report as trim_report
 from .sweeps.interpolated import InterpolatedModel as InterpolatedModel
 from .sweeps.points import trim_points as trim_points

@@ -40,10 +40,7 @@ SCHEMA = "hfa.operating-point/1"
 #: Outputs whose derivatives belong to the sheet of a trim.
 _SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust")
 #: Call that returns the levels of MIL-F-8785C for a class and a category.
-_LEVELS = (
-    "trim.graded({each.name: each.value for each in trim.handling_qualities(point)}, "
-    '[mode.name for mode in point.modes], trim.Airplane("III", "C"))'
-)
+_LEVELS = 'trim.levels_of(point, trim.Airplane("III", "C"))'
 
 
 @dataclass(frozen=True, repr=False)

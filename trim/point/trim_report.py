@@ -226,7 +226,7 @@ def trim_report(
     unbalanced = {name: rate for name, rate in rates.items() if name not in condition.rates}
     figures = figures_of(point, condition) if point.ok else Figures()
     modes = point.modes if point.ok and not point.fault else ()
-    levels = levels_of(point, modes, airplane or Airplane())
+    levels = levels_of(point, airplane or Airplane())
     configuration = configuration_of(point)
     reference = reference_of(point)
     validity = {
@@ -305,14 +305,18 @@ def _about_lines(
         yield tuple(lines)
 
 
-def levels_of(point: OperatingPoint, modes: Sequence[Any], airplane: Airplane) -> tuple[Any, ...]:
-    """Return the levels of the modes of a trim by MIL-F-8785C, (`Graded`, ...)."""
+@checks_arguments
+def levels_of(point: OperatingPoint, airplane: Airplane) -> tuple[Graded, ...]:
+    """Return the levels of the modes of a trim by MIL-F-8785C, () without a trim or a speed.
+
+    airplane: class and category
+    """
     from trim.linear.handling_qualities import handling_qualities
 
-    if not modes or "speed" not in recognized(point.model.states):
+    if not point.ok or point.fault or "speed" not in recognized(point.model.states):
         return ()
     qualities = {each.name: each.value for each in handling_qualities(point)}
-    return graded(qualities, [mode.name for mode in modes], airplane)
+    return graded(qualities, [mode.name for mode in point.modes], airplane)
 
 
 def _variables(model: Model, margins: Mapping[str, Margin]) -> list[Any]:
