@@ -14,7 +14,7 @@ from project import ROOT
 from simulated_cases import SMALL, SimulatedCase
 
 import hfa
-from hfa import fly, learn, solve
+from hfa import fly, solve
 from hfa_flight import Scenario, Waveform
 from studies.section5.configuration import PaperFlight, section5_configuration
 from studies.section5.flights import (
@@ -34,6 +34,7 @@ from studies.section5.flights import (
     simulate_plan,
 )
 from studies.section5.laws.integral_rl import baseline_gain
+from studies.section5.laws.laws import learn
 from studies.section5.learned_gains import certified_gains
 from studies.section5.metrics import TRACKED
 
@@ -72,7 +73,8 @@ def feedforward(case: Any) -> Any:
 
 def constants_of(setting: Setting, law: str, predefined_time: float) -> Any:
     reference = setting.configuration.reference
-    return law_of(setting, setting.case(5.0), law, predefined_time, False, reference)[0].held_inputs
+    policy = law_of(setting, setting.case(5.0), law, predefined_time, False, reference)[0]
+    return lambda tick: policy.held_inputs(tick, 0.0)
 
 
 def test_the_signals_equal_the_papers_formulas() -> None:
@@ -278,7 +280,7 @@ def test_learning_in_flight_begins_with_the_baseline(
 
     Gains do not depend on later data.
     """
-    learned = learn(newton.game, predefined_time=2.0)
+    learned = learn(newton.game, "certified", 0, predefined_time=2.0)
     baseline = baseline_gain(newton.game)
     gains, certified_from = certified_gains(newton.game, learned, 0.01, baseline)
     assert 0.0 < certified_from < 2.0
