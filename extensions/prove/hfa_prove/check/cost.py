@@ -21,11 +21,13 @@ import casadi as ca
 import numpy as np
 
 from hfa_prove.check.cover import Boxes, RefutedError, refute
+from hfa_prove.check.definite import Ends, Factor, ModelMatrix
 from hfa_prove.check.equilibrium import check_near, equilibrium_near
 from hfa_prove.check.piece import ROUNDING, OnPiece
-from hfa_prove.enclosure.balls import hull, is_positive_definite
 from hfa_prove.enclosure.elementary import TINY
-from hfa_prove.enclosure.taylor import Models, TaylorProgram, highest, lowest
+from hfa_prove.enclosure.program import Program
+from hfa_prove.enclosure.slopes import Intervals, jacobian
+from hfa_prove.enclosure.taylor import TaylorProgram, highest, lowest
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.cost import CostStatement, CostWitness
 from hfa_support.errors import BadInputError
@@ -53,13 +55,6 @@ class Guess(NamedTuple):
     def part(self, boxes: np.ndarray) -> Guess:
         """Return the estimates for the boxes with the given indices."""
         return Guess(self.value[boxes], self.slopes[boxes])
-
-
-class Ends(NamedTuple):
-    """Lower and upper bounds of numbers, arrays of one shape."""
-
-    low: np.ndarray
-    high: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -376,35 +371,45 @@ class CostInequality(OnPiece):
         return np.asarray(np.sqrt(np.sum(b**2 / curvature) / curvature) * (1.0 + 1e-9))
 
     def _is_convex(self, box: Boxes, radii: np.ndarray) -> bool:
-        """Return whether the Hessian H of g in (z, v) is proved positive definite on a box.
+        """Return whether g is proved strictly convex in (z, v) on a box.
 
-        With the Cholesky factor L of H at the center and C = L⁻ᵀ, C'H C is near the identity. It is
-        enclosed on the whole box and proved positive definite.
+        The gradient of g has bounded slopes (it does not jump), and the Hessian is positive
+        definite.
 
         box: box about the equilibrium
         radii: (m,), the proof covers all inputs with |v_i| <= radii_i
         """
-        of_yzv = self._hessian_on(box, radii)
         lift = np.vstack([np.pad(self.piece.M, ((0, 0), (0, self.m))), np.eye(self.n + self.m)])
-        H = lift.T @ of_yzv.c[:, :, 0] @ lift
-        try:
-            C = np.linalg.inv(np.linalg.cholesky(0.5 * (H + H.T))).T
-        except np.linalg.LinAlgError:
-            return False
-        near_one = of_yzv.congruent(lift, C)
-        if not np.all(np.isfinite(near_one)):
-            return False
-        enclosed = hull(*near_one)
-        return bool(is_positive_definite(enclosed + enclosed.transpose()))
+        of_zv = Factor.exact(lift)
+        return self._has_bounded_slopes(box, radii) and self._hessian_on(box, radii).is_definite(
+            of_zv, of_zv
+        )
 
-    def _hessian_on(self, box: Boxes, radii: np.ndarray) -> _Matrix:
+    def _has_bounded_slopes(self, box: Boxes, radii: np.ndarray) -> bool:
+        """Return whether the slopes of the gradient of g in (y, z, v) are proved bounded on a box.
+
+        At a kink of the rates they are not.
+        """
+        linear, radius = self.symbols_on(box)
+        reach = np.abs(linear[:, 1:, 0]).sum(axis=1) + radius[:, 0]
+        reach[self._of_inputs] = radii
+        symbols = Intervals(np.zeros(len(reach)), reach * (1.0 + ROUNDING))
+        return jacobian(self._gradient, symbols).slopes.is_bounded
+
+    def _hessian_on(self, box: Boxes, radii: np.ndarray) -> ModelMatrix:
         """Return the Hessian of g in (y, z, v) for y in a box and |v_i| <= radii_i."""
         size = 2 * self.n + self.m
         linear, radius = self.symbols_on(box)
         of_v = np.zeros((len(linear), self.m, 1))
         of_v[self._of_inputs, :, 0] = np.diag(radii)
         models = self._hessian.of(np.concatenate([linear, of_v], axis=1), radius)
-        return _Matrix(models.c.reshape(size, size, -1), models.radius.reshape(size, size))
+        return ModelMatrix.of(models, size, self.n + self.m)
+
+    @cached_property
+    def _gradient(self) -> Program:
+        """Program of the gradient of g in (y, z, v)."""
+        y, z, v, _ = self.symbols
+        return self.program([ca.gradient(self._margin, ca.vertcat(y, z, v))])
 
     @cached_property
     def _hessian(self) -> TaylorProgram:
@@ -412,35 +417,6 @@ class CostInequality(OnPiece):
         y, z, v, _ = self.symbols
         second = ca.hessian(self._margin, ca.vertcat(y, z, v))[0]
         return TaylorProgram(self.program([ca.vec(second)]), self.n + self.m)
-
-
-class _Matrix(NamedTuple):
-    """Taylor models of the entries of a square matrix over one box.
-
-    c: coefficients, (k, k, coefficients of an entry)
-    radius: (k, k)
-    """
-
-    c: np.ndarray
-    radius: np.ndarray
-
-    def congruent(self, lift: np.ndarray, C: np.ndarray) -> Ends:
-        """Return bounds of the entries of C' lift' H lift C, (p, p), for all H in the models.
-
-        lift: (k, p)
-        C: (p, p)
-        """
-        J = lift @ C
-        size = len(J)
-        p = len(C)
-        c = np.einsum("ajk,jb->abk", np.einsum("ia,ijk->ajk", J, self.c), J)
-        # J is a sum of p terms, and either product of at most `size` terms
-        rounded = 4.0 * (size + 2) * 2.0**-53 * (np.abs(self.c).sum(axis=2) + self.radius)
-        sizes = np.abs(lift) @ np.abs(C)
-        radius = sizes.T @ (self.radius + rounded) @ sizes * (1.0 + ROUNDING)
-        listed = radius.reshape(-1, 1)
-        models = Models(c.reshape(p * p, -1, 1), listed, listed)
-        return Ends(lowest(models, p).reshape(p, p), highest(models, p).reshape(p, p))
 
 
 def _least_change(b: Ends, curvature: np.ndarray, d: Ends) -> np.ndarray:
