@@ -422,3 +422,48 @@ def test_each_clause_refuses_its_forgery(name: str) -> None:
     change(made)
     with pytest.raises((NoSolutionError, BadInputError), match=message):
         checked(made)
+
+
+def _plane(rates: Any, M: np.ndarray, share: float = 1.0) -> Decrease:
+    """Return the claim that a² + share b² decreases for rates(a, b), with y = M (a, b)."""
+    model = Model(
+        "plane",
+        {"a": Signal(), "b": Signal()},
+        {},
+        lambda x, u, p, w: (dict(zip(("a", "b"), rates(x.a, x.b), strict=True)), {}),
+        trim={},
+    )
+    still = {"a": 0.0, "b": 0.0}
+    loop = Loop(model, {}, still, {}, {}, {}, Gain(np.zeros((0, 2)), {}))
+    N = np.linalg.inv(M)
+    V = N.T @ np.diag([1.0, share]) @ N
+    terms = ((V[0, 0], (2, 0)), (2.0 * V[0, 1], (1, 1)), (V[1, 1], (0, 2)))
+    W = Polynomial(2, tuple(term for term in terms if term[0]))
+    ends, at = np.array([[-1.0, 1.0]] * 2), Equilibrium(np.zeros(2), np.zeros(2))
+    return Decrease(loop, at, Piece(M, W, 0.5), ends, np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize(("less", "more"), [(6.62, 6.64), (-6.62, -6.64)])
+def test_the_hole_ends_where_the_jacobian_is_no_longer_definite(less: float, more: float) -> None:
+    """J + J' is definite on |a|, |b| <= h if c h < 0.8284 for b' = -b + c a b, and if c h < 2 for
+    a' = -a + c b² / 2. For a² + b² / 4, a' = -a + c b needs c < 1.
+    """
+    for c, k in ((less, 3), (more, 4)):
+        assert _plane(lambda a, b, c=c: (-a, -b + c * a * b), np.eye(2)).hole == k
+        c *= 2.0 / 0.8284
+        assert _plane(lambda a, b, c=c: (-a + 0.5 * c * b**2, -b), np.eye(2)).hole == k
+    assert _plane(lambda a, b: (-a + 0.99 * b, -b), np.eye(2), 0.25).hole == 1
+    with pytest.raises(NoSolutionError):
+        _ = _plane(lambda a, b: (-a + 1.01 * b, -b), np.eye(2), 0.25).hole
+
+
+def test_skewed_coordinates_do_not_shrink_the_hole() -> None:
+    """With y = M z, J + J' is definite for |y_i| 33 c < 0.8284, as the Taylor models keep z = M⁻¹ y."""
+    M = np.array([[1.0, 32.0], [0.0, 1.0]])
+    assert _plane(lambda a, b: (-a, -b + 6.62 * a * b), M).hole <= 9
+
+
+def test_rates_with_a_jump_are_not_proved_across_it() -> None:
+    """The Jacobian of a' = -a + [a > 0.1] is -1 on both sides of the jump."""
+    claim = _plane(lambda a, b: (-a + ca.if_else(a > 0.1, 1.0, 0.0), -b), np.eye(2))
+    assert claim.hole == 4

@@ -610,6 +610,18 @@ def test_the_hessian_covers_both_ends_of_entries() -> None:
     assert not _on_a_line(uneven, 0.3)._is_convex(box, np.zeros(1))
 
 
+def test_the_hole_contains_no_kink_of_the_rates() -> None:
+    """The Hessian of g for x' = u - 0.02 max(x - 0.05, 0) is definite on both sides of the kink."""
+    kinked = replace(
+        SLED,
+        equations=lambda x, u, p, w: (
+            {"position": u.speed - 0.02 * ca.fmax(x.position - 0.05, 0.0)},
+            {},
+        ),
+    )
+    assert _on_a_line(kinked, 0.9375).hole == 5
+
+
 def test_the_edge_with_largest_variation_is_halved() -> None:
     """A box is halved along the edge on which g, the left side of g >= 0, varies most.
 
