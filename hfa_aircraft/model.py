@@ -24,7 +24,14 @@ from hfa_aircraft.layout import (
 )
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, NotFiniteError, is_finite, refuse_unknown, shown
+from hfa_support.errors import (
+    BadInputError,
+    NotFiniteError,
+    is_finite,
+    pair_of,
+    refuse_unknown,
+    shown,
+)
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
 from hfa_support.units import si_factor
@@ -623,7 +630,8 @@ def _check_signal(where: str, signal: Signal) -> None:
             f"{where}: nominal, rate, start are {shown(numbers)}; give finite numbers, nominal and "
             "rate positive"
         )
-    if not signal.min <= signal.max:
+    lowest, highest = pair_of(f"{where}: min, max", (signal.min, signal.max))
+    if not lowest <= highest:
         raise BadInputError(
-            f"{where}: min {signal.min:g} is above max {signal.max:g}; exchange the two limits"
+            f"{where}: min {lowest:g} is above max {highest:g}; exchange the two limits"
         )

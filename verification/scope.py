@@ -11,7 +11,8 @@ import numpy as np
 from controller.expansion.deviations import rates_about_trim
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
+from hfa_support.errors import refuse_unless_whole
 from trim.linear.linear_model import LinearModel
 from verification.box import Box
 
@@ -72,3 +73,9 @@ class Scope:
     box: Box | None = None
     plant: NonlinearPlant | None = None
     flights: int = FLIGHTS
+
+    def __post_init__(self) -> None:
+        """Raise BadInputError for another type of plant or number of flights."""
+        if self.plant is not None:
+            need(self.plant, NonlinearPlant, "Scope: plant", "verification.nonlinear_plant(linear)")
+        refuse_unless_whole("Scope: flights", self.flights, 0)

@@ -20,7 +20,7 @@ from controller.riccati.balancing import balanced, spectrum
 from controller.riccati.bilinear import System, in_continuous_time
 from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.frequency_response import level_crossings, responses
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
 
@@ -214,6 +214,7 @@ def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     stable.
     Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020), 78-95.
     """
+    need(game, Game, "disk_margin: game", "a game: hfa.game(linear, Q, R, delta)")
     return disk_of(loop_at_inputs(game, K))
 
 

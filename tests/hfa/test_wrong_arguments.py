@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,10 @@ import pytest
 from project import ROOT
 
 import hfa
+from controller import disk_margin
 from hfa import BadInputError, NoSolutionError
+from hfa_aircraft import in_si
+from trim import handling_qualities, transfers
 from verification import Box, Scope
 
 
@@ -148,11 +152,29 @@ def test_a_wrong_main_argument_is_named(name: str) -> None:
 GAME = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0], delta=2.0)
 
 
-@pytest.mark.parametrize("box", [5, Box([1.0, 1.0], ""), Box([-1.0], ""), Box("x", "")])
-def test_a_wrong_box_of_a_scope_is_named(box: Any) -> None:
-    """A box that is none, or without a positive half-width for each state, is refused."""
-    with pytest.raises(BadInputError, match=r"^[^\n]*scope\.box[^\n]*$"):
-        hfa.verify(GAME, hfa.from_gain(GAME, [[1.0]]), scope=Scope(box))
+#: Words of the message -> wrong call of a public name that is not a main argument of a function.
+WRONG_PARTS: dict[str, Callable[[], Any]] = {
+    **{
+        f"scope.box is {given}": partial(Scope, Box(box, ""))
+        for given, box in {"[1.0, 1.0]": [1.0, 1.0], "[-1.0]": [-1.0]}.items()
+    },
+    "scope.box is 5": partial(Scope, 5),
+    "flights is 'x'": partial(Scope, flights="x"),
+    "plant is 3": partial(Scope, plant=3),
+    "linear is 3": partial(hfa.verify, GAME, hfa.from_gain(GAME, [[1.0]]), linear=3),
+    "min, max is": partial(hfa.Model, "a", {"x": hfa.Signal(min="a")}, {}, len),
+    "game is 5": partial(disk_margin, 5, 5),
+    "point is 5": partial(handling_qualities, 5),
+    "system is 5": partial(transfers, 5),
+    "model is 5": partial(in_si, 5),
+}
+
+
+@pytest.mark.parametrize("words", WRONG_PARTS)
+def test_a_wrong_part_is_named(words: str) -> None:
+    """A wrong part of an argument is refused in one line, at the latest in its use by `verify`."""
+    with pytest.raises(BadInputError, match=rf"^[^\n]*{re.escape(words)}[^\n]*$"):
+        hfa.verify(GAME, hfa.from_gain(GAME, [[1.0]]), scope=WRONG_PARTS[words]())
 
 
 def test_matrices_in_place_of_a_game_name_the_game() -> None:

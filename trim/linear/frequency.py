@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
@@ -44,6 +44,7 @@ def transfers(system: System) -> list[Transfer]:
 
     All inputs of the first output come first, then those of the second output, and so on.
     """
+    need(system, System, "transfers: system", "linear.system")
     A, B, C, D = system.scaled()
     poles = spectrum(A)
     functions = []

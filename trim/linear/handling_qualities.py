@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_aircraft.model import recognized
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
@@ -53,6 +53,9 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
     step of the input that pitches the aircraft most. Lags follow, and all other states except alpha
     and pitch rate are held.
     """
+    from trim.point.operating_point import OperatingPoint
+
+    need(point, OperatingPoint, "handling_qualities: point", "a trim: hfa.trim(model)")
     linear = point.linearize(disturbances=())
     quantities = []
     for name in _OSCILLATING:

@@ -23,6 +23,7 @@ from hfa_support.errors import (
 )
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Part
+from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import critic_errors
 from verification.error_table import (
@@ -36,7 +37,6 @@ from verification.scope import LIMIT, Scope
 from verification.verdict import Details, Section, Verdict, explained
 
 if TYPE_CHECKING:
-    from trim.linear.linear_model import LinearModel
     from verification.network.search import Findings
     from verification.nonlinear_game import NonlinearComparison
 
@@ -102,6 +102,8 @@ def verify(
     refuse_unless_positive("limit", limit)
     scope = scope or Scope()
     need(scope, Scope, "verify: scope", "verification.Scope(...)")
+    if linear is not None:
+        need(linear, LinearModel, "verify: linear", LinearModel._how_to_make)
     critics = _critics(game, critic)
     judged = JudgedGame(game)
     last = critics[-1]

@@ -21,6 +21,7 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
     BadInputError,
     is_finite,
+    numbers_in,
     refuse_unknown,
     refuse_unless_positive,
     shown,
@@ -176,6 +177,8 @@ class Scenario(Reported):
         if not isinstance(self.gust, Gust | None):
             example = "hfa_flight.OneMinusCosine(length=400.0, peak=5.0, speed=68.0)"
             raise BadInputError(f"gust is {shown(self.gust)}; give a gust such as {example}")
+        if self.samples is not None and numbers_in("samples", self.samples).ndim != 2:
+            raise BadInputError(f"samples is {shown(self.samples)}; give noise (ticks, k)")
         if self.gust is not None and self.uncertainty.turbulence is not None:
             raise BadInputError(
                 "the scenario has both a gust and random turbulence; remove one of the two"
