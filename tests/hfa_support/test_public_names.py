@@ -127,10 +127,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "mode.zeta": (lambda: plant()["linear"].modes[0].zeta, "did you mean damping?"),
     "linear.dare": (lambda: plant()["linear"].dare, "LinearModel has no attribute 'dare'"),
     "point.alpha": (lambda: plant()["point"].alpha, "OperatingPoint has no attribute 'alpha'"),
-    "point.levels": (lambda: plant()["point"].levels, "write trim.graded("),
+    "point.levels": (lambda: plant()["point"].levels, "write trim.levels_of("),
     "point.report(category)": (
         lambda: plant()["point"].report(category="C"),
-        "for levels trim.graded(",
+        "for levels trim.levels_of(",
     ),
     "model.trim()": (lambda: plant()["model"].trim(), "write hfa.trim(model)"),
 }
