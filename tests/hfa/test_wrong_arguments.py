@@ -191,7 +191,6 @@ def test_matrices_in_place_of_a_game_name_the_game() -> None:
         (lambda model, _: model.linearize(), "hfa.linearize(model, hfa.trim(model))"),
         (lambda model, _: hfa.linearize(model), "hfa.linearize(model, hfa.trim(model))"),
         (lambda model, _: model.A, "hfa.trim(model).linearize().A"),
-        (lambda _, point: point.alpha, "its ['alpha']"),
         (lambda model, _: hfa.environment(model, observations=["alpha"]), "hfa.environment("),
         (lambda *_: hfa.verify(GAME, K=[[1.0]]), "hfa.verify(game, hfa.from_gain(game, K))"),
         (lambda *_: hfa.hinfsyn, "hfa_design.solve_plant(plant, delta)"),

@@ -126,13 +126,12 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "linear.zeta": (lambda: plant()["linear"].zeta, "LinearModel has no attribute 'zeta'"),
     "mode.zeta": (lambda: plant()["linear"].modes[0].zeta, "did you mean damping?"),
     "linear.dare": (lambda: plant()["linear"].dare, "LinearModel has no attribute 'dare'"),
-    "point.alpha": (lambda: plant()["point"].alpha, "OperatingPoint has no attribute 'alpha'"),
+    "point.alpha": (lambda: plant()["point"].alpha, "write its ['alpha']"),
     "point.levels": (lambda: plant()["point"].levels, "write trim.levels_of("),
     "point.report(category)": (
         lambda: plant()["point"].report(category="C"),
         "for levels trim.levels_of(",
     ),
-    "model.trim()": (lambda: plant()["model"].trim(), "write hfa.trim(model)"),
 }
 
 
