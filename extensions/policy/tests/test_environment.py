@@ -58,6 +58,8 @@ def test_an_environment_needs_no_deployment() -> None:
     env = environment(model)
     assert tuple(env.episodes.deployed.deployment.observation) == model.linear
     assert tuple(env.episodes.deployed.deployment.action) == tuple(model.inputs)
+    costs = {name: 1.0 / model.signals[name].nominal ** 2 for name in model.inputs}
+    assert env.deployment.cost["R"] == pytest.approx(costs)
     observation, info = env.reset(seed=1)
     assert env.point == hfa.trim(model)
     assert list(env.state.values()) == info["X"].tolist()

@@ -197,3 +197,20 @@ def test_delays_are_searched_upward(case):
     assert delays.limit - DT < delays.fine <= delays.limit
     at, below = (gain_case(delay=delays.fine - share * DT)[0].radius for share in (0.0, 0.06))
     assert below < 1.0 <= at
+
+
+def test_limits_passed_between_two_samples_count(folder):
+    """An oscillator swings beyond its limit only between the samples, every half period."""
+    w = 2.0 * np.pi
+    model = hfa.Model(
+        "oscillator",
+        {"x": hfa.Signal("m", min=-1.0, max=1.0), "v": hfa.Signal("m/s", nominal=6.0)},
+        {"force": hfa.Signal("N", min=-1.0, max=1.0)},
+        lambda x, u, p, _: ({"x": x.v, "v": -w * w * x.x - 0.01 * x.v + u.force}, {}),
+    )
+    np.savez("K.npz", K=np.zeros((1, 2)))
+    deployment = hfa.Deployment({"file": "K.npz"}, {"x": {}, "v": {}}, {"force": {}}, {"dt": 0.5})
+    for fastest, some_leave in ((9.0, True), (6.0, False)):  # amplitudes up to 1.44 and 0.96 m
+        box = {"x": 0.1, "v": fastest}
+        result = assess(model, deployment, samples=20, box=box, best=0)
+        assert (result.points[0].flights.lost > 0) is some_leave

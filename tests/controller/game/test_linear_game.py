@@ -67,8 +67,8 @@ def test_default_weights_are_those_of_the_plant_file(folder, capsys) -> None:
     assert main(["solve", "--aircraft", "plant.npz", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert np.array(data["P"]) == P
-    one = hfa.game(linear.select(inputs=("u2",)))
-    assert (one.R.tolist(), one.N.tolist()) == ([[2.0]], [[0.0], [0.2]])
+    for one in (hfa.game(linear.select(inputs=("u2",))), hfa.game(linear).select(("u2",))):
+        assert (one.R.tolist(), one.N.tolist()) == ([[2.0]], [[0.0], [0.2]])
     game = hfa.game(trimmed(GTM).linearize())
     nominal = np.array([GTM.signals[name].nominal for name in GTM.linear])
     assert np.diag(game.Q) == pytest.approx(nominal**-2.0)
