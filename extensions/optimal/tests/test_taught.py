@@ -31,10 +31,10 @@ def test_a_taught_network_flies_almost_as_the_best_flight(
     model = hfa.load_model(PENDULUM)
     point = hfa.trim(model)
     network = hfa.Deployment.load(file.with_suffix(".toml"))
-    flight = hfa.fly(model, point, network, 5.0, initial={"angle": 1e-4}, predict=False)
+    flight = hfa.fly(model, point, network, 5.0, initial={"angle": 1e-5}, predict=False)
     exact = hfa.predictive(model, point)
     first = np.array(flight.inputs)[0] - np.array(point.inputs)
-    assert first == pytest.approx(-exact.K @ np.array([1e-4, 0.0]), rel=1e-3)
+    assert first == pytest.approx(-exact.K @ np.array([1e-5, 0.0]), rel=1e-3)
 
 
 @pytest.mark.parametrize(

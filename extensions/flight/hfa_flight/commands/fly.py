@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import (
     number,
@@ -34,10 +36,13 @@ from hfa_support.errors import BadInputError, refuse_unknown, warn
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
+    from hfa_flight.flight import Flight
     from hfa_flight.policies.policy import Policy
 
 _MOST_MEMBERS = 10_000_000
 _MOST_STEPS = 1_000_000
+#: Largest cost to go at the end of a flight that has returned, relative to its cost.
+_RETURNED = 1e-3
 #: Form of --command in the help.
 _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
 
@@ -244,6 +249,9 @@ def fly(request: FlyRequest) -> int:
     )
     result = simulated(planned.policy)
     report = result.report()
+    if request.policy.law in LAWS and result.ok:
+        first, *rest = report.title.split("\n")
+        report = replace(report, title="\n".join([f"{first}; {_end_of(result)}", *rest]))
     if request.reference:
         from hfa_flight.commands.tracking import tracking_of, with_errors
         from hfa_flight.policies.policy import GainPolicy
@@ -260,6 +268,27 @@ def fly(request: FlyRequest) -> int:
         notes=result.warnings,
     )
     return 0 if result.ok else 1
+
+
+def _end_of(result: Flight) -> str:
+    """Return the phrase on where the flight of a law that plans ends, and its cost.
+
+    A flight has returned if the exact value z'Pz of its end is at most a thousandth of its cost.
+    """
+    from controller.game.linear_game import game
+    from controller.riccati.gare import unconfirmed_solution
+    from trim.point.linearize import linearize
+
+    loop_cost, spent = result.loop.cost, result.cost
+    assert loop_cost is not None  # a law that plans has weights
+    assert spent is not None
+    linear = linearize(result.model, result.point)
+    P = unconfirmed_solution(game(linear, loop_cost.Q, loop_cost.R)).P
+    places = [list(result.model.states).index(name) for name in result.model.linear]
+    z = (result.states[-1] - np.array(result.point.states))[places]
+    to_go = float(z @ np.array(P) @ z)
+    returned = "returned" if to_go <= _RETURNED * (spent + to_go) else "not returned"
+    return f"{returned}, cost {spent:.4g}"
 
 
 def _fly_members(request: FlyRequest) -> int:
