@@ -161,6 +161,8 @@ class GameGiven(Part):
         warnings = (*linear.point.warnings, *linear.kinks)
         of_file = tuple(linear.model.about.weights)
         weights_from = self.weights.sources(of_file)
+        if stored := [name for name, source in weights_from.items() if source == "file"]:
+            warnings += (f"used: {' and '.join(stored)} of {linear.model.name}",)
         missing = [name for name, source in weights_from.items() if source == "default"]
         if aircraft.is_given and missing:
             taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
