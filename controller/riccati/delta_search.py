@@ -15,7 +15,7 @@ LEAST = 1e-12
 #: Relative distances from the smallest δ at which a clearly positive excess is searched for,
 CLEAR_STEPS = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
 #: and the excess that is clearly positive, because it is not rounding.
-ROUNDED = 1e-11
+ROUNDED = 2e-12
 
 
 class Answer(NamedTuple):

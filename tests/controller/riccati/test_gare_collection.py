@@ -250,6 +250,12 @@ def test_one_game_of_each_structure_is_decided_correctly() -> None:
     assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 2
 
 
+def test_delta_min_of_a_nearly_semidefinite_game_is_right() -> None:
+    """The bracket is right where P of a game with a nilpotent A is positive by 1e-12 only."""
+    *_, sample = collection(7, seed=777)
+    assert _bracket(sample) in {"right", "right, wide"}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 3])
 def test_two_thousand_games_are_decided_correctly(seed: int) -> None:
