@@ -402,6 +402,8 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
         "coordinates y = M z is singular",
     ),
     "limits of an output wider": (_put([-4.0, 3.0], "loop", "limits", "load"), "load beyond"),
+    "upper limit wider": (_put([-3.0, 4.0], "loop", "limits", "load"), "load beyond"),
+    "a negative multiplier": (_witness(multipliers=[[0.55, 0.55], [0.55, -0.55]]), "multipliers"),
     "a limit left out": (
         lambda content: content["statement"]["loop"]["limits"].pop("peak"),
         "limits: peak",

@@ -280,6 +280,27 @@ def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
         check_cost(*read_content(content, Subject(PENDULUM)))
 
 
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("Q",), [[-1.0]]),
+        (("R",), [[-1.0]]),
+        (("plant", "limits"), {"speed": [None, 0.5]}),
+        (("plant", "limits"), {"speed": [-0.5, None]}),
+    ],
+)
+def test_entries_that_no_bound_admits_are_refused(path: tuple[str, ...], value: Any) -> None:
+    """Indefinite weights, and limits of an input that are not the model's, are refused."""
+    content = cart_bound(0.5).content()
+    read_statement("cost", copy.deepcopy(content), Subject(CART))
+    entry: Any = content
+    for name in path[:-1]:
+        entry = entry[name]
+    entry[path[-1]] = value
+    with pytest.raises(NoSolutionError):
+        read_statement("cost", content, Subject(CART))
+
+
 def test_a_limit_of_an_output_is_refused() -> None:
     """A limit of an output is refused, because the envelope consists of state limits only."""
     outputs = {"load": Signal("m", 1.0, -1.0, 1.0)}

@@ -338,6 +338,8 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "lift above the trim": (_put([1.5, 4.0], *_FLIGHT, "limits", "lift"), "lift is not proved"),
     "load below the trim": (_put([-9.0, 0.8], *_FLIGHT, "limits", "load"), "load is not proved"),
     "limits wider": (_put([-9.0, 5.0], *_FLIGHT, "limits", "lift"), "beyond the model's"),
+    "depth above its limit": (_put([-9.0, 0.5], *_FLIGHT, "limits", "depth"), "depth beyond"),
+    "depth below its limit": (_put([1.5, 9.0], *_FLIGHT, "limits", "depth"), "depth beyond"),
     "another first trim": (_put(1.1, *_FLIGHT, "first", "lift"), "differs from the stated"),
     "another depth": (_put(2.0, *_FLIGHT, "imposed", "depth"), "differs from the stated"),
     "a moving trim": (_put(0.1, *_FLIGHT, "imposed", "heave"), "no values of the free"),
