@@ -23,7 +23,7 @@ from hfa_aircraft.layout import (
     linearized_rows,
 )
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import (
     BadInputError,
     NotFiniteError,
@@ -178,6 +178,7 @@ class Model(Reported):
 
         Raises BadInputError, as described for the class.
         """
+        need(self.name, str, "Model: name", "a text")
         self._check_signals()
         if not self.states:
             raise BadInputError(f"{self.name} declares no states; declare at least one")

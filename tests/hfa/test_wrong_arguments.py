@@ -162,6 +162,7 @@ WRONG_PARTS: dict[str, Callable[[], Any]] = {
     "flights is 'x'": partial(Scope, flights="x"),
     "plant is 3": partial(Scope, plant=3),
     "linear is 3": partial(hfa.verify, GAME, hfa.from_gain(GAME, [[1.0]]), linear=3),
+    "name is 5": partial(hfa.Model, 5, {"x": hfa.Signal()}, {}, len),
     "min, max is": partial(hfa.Model, "a", {"x": hfa.Signal(min="a")}, {}, len),
     "game is 5": partial(disk_margin, 5, 5),
     "point is 5": partial(handling_qualities, 5),
