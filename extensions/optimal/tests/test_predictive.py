@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
+from scipy.optimize import lsq_linear
 
 import hfa
 from hfa.main import main
@@ -101,6 +102,30 @@ def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies()
     assert policy.samples.first.cost == pytest.approx(z @ P @ z, rel=0.01)
     np.testing.assert_allclose(policy(policy.dt, later), -policy.K @ later, rtol=1e-9)
     assert policy.samples.linear == 1
+
+
+def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs() -> None:
+    """Its cost is that of SciPy's least squares with bounds, over the holds of the plan."""
+    wide = {"speed": (-100.0, 100.0), "position": (-1000.0, 1000.0)}
+    policy = hfa.predictive(CART, AT_REST, *WEIGHTS, limits=wide, horizon=12.0)
+    linear = hfa.linearize(CART, AT_REST)
+    plant = np.array(linear.A), np.array(linear.B), *WEIGHTS
+    free, forced = np.array([30.0, 3.0]), np.zeros((2, len(policy.holds)))
+    policy(0.0, free)
+    rows, known = [], []
+    for number, h in enumerate(policy.holds):
+        A, B, Q, N, R = moved(*plant, h)
+        root = np.linalg.cholesky(np.block([[Q, N], [N.T, R]])).T
+        input_row = np.eye(len(policy.holds))[[number]]
+        rows.append(root @ np.vstack([forced, input_row]))
+        known.append(root @ np.append(free, 0.0))
+        free, forced = A @ free, A @ forced + B @ input_row
+    root = np.linalg.cholesky(np.array(hfa.lqr(*plant).P)).T
+    found = lsq_linear(
+        np.vstack([*rows, root @ forced]), -np.concatenate([*known, root @ free]), (-2.0, 2.0)
+    )
+    assert policy.samples.first.cost == pytest.approx(2.0 * found.cost, rel=2e-4)
+    assert np.abs(found.x).max() > 1.99
 
 
 @pytest.mark.parametrize("garbage", [np.nan, 1e3, -1e3])
