@@ -311,7 +311,7 @@ def _simulated(configuration: Configuration, loop: CompiledLoop) -> tuple[Deviat
     if np.all(sound):
         return flight, np.inf
     lost = int(np.argmin(sound))
-    parts = {
+    parts: dict[str, Any] = {
         name: value[: max(1, lost)]
         for name, value in vars(flight).items()
         if isinstance(value, np.ndarray)
