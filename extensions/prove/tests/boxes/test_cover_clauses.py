@@ -84,6 +84,27 @@ def test_a_planted_negative_value_is_detected() -> None:
     assert np.linalg.norm(found.value.place - [0.3, -0.4]) < 0.04
 
 
+@pytest.mark.parametrize("at_once", [1, 3])
+def test_boxes_that_wait_for_another_batch_are_examined(at_once: int) -> None:
+    """The decided boxes fill the cube if no more than a few boxes are evaluated at a time."""
+    decided = []
+
+    class Few(Positive):
+        @property
+        def at_once(self) -> int:
+            return at_once
+
+        def edges(self, boxes: Boxes) -> np.ndarray:
+            edges = super().edges(boxes)
+            decided.append(np.ldexp(1.0, -boxes.depths.sum(axis=1))[edges < 0].sum())
+            return edges
+
+    y = ca.SX.sym("y", 2)
+    question = inequality(1.1 + ca.sin(4 * y[0]) * ca.cos(3 * y[1]), y)
+    assert cover(Few(question.taylor, None), 10**4) > 8
+    assert sum(decided) == 1.0
+
+
 def test_functions_with_zeros_are_not_proved_positive() -> None:
     """A function with a zero is not proved positive, unless the zero lies in a hole."""
     y = ca.SX.sym("y", 2)

@@ -91,15 +91,21 @@ def test_lines_enclose_every_operation(half_width: float, make: Callable[[], ca.
         assert not np.any(at_corner < bounds.lowest * (1.0 - 1e-14) - 1e-14)
 
 
-def test_functions_of_squares_contain_the_ends_of_boxes() -> None:
-    """The enclosure of exp(y²) contains the value at the end of a box about y = 0.
+@pytest.mark.parametrize("slope", [0.0, 0.5, 1.0, 2.0])
+def test_functions_of_squares_contain_the_ends_of_boxes(slope: float) -> None:
+    """The enclosure of exp(slope y + y²) contains the values at the ends of a box about y = 0.
 
-    The linear part of y² is 0 at the center of the box.
+    The square of the argument contains the product of both terms.
     """
     y = ca.SX.sym("y", 1)
-    program = TaylorProgram(Program(ca.Function("f", [y], [ca.exp(y**2)]), "f"), 1)
-    models = program.over(np.zeros((1, 1)), np.full((1, 1), 0.1))
-    assert highest(models, 1)[0, 0] >= np.exp(0.01)
+    for half_width in (0.01, 0.1, 0.5):
+        function = ca.Function("f", [y], [ca.exp(slope * y + y**2)])
+        models = TaylorProgram(Program(function, "f"), 1).over(
+            np.zeros((1, 1)), np.full((1, 1), half_width)
+        )
+        values = [float(function(end)) for end in (-half_width, half_width)]
+        assert lowest(models, 1)[0, 0] <= min(values)
+        assert highest(models, 1)[0, 0] >= max(values)
 
 
 @pytest.mark.parametrize("half_width", [0.5, 1e-8])
