@@ -312,14 +312,17 @@ class JudgedGame:
         """Return the duration of a simulation, s or steps, in which the exact loop and linear loops
         decay.
 
+        In continuous time, loops count as at most SLOWEST times slower than the exact one.
+        In discrete time, the caller limits the number of steps.
+
         loops: stable matrices, (n, n)
         """
+        discrete = self.game.is_discrete
 
         def rate(loop: np.ndarray) -> float:
-            value, _ = self._stability(loop)
+            value, _ = self._stability(loop)  # spectral radius, or largest real part
             return -math.log(min(max(value, 1e-3), 1.0 - 1e-12)) if discrete else abs(value)
 
-        discrete = self.game.is_discrete
         by_exact = rate(self.game.A - self.game.B @ self.exact.K)
         slowest = min([by_exact, *map(rate, loops)])
         return DECAY / (slowest if discrete else max(slowest, by_exact / SLOWEST))

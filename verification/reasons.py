@@ -260,7 +260,12 @@ def _of_rows(
 def _factors(
     kind: str, noun: str, meant: str, given: np.ndarray, exact: np.ndarray
 ) -> Iterator[Mistake]:
-    """Yield that all entries have a wrong sign, half or twice the size, or a power of ten."""
+    """Yield that all entries have a wrong sign, half or twice the size, or a power of ten.
+
+    kind: P or K
+    noun: what the matrix stands for, the value or the gain
+    meant: the right convention, as in "V is z'P z"
+    """
     for factor, wrong in FACTORS.items():
         yield Mistake(f"the {noun} {wrong}: {meant}", given / factor)
     power = _power_of_ten(float(np.sum(given * exact)) / (float(np.sum(exact**2)) or 1.0))

@@ -38,6 +38,7 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
     scaled = symbols_for([gradient], len(actions.sizes))
     a = ca.DM(actions.sizes) * scaled
     after = ca.DM(problem.A) @ x + ca.DM(actions.columns) @ a
+    # half the slope of the cost along each action, in units of its price times its size
     paid = ca.DM(actions.price) @ a
     crossed = ca.DM(actions.cross) @ x
     valued = 0.5 * problem.discount * (ca.DM(actions.columns).T @ gradient(after))
@@ -48,6 +49,7 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
     if problem.half_widths is not None:
         edge = float(np.max(np.sqrt(np.diag(P).clip(0.0)) * problem.half_widths)) or 1.0
     residual = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), edge)
+    # `root` can be called with MX only
     options = {"max_iter": _STEPS, "error_on_fail": False, "show_eval_warnings": False}
     root = ca.rootfinder("root", "newton", {"x": scaled, "p": x, "g": slope}, options)
     state = ca.MX.sym("x", len(problem.A))

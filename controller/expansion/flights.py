@@ -80,7 +80,9 @@ class Flights:
             ended = has_decayed(_quadratic(P, final[:, :-1]), initial, OF_EXPANSION)
         costs = np.full(len(z0), np.inf)
         if ended.any():
-            costs[ended] = final[ended, -1] + self._V(final[ended, :-1])[0][:, 0]
+            final_states, cost_so_far = final[ended, :-1], final[ended, -1]
+            cost_after_end = self._V(final_states)[0][:, 0]
+            costs[ended] = cost_so_far + cost_after_end
         return costs
 
 

@@ -147,11 +147,16 @@ class _Search:
         return low
 
     def _guess(self, degree: int) -> float:
-        """Return the size at which the next known term has the permitted share of V2."""
-        known = {d: size for d, size in self._largest.items() if size > 0.0}
-        beyond = [d for d in known if d > degree]
-        d = min(beyond) if beyond else max(known, default=0)
-        return (self.share / known[d]) ** (1.0 / (d - 2)) if d else 1.0
+        """Return the size s at which the next term has the permitted share of V2.
+
+        The term of degree d is at most largest[d] s^(d-2) V2. Without a further known term, the
+        last known one counts; without any, s is 1.
+        """
+        known = {d: largest for d, largest in self._largest.items() if largest > 0.0}
+        if not known:
+            return 1.0
+        d = min((d for d in known if d > degree), default=max(known))
+        return (self.share / known[d]) ** (1.0 / (d - 2))
 
     def _agrees(self, y: np.ndarray, degree: int) -> bool:
         """Return whether the value differs from the cost by at most the share on all flights.

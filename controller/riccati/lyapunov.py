@@ -21,7 +21,7 @@ class Lyapunov:
         if failed:
             raise np.linalg.LinAlgError("the Schur form does not converge")
         self.abscissa = float(real.max())
-        self._into = np.eye(len(F))
+        self._into = np.eye(len(F))  # the right side is into'C into (`of_steps`)
 
     @classmethod
     def of_steps(cls, F: np.ndarray) -> Self:

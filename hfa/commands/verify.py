@@ -242,7 +242,10 @@ def _check_file(
     *,
     alone: bool,
 ) -> Verdict:
-    """Return the verdict on the critic in a file."""
+    """Return the verdict on the critic in a file.
+
+    alone: whether it is the only file; only then is it also judged on the nonlinear game
+    """
     reading = replace(request.reading.reading, linear=named.linear)
     critics = critics_in(path, game, reading)
     is_history = critics[-1].time is not None

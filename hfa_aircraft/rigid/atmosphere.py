@@ -68,7 +68,8 @@ def air_at(altitude: Any, system: str = "english") -> Air:
             english.sound * FT_TO_M,
         )
     if isinstance(altitude, int | float):
-        altitude = ca.DM(altitude)  # a layer below may have no real pressure
+        # the formula of a layer gives a complex Python number outside it, in CasADi nan
+        altitude = ca.DM(altitude)
     height = altitude * _EARTH_RADIUS / (_EARTH_RADIUS + altitude)
     base_pressure = SEA_LEVEL_PRESSURE
     temperature: Any = 0.0

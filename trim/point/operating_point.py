@@ -186,8 +186,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def scheduled(self) -> dict[str, float] | None:
         """Value of the scheduling variable, name -> value.
 
-        The mapping is empty without a scheduling variable and for a parameter, and None for the
-        flexible aircraft (`dihedral_deg`).
+        The mapping is empty without a scheduling variable and for a parameter. It is None for the
+        flexible aircraft, whose files have an entry of their own for it (`dihedral_deg`).
         """
         if self.model.about.names_schedule:
             return None

@@ -86,8 +86,8 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
     """Return the unknowns (k,) found by continuation from the declared trim, or None."""
     # The values at the declared trim, c0, balance the equations. The imposed ones of them change to
     # the requested values, c1: c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1.
-    # The result is None if the system is not square, the declared trim is not found, Newton's
-    # method fails before s = 1, or nothing changes.
+    # The result is None if the system is not square or has other unknowns than the problem, the
+    # declared trim is not found, Newton's method fails before s = 1, or nothing changes.
     if not problem.system.equations.square:
         return None
     declared = _declared_trim(problem.model)

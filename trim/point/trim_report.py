@@ -597,9 +597,11 @@ def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
     """Return a sentence on another trim, with an initial point that leads to it."""
     model = problem.model
+    # in the model's units
     apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values)) > 1e-3
     names = [problem.free[i] for i in np.flatnonzero(apart)]
     values = ", ".join(f"{name} {model.describe(name, other.values[name])}" for name in names)
+    # states decide which trim is found; the search chooses the inputs that balance them
     begin = [name for name in names if name not in model.inputs] or names
     typed = ",".join(
         f"{name}={shown_value(other.values[name], model.unit(name))}" for name in begin

@@ -211,7 +211,10 @@ def is_taken_as_policy(name: str, size: int, m: int) -> bool:
 
 
 def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str]:
-    """Return the kind of each output of a network, by name of the output."""
+    """Return the kind of each output of a network, by name of the output.
+
+    part: name of an output, for the advice in a refusal
+    """
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}
     for name, size in sizes.items():
@@ -219,8 +222,8 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str
         fitting = [kind for kind in candidates if counts[kind] == size]
         if is_taken_as_policy(name, size, m):
             fitting = ["policy"]
-        if "gradient" in fitting and m != n:
-            fitting = ["gradient"]  # V+policy has equal size if 1 + m = n; it must be named
+        if fitting == ["gradient", "V+policy"]:  # 1 + m = n: V+policy must be named
+            fitting = ["gradient"]
         if not fitting:
             meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
             held = ", or the inputs that it moves (--inputs, game.select)" if size < m else ""

@@ -177,6 +177,8 @@ def _layer_on_basis(
 
     With one state and one basis function, a layer of one input fits both. Only a requested "V" is
     then a layer on the basis.
+
+    networks: kind -> layers; only the first network can act on the basis
     """
     kind, layers = next(iter(networks.items()))
     acts_on_the_state = states == basis_size == 1 and kind != "V"

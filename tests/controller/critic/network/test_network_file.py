@@ -10,6 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from network_files import read, refusal, safetensors_file, square_layers, torch_file, two_layers
@@ -70,6 +71,17 @@ def test_npz_layers_are_evaluated_by_number(game: Game) -> None:
     assert critic.origin == (
         "network sorted.npz: 6 -> tanh 6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10, 12)"
     )
+
+
+def test_one_output_for_one_state_and_two_inputs_needs_a_kind() -> None:
+    """With one state, V and its gradient have the same size; with the kind V, 3 z² has P = 3."""
+    plant = Game([[-1.0]], [[1.0, 1.0]], [[1.0]], [1.0], [1.0, 1.0], delta=10.0)
+    z = ca.SX.sym("z")
+    square = ca.Function("f", [z], [3 * z**2])
+    with pytest.raises(BadInputError):
+        from_network(plant, square)
+    critic = from_network(plant, square, network="V")
+    assert critic.P == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize("write", [safetensors_file, np.savez])
