@@ -26,6 +26,7 @@ from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Subject, digest_of, facts
 from hfa_prove.statements.region import RegionStatement, RegionWitness
+from hfa_prove.subject import Given, compare
 from hfa_support.errors import BadInputError, NoSolutionError
 
 Content = dict[str, Any]
@@ -396,6 +397,10 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
         _put([[1.0, [2, 0]], [-2.0 - 1e-9, [1, 1]], [1.0, [0, 2]]], "piece", "W"),
         "near the",
     ),
+    "a monomial twice": (
+        _put([[0.5, [2, 0]], [0.5, [2, 0]], [1.0, [0, 2]]], "piece", "W"),
+        "statement: piece: W",
+    ),
     "W negative": (_put([[-1.0, [2, 0]], [1.0, [0, 2]]], "piece", "W"), "near the"),
     "coordinates in a line": (
         _put([[1.0, 1.0], [1.0, 1.0]], "piece", "M"),
@@ -424,6 +429,17 @@ def test_each_clause_refuses_its_forgery(name: str) -> None:
     change(made)
     with pytest.raises((NoSolutionError, BadInputError), match=message):
         checked(made)
+
+
+@pytest.mark.parametrize(
+    "own", [{}, {"inflow": 0.4}, {"outflow": 0.5}, {"inflow": 0.5, "outflow": 0.5}]
+)
+def test_entries_of_the_certificate_are_exactly_the_users(own: dict[str, float]) -> None:
+    """A certificate with fewer, further or other parameters than the user's is refused."""
+    statement, _ = read_content(tank(), Subject(TANK))
+    compare(statement, {"loop.parameters": Given({"inflow": 0.5}, "--parameters")})
+    with pytest.raises(NoSolutionError, match="differs from the value of --parameters"):
+        compare(statement, {"loop.parameters": Given(own, "--parameters")})
 
 
 def _plane(rates: Any, M: np.ndarray, share: float = 1.0) -> Decrease:
