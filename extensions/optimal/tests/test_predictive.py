@@ -104,18 +104,25 @@ def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies()
     assert policy.samples.linear == 1
 
 
-def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs() -> None:
+@pytest.mark.parametrize(
+    ("start", "horizon", "Q", "R"),
+    [([30.0, 3.0], 12.0, *WEIGHTS), ([1.0, -1.5], 1.0, np.diag([1.0, 0.01]), 0.01 * np.eye(1))],
+    ids=["long", "short"],
+)
+def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs(
+    start: list[float], horizon: float, Q: np.ndarray, R: np.ndarray
+) -> None:
     """Its cost is that of SciPy's least squares with bounds, over the holds of the plan."""
     wide = {"speed": (-100.0, 100.0), "position": (-1000.0, 1000.0)}
-    policy = hfa.predictive(CART, AT_REST, *WEIGHTS, limits=wide, horizon=12.0)
+    policy = hfa.predictive(CART, AT_REST, Q, R, limits=wide, horizon=horizon)
     linear = hfa.linearize(CART, AT_REST)
-    plant = np.array(linear.A), np.array(linear.B), *WEIGHTS
-    free, forced = np.array([30.0, 3.0]), np.zeros((2, len(policy.holds)))
+    plant = np.array(linear.A), np.array(linear.B), Q, R
+    free, forced = np.array(start), np.zeros((2, len(policy.holds)))
     policy(0.0, free)
     rows, known = [], []
     for number, h in enumerate(policy.holds):
-        A, B, Q, N, R = moved(*plant, h)
-        root = np.linalg.cholesky(np.block([[Q, N], [N.T, R]])).T
+        A, B, Qd, N, Rd = moved(*plant, h)
+        root = np.linalg.cholesky(np.block([[Qd, N], [N.T, Rd]])).T
         input_row = np.eye(len(policy.holds))[[number]]
         rows.append(root @ np.vstack([forced, input_row]))
         known.append(root @ np.append(free, 0.0))
