@@ -145,13 +145,17 @@ def test_an_initial_condition_above_the_level_is_bounded(certificate: Path, tmp_
         assert ("beyond the level" in best.report().title) == is_beyond
 
 
+@pytest.mark.parametrize("limits", [(-0.5, None), (None, 0.5)])
 def test_a_bound_within_narrower_limits_is_refused(
-    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    limits: tuple[float | None, float | None],
+    certificate: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """A bound that was proved within narrower limits is refused."""
+    """A bound that was proved within limits narrower on one side is refused."""
 
     def narrow(content: dict[str, Any]) -> None:
-        content["statement"]["plant"]["limits"]["angle"] = [-0.5, 0.5]
+        content["statement"]["plant"]["limits"]["angle"] = limits
 
     path = changed(certificate, tmp_path / "narrow.json", narrow)
     words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--bound", str(path)]
