@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 import numpy as np
 
@@ -56,6 +56,7 @@ class Solution(Result, Reported):
     _instead: ClassVar[Mapping[str, str]] = {
         "L": "solution.disturbance_gain",
         "value": "solution.cost(z)",
+        "l2_gain": "controller.bounded_real_gain(game, solution.K)",
     }
     schema = "hfa.game-solution/1"
 
@@ -120,6 +121,9 @@ class Solution(Result, Reported):
         states = list(self.names.states)
         time = {"states": states, "outputs": states, "dt": game.dt or 0}
         return control.ss(A, game.E, np.eye(len(A)), 0, **time)
+
+    def __iter__(self) -> NoReturn:
+        raise BadInputError("no tuple; write solution.K, solution.P, solution.poles()")
 
     def poles(self) -> np.ndarray:
         """Return the eigenvalues of A - B K, (n,) complex, 1/s."""

@@ -108,6 +108,14 @@ def _name(model: Model, text: str) -> str:
     return model.about.aliases.get(text, text)
 
 
+def _free(model: Model, text: str) -> str:
+    """Return the model's name of the variable that --free gives."""
+    if "," in text:
+        options = " ".join(f"--free {name.strip()}" for name in text.split(","))
+        raise BadInputError(f"give one variable; write {options}")
+    return _name(model, text)
+
+
 def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
     """Return the initial point of the trim search that --start gives."""
     if "=" not in text or Path(text).exists():
@@ -139,7 +147,7 @@ class Trim(Part):
     free: tuple[str, ...] = option(
         "variable that the trim solves for; repeatable",
         "NAME",
-        OfModel(_name),
+        OfModel(_free),
         repeated=True,
         rare=True,
     )

@@ -204,6 +204,8 @@ def test_matrices_in_place_of_a_game_name_the_game() -> None:
         (lambda _, point: hfa.paper.published_game(point.linearize()).K, "hfa.solve(game).K"),
         (lambda *_: hfa.solve(GAME, delta=0.5), "hfa.solve(game.with_delta(delta))"),
         (lambda *_: hfa.solve(GAME).L, "solution.disturbance_gain"),
+        (lambda *_: hfa.solve(GAME).l2_gain, "controller.bounded_real_gain(game, solution.K)"),
+        (lambda *_: tuple(hfa.solve(GAME)), "solution.K, solution.P"),
         (lambda *_: hfa.load_game("plant.npz"), "controller.load_game(FILE)"),
         (lambda *_: hfa.delta_min(GAME), "hfa.solve(game).delta_min"),
         (lambda *_: hfa.hinf(GAME), "hfa.solve(game).delta_min"),
