@@ -87,6 +87,11 @@ def test_the_value_is_the_limit_of_dynamic_programming(seed: int, changes: dict)
     assert min(cost(step, 0.0) for step in (-0.1, 0.1)) > value
     if math.isfinite(game.delta):
         assert max(cost(0.0, step) for step in (-0.1, 0.1)) < value
+    loop = game.A - game.B @ solution.K + game.E @ solution.disturbance_gain
+    across = units[:, None] / units
+    np.testing.assert_allclose(
+        across * game.worst_case_loop(solution.P), across * loop, rtol=1e-6, atol=1e-6
+    )
     names = {check.name for check in (*solution.certificate.checks, *solution.meaning)}
     assert {"cost_lyapunov", "l2_gain", "gain_change", "second_derivation"} <= names
 
