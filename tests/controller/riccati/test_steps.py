@@ -171,6 +171,15 @@ def test_delta_min_separates_bounded_from_unbounded_costs() -> None:
         assert np.isfinite(iterated(above)).all()
 
 
+@pytest.mark.parametrize("share", [0.7, 1.0, 3.0])
+def test_two_inputs_that_only_act_together_are_refused(share: float) -> None:
+    """With R = 0 up to rounding, R + B'P B is singular: many u = -K x are equally good."""
+    A, B = [[0.9, 0.2], [0.1, 0.7]], np.outer([0.1, 0.7], [1.0, share])
+    game = Game(A, B, np.zeros((2, 1)), np.eye(2), 1e-15 * np.eye(2), delta=math.inf, dt=True)
+    with pytest.raises(NoSolutionError, match=r"R .* discount B'P B is not positive definite"):
+        hfa.solve(game)
+
+
 def test_gain_and_margins_of_a_scalar_loop() -> None:
     """x+ = .8 x + u + w with u = -.3 x: gain of (x, u), and gain margins, in closed form."""
     game = Game([[0.8]], [[1.0]], [[1.0]], [[1.0]], [[4.0]], dt=0.2)
