@@ -10,8 +10,10 @@ from cli import answer, hfa
 from game_files import AT_15, stored
 from game_samples import failed_names
 from known_models import game_at
+from scipy.linalg import block_diag
 from tolerances import SAME_FORMULA
 
+from controller import critic_in
 from hfa import Game, from_gain, from_value, solve, verify
 from hfa.main import BAD_INPUT, FAILED
 from tests.support.steps_of import in_steps
@@ -28,6 +30,12 @@ def test_exact_discounted_critic_passes_and_mistakes_are_named(game: Game) -> No
     exact = solve(problem)
     assert verify(problem, from_value(problem, exact.P)).ok
     assert verify(problem, from_gain(problem, exact.K)).ok
+    G = np.hstack([problem.A, problem.B, problem.E])
+    no_cost = -(problem.delta**2) * np.eye(problem.E.shape[1])
+    H = block_diag(problem.Q, problem.R, no_cost) + DISCOUNT * G.T @ exact.P @ G
+    size = len(problem.A) + problem.B.shape[1]
+    by_worst = H[:size, size:] @ np.linalg.solve(H[size:, size:], H[size:, :size])
+    assert verify(problem, critic_in(stored("H.npz", H=H[:size, :size] - by_worst), problem)).ok
     for wrong, message in (
         (from_value(problem, exact.P / DT), "every entry of P is 100 times the exact one"),
         (from_value(problem, -exact.P), "the value has the wrong sign"),
