@@ -406,6 +406,10 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
         _put([[0.5, [2, 0]], [0.5, [2, 0]], [1.0, [0, 2]]], "piece", "W"),
         "statement: piece: W",
     ),
+    "a power times a coefficient that is rounded": (
+        _put([[1.0, [2, 0]], [1.0, [0, 2]], [0.01, [3, 0]]], "piece", "W"),
+        "W 2",
+    ),
     "W negative": (_put([[-1.0, [2, 0]], [1.0, [0, 2]]], "piece", "W"), "near the"),
     "coordinates in a line": (
         _put([[1.0, 1.0], [1.0, 1.0]], "piece", "M"),
@@ -421,6 +425,8 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "all limits left out": (_put({}, "loop", "limits"), "limits: "),
     "no policy": (_put("0" * 64, "loop", "policy"), "a policy in a file; give this file"),
     "another model": (_put("van der Pol", "loop", "model", "dynamics"), "with other equations"),
+    "another nominal value": (_put(2.0, "loop", "model", "nominal", 0), "model: nominal"),
+    "another unit": (_put("ft", "loop", "model", "state_units", 0), "model: state_units"),
     "another file": (_put("0" * 64, "loop", "model", "equations"), "with other equations"),
     "few boxes": (_witness(boxes=3), "undecided after 3 boxes"),
 }
