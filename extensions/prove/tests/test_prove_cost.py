@@ -163,6 +163,22 @@ def test_a_bound_within_narrower_limits_is_refused(
     assert "limit of angle" in capsys.readouterr().err
 
 
+def test_a_bound_without_a_proof_is_refused(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A bound whose level is raised beyond the proved one is not compared with a flight."""
+
+    def raised(content: dict[str, Any]) -> None:
+        for piece in content["statement"]["pieces"]:
+            piece["c"] *= 100.0
+
+    path = changed(certificate, tmp_path / "raised.json", raised)
+    assert main(["optimize", *AIRCRAFT, "--start", "angle=10", "--bound", str(path)]) == 1
+    found = capsys.readouterr()
+    assert found.out == ""
+    assert len(found.err.splitlines()) == 1
+
+
 def test_a_bound_of_other_weights_is_refused(
     certificate: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
