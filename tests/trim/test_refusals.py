@@ -116,7 +116,7 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "no free variable changes it from 132.39 N; in its place, hold mass or gravity": lambda _: (
         hfa.trim(hfa.load_model(f"{ROOT}/examples/uav.toml"), weight=100.0)
     ),
-    "a parameter; set the parameter by --hold panel_mass=VALUE": lambda _: release(
+    "set it by --hold panel_mass=VALUE": lambda _: release(
         level_flight(0.2), hold={"panel_mass": 1.0}
     ),
     "ratio replaces v and must depend affinely on v": lambda _: hfa.trim(

@@ -104,8 +104,8 @@ class AssessRequest(Request):
         count="*",
     )
     law: str = option(
-        f"assess a law that plans on the nonlinear model, in place of a file: {' or '.join(LAWS)}. "
-        "Its flights are compared with the best flights",
+        f"compare flights of a law that plans on the nonlinear model, in place of a file: "
+        f"{' or '.join(LAWS)}, with the best flights",
         "NAME",
         one_of(*LAWS),
         default="",
@@ -234,8 +234,6 @@ def assess(request: AssessRequest) -> int:
     0, 1, 2 ... samples of delay, margins at the plant's input, and the linear cost compared with
     the optimum for Q and R. Flights from a box of initial conditions are simulated with and without
     a disturbance pulse. The first line compares costs with the best flights', or the exact gain's.
-
-    --law compares flights of a law that plans on the nonlinear model with the best flights.
 
     Exit code 0 if the policy holds at every trim and satisfies every --need, else 1.
     """
