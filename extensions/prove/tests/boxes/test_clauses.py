@@ -249,6 +249,21 @@ def test_the_error_of_the_equilibrium_is_included() -> None:
         _decrease(statement, witness, known).proved(2000)
 
 
+def _coarse(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """Equations of a tank; in doubles, the root of (level + 1e17)² is 1e17 for small levels."""
+    rates, outputs = _tank(x, u, p, w)
+    level = ca.sqrt((x.level + 1e17) ** 2) - 1e17
+    return rates | {"level": rates["level"] + level - x.level + 0.1}, outputs
+
+
+def test_an_equilibrium_that_rounding_displaces_is_not_enclosed() -> None:
+    """Newton's method in doubles ends at a level of 0.04 m; the exact root is 0.1 m / 1.5."""
+    statement, _ = read_content(tank(), Subject(TANK))
+    loop = replace(statement.loop, model=replace(TANK, equations=_coarse))
+    with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
+        equilibrium_near(loop, np.zeros(2))
+
+
 @pytest.mark.parametrize(("radius", "is_proved"), [(0.5, False), (2.0, True)])
 def test_a_root_is_claimed_only_within_the_radius(radius: float, is_proved: bool) -> None:
     """The root of w + 1 is 1 below the estimate 0: a box of half-width 0.5 does not contain it."""
