@@ -13,7 +13,6 @@ from carts import cart
 
 import hfa
 from hfa_flight.problem import MARGIN
-from hfa_optimal import plan_program
 from hfa_optimal.quickest import not_arrived
 from hfa_optimal.search import BestFlights, refutation
 
@@ -135,22 +134,3 @@ def test_the_first_simulated_arrival_is_an_upper_bound(
     assert first == f"Quickest flight: at most {best.seconds:.4g} s"
     assert (best.source in source, reason) == (True, "planted")
     assert best.to_dict()["spread"] is None
-
-
-@pytest.mark.parametrize("value", [np.nan, 1e6])
-def test_a_wrong_step_of_the_quadratic_program_leaves_the_old_plan(
-    value: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """If every step of the quadratic program is garbage, no cheaper flight is found, and the first
-    plan, the saturated linear optimum, is flown.
-    """
-    monkeypatch.setattr(
-        plan_program.PlanProgram, "step", lambda self, z, v, *_: np.full(v.shape, value)
-    )
-    pendulum = hfa.load_model(f"{Path(__file__).parents[3] / 'examples' / 'pendulum.py'}:PENDULUM")
-    policy = hfa.predictive(pendulum, hfa.trim(pendulum), np.eye(2), np.eye(1))
-    start = np.array([0.8, -0.5])
-    limit = pendulum.inputs["torque"].max
-    assert policy(0.0, start) == pytest.approx(np.clip(-policy.K @ start, -limit, limit), rel=0.02)
-    policy(policy.dt, start)
-    assert policy.samples.refused == 1
