@@ -185,7 +185,7 @@ class Planner:
             middles = full.middle - plan.middle - np.einsum("nij,nj->ni", slopes[1], both)
             corrected, _, _ = self._proposed(plan, slopes, (ends, middles), target)
             bent = np.where(np.isfinite(corrected), corrected - step, 0.0)
-        for share in _SHARES:
+        for share in _SHARES if bent.any() else _SHARES[1:]:  # the full step has been flown
             shorter = self._changed(plan, share * step + share**2 * bent, d, target)
             if shorter.cost < plan.cost:
                 return shorter
