@@ -69,27 +69,62 @@ def gradient(policy: Any, point: Any, model: Any, size: float) -> np.ndarray:
     return np.array(columns).T
 
 
-@pytest.mark.parametrize("model", [CART, PENDULUM], ids=["cart", "pendulum"])
-def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds(model: Any) -> None:
-    """Backward Riccati over the holds from the exact P gives the gain of the first hold.
-
-    Near the trim the gain of equal holds for ever takes over, by `solve_discrete_are`.
-    """
-    point = hfa.trim(model)
-    linear = hfa.linearize(model, point)
-    Q, R = np.eye(2), np.eye(1)
-    policy = hfa.predictive(model, point, Q, R)
-    plant = np.array(linear.A), np.array(linear.B), Q, R
+def gain_of_holds(plant: tuple[np.ndarray, ...], holds: np.ndarray) -> np.ndarray:
+    """Return the optimal gain of the first hold, by backward Riccati from P of SciPy."""
     P = np.array(hfa.lqr(*plant).P)
-    for h in policy.holds[::-1]:
+    for h in holds[::-1]:
         A, B, Qd, N, Rd = moved(*plant, h)
         K = np.linalg.solve(Rd + B.T @ P @ B, B.T @ P @ A + N.T)
         P = Qd + A.T @ P @ A - (A.T @ P @ B + N) @ K
+    return K
+
+
+@pytest.mark.parametrize("model", [CART, PENDULUM], ids=["cart", "pendulum"])
+def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds(model: Any) -> None:
+    """Near the trim the gain of equal holds for ever takes over, by `solve_discrete_are`."""
+    point = hfa.trim(model)
+    linear = hfa.linearize(model, point)
+    policy = hfa.predictive(model, point, *WEIGHTS)
+    plant = np.array(linear.A), np.array(linear.B), *WEIGHTS
+    K = gain_of_holds(plant, policy.holds)
     np.testing.assert_allclose(gradient(policy, point, model, 1e-5), K, rtol=1e-5)
     A, B, Qd, N, Rd = moved(*plant, policy.dt)
     P = solve_discrete_are(A, B, Qd, Rd, s=N)
     forever = np.linalg.solve(Rd + B.T @ P @ B, B.T @ P @ A + N.T)
     np.testing.assert_allclose(policy.K, forever, rtol=1e-9)
+
+
+def test_one_program_makes_the_last_plan_the_optimum_of_another_state() -> None:
+    """At a second sample whose state is not the predicted one, the input of a linear model is that
+    of the exact gain of the holds. The old plan would give -0.43 in place of 0.28.
+    """
+    policy = hfa.predictive(
+        CART, AT_REST, *WEIGHTS, horizon=1.6, margin=0.0, estimate="nothing",
+        limits={"position": (-1.0, 1.0)},
+    )  # fmt: skip
+    linear = hfa.linearize(CART, AT_REST)
+    K = gain_of_holds((np.array(linear.A), np.array(linear.B), *WEIGHTS), policy.holds)
+    policy(0.0, [0.97, -0.1])
+    elsewhere = np.array([0.95, -0.7])
+    np.testing.assert_allclose(policy(policy.dt, elsewhere), -K @ elsewhere, rtol=1e-5)
+    assert (policy.samples.planned, policy.samples.refused) == (2, 0)
+
+
+def test_the_sample_time_resolves_the_fastest_pole() -> None:
+    """A filter at 50 1/s beside the cart, without a weight worth a faster sample, sets it."""
+    filtered = hfa.Model(
+        "cart with a filter",
+        {**CART.states, "filtered": hfa.Signal("m/s")},
+        CART.inputs,
+        lambda x, u, p, w: (
+            {"position": x.speed, "speed": u.force, "filtered": 50.0 * (x.speed - x.filtered)},
+            {},
+        ),
+        trim={"position": 0.0},
+    )
+    policy = hfa.predictive(filtered, hfa.trim(filtered), np.diag([1.0, 1.0, 1e-4]), np.eye(1))
+    slow = hfa.predictive(CART, AT_REST, *WEIGHTS)
+    assert 0.3 < 50.0 * policy.dt <= 0.7 < 50.0 * slow.dt
 
 
 def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies() -> None:
