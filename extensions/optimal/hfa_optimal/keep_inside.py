@@ -10,7 +10,10 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.policy import flown_deployment
 from hfa_flight.policies.policy import Measurements, Policy
+from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_flight.scenario import Scenario
 from hfa_optimal.commands_under_way import CommandsUnderWay
@@ -56,6 +59,8 @@ class KeptInside(Policy):
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> held inputs of the policy, whether the filter
         acts, and its inputs.
+
+        With a delay, a sampled policy and the filter act on the states when their command acts.
         """
         problem, filtered = self.problem, self.filter
         own = self.policy
@@ -67,10 +72,13 @@ class KeptInside(Policy):
         self.changed[0] = 0
 
         def sample(tick: int, measured: np.ndarray) -> np.ndarray:
-            held = policy_held(tick, measured)
+            z = under_way.moved(problem.followed_of(trim + measured), self.delay, calm)
+            acted = measured.copy()
+            if self.delay:
+                acted[problem.followed_places] = z * problem.sizes[0]
+            held = policy_held(tick, acted)
             (u,) = command.at(tick * self.tick, measured, held)
             v = u[problem.moved] / problem.sizes[1]
-            z = under_way.moved(problem.followed_of(trim + measured), self.delay, calm)
             inside = filtered(z, v)
             acts = bool(np.abs(inside - v).max() > _ROUNDING)
             under_way.append(inside)
@@ -95,6 +103,8 @@ class KeptInside(Policy):
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
         """Return the policy with the ticks and the delay of a scenario, and the scenario."""
         policy, scenario = self.policy.in_scenario(scenario)
+        if isinstance(policy, SampledPolicy):
+            policy = replace(policy, delay=0.0)
         filtered = OneSampleFilter(self.filter.model.scaled, scenario.tick)
         held = np.zeros((1, policy.held.shape[1] + 1 + len(self.problem.model.inputs)))
         changed = replace(
@@ -123,7 +133,7 @@ class KeptInside(Policy):
 
 @checks_arguments
 def keep_inside(
-    policy: Policy,
+    policy: Policy | Deployment,
     model: Model,
     point: OperatingPoint,
     *,
@@ -134,9 +144,11 @@ def keep_inside(
     The change is the least, in fractions of the inputs' ranges, after which the model's next states
     are within 96 % of the distances from trim to limits. Only states that the inputs can move by a
     tenth of their range in one sample are kept, such as a pitch rate. Wrong parameters and
-    disturbances are not known to the filter.
+    disturbances are not known to the filter. In a flight with a delay, a policy that is computed
+    once a sample acts on the states predicted over the commands under way, as the filter does.
 
-    policy: a policy of `hfa.fly` without memory, such as `hfa.predictive(...)`
+    policy: a policy of `hfa.fly` without memory, such as `hfa.predictive(...)`, or an
+        `hfa.Deployment`
     model, point: the aircraft and its trim
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
 
@@ -152,6 +164,8 @@ def keep_inside(
     >>> [bool(abs(flight.states[:, 4]).max() <= 0.015) for flight in flights]
     [False, True]
     """
+    if isinstance(policy, Deployment):
+        policy = flown_deployment(policy, point)
     need(policy, Policy, "keep_inside: policy", "a policy of hfa.fly")
     return kept_inside(policy, flight_problem(model, point, limits=limits))
 

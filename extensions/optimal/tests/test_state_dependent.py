@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are
 
 import hfa
-from hfa_flight import GainPolicy
+from hfa_flight import GainPolicy, Scenario
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 GTM = hfa.load_model(f"{EXAMPLES / 'gtm.py'}:GTM")
@@ -74,6 +76,27 @@ def test_a_policy_that_needs_no_filter_is_unchanged_to_the_bit() -> None:
     np.testing.assert_array_equal(flights[0].states, flights[1].states)
     np.testing.assert_array_equal(flights[0].inputs, flights[1].inputs)
     assert flights[1].policy["changed_samples"] == 0
+
+
+def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state() -> None:
+    """A network whose commands act a sample late flies as it does without delay from the state that
+    the drift of that sample reaches.
+    """
+    o = ca.SX.sym("o", 2)
+    network = hfa.Deployment(
+        policy={"file": ca.Function("policy", [o], [-20.0 * o[0] - 3.0 * ca.tanh(o[1])])},
+        observation={"position": {}, "rate": {}},
+        action={"force": {"map": "a"}},
+        timing={"dt": 0.1},
+    )
+    kept = hfa.keep_inside(network, DUFFING, AT_REST)
+    fly = partial(hfa.fly, DUFFING, AT_REST, kept, predict=False)
+    late = fly(scenario=Scenario(duration=2.1, delay=0.1), initial={"position": 1.0})
+    begin = int(np.searchsorted(late.time, 0.1 - 1e-9))
+    start = dict(zip(DUFFING.states, late.states[begin].tolist(), strict=True))
+    prompt = fly(2.0, initial=start)
+    np.testing.assert_allclose(late.states[-1], prompt.states[-1], atol=1e-5)
+    assert late.policy["changed_samples"] > 0
 
 
 @pytest.mark.parametrize(
