@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import expm, solve_continuous_are, solve_discrete_are
 from scipy.optimize import lsq_linear
 
 import hfa
@@ -69,13 +69,13 @@ def gradient(policy: Any, point: Any, model: Any, size: float) -> np.ndarray:
     return np.array(columns).T
 
 
-def gain_of_holds(plant: tuple[np.ndarray, ...], holds: np.ndarray) -> np.ndarray:
+def gain_of_holds(A: np.ndarray, B: np.ndarray, holds: np.ndarray) -> np.ndarray:
     """Return the optimal gain of the first hold, by backward Riccati from P of SciPy."""
-    P = np.array(hfa.lqr(*plant).P)
+    P = solve_continuous_are(A, B, *WEIGHTS)
     for h in holds[::-1]:
-        A, B, Qd, N, Rd = moved(*plant, h)
-        K = np.linalg.solve(Rd + B.T @ P @ B, B.T @ P @ A + N.T)
-        P = Qd + A.T @ P @ A - (A.T @ P @ B + N) @ K
+        over, forced, Qd, N, Rd = moved(A, B, *WEIGHTS, h)
+        K = np.linalg.solve(Rd + forced.T @ P @ forced, forced.T @ P @ over + N.T)
+        P = Qd + over.T @ P @ over - (over.T @ P @ forced + N) @ K
     return K
 
 
@@ -85,10 +85,10 @@ def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds(model: Any) -> 
     point = hfa.trim(model)
     linear = hfa.linearize(model, point)
     policy = hfa.predictive(model, point, *WEIGHTS)
-    plant = np.array(linear.A), np.array(linear.B), *WEIGHTS
-    K = gain_of_holds(plant, policy.holds)
+    plant = np.array(linear.A), np.array(linear.B)
+    K = gain_of_holds(*plant, policy.holds)
     np.testing.assert_allclose(gradient(policy, point, model, 1e-5), K, rtol=1e-5)
-    A, B, Qd, N, Rd = moved(*plant, policy.dt)
+    A, B, Qd, N, Rd = moved(*plant, *WEIGHTS, policy.dt)
     P = solve_discrete_are(A, B, Qd, Rd, s=N)
     forever = np.linalg.solve(Rd + B.T @ P @ B, B.T @ P @ A + N.T)
     np.testing.assert_allclose(policy.K, forever, rtol=1e-9)
@@ -103,7 +103,7 @@ def test_one_program_makes_the_last_plan_the_optimum_of_another_state() -> None:
         limits={"position": (-1.0, 1.0)},
     )  # fmt: skip
     linear = hfa.linearize(CART, AT_REST)
-    K = gain_of_holds((np.array(linear.A), np.array(linear.B), *WEIGHTS), policy.holds)
+    K = gain_of_holds(np.array(linear.A), np.array(linear.B), policy.holds)
     policy(0.0, [0.97, -0.1])
     elsewhere = np.array([0.95, -0.7])
     np.testing.assert_allclose(policy(policy.dt, elsewhere), -K @ elsewhere, rtol=1e-5)
