@@ -19,7 +19,7 @@ from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_support.errors import NoSolutionError
-from verification.critic_errors import Exact, matrix_errors, relative_error
+from verification.critic_errors import matrix_errors, relative_error
 from verification.judged_game import JudgedGame
 
 #: Largest error of an entry without the mistake, and largest part of the error with the mistake.
@@ -61,18 +61,13 @@ class Mistake(NamedTuple):
     undone: np.ndarray
 
 
-def reason_for(judged: JudgedGame, critic: Critic, limit: float, searched: float) -> str:
+def reason_for(judged: JudgedGame, critic: Critic, limit: float) -> str:
     """Return a sentence that names the mistake in a wrong critic, or "" if none is recognized.
-
-    Of a network, the sentence states its errors at the origin and in the box.
 
     judged: the game and its exact solution
     limit: largest relative error of a correct P
-    searched: largest error of a network that was found in the box
     """
     game, exact = judged.game, judged.exact
-    if critic.network:
-        return _errors_of_network(critic, exact, searched)
     if critic.P is None:
         mistakes = _of_gain(game, critic.K, exact.K)
         return _first_mistake("K", critic.K, exact.K, mistakes) or _lqr(game, critic)
@@ -85,14 +80,6 @@ def reason_for(judged: JudgedGame, critic: Critic, limit: float, searched: float
         or _not_of_value(judged, critic.K, critic.P)
         or _another_root(judged, critic.P)
     )
-
-
-def _errors_of_network(critic: Critic, exact: Exact, searched: float) -> str:
-    """Return the sentence on the errors of a network at the origin and in the box."""
-    errors = [relative_error(critic.K, exact.K)]
-    if critic.P is not None:
-        errors.append(relative_error(critic.P, exact.P))
-    return f"off by {max(errors):.2g} at the origin, and by {searched:.2g} in the box"
 
 
 def _reason_for_policy(judged: JudgedGame, critic: Critic, P: np.ndarray) -> str:

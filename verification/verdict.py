@@ -37,7 +37,7 @@ AT_TRIM = 1e-6
 _IN_THE_FACTS = ("error", "rest", "stability", "game loop")
 #: Checks of the gain K.
 _OF_K = ("K_rel_error", "K_balanced_error", "K_entry_error")
-#: What to compare if no mistake is recognized; of a network, none is searched.
+#: What to compare if no mistake is recognized.
 UNEXPLAINED = (
     "Compare signs, units and order of states and inputs, Q, R, delta, discount and dt "
     "with those of the training"
@@ -334,6 +334,8 @@ class Verdict(Checked, Result, Reported):
         errors = (check for check in failed if check.kind == "error" and check.name not in said)
         wrong = next(errors, None)
         if wrong is not None:
+            if self.critic.network and self.reason:
+                return f"not exact: {self.reason}"
             return f"not exact ({wrong.reason.partition(':')[0]})"
         if self.searched:
             return f"no error above {self.limit:g} found at {self.searched} states"
@@ -390,7 +392,7 @@ class Verdict(Checked, Result, Reported):
         if self.reason:
             where = "" if self.nonlinear is None else f", on the {self.game}"
             heading.append(f"Reason{where}: {self.reason}")
-        if self.grade == "fail" if self.critic.network else not (self.ok or self.reason):
+        if self._is_unexplained:
             heading.append(UNEXPLAINED)
         return Report(
             "\n".join(self._first_lines(limit_cost)),
@@ -407,6 +409,16 @@ class Verdict(Checked, Result, Reported):
             },
             records=records,
         )
+
+    @property
+    def _is_unexplained(self) -> bool:
+        """True if it helps to compare the game with that of the training; of a network, if K is
+        wrong.
+        """
+        if self.critic.network:
+            is_wrong = any(check.name in _OF_K and not check.ok for check in self.checks)
+            return is_wrong and self.grade == "fail" and not self.reason
+        return not (self.ok or self.reason)
 
     def plot(self) -> np.ndarray:
         """Draw the learned and the exact P, or K without P, with pyplot, and return the Axes."""
@@ -464,7 +476,9 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
     with_reason = list(checks)
     for index, check in enumerate(checks):
         if not check.ok:
-            if diagnosis not in check.reason:
+            if diagnosis.startswith(check.reason):
+                with_reason[index] = replace(check, reason=diagnosis)
+            elif diagnosis not in check.reason:
                 with_reason[index] = replace(check, reason=f"{check.reason}: {diagnosis}")
             break
     return tuple(with_reason)

@@ -25,7 +25,7 @@ from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Part
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
-from verification.critic_errors import critic_errors
+from verification.critic_errors import critic_errors, relative_error
 from verification.error_table import (
     ErrorTable,
     history_table,
@@ -144,7 +144,8 @@ def verify(
     sections += over_time.sections
     reason = over_time.reason
     if not reason and not all(check.ok for check in errors):
-        reason = _reason(judged, last if nonlinear is None else last.linear_part, limit, found)
+        part = last if nonlinear is None else last.linear_part
+        reason = _reason(judged, part, box.half_widths, limit)
     return Verdict(
         last,
         judged.exact,
@@ -274,12 +275,18 @@ def _errors(judged: JudgedGame, box: np.ndarray, limit: float, critic: Critic) -
     return errors + judged.more_errors(critic, box, limit)
 
 
-def _reason(judged: JudgedGame, critic: Critic, limit: float, found: Findings | None) -> str:
+def _reason(judged: JudgedGame, critic: Critic, box: np.ndarray, limit: float) -> str:
     """Return the mistake that explains a wrong critic, or "" if none is recognized."""
+    from verification.network.mistakes import mistake_of_policy
     from verification.reasons import reason_for
 
-    searched = 0.0 if found is None else max((check.value for check in found.errors), default=0.0)
-    return reason_for(judged, critic, limit, searched) if critic.finite else ""
+    if not critic.finite:
+        return ""
+    if critic.network:
+        mistake = mistake_of_policy(critic, judged.exact, box, limit)
+        if mistake or relative_error(critic.K, judged.exact.K) <= limit:
+            return mistake
+    return reason_for(judged, critic, limit)
 
 
 def _polynomial_section(critic: Critic) -> Section:

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
-from hfa_support.reporting.checks import Check, below
+from hfa_support.reporting.checks import Check, at_most, below
 from verification.axis import quadratic_at
 from verification.box import starts_in
 from verification.critic_errors import SMALL, Exact, error_check
@@ -26,6 +26,7 @@ from verification.network.flights import (
     equilibrium_check,
     fly,
 )
+from verification.network.mistakes import bias_text
 from verification.verdict import Details, Section
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ def findings_of(
     )
     origin, worst = search(about)
     # The errors of a polynomial are bounded, and its bounds are checked.
-    errors = search_checks(critic, origin, worst, limit) if critic.network else []
+    errors = search_checks(critic, judged.exact, origin, worst, limit) if critic.network else []
     checks = list(errors)
     flown = fly(judged, critic, judged.exact, b, scope.flights, scope.plant)
     if flown.flights:
@@ -171,7 +172,7 @@ def findings_of(
 
 # Search.
 def search_checks(
-    critic: Critic, origin: float, found: tuple[Found, ...], limit: float
+    critic: Critic, exact: Exact, origin: float, found: tuple[Found, ...], limit: float
 ) -> list[Check]:
     """Return the checks of the errors that `search` found.
 
@@ -179,8 +180,10 @@ def search_checks(
     found: largest errors in the box
     limit: largest relative error that passes
     """
-    what = "u" if critic.gradient is None else "the slope of V"
-    checks = [error_check("origin_error", origin, limit, f"{what} at the origin")]
+    says = f"the slope of V at the origin is off by {origin:.2g}"
+    if critic.gradient is None:
+        says = bias_text(critic, exact)
+    checks = [at_most("origin_error", origin, limit, says, kind="error")]
     for item in found:
         what = f"{_NOUNS[item.name]} in the box"
         checks.append(error_check(f"searched_{item.name}_error", item.error, limit, what))

@@ -56,7 +56,7 @@ def test_the_command_judges_a_deployment_and_names_assess() -> None:
     assert np.diag(data["R"]).tolist() == [100.0, 400.0, 400.0, 50.0]  # without aileron_center's
     assert data["network"]["rest_point"] is not None
     said = " ".join(hfa(*words).out.split())
-    line = said.partition("hfa assess ")[2].partition(" Reason")[0]
+    line = said.partition("hfa assess ")[2].partition(" Compare")[0]
     assert line == f"{STATED} --dihedral 8"
     assert hfa("assess", *shlex.split(line), "--samples", "0", "--best", "0").code == DONE
 

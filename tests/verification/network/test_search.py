@@ -96,7 +96,27 @@ def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
     assert ": equilibrium 0." in headline
     first = str(verdict).partition("\n\n")[0]
     assert "\noptimal cost about its equilibrium\nK exact within 1e-06\n" in first
-    assert verdict.reason.startswith("off by 0 at the origin")
+    first = f"u at the origin is {offset[0]:.4g}, {offset[1]:.4g} rad, "
+    assert verdict.reason.startswith(first)
+    assert verdict.reason.endswith("not 0: a bias; otherwise the policy is exact")
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5])
+def test_only_the_clipping_of_an_exact_gain_is_named(factor: float) -> None:
+    """Of clip(-K z, ±0.3), exact K, the share of the clipped box is named; of 1.5 K, nothing is.
+
+    In z' = z + u with Q = 1, R = 1, K = 1 + √2: |K z| >= 0.3 on 1 - 0.3/K of the box |z| <= 1.
+    """
+    game = Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
+    K = factor * (1.0 + math.sqrt(2.0))
+    z = ca.SX.sym("z")
+    policy = ca.Function("policy", [z], [ca.fmin(ca.fmax(-K * z, -0.3), 0.3)])
+    critic = from_network(game, policy, network="policy")
+    verdict = verify(game, critic, scope=Scope(flights=2, box=Box(np.ones(1), "unit")))
+    assert not verdict.ok
+    says = "u1 is clipped at -0.3 and 0.3 in 88 % of the box; otherwise the policy is exact"
+    assert (verdict.reason == says) == (factor == 1.0)
+    assert (says in verdict.headline() + str(verdict).replace("\n", " ")) == (factor == 1.0)
 
 
 def biased(game: Game, share: float) -> Critic:

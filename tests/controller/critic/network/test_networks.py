@@ -157,7 +157,7 @@ def test_v_and_a_policy_are_checked_together(game: Game) -> None:
         path = onnx_file("both.onnx", [*nodes, ("Concat", "V u", "y", {"axis": 1})], constants, 6)
         check = verify(game, from_network(game, path, network="V+policy="), scope=Scope(flights=1))
         assert check.ok == ok
-        assert check.reason == ("" if ok else "off by 2 at the origin, and by 2 in the box")
+        assert ("the gain has the wrong sign" in check.reason) == (not ok)
     # six outputs of six states are a gradient unless it is said
     assert set(from_network(game, path).network) == {"gradient"}
 
@@ -339,7 +339,7 @@ def test_the_value_of_a_nonlinear_plant_is_said_to_differ_from_the_linear_game()
     V = ca.Function("V", [z], [p * z**2 - 2.0 * p * e / (3.0 * (a - p)) * z**3])
     verdict = verify(game, from_network(game, V, network="V"), scope=Scope(flights=4))
     assert not verdict.ok
-    assert verdict.reason.startswith("off by 0 at the origin")
+    assert verdict.K_rel_error == verdict.P_rel_error == 0.0
 
 
 @pytest.mark.parametrize("sides", [(3.0, 3.0), (3.0, 1.0)])

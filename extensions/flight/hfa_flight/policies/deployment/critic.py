@@ -54,7 +54,9 @@ def read_deployment(game: Game, path: str | Path, reading: Reading) -> Critic:
     parts = [f"policy {Path(path).name}: {deployment.actor.chain}"]
     if normalizer is not None:
         parts.append(f"normalizer {normalizer.origin}")
-    parts.append(f"without sample time ({deployment.dt:g} s), delay and input limits")
+    parts.append(
+        f"with its action boxes, without sample time ({deployment.dt:g} s), delay and input limits"
+    )
     return from_functions(game, z, {"policy": u}, ", ".join(parts))
 
 
