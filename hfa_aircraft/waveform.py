@@ -17,6 +17,7 @@ from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Result
 
 
+@checks_arguments
 class Harmonic(NamedTuple):
     """Harmonic signal sine sin(ω t) + cosine cos(ω t).
 

@@ -17,6 +17,7 @@ from trim.linear.linear_model import LinearModel
 from verification.box import Box
 
 
+@checks_arguments
 class NonlinearPlant(NamedTuple):
     """Nonlinear plant in deviations z and u of state and input from its trim.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -42,6 +42,7 @@ _RAYS = 100
 _SEED = 1992
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Expansion(Result, Reported):
     """Value V = V2 + ... + VD of a nonlinear game and its policies, as polynomials of z.
@@ -67,6 +68,8 @@ class Expansion(Result, Reported):
     >>> type(expansion) is hfa.Expansion, expansion.basis.name
     (True, 'cubic')
     """
+
+    _how_to_make: ClassVar[str] = "hfa.expand(linear, solution, order)"
 
     order: int
     solution: Solution

@@ -20,6 +20,7 @@ from hfa_support.reporting.report import Reported
 RANK_TOLERANCE = 1e-8
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Stack(Reported):
     """N_h recorded samples of a plant.

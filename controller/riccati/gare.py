@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import control
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Result, Reported):
     """Value z'P z of a game, its policies u = -K z and d = L z, and its certificate.
@@ -52,6 +53,8 @@ class Solution(Result, Reported):
     >>> type(solution) is hfa.Solution, solution.K.shape
     (True, (1, 1))
     """
+
+    _how_to_make: ClassVar[str] = "hfa.solve(game)"
 
     _instead: ClassVar[Mapping[str, str]] = {
         "L": "solution.disturbance_gain",

@@ -259,6 +259,7 @@ def refuse_unfit(condition: TrimCondition, model: Model) -> None:
         )
 
 
+@checks_arguments
 @lru_cache(maxsize=16)
 def usual_condition(model: Model) -> TrimCondition:
     """Return the trim condition that a model declares as its default."""

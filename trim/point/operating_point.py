@@ -43,6 +43,7 @@ _SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust")
 _LEVELS = 'trim.levels_of(point, trim.Airplane("III", "C"))'
 
 
+@checks_arguments
 @dataclass(frozen=True, repr=False)
 class OperatingPoint(StatesAndInputs, Result, Reported):
     """State X0 and input U0, with the residual of each equation.

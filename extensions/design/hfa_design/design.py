@@ -99,6 +99,7 @@ class Shaping(NamedTuple):
         }
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Design:
     """Settings of a design for a linear model with actuators and integrals e' = y of outputs y.

@@ -41,6 +41,7 @@ SLOWEST = 1e-3
 TOGETHER = "all inputs"
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False)
 class ServoLoop:
     """Closed loop of a plant and a controller at constant commands.

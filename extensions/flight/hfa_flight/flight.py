@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -267,6 +267,7 @@ def fly_within(
     return Flight(envelope, loop, flight, left_at, cycle, decay=decay)
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Flight(StatesAndInputs, Result, Reported):
     """A simulated flight, up to the first tick outside the envelope.
@@ -289,6 +290,8 @@ class Flight(StatesAndInputs, Result, Reported):
     >>> flight.ok, flight["alpha"].shape
     (True, (1001,))
     """
+
+    _how_to_make: ClassVar[str] = "hfa.fly(model, point, policy, ...)"
 
     schema = "hfa.flight/1"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from hfa_flight.problem import FlightProblem
 from hfa_optimal.bracket import Bracket, bracket_sentence
@@ -13,6 +13,7 @@ from hfa_optimal.flights import SimulatedFlight
 from hfa_optimal.found_flight import FoundFlight, limits_table, line_with_ratios
 from hfa_optimal.search import MESHES_AGREE, Found
 from hfa_optimal.smooth import has_kinks
+from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
@@ -63,6 +64,7 @@ class PolicyFlight(Result):
         )
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class BestFlight(FoundFlight):
     """Best flight found from an initial condition to a trim within limits.
@@ -84,6 +86,8 @@ class BestFlight(FoundFlight):
     >>> round(best.cost, 2), best.saturated  # (3³ - 1)/3 + 2 while the force is 1, then 1
     (11.67, ['force'])
     """
+
+    _how_to_make: ClassVar[str] = "hfa.optimize(model, point, start)"
 
     schema = "hfa.best-flight/1"
 

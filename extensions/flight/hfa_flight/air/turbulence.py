@@ -362,6 +362,7 @@ class TurbulentAir(Gust):
         return [f"turbulence without {', '.join(names)}: {why}" for why, names in reasons.items()]
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class AirFilter:
     """Filter x' = A x + B ν with the gust components (u, v, w, p, q, r) = C x.

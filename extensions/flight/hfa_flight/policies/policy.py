@@ -18,6 +18,7 @@ from hfa_aircraft.waveform import Waveform
 from hfa_flight.history import Deviations
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import CommandSteps
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.report import Reported
 from trim.point.operating_point import OperatingPoint
@@ -141,6 +142,7 @@ class Policy(Reported):
         return {}
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class GainPolicy(Policy):
     """Policy u = -K z + u_d(t), with the measured error z = x - x_d of the states of the linear

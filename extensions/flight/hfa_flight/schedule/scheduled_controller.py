@@ -43,6 +43,7 @@ _NAMES = ("states", "measurements", "commands", "inputs")
 _TEXTS = ("name", "feedback", "dynamics", "parameters")
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class ScheduledController(ByValue, Reported):
     """Scheduled controller x' = A(η) x + B(η) y + W(η) (u_applied - u), u = C(η) x + D(η) y.
