@@ -189,7 +189,7 @@ def _loaded_from_python(text: str) -> Model:
     try:
         module = _executed(where) if where.endswith(".py") else _imported(where)
         sources = hash_of_sources(Path(str(module.__file__)), module.__package__ or "")
-        model = getattr(module, name, None)
+        model = getattr(module, name, None) if name else _only_model(module)
         if isinstance(model, Model):
             sources = fingerprint(model, sources)
     except BadInputError as error:
@@ -359,10 +359,21 @@ def _imported(name: str) -> types.ModuleType:
     return importlib.import_module(name)
 
 
+def _models_of(module: types.ModuleType) -> dict[str, Model]:
+    """Return the models of a module, by name."""
+    return {name: held for name, held in vars(module).items() if isinstance(held, Model)}
+
+
+def _only_model(module: types.ModuleType) -> Model | None:
+    """Return the model of a module with a single one, or None."""
+    models = list(_models_of(module).values())
+    return models[0] if len(models) == 1 else None
+
+
 def _no_model_message(module: types.ModuleType, name: str, value: Any) -> str:
     """Return the error message for a name in a Python module that does not refer to a model."""
     # The message lists the models of the module.
-    models = [other for other, held in vars(module).items() if isinstance(held, Model)]
+    models = list(_models_of(module))
     if not name:
         return (
             f"no name of a model is given; give {module.__file__}:{' or :'.join(models) or 'NAME'}"

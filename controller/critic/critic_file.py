@@ -82,7 +82,7 @@ def _critics_of(entries: dict[str, Any], game: Game, reading: Reading) -> tuple[
         return (from_q_function(game, entries["H"], beside_H),)
     L = entries.get("L") if game.is_discrete else None
     if UNKNOWN in entries:
-        entries = {_part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
+        entries = {part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
     # Besides the rows over time, a file may contain the last row under its standard name.
     renamed = entries | {own: entries[key] for key, own in _ALIASES.items() if key in entries}
     if "basis" in renamed:
@@ -234,15 +234,20 @@ def entries_in(path: str | Path) -> dict[str, Any]:
     return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
 
 
-def _part_by_shape(array: np.ndarray, game: Game) -> str:
-    """Return which of "W", "P" and "K" an unnamed array is, according to its shape."""
+def part_by_shape(
+    array: np.ndarray, game: Game, otherwise: str = "name the file P.npy or K.npy"
+) -> str:
+    """Return which of "W", "P" and "K" an unnamed array is, according to its shape.
+
+    otherwise: what to do instead, if it may be P or K
+    """
     shapes = {"P": game.A.shape, "K": game.B.T.shape}
     fitting = [name for name, shape in shapes.items() if array.shape == shape]
     if not fitting and max(array.shape, default=1) == array.size:
         fitting = ["W"]
     if len(fitting) != 1:
         meaning = (
-            "may be P or K; name the file P.npy or K.npy"
+            f"may be P or K; {otherwise}"
             if fitting
             else f"does not fit W, P or K; give W as a row, P {shapes['P']} or K {shapes['K']}"
         )

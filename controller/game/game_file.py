@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -102,7 +102,7 @@ def stored_game(
         if is_discrete(stored):
             defaults = no_defaults
         parts |= _time(stored)
-        game = replace(_completed(parts, defaults(parts, names), notes), names=names)
+        game = _completed(parts | {"names": names}, defaults(parts, names), notes)
         noted = tuple(f"{path}: {note}" for note in notes)
         return StoredGame(
             game,

@@ -13,7 +13,6 @@ from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import ArrayLike, checks_arguments, need
-from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
 from hfa_support.labels import in_order, labels_of
 from trim.linear.linear_model import LinearModel
 
@@ -74,22 +73,11 @@ def game(
     )
 
 
-def _weights(matrix: str, given: Any, names: tuple[str, ...]) -> np.ndarray:
-    """Return Q or R as an array. A given matrix or diagonal keeps its shape."""
+def _weights(matrix: str, given: Any, names: tuple[str, ...]) -> Any:
+    """Return Q or R in the order of the names, or name -> weight."""
     if len(labels_of(given)) == 1:
-        given = dict(given)
-    if not isinstance(given, Mapping):
-        return numbers_in(matrix, in_order(matrix, given, names, names))
-    for name, weight in given.items():
-        refuse_unknown(f"{matrix} weights an unknown name", name, names)
-        if not isinstance(weight, (int, float, np.number)):
-            raise BadInputError(f"the {matrix} weight of {name} is {shown(weight)}; give a number")
-    missing = [name for name in names if name not in given]
-    if matrix == "R" and missing:
-        raise BadInputError(
-            f"R has no weight for {', '.join(missing)}; give a weight for each input"
-        )
-    return np.diag([float(given.get(name, 0.0)) for name in names])
+        return dict(given)
+    return in_order(matrix, given, names, names)
 
 
 def widths_within_limits(linear: LinearModel) -> np.ndarray | None:

@@ -18,6 +18,7 @@ from hfa_support.errors import (
     BadInputError,
     is_finite,
     numbers_in,
+    refuse_unknown,
     refuse_unless_positive,
     shown,
 )
@@ -46,8 +47,10 @@ class Game(ByValue, Reported):
     A: (n, n)
     B: (n, m)
     E: (n, k), disturbance matrix; by default the identity, as in the paper
-    Q: (n, n), symmetric positive semidefinite; or its diagonal, (n,)
-    R: (m, m), symmetric positive definite, in discrete time semidefinite; or its diagonal, (m,)
+    Q: (n, n), symmetric positive semidefinite; or its diagonal, (n,), or state -> weight, with 0
+        for all other states
+    R: (m, m), symmetric positive definite, in discrete time semidefinite; or its diagonal, (m,), or
+        input -> weight, for every input
     delta: δ > 0; by default inf (LQR without a disturbance)
     N: (n, m), cross weights; by default 0. [[Q, N], [N', R]] must be positive semidefinite.
     names: names of the states and inputs in reports; by default x1, x2, ... and u1, u2, ...
@@ -95,8 +98,8 @@ class Game(ByValue, Reported):
             A: ArrayLike,
             B: ArrayLike,
             E: ArrayLike | None = None,
-            Q: ArrayLike | None = None,
-            R: ArrayLike | None = None,
+            Q: ArrayLike | Mapping[str, float] | None = None,
+            R: ArrayLike | Mapping[str, float] | None = None,
             delta: float = np.inf,
             N: ArrayLike | None = None,
             names: PlantNames = UNNAMED,
@@ -122,7 +125,7 @@ class Game(ByValue, Reported):
         if self.E is None:
             vars(self)["E"] = np.eye(len(np.atleast_1d(numbers_in("A", self.A))))
         for name in ("Q", "R"):
-            vars(self)[name] = _with_diagonal(name, getattr(self, name))
+            vars(self)[name] = _with_diagonal(name, self._by_name(name, getattr(self, name)))
         for name in ("A", "B", "E", "Q", "R"):
             vars(self)[name] = checked_matrix(name, getattr(self, name), LARGEST)
         N = np.zeros(self.B.shape) if self.N is None else self.N
@@ -152,6 +155,26 @@ class Game(ByValue, Reported):
             raise BadInputError(_indefinite_weights(self))
         _check_discount(self.dt, self.discount)
         vars(self).update(delta=_checked_delta(self.delta), names=self.names.completed(n, m))
+
+    def _by_name(self, matrix: str, given: Any) -> Any:
+        """Return Q or R as a matrix if it is a mapping name -> weight, and otherwise unchanged."""
+        if not isinstance(given, Mapping):
+            return given
+        n, m = np.atleast_2d(numbers_in("B", self.B)).shape
+        completed = self.names.completed(n, m)
+        names = completed.states if matrix == "Q" else completed.inputs
+        for name, weight in given.items():
+            refuse_unknown(f"{matrix} weights an unknown name", name, names)
+            if not isinstance(weight, (int, float, np.number)):
+                raise BadInputError(
+                    f"the {matrix} weight of {name} is {shown(weight)}; give a number"
+                )
+        missing = [name for name in names if name not in given]
+        if matrix == "R" and missing:
+            raise BadInputError(
+                f"R has no weight for {', '.join(missing)}; give a weight for each input"
+            )
+        return np.diag([float(given.get(name, 0.0)) for name in names])
 
     def __hash__(self) -> int:
         """Return a hash of the sums of all entries of A, Q, R and N, and of delta.

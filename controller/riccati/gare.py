@@ -16,7 +16,7 @@ from controller.riccati.certificate import Certificate, Certified, certified_sol
 from controller.riccati.form import Form
 from controller.riccati.loop_margins import LoopMargin, loop_margins, named_margins
 from controller.riccati.margins import DiskMargin, disk_margin
-from controller.riccati.meaning import meaning_checks
+from controller.riccati.meaning import bounded_real_gain, meaning_checks
 from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of, why_refused
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import ArrayLike, checks_arguments, need
@@ -59,7 +59,8 @@ class Solution(Result, Reported):
     _instead: ClassVar[Mapping[str, str]] = {
         "L": "solution.disturbance_gain",
         "value": "solution.cost(z)",
-        "l2_gain": "controller.bounded_real_gain(game, solution.K)",
+        "gamma": "solution.delta",
+        **dict.fromkeys(("S", "X"), "solution.P"),
     }
     schema = "hfa.game-solution/1"
 
@@ -99,6 +100,11 @@ class Solution(Result, Reported):
     def names(self) -> PlantNames:
         """Names and units of the game's states and inputs."""
         return self.game.names
+
+    @cached_property
+    def l2_gain(self) -> float:
+        """L2 gain of the closed loop with u = -K z, from d to the cost (`bounded_real_gain`)."""
+        return bounded_real_gain(self.game, self.K)
 
     @cached_property
     def closed_loop_eigenvalues(self) -> Roots:

@@ -128,6 +128,17 @@ class ManyTrims(Trim):
 _OF_ONE = ("model", "typed", "given", "free", "limit", "start")
 
 
+#: Number of an airplane class -> its Roman number.
+_ROMAN = {"1": "i", "2": "ii", "3": "iii", "4": "iv"}
+
+
+def _airplane_class(text: str) -> str:
+    """Return the class of an airplane, "iii" or "3", in lower case and Roman numbers."""
+    number, dash, letter = text.partition("-")
+    roman = f"{_ROMAN.get(number, number)}{dash}{letter}"
+    return one_of(*(name.lower() for name in CLASSES))(roman)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrimRequest(Request):
     """Options of `hfa trim`."""
@@ -139,7 +150,7 @@ class TrimRequest(Request):
     class_: str | None = option(
         f"airplane class of MIL-F-8785C: {', '.join(CLASSES)}; default I",
         "CLASS",
-        one_of(*(name.lower() for name in CLASSES)),
+        _airplane_class,
         names="--class",
     )
     category: str | None = option(

@@ -41,12 +41,15 @@ def _delta(text: str) -> float:
     return math.inf if text.strip().lower() in ("inf", "infinity") else number(text)
 
 
-def diagonal(text: str) -> np.ndarray:
-    """Return the matrix diag(a, b, ...), (n, n), from the text "a,b,...".
+def diagonal(text: str) -> np.ndarray | dict[str, float]:
+    """Return the matrix diag(a, b, ...), (n, n), or name -> weight of the text "name=a,name=b".
 
     Raises BadInputError if an entry is not a number.
     """
-    return np.diag(listed_numbers(text))
+    if "=" not in text:
+        return np.diag(listed_numbers(text))
+    pairs = [word.partition("=") for word in text.split(",")]
+    return {name.strip(): number(value) for name, _, value in pairs}
 
 
 def _rows(text: str) -> np.ndarray:
@@ -60,7 +63,8 @@ def _rows(text: str) -> np.ndarray:
 def _diagonal_option(name: str) -> Any:
     """Return a request field whose option sets the diagonal of Q or R."""
     usual = f"of the paper for the HFA, of the file of a plant, else {USUAL_WEIGHTS[name]}"
-    about = f"diagonal of {name}; default: {usual}"
+    order = "states" if name == "Q" else "inputs"
+    about = f"diagonal of {name} in the order of the {order}, or NAME=a,...; default: {usual}"
     return option(about, "a,b,...", diagonal, names=f"--{name}", rare=True)
 
 
@@ -80,8 +84,8 @@ class GameWeights(Part):
         "NUMBER",
         _delta,
     )
-    Q: np.ndarray | None = _diagonal_option("Q")
-    R: np.ndarray | None = _diagonal_option("R")
+    Q: np.ndarray | Mapping[str, float] | None = _diagonal_option("Q")
+    R: np.ndarray | Mapping[str, float] | None = _diagonal_option("R")
 
     @property
     def changed(self) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from hfa_support.errors import refuse_unknown
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table
 
@@ -75,6 +76,15 @@ class Checked:
 
     def __bool__(self) -> bool:
         return self.ok
+
+    def __getitem__(self, name: str) -> float:
+        """Return the measured value of the check with this name.
+
+        Raises BadInputError for an unknown name.
+        """
+        values = {check.name: check.value for check in self.checks}
+        refuse_unknown("unknown check", name, values)
+        return values[name]
 
 
 def checked(

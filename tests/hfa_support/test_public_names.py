@@ -93,8 +93,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: hfa.verify(plant()["linear"], plant()["solution"].K),
         "give a game: hfa.game(linear, Q, R, delta)",
     ),
-    "verify(game, K)": (
-        lambda: hfa.verify(plant()["game"], plant()["solution"].K),
+    "verify(game, 3)": (
+        lambda: hfa.verify(plant()["game"], 3),
         "hfa.from_gain(game, K), hfa.from_value(game, P), hfa.from_weights(game, W, basis=...)",
     ),
     "solve(model)": (
@@ -165,6 +165,9 @@ def test_the_right_neighbours_are_accepted() -> None:
     game = hfa.game(linear, np.ones(6), np.ones(5))
     K = hfa.lqr(game.A, game.B, game.Q, game.R).K
     assert hfa.verify(game, hfa.from_gain(game, K)).ok
+    assert hfa.verify(game, K).ok
+    assert plant()["solution"].l2_gain < plant()["game"].delta
+    assert hfa.Game(game.A, game.B, Q={"x1": 2.0}, R=np.ones(5)).Q.trace() == 2.0
     flight = hfa.fly(plant()["model"], plant()["point"], K, 0.1, initial={"alpha": 0.01})
     assert not hasattr(flight, "converged")
     assert not hasattr(flight, "success")

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeGuard
 
 import numpy as np
 
 from controller.critic.critic import Critic, from_parts
+from controller.critic.critic_file import critics_in, part_by_shape
+from controller.critic.reading import Reading
 from controller.critic.training_run import TrainingRun
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
-from hfa_support.arguments import checks_arguments, need
+from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -50,7 +53,7 @@ _CRITICS = (
 @checks_arguments
 def verify(
     game: Game,
-    critic: Critic | Sequence[Critic] | Solution | TrainingRun,
+    critic: Critic | Sequence[Critic] | Solution | TrainingRun | ArrayLike | str | Path,
     *,
     limit: float = LIMIT,
     scope: Scope | None = None,
@@ -82,8 +85,8 @@ def verify(
 
     game: the game, in continuous or in discrete time
     critic: the critic, from `hfa.from_gain`, `from_value`, `from_weights`, `from_network` or
-        `hfa.read_critic`; or critics over time, from `critics_over_time`; or a solution, or a
-        training run
+        `hfa.read_critic`; or the name of its file; or K, P or W as an array, told by its shape;
+        or critics over time, from `critics_over_time`; or a solution, or a training run
     limit: limit of the errors and the residual
     scope: further data for the checks; by default `Scope()`
     linear: the linear model of the game at a trim of an aircraft, or None
@@ -104,7 +107,7 @@ def verify(
     need(scope, Scope, "verify: scope", "verification.Scope(...)")
     if linear is not None:
         need(linear, LinearModel, "verify: linear", LinearModel._how_to_make)
-    critics = _critics(game, critic)
+    critics = _critics(game, critic, linear)
     judged = JudgedGame(game)
     last = critics[-1]
     if taylor and (linear is None or last.is_quadratic):
@@ -124,7 +127,7 @@ def verify(
     over_time = _NO_TIME
     if isinstance(critic, TrainingRun):
         over_time = _run(judged, critic)
-    elif _is_history(critic):
+    elif len(critics) > 1 or _is_history(critic):
         table = history_table(critics, errors_of, judged.residuals, limit)
         over_time = _OverTime(table, [], [_history_section(table)])
 
@@ -228,8 +231,14 @@ def _nonlinear(
     return compared, compared.part()
 
 
-def _critics(game: Game, given: object) -> Sequence[Critic]:
+def _critics(game: Game, given: object, linear: LinearModel | None) -> Sequence[Critic]:
     """Return what is judged as critics: one, or one for each time of a history."""
+    if isinstance(given, (str, Path)):
+        return critics_in(given, game, Reading(linear=linear))
+    if isinstance(given, (np.ndarray, list)) and not _is_history(given):
+        array = numbers_in("critic", given)
+        instead = "write hfa.from_value(game, P) or hfa.from_gain(game, K)"
+        return (from_parts(game, {part_by_shape(array, game, instead): array}),)
     if isinstance(given, Critic):
         _refuse_other_time(game, given)
         return (given,)
