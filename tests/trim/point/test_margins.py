@@ -74,3 +74,18 @@ def test_a_limit_is_exceeded_by_rounding_only(side: float) -> None:
     assert margins_of(side * (40.0 + 0.9 * slack), -40.0, 40.0).ok
     with pytest.raises(hfa.NoSolutionError, match="u at m"):
         margins_of(side * (40.0 + 1.1 * slack), -40.0, 40.0)
+
+
+def test_an_output_is_limited_by_itself_and_by_the_state_it_replaces() -> None:
+    """y = 2 x has the limits -2 of x and 5 of its own declaration."""
+    model = hfa.Model(
+        "lever",
+        {"x": Signal("m", 1.0, -1.0, 4.0)},
+        {"u": Signal("m", 2.0)},
+        lambda x, u, p, w: ({"x": u.u - x.x}, {"y": 2.0 * x.x}),
+        outputs={"y": Signal("m", 1.0, -3.0, 5.0)},
+        replaced={"x": "y"},
+        trim={"y": 1.0},
+    )
+    margin = hfa.trim(model).margins["y"]
+    assert (margin.lowest, margin.highest) == pytest.approx((-2.0, 5.0))
