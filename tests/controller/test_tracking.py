@@ -30,6 +30,8 @@ def test_the_command_of_the_paper_is_no_trim(dihedral_deg: float, needed_deg: fl
     constant = together[frozenset({"alpha", "dihedral"})]
     assert math.degrees(constant.needed["elevator_center"]) == pytest.approx(needed_deg, abs=0.05)
     assert math.degrees(constant.beyond["elevator_center"]) == pytest.approx(-30.0)
+    of_range = (-30.0 - needed_deg) / 60.0
+    assert constant.excess("elevator_center") == pytest.approx(of_range, abs=1e-3)
     assert together[frozenset({"dihedral"})].is_reachable
     title = str(found.report()).splitlines()[0]
     assert f"elevator_center needs {needed_deg}" in title

@@ -14,9 +14,7 @@ from hfa.extend import ProgressLine
 def test_quiet_suppresses_all_but_errors() -> None:
     """--quiet suppresses notes and progress, but not errors."""
     words = ("sweep", "--dihedral", "14:20:2")
-    for quiet in ("-q", "--quiet"):
-        terminal = Terminal()
-        assert hfa(*words, quiet, err=terminal) == hfa(*words)._replace(err="")
+    assert hfa(*words, "-q", err=Terminal()) == hfa(*words)._replace(err="")
     refused = hfa("trim", "--quiet", "--dihedral", "15", "--hold", "speed=20")
     assert (refused.code, refused.out, refused.err[:13]) == (1, "", "hfa: no trim:")
 

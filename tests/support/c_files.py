@@ -57,20 +57,3 @@ def called(folder: Path, name: str, *values: np.ndarray | float) -> int:
         )
 
     return int(getattr(loaded(folder), name)(*map(passed, values)))
-
-
-def footprint(folder: Path, source: str) -> tuple[int, int, int, set[str]]:
-    """Return the sizes of the sections text, data and bss of a compiled C file, and undefined
-    symbols.
-
-    The sizes are in bytes.
-    """
-    compiled(folder, "-c", source, "-o", "sized.o")
-    wanted, sizes = (
-        subprocess.run(
-            [*words, folder / "sized.o"], check=True, capture_output=True, text=True
-        ).stdout.splitlines()
-        for words in (("nm", "-u"), ("size",))
-    )
-    text, data, bss = map(int, sizes[1].split()[:3])
-    return text, data, bss, {line.split()[-1] for line in wanted}

@@ -16,9 +16,3 @@ FOLDERS = {
 }
 #: Packages with a stub of public names.
 PACKAGES = tuple(name for name, folder in FOLDERS.items() if (folder / "__init__.pyi").exists())
-
-
-def project_sources() -> dict[str, str]:
-    """Return the source code of every module of the packages, by path relative to the root."""
-    paths = (path for folder in FOLDERS.values() for path in sorted(folder.rglob("*.py")))
-    return {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in paths}

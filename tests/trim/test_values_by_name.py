@@ -6,7 +6,6 @@ import json
 import pickle
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -91,21 +90,6 @@ def test_modes_that_inputs_or_outputs_miss_are_zeros() -> None:
     )
 
 
-class Broken(hfa.Model):
-    """Result with a property that raises AttributeError."""
-
-    @property
-    def value(self) -> Any:
-        """Raise an AttributeError that is not about this class."""
-        return None.missing  # type: ignore[attr-defined]
-
-
-def test_a_property_that_fails_keeps_its_error() -> None:
-    """An AttributeError inside a property is not replaced by a suggestion."""
-    with pytest.raises(AttributeError, match="'NoneType' object has no attribute 'missing'"):
-        Broken("x", {"x": hfa.Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {})).value  # noqa: B018
-
-
 def test_names_index_values_and_modes() -> None:
     """States, inputs, margins and modes of trims, linear models and sweeps are indexed by name.
 
@@ -145,24 +129,6 @@ def test_names_index_values_and_modes() -> None:
         tracked = swept.modes["phugoid"]
         assert tracked.damping[index] == pytest.approx(mode.damping)
         assert tracked.frequency[index] == pytest.approx(mode.frequency)
-
-
-def test_lqr_is_the_game_without_disturbance() -> None:
-    """`hfa.lqr` returns the K of the game without disturbance, the closed loop and the margins."""
-    linear = _linear()
-    weights = {"speed": 1.0, "pitch": 50.0, "dihedral": 50.0}
-    game = hfa.game(linear, weights, np.ones(5))
-    regulator = hfa.lqr(game.A, game.B, game.Q, game.R)
-    assert np.array_equal(regulator.K, hfa.solve(game).K)
-    closed = regulator.closed_loop
-    assert np.array_equal(closed.A, linear.A - linear.B @ regulator.K)
-    assert hfa.solve(game).closed_loop.state_labels == list(linear.states)
-    assert regulator.is_stable
-    margins = hfa.margins(linear, regulator.K)
-    for name, margin in hfa.solve(game).loop_margins.items():
-        assert margins[name].phase == pytest.approx(margin["phase"], rel=1e-6)
-    bounded = hfa.solve(hfa.paper.published_game(linear))
-    assert bounded.delta_min == pytest.approx(bounded.delta / bounded.delta_margin)
 
 
 def test_a_sweep_is_a_sequence_of_linear_models() -> None:
@@ -227,13 +193,3 @@ def test_a_plot_of_point_shows_its_limits() -> None:
     share = 100.0 * (margin.value - margin.lowest) / (margin.highest - margin.lowest)
     assert axes.collections[-1].get_offsets()[row].tolist() == pytest.approx([share, row])
     pyplot.close("all")
-
-
-def test_the_html_of_a_model_is_a_table() -> None:
-    """The HTML representation of a model contains names, units, limits and the trim."""
-    text = MODEL._repr_html_()
-    assert "throttle" in MODEL.report().text()
-    with pytest.raises(BadInputError, match="unknown name 'sped'; did you mean speed"):
-        MODEL.unit("sped")
-    for word in ("elevator_center", "ft/s", "lowest", "highest", "trim"):
-        assert word in text

@@ -7,25 +7,13 @@ import pytest
 from cli import answer
 from game_files import AT_15, stored
 from game_samples import failed_names, game_models
-from planted_critics import gain, other_root, value, weights_of
+from planted_critics import gain, value, weights_of
 from planted_mistakes import NAMED, OF_ANY_GAME, UNNAMED, candidate_of, random_game
 
 from hfa import Critic, Game, from_gain, from_value, verify
 from hfa.main import DONE, FAILED
 
 pytestmark = pytest.mark.usefixtures("folder")
-
-
-def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
-    """The reason of a verdict is in the JSON data and is a line of the report.
-
-    For another root of the Riccati equation, the reason names this root.
-    """
-    twice = verify(game, from_gain(game, 2.0 * gain(game)))
-    assert twice.reason == twice.to_dict()["diagnosis"]
-    assert f"Reason: {twice.reason}" in twice.report().text().splitlines()
-    root = verify(game, from_value(game, other_root(game)))
-    assert "another root of the Riccati equation" in root.reason
 
 
 def test_a_value_inaccurate_for_its_gain_is_named() -> None:

@@ -12,7 +12,7 @@ import pytest
 from controllers import integrating_controller, small_controller
 from known_models import model_at
 from scipy.io import loadmat
-from servo_cases import A_Z, measured_servo, simvfa_design
+from servo_cases import measured_servo, simvfa_design
 from tolerances import SAME_FORMULA
 
 import hfa
@@ -92,21 +92,6 @@ def test_output_feedback_gives_the_central_controllers_poles(
     poles = np.linalg.eigvals(closed_plant(plant, (exact.Ak, exact.Bk, exact.Ck, exact.Dk))[0])
     same_poles(loop, poles)
     assert found.limit < delta
-
-
-def test_controllers_have_signal_names(published_aircraft: Model) -> None:
-    """A controller has the names of its measurements, commands and states."""
-    output = design_controller(published_aircraft, measured_servo(), ANGLES[:1])
-    assert (output.feedback, output.measurements) == ("output", ("pitch_rate", "dihedral", A_Z))
-    assert output.commands == ("dihedral_command", f"{A_Z}_command")
-    assert output.states[-2:] == ("dihedral_integral", f"{A_Z}_integral")
-    assert [row["dihedral"] for row in output.about["angles"]] == pytest.approx(ANGLES[:1])
-    state = design_controller(published_aircraft, simvfa_design("simvfa-2"), ANGLES[:1])
-    assert (state.feedback, state.command_filter, output.command_filter) == ("state", (), ())
-    assert {"speed", "aileron_outer_position", "elevator_center_rate", A_Z} <= set(
-        state.measurements
-    )
-    assert state.commands == ("dihedral_command", f"{A_Z}_command")
 
 
 def test_impossible_designs_name_angle_and_reason(published_aircraft: Model) -> None:
@@ -243,19 +228,6 @@ def test_damaged_controller_files_are_refused(published_aircraft: Model, tmp_pat
             load_controller(tmp_path / name, hfa.aircraft())
     with pytest.raises(BadInputError, match=r"use \.npz or \.mat"):
         save_controller(tmp_path / "good.json", small_controller(published_aircraft))
-
-
-@pytest.mark.parametrize("limit", ["delta_min", "gamma_min"])
-def test_the_report_lists_limit_and_checks(published_aircraft: Model, limit: str) -> None:
-    """The report lists the smallest delta or gamma and the result of the checks at each angle."""
-    rows = [
-        {"dihedral": math.radians(degrees), limit: 7.25, "checks": [{"ok": True}, {"ok": ok}]}
-        for degrees, ok in ((5.0, True), (10.0, False), (20.0, True))
-    ]
-    report = small_controller(published_aircraft, about={"delta": 200.0, "angles": rows}).report()
-    table = report.parts[1]
-    assert [tuple(map(str, each)) for each in table.rows][1] == ("10", "7.25", "FAIL")
-    assert (report.data["delta"], report.data["angles"]) == (200.0, rows)
 
 
 def test_a_loop_whose_numbers_overflow_is_refused() -> None:

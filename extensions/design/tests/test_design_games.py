@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-from game_files import AT_15
 from known_models import model_at
 from project import ROOT
 from scipy.io import loadmat
@@ -50,13 +49,6 @@ def test_solve_design_returns_simvfas_gain(name: str, size: int, published_aircr
         data["plant"]
         == f"design {SIMVFA[name]} of the aircraft at dihedral 11 deg, published dynamics"
     )
-
-
-def test_the_paper_s_design_is_the_default_game() -> None:
-    """`--design paper` gives the results of the default game."""
-    one = answer("solve", "--design", "paper", *AT_15)
-    other = answer("solve", *AT_15)
-    assert {key for key in one if one[key] != other.get(key)} - {"provenance"} == {"plant"}
 
 
 # From measured outputs.

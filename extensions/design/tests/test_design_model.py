@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 from cli import refusal
 from known_models import model_at, released_simulation
-from project import ROOT
 from servo_cases import simvfa_design
 
 import hfa
@@ -28,15 +27,6 @@ from hfa import BadInputError, Game, Model, linearize, solve, trim
 from hfa.paper import level_flight, published_game
 from hfa_design import Actuator, Design, DesignModel, design_model, load_design
 from hfa_model import LINEAR_STATES
-
-DESIGNS = ROOT / "extensions/design/hfa_design"
-
-
-def test_every_design_file_has_name_and_source() -> None:
-    """Every design file of the package is read by its name and names its source."""
-    for path in DESIGNS.glob("*.toml"):
-        assert load_design(path.stem, hfa.aircraft()).name == path.stem
-        assert "source = " in path.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -85,17 +75,6 @@ PEER = json.loads((Path(__file__).parent / "peer_gains.json").read_text(encoding
 
 def design_at(aircraft: Model, design: Design, degrees: float) -> DesignModel:
     return design_model(aircraft, model_at(degrees, hfa_model.variant_of(aircraft).name), design)
-
-
-@pytest.mark.parametrize("name", PEER)
-@pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
-def test_settings_of_simvfa_give_its_gain(
-    published_aircraft: Model, name: str, degrees: str
-) -> None:
-    """The exact gain for the settings of the program SimVFA equals SimVFA's gain within 2e-5."""
-    theirs = np.array(PEER[name][degrees])
-    ours = solve(design_at(published_aircraft, simvfa_design(name), float(degrees)).game()).K
-    assert np.linalg.norm(ours - theirs) <= 2e-5 * np.linalg.norm(theirs)
 
 
 @pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])

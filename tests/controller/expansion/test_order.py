@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from cli import hfa
 from known_models import game_at, model_at
-from own_models import F16
 
 import hfa as package
-from hfa import BadInputError, expand, solve
+from hfa import expand, solve
 
 AT_15 = ("--dihedral", "15")
 
@@ -76,11 +75,3 @@ def test_wrong_requests_are_refused(words: tuple[str, ...], named: str, folder: 
     result = hfa("solve", *words)
     assert result.code == 2
     assert named in result.err
-
-
-def test_tables_of_an_aircraft_are_refused_by_name() -> None:
-    linear = package.linearize(F16, package.trim(F16))
-    Q = np.eye(len(linear.states))
-    solution = solve(package.game(linear, Q, np.eye(len(linear.inputs))))
-    with pytest.raises(BadInputError, match="switches at the trim"):
-        expand(linear, solution, 3)

@@ -210,6 +210,7 @@ def test_wrong_options_of_report_are_refused(words: str, named: str) -> None:
     assert list(Path().iterdir()) == [Path("file")]
 
 
+@pytest.mark.slow
 def test_another_aircraft_fails_and_is_told_from_that_of_the_studies() -> None:
     """With other parameters, the pairs are not regenerated, and stored flights are another's."""
     words = ("--dihedral", "15", "--sweep", "15", "--parameters", "gibson-2011-simulation")

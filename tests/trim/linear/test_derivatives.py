@@ -21,12 +21,11 @@ from random_points import (
 import hfa
 import hfa_model
 from hfa import Model
-from hfa_model import INPUTS, STATES, Input, State
+from hfa_model import STATES, Input, State
 
 NAMES = WINDS
 WATCHED = tuple(hfa.aircraft().outputs)
 ROWS = (*STATES, *WATCHED)
-COLUMNS = (*STATES, *INPUTS, *NAMES)
 #: Size of a step of 1, in the units of states, inputs and winds.
 SCALES = np.array([*STATE_SCALES, *INPUT_SCALES, *np.full(len(NAMES), 10.0)])
 TROPOPAUSE = 36_152.0  # ft

@@ -226,6 +226,8 @@ def test_transfer_functions_that_are_0_are_not_shown(folder: Path) -> None:
     text = hfa("linearize", "--aircraft", "plant.npz", "--bode").out
     for each in found:
         assert (f"{each.output} / {each.input}" in text) == bool(each.gain)
+    (coupled,) = (line for line in text.splitlines() if line.startswith("x2 / u1"))
+    assert coupled.split("none")[1].split() == ["-2.0000,", "-1.0000"]
     panels = linear.bode()[0].figure.axes
     assert [len(axes.lines) for axes in panels] == [1, 2, 1, 2]
 

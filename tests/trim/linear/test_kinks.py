@@ -96,6 +96,8 @@ def test_each_point_of_a_sweep_has_the_slopes_of_its_own_kinks(tmp_path: Path) -
     assert note.endswith("(1001 of 1003 points, the first at 0)")
     dataset = stores.stream_sweep(result.plan, tmp_path / "a.zarr")
     assert dataset.kinks.values.tolist() == [0, *[1] * kinks, 0]
+    (note,) = stores.stored_sweep(result.plan, dataset, tmp_path / "a.zarr").warnings
+    assert note.startswith("kinks at 1001 points")
     np.testing.assert_array_equal(dataset.A, result.A)
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:

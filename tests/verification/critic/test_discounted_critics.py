@@ -16,7 +16,6 @@ from tolerances import SAME_FORMULA
 from controller import critic_in
 from hfa import Game, from_gain, from_value, solve, verify
 from hfa.main import BAD_INPUT, FAILED
-from tests.support.steps_of import in_steps
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -113,10 +112,3 @@ def test_an_exact_critic_that_does_not_stabilize_fails() -> None:
     )
     (reason,) = [check.reason for check in verdict.checks if not check.ok]
     assert "the exact solution of this discounted problem does not stabilize either" in reason
-
-
-def test_a_verdict_names_the_matrix_of_an_unstable_gain() -> None:
-    """The verdict on an unstable gain in discrete time names the matrix A - B K."""
-    game = Game([[0.9]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
-    problem = in_steps(game, 0.9)
-    assert "A - B K" in str(verify(problem, from_gain(problem, [[-1.0]])))

@@ -5,8 +5,6 @@ No reason names a mistake that was not made.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from typing import Any, NamedTuple
@@ -214,28 +212,3 @@ def test_the_box_is_the_same_on_the_command_line_and_in_python() -> None:
         assert data["box"]["half_widths"] == pytest.approx(told.box.half_widths, rel=1e-12)
         assert told.headline().startswith(f"PASS on the {names}: ")
         assert names.endswith(data["box"]["name"])
-
-
-def test_a_gain_is_verified_without_code_for_networks() -> None:
-    """`hfa verify` of a gain imports nothing that reads or simulates networks or discrete games."""
-    path = stored("K.npz", K=hfa.solve(game_at(15.0)).K)
-    program = f"""
-import sys
-from hfa.main import main
-code = main(["verify", "--dihedral", "15", "--weights", "{path}"])
-others = ("controller.critic.network", "controller.critic.implied", "verification.network",
-          "verification.reasons", "hfa_prove.enclosure")
-print(code, [name for name in sys.modules if name.startswith(others)])
-"""
-    words = [sys.executable, "-c", program]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=True)
-    assert done.stdout.endswith("\n0 []\n")
-
-
-def test_arrays_and_other_games_are_refused_with_the_right_call() -> None:
-    """A bare array is no critic, and critics without time are no history."""
-    case = case_of("continuous")
-    with pytest.raises(hfa.BadInputError, match=r"write hfa\.from_gain\(game, K\)"):
-        hfa.verify(case.game, case.K)  # type: ignore[arg-type]
-    with pytest.raises(hfa.BadInputError, match="critics_over_time"):
-        hfa.verify(case.game, [hfa.from_gain(case.game, case.K)])
