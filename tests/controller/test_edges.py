@@ -100,8 +100,10 @@ def test_the_feedforward_of_both_players_is_stationary() -> None:
 
 
 def test_the_papers_game_of_a_plant_with_more_states_weighs_its_own() -> None:
-    """Lag states of the unsteady aircraft have no weight and no disturbance."""
-    game = hfa.paper.published_game(model_at(15.0, "unsteady"))
+    """Lag states of the unsteady aircraft, here the first, have no weight and no disturbance."""
+    unsteady = model_at(15.0, "unsteady")
+    lags = [name for name in unsteady.states if name not in LINEAR_STATES]
+    game = hfa.paper.published_game(unsteady.select((*lags, *LINEAR_STATES)))
     usual = hfa.paper.published_game(model_at(15.0))
     states = game.names.states
     kept = [states.index(name) for name in LINEAR_STATES]

@@ -1,8 +1,7 @@
-"""The tracked files contain no path of a machine, and the wheel contains all modules and data."""
+"""The wheel contains all modules and data."""
 
 from __future__ import annotations
 
-import re
 import shutil
 import subprocess
 import sys
@@ -11,27 +10,6 @@ from pathlib import Path
 
 import pytest
 from project import FOLDERS, ROOT
-
-#: Written in parts, so that this file does not contain the paths.
-WORKPLACE = re.compile("/wo" + "rk/|/tmp/bri" + "ef")
-
-
-def stored() -> list[str]:
-    """Return the names of the files tracked by git. The test is skipped outside of a repository."""
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=False)
-    if listed.returncode or not listed.stdout:
-        pytest.skip("not a checkout of the repository")
-    return [name for name in listed.stdout.decode().split("\0") if name and (ROOT / name).is_file()]
-
-
-def test_no_file_contains_a_machines_path() -> None:
-    """No tracked file contains a path of the machine on which it was written."""
-    texts = {name: (ROOT / name).read_bytes().decode("utf-8", "replace") for name in stored()}
-    assert {"README.md", ".ci/run"} <= texts.keys()
-    assert [name for name, text in texts.items() if WORKPLACE.search(text)] == []
-    assert WORKPLACE.search("see /wo" + "rk/notes")
-    assert not WORKPLACE.search("framework/notes and network/x")
-
 
 DATA = {
     *(f"{package}/py.typed" for package in FOLDERS),

@@ -104,11 +104,10 @@ def test_optimize_counts_and_summarizes_initial_conditions(
     np.savez("K.npz", K=[[0.2, 0.5]])
     words = ["optimize", "--aircraft", "plant.npz", "--starts", "6", "--weights", "K.npz"]
     limits = ["--limit", "x1=-1:0.3", "--limit", "x2=-9:9"]
-    assert main([*words, *limits, "--seed", "1", "--json"]) in (0, 1)
+    assert main([*words, *limits, "--seed", "7", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["starts"] == data["found"] + data["refused"] == 6
-    assert {abs(each["start"]["x1"]) <= 0.27 for each in data["flights"]} == {True}
-    assert max(abs(each["start"]["x1"]) for each in data["flights"]) > 0.1
+    assert 0.265 < max(abs(each["start"]["x1"]) for each in data["flights"]) <= 0.27
     for place, policy in enumerate(data["policies"]):
         flown = [each["policies"][place] for each in data["flights"]]
         ratios = [each["over_best"] for each in flown if each["over_best"]]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from policy_cases import aircraft, trims
 
-from hfa import Deployment, environment, vector_environment
+from hfa import Deployment, environment
 from hfa_support.errors import BadInputError
 
 pytest.importorskip("gymnasium")
@@ -93,13 +93,3 @@ def test_wrong_variations_are_refused(vary: Any, said: str) -> None:
     """An unknown name, a single number, exchanged limits and values beyond limits are refused."""
     with pytest.raises(BadInputError, match=said):
         environment(aircraft("ppo_hfa"), DEPLOYMENT, trims("ppo_hfa")[:1], vary=vary)
-
-
-def test_simultaneous_environments_draw_too() -> None:
-    """The environments of Stable-Baselines3 draw a mass for each episode."""
-    pytest.importorskip("stable_baselines3")
-    flights = vector_environment(
-        aircraft("ppo_hfa"), DEPLOYMENT, trims("ppo_hfa")[:1], count=5, vary={"panel_mass": MASS}
-    )
-    flights.reset()
-    assert len(set(flights.episodes.parameters[:, 0])) == 5

@@ -61,17 +61,6 @@ def channel(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Trans
     return found
 
 
-def test_zeros_equal_those_of_slicot(model: LinearModel) -> None:
-    """Zeros of each channel equal those computed by SLICOT."""
-    pytest.importorskip("slycot")
-    for found in transfers(model.system)[:6]:
-        if found.gain:
-            loop = model[found.output, found.input]
-            peer = control.ss(loop.A, loop.B, loop.C, loop.D).zeros()
-            for zero in found.zeros:
-                assert np.abs(peer - zero).min() <= 1e-6 * (1 + abs(zero))
-
-
 def test_a_known_zero_is_found_and_cancels() -> None:
     """The zero of (s - 3) / ((s + 1) (s + 2)) is 3; an uncontrollable state at -5 cancels."""
     A = np.diag([-1.0, -2.0, -5.0])

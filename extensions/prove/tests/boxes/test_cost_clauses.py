@@ -590,7 +590,7 @@ def test_the_loss_covers_guesses_of_both_signs() -> None:
     W = Polynomial(2, ((0.75, (2, 0)),))
     inequality = _of_two_states(W, 1.0, np.eye(2), np.zeros((1, 1)))
     box = Boxes(np.array([[0.5, 0.0]]), np.array([[40, 40]]))
-    loss = inequality._loss(box, Guess(np.zeros((1, 1)), np.array([[[0.1, 0.1]]])))[0]
+    loss = inequality._loss(box, Guess(np.zeros((1, 1)), np.array([[[0.1, -0.1]]])))[0]
     assert loss >= 0.75 * 1.2 - 1e-9
 
 
