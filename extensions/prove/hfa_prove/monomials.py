@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -113,17 +114,20 @@ class PolynomialFunction:
 
     def monomials(self, z: np.ndarray) -> np.ndarray:
         """Return the monomials (N, k) at points z (N, n)."""
-        return _products(_powers(z, self.degree), self.exponents)
+        return _products(z, self.exponents)
 
     def monomial_slopes(self, z: np.ndarray) -> np.ndarray:
         """Return the gradients (N, k, n) of the monomials at points z (N, n)."""
-        table = _powers(z, self.degree)
-        slopes = np.empty((len(z), *self.exponents.shape))
-        for j, powers in enumerate(self.exponents.T):
-            lowered = self.exponents.copy()
-            lowered[:, j] = np.maximum(powers - 1, 0)
-            slopes[:, :, j] = powers * _products(table, lowered)
-        return slopes
+        lowered, places = self._lowered
+        return self.exponents * _products(z, lowered)[:, places]
+
+    @cached_property
+    def _lowered(self) -> tuple[np.ndarray, np.ndarray]:
+        """Exponents (l, n) of the monomials in the gradients, and the index (k, n) of each one."""
+        n = self.exponents.shape[1]
+        lowered = np.maximum(self.exponents[:, None, :] - np.eye(n, dtype=int), 0)
+        unique, places = np.unique(lowered.reshape(-1, n), axis=0, return_inverse=True)
+        return unique, places.reshape(-1, n)
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Return V (N,) at points z (N, n)."""
@@ -131,7 +135,10 @@ class PolynomialFunction:
 
     def slope(self, z: np.ndarray) -> np.ndarray:
         """Return the gradient ∂V/∂z (N, n) at points z (N, n)."""
-        return np.asarray(np.einsum("ktj,t->kj", self.monomial_slopes(z), self.coefficients))
+        lowered, places = self._lowered
+        weights = np.zeros((len(lowered), z.shape[1]))
+        np.add.at(weights, (places, np.arange(z.shape[1])), self.exponents * self.coefficients[:, None])
+        return np.asarray(_products(z, lowered) @ weights)
 
     def substituted(self, M: np.ndarray) -> PolynomialFunction:
         """Return V(M y) as a polynomial in y."""
@@ -148,6 +155,10 @@ class PolynomialFunction:
         The factor is inf if V does not reach the level at factors up to `farthest`.
         """
         values = self.monomials(rays) * self.coefficients
+        if self.degree == 2:
+            value = values.sum(axis=1)
+            factors = np.sqrt(level / np.where(value > 0.0, value, np.inf))
+            return np.where((value > 0.0) & (factors <= farthest), factors, np.inf)
         shares = _STEP * np.arange(1, round(farthest / _STEP) + 1)
         along = np.zeros((len(rays), len(shares)))
         by_degree = {}
@@ -206,20 +217,15 @@ def ellipsoid(points: np.ndarray) -> np.ndarray:
     return np.asarray(inverse / sizes.max())
 
 
-def _powers(z: np.ndarray, highest: int) -> np.ndarray:
-    """Return all powers of z (N, n) from 0 to the highest, (highest + 1, N, n)."""
-    table = np.ones((highest + 1, *z.shape))
-    for power in range(highest):
-        table[power + 1] = table[power] * z
-    return table
-
-
-def _products(table: np.ndarray, exponents: np.ndarray) -> np.ndarray:
-    """Return the monomials (N, k) with given exponents (k, n), from a table of `_powers`."""
-    result = np.ones((table.shape[1], len(exponents)))
-    for i, powers in enumerate(exponents.T):
-        result *= table[powers, :, i].T
-    return result
+def _products(z: np.ndarray, exponents: np.ndarray) -> np.ndarray:
+    """Return the monomials (N, k) with given exponents (k, n) at points z (N, n)."""
+    result = np.ones((len(exponents), len(z)))
+    for state, powers in zip(np.ascontiguousarray(z.T), exponents.T, strict=True):
+        power = np.ones(len(z))
+        for exponent in range(1, int(powers.max(initial=0)) + 1):
+            power = power * state
+            result[powers == exponent] *= power
+    return result.T
 
 
 def _monomial(

@@ -31,16 +31,19 @@ from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_prove.words import place_in_words
 from hfa_support.errors import NoSolutionError
 
-#: Shares of the sampled set, in length, that are tried for the first V, one after the other. If the
-#: first is not proved, it is halved down to the least share. The last tuple is for a later V.
-_RISING = (0.5, 0.8)
-_FALLING = (0.985, 0.95, 0.8, 0.5)
+#: Share of the sampled set, in length, that is tried first while none is proved. It is halved down
+#: to the least share.
+_FIRST = 0.5
 _LEAST = 0.004
+#: Shares that are tried for a later V, one after the other: near the largest proved set, and for a
+#: set that is more than `_FAR` times as long.
+_NEAR_SHARES = (0.985, 0.95, 0.8, 0.5)
+_FAR_SHARES = (0.8, 0.5)
+_FAR = 2.0
 #: Parts of the remaining time: for the choice of a first V or the growth of a set, for a level
-#: while none is proved, for a higher level of the first V, and for a level of a later V.
+#: while none is proved, and for a level of a later V.
 _OF_GROWTH = 0.4
 _OF_FIRST = 0.3
-_OF_HIGHER = 0.15
 _OF_LATER = 0.8
 #: Least growth in length of a set for which a proof is tried.
 _LARGER = 1.01
@@ -112,7 +115,7 @@ class BoxesSearch(TimedSearch):
         for origin, shape in firsts:
             growth = Growth(self.samples, shape, self._report)
             if self._best is None:
-                self._first_levels(growth, origin)
+                self._first_level(growth, origin)
             self._enlarge(growth)
             self._report("the first V")
 
@@ -130,29 +133,24 @@ class BoxesSearch(TimedSearch):
             while self._later_level(growth, origin) and is_last and growth.finer():
                 self._grow(growth, degree)
 
-    def _first_levels(self, growth: Growth, origin: str) -> None:
-        """Prove the set of a V, scaled in length by rising shares.
+    def _first_level(self, growth: Growth, origin: str) -> None:
+        """Prove the set of a V, scaled in length by a share that is halved until a set is proved.
 
-        If the first share is not proved, it is halved until a share is proved, the share is below
-        `_LEAST`, or the time is over.
+        Nothing is proved if the share falls below `_LEAST`, or the time is over.
 
         growth: V with its linear programs
         origin: description of V
         """
-        share = _RISING[0]
+        share = _FIRST
         while not self._is_proved(growth, share, origin, _OF_FIRST):
             share /= 2.0
             if share < _LEAST or self._clock.left < 0.0:
                 return
-        if share == _RISING[0]:
-            for larger in _RISING[1:]:
-                if not self._is_proved(growth, larger, origin, _OF_HIGHER):
-                    return
 
     def _later_level(self, growth: Growth, origin: str) -> bool:
         """Prove the set of a V, scaled in length by falling shares, and return whether to continue.
 
-        - If no set is proved yet: rising shares are tried, and the result is whether one is proved.
+        - If no set is proved yet: the result is whether a first set is proved.
         - If a share is proved: True.
         - If the full set is hardly larger than the largest proved set: True, without a proof.
         - Otherwise: False.
@@ -161,13 +159,15 @@ class BoxesSearch(TimedSearch):
         origin: description of V
         """
         if self._best is None:
-            self._first_levels(growth, origin)
+            self._first_level(growth, origin)
             return self._best is not None
-        for share in _FALLING:
+        is_far = growth.shape.size() > _FAR * self._largest
+        shares = _FAR_SHARES if is_far else _NEAR_SHARES
+        for share in shares:
             if self._clock.left < 0.0:
                 return False
             if share * growth.shape.size() < _LARGER * self._largest:
-                return share == _FALLING[0]
+                return share == _NEAR_SHARES[0]
             if self._is_proved(growth, share, origin, _OF_LATER):
                 return True
         return False
