@@ -137,7 +137,9 @@ class PolynomialFunction:
         """Return the gradient ∂V/∂z (N, n) at points z (N, n)."""
         lowered, places = self._lowered
         weights = np.zeros((len(lowered), z.shape[1]))
-        np.add.at(weights, (places, np.arange(z.shape[1])), self.exponents * self.coefficients[:, None])
+        np.add.at(
+            weights, (places, np.arange(z.shape[1])), self.exponents * self.coefficients[:, None]
+        )
         return np.asarray(_products(z, lowered) @ weights)
 
     def substituted(self, M: np.ndarray) -> PolynomialFunction:
