@@ -74,7 +74,7 @@ def test_yaw_that_only_switches_is_no_obstacle():
 @needs_jsbsim
 def test_trims_at_equal_kcas_mach_and_speed_agree():
     """Trims at the same kcas, Mach number or true airspeed have equal speeds, also in a sweep over
-    kcas.
+    kcas, and those at the same kcas and Mach number beyond Mach 1.
     """
     model = load_model("jsbsim:737")
     first = trim(model, altitude=20000.0, kcas=250.0)
@@ -87,6 +87,9 @@ def test_trims_at_equal_kcas_mach_and_speed_agree():
     swept = sweep(model, kcas=[250.0, 260.0], altitude=[20000.0, 18000.0], listed=True)
     assert swept.trimmed.all()
     assert swept[0].point["speed"] == pytest.approx(speeds[0], rel=1e-12)
+    fighter = load_model("jsbsim:f16")
+    fast = trim(fighter, altitude=30000.0, mach=1.2)
+    assert trim(fighter, altitude=30000.0, kcas=fast["kcas"])["mach"] == pytest.approx(1.2)
 
 
 @needs_jsbsim
