@@ -117,11 +117,9 @@ def test_margins_open_the_loop_at_the_input_of_the_plant():
     solution = solve(game)
     (margins,) = solution.loop_margins.values()
     loop = control.ss(game.A, game.B, solution.K, 0)
-    _, _, _, _, _, disk_frequency = control.stability_margins(loop)
     sensitivity = control.feedback(1, loop)
     response = sensitivity(1j * np.logspace(-4, 4, 20001))
     disk = 1.0 / np.abs(response - 0.5).max()
-    assert disk_frequency > 0.0
     assert margins["disk"] == pytest.approx(disk, rel=1e-4)
     assert solution.disk_margin.disk == pytest.approx(disk, rel=1e-3)
 

@@ -14,7 +14,7 @@ from known_models import model_at
 
 import hfa
 from controller import basis, critic_in
-from hfa import BadInputError, Game, margins, solve
+from hfa import BadInputError, Game, solve
 from hfa.extend import Reading
 from hfa_model import LINEAR_STATES
 from tests.support.steps_of import in_steps
@@ -72,16 +72,6 @@ def test_an_unsuitable_argument_is_refused_in_one_line(case: str) -> None:
     with pytest.raises(BadInputError, match=re.escape(said)) as refusal:
         call()
     assert "\n" not in str(refusal.value)
-
-
-def test_margins_of_a_linear_model_are_those_of_its_inputs() -> None:
-    """`margins` names the inputs in their order; the solution of the game has the same margins."""
-    linear = model_at(15.0)
-    solution = solve(hfa.paper.published_game(linear))
-    found = margins(linear, solution.K)
-    assert tuple(found) == tuple(linear.inputs)
-    for name, margin in found.items():
-        assert margin._asdict().items() <= solution.loop_margins[name].items()
 
 
 def test_the_feedforward_of_both_players_is_stationary() -> None:

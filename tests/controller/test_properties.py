@@ -178,5 +178,5 @@ def test_games_and_solutions_survive_their_files(game: Game, suffix: str) -> Non
         found = solution_of(game)
         assume(found is not None)
         written = Path(folder) / f"solution{suffix}"
-        found.report().save(written)
+        found.save(written)
         assert hfa.read_critic(written, game).K.tobytes() == found.K.tobytes()

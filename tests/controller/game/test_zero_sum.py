@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -15,7 +13,7 @@ from game_samples import game_models
 from tolerances import SAME_FORMULA
 
 from controller import basis
-from hfa import BadInputError, Game, from_weights, solve
+from hfa import BadInputError, Game, from_weights
 from hfa.paper import published_game
 from hfa_model import LINEAR_STATES, published_models
 
@@ -41,6 +39,7 @@ QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
         ({"Q": [[1.0, 0.0], [0.0, -1.0]]}, "Q is not positive semidefinite"),
         ({"B": np.eye(2), "R": [[0.1, 0.3], [0.3, 0.9]]}, "R is not positive definite"),
         ({"B": np.eye(2), "R": [[1e20, 1e10], [1e10, 1.0]]}, "R is not positive definite"),
+        ({"R": None}, "Q or R is missing"),
         ({"delta": 0.0}, "delta is 0.0; give a number from"),
         ({"delta": 1e-60}, "delta is 1e-60; give a number from"),
         ({"delta": 1e300}, r"delta is 1e\+300; .* from 1e-50 to 1e\+50, or inf"),
@@ -51,16 +50,6 @@ def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> No
     with pytest.raises(BadInputError, match=message) as refusal:
         Game(**(SMALL | change))
     assert "\n" not in str(refusal.value)
-
-
-def test_a_game_without_disturbance_gives_the_lqr(tmp_path: Path) -> None:
-    """Without E and delta, the solution is the LQR and can be saved. A game without R is refused."""
-    solution = solve(Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0]))
-    np.testing.assert_allclose(solution.P, [[1.0 + np.sqrt(2.0)]], rtol=1e-12)
-    solution.save(tmp_path / "solution.json")
-    assert '"P"' in (tmp_path / "solution.json").read_text("utf-8")
-    with pytest.raises(BadInputError, match="Q or R is missing"):
-        Game([[1.0]], [[1.0]], Q=[1.0])
 
 
 def test_a_constant_of_the_value_is_kept() -> None:
@@ -135,19 +124,6 @@ NAMES = ("quadratic", "quadratic+linear", "quadratic+quartic", "cubic", "quartic
 ALL = [basis(name, 6) for name in NAMES]
 
 
-def taylor_slope(
-    psi: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, z: np.ndarray
-) -> float:
-    """Return the order in h of |ψ(z + h v) - ψ(z) - h ∂ψ v|, for a random direction v.
-
-    The order is 2 for a correct gradient ∂ψ and 1 for a wrong one.
-    """
-    v = np.random.default_rng(3).normal(size=z.shape)
-    steps = np.array([1e-2, 1e-3])
-    remainders = [np.linalg.norm(psi(z + h * v) - psi(z) - h * gradient @ v) for h in steps]
-    return float(np.log(remainders[0] / remainders[1]) / np.log(steps[0] / steps[1]))
-
-
 def test_quadratic_monomials_come_first_row_by_row() -> None:
     """The quadratic monomials of a basis come first, row by row, and the other monomials follow."""
     z = np.array([2.0, 3.0, 5.0])
@@ -170,16 +146,11 @@ def test_quadratic_monomials_come_first_row_by_row() -> None:
 
 
 @pytest.mark.parametrize("functions", ALL)
-def test_gradient_has_second_order_remainder(functions: Any) -> None:
-    """The Taylor remainder of each basis is of second order.
-
-    With a planted error in the gradient, the order is below 1.5.
-    """
+def test_the_gradient_of_a_basis_is_that_of_differences(functions: Any) -> None:
     z = np.random.default_rng(1).normal(size=6)
-    gradient = functions.gradient(z)
-    assert taylor_slope(functions.psi, gradient, z) == pytest.approx(2.0, abs=0.05)
-    gradient[4, 0] += 1.0
-    assert taylor_slope(functions.psi, gradient, z) < 1.5
+    moved = 1e-5 * np.eye(6)
+    slopes = (functions.psi(z + moved) - functions.psi(z - moved)).T / 2e-5
+    np.testing.assert_allclose(functions.gradient(z), slopes, rtol=1e-8, atol=1e-8)
 
 
 def test_weights_and_matrix_agree_in_any_units() -> None:

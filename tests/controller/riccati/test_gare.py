@@ -10,6 +10,7 @@ import pytest
 from game_samples import game_models, random_game, regenerated_models
 from pages import printed_matrices
 from reference_riccati import reference_solution, relative_error
+from scipy.linalg import solve_continuous_lyapunov
 from tolerances import SAME_FORMULA
 
 from controller import minimum_delta
@@ -44,7 +45,7 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
 def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     """K, L, the closed-loop poles and the cost follow from P. JSON stores every digit of P."""
     solution = solve(game)
-    P = solve(game).P
+    P = solution.P
     np.testing.assert_allclose(solution.K, np.linalg.inv(game.R) @ game.B.T @ P, rtol=SAME_FORMULA)
     np.testing.assert_allclose(
         solution.disturbance_gain, game.E.T @ P / game.delta**2, rtol=SAME_FORMULA
@@ -68,7 +69,6 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     content = json.loads(json.dumps(solution.to_dict(), allow_nan=False))
     assert np.array_equal(np.array(content["P"]), P)
     assert (content["delta"], content["certificate"]["ok"]) == (game.delta, True)
-    assert len({check["name"] for check in content["certificate"]["checks"]}) == 8
     assert solve(game.with_delta(math.inf)).to_dict()["delta"] is None
 
 
@@ -124,17 +124,19 @@ def test_a_missing_lqr_solution_names_the_mode(
         assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("size", [5e-324, 1e-150])
-@pytest.mark.parametrize("weight", [1.0, 1e-310])
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_denormal_numbers_give_a_solution_or_error(size: float, weight: float, sign: float) -> None:
-    """Denormal numbers give a certified solution or a one-line error."""
-    A = np.random.default_rng(0).standard_normal((3, 3)) + sign * 3.0 * np.eye(3)
-    game = Game(A, size * np.ones((3, 2)), np.eye(3), weight * np.eye(3), np.eye(2), 1e3)
-    try:
-        assert solve(game).certificate.ok
-    except NoSolutionError as refusal:
-        assert "\n" not in str(refusal)  # noqa: PT017
+@pytest.mark.parametrize("reach", [5e-324, 1e-150])
+def test_an_input_without_effect_leaves_the_cost_of_the_plant(reach: float) -> None:
+    """With B of about 0, P of a stable plant is SciPy's Lyapunov solution; with an unstable plant,
+    and with a Q of 1e-310, the game is refused in one line.
+    """
+    A = np.random.default_rng(0).standard_normal((3, 3)) - 3.0 * np.eye(3)
+    B, R = reach * np.ones((3, 2)), np.eye(2)
+    cost = solve_continuous_lyapunov(A.T, -np.eye(3))
+    np.testing.assert_allclose(solve(Game(A, B, Q=np.eye(3), R=R)).P, cost, rtol=1e-9)
+    for plant, weight in ((A + 6.0 * np.eye(3), 1.0), (A, 1e-310)):
+        with pytest.raises(NoSolutionError) as refusal:
+            solve(Game(plant, B, Q=weight * np.eye(3), R=R))
+        assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(
@@ -149,8 +151,8 @@ def test_denormal_numbers_give_a_solution_or_error(size: float, weight: float, s
         {"delta": 1e-49},
     ],
 )
-def test_extreme_numbers_give_a_solution_or_error(change: dict[str, float]) -> None:
-    """Extremely large or small numbers give a certified solution or a one-line error."""
+def test_numbers_beyond_rounding_are_refused(change: dict[str, float]) -> None:
+    """The plant x1' = x1 + u, x2' = -x2 with an extreme entry is refused in one line."""
     parts = {
         "A": np.diag([1.0, -1.0]),
         "B": np.array([[1.0], [0.0]]),
@@ -160,10 +162,9 @@ def test_extreme_numbers_give_a_solution_or_error(change: dict[str, float]) -> N
         "delta": 10.0,
     }
     parts |= {name: parts[name] * factor for name, factor in change.items()}
-    try:
-        assert solve(Game(**parts)).certificate.ok
-    except NoSolutionError as refusal:
-        assert "\n" not in str(refusal)  # noqa: PT017
+    with pytest.raises(NoSolutionError) as refusal:
+        solve(Game(**parts))
+    assert "\n" not in str(refusal.value)
 
 
 def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:

@@ -251,9 +251,14 @@ def test_one_game_of_each_structure_is_decided_correctly() -> None:
 
 
 def test_delta_min_of_a_nearly_semidefinite_game_is_right() -> None:
-    """The bracket is right where P of a game with a nilpotent A is positive by 1e-12 only."""
+    """The bracket is right, and at most 10 % wide, where P of a game with a nilpotent A is positive
+    by 1e-12 only.
+    """
     *_, sample = collection(7, seed=777)
-    assert _bracket(sample) in {"right", "right, wide"}
+    smallest = minimum_delta(sample.game)
+    assert _exists(sample.game, smallest.value)
+    assert not _exists(sample.game, smallest.refused)
+    assert smallest.value < 1.1 * smallest.refused
 
 
 @pytest.mark.slow

@@ -22,10 +22,8 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[Any, ...]:
     return tuple(hfa.margins(hfa.LinearModel.of(game.A, game.B), K).values())
 
 
-def test_weak_gain_has_smaller_margins(game: Game) -> None:
-    """A weak gain has a smaller disk margin, and margins of an unstable loop are refused."""
+def test_margins_of_an_unstable_loop_are_refused(game: Game) -> None:
     K = solve(game).K
-    assert disk_margin(game, 0.05 * K).disk < disk_margin(game, K).disk
     for margins in (loop_margins, disk_margin):
         with pytest.raises(NoSolutionError):
             margins(game, -K)
@@ -73,13 +71,16 @@ def test_margins_of_third_order_loop_equal_closed_form() -> None:
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", sorted(game_models()))
 def test_gain_and_phase_margins_equal_python_control(name: str, factor: float) -> None:
-    """Gain and phase margins of each loop, with the other loops closed, agree with
+    """Gain and phase margins of each named loop, with the other loops closed, agree with
     python-control."""
     game = game_models()[name]
     K = factor * solve(game).K
     if np.linalg.eigvals(game.A - game.B @ K).real.max() >= 0.0:
         pytest.skip("the scaled gain does not stabilize")
-    for i, margin in enumerate(loop_margins(game, K)):
+    names = tuple(f"input_{place}" for place in range(len(K)))
+    found = hfa.margins(hfa.LinearModel.of(game.A, game.B, inputs=names), K)
+    assert tuple(found) == names
+    for i, margin in enumerate(found.values()):
         others = [j for j in range(game.B.shape[1]) if j != i]
         loop = control.ss(game.A - game.B[:, others] @ K[others], game.B[:, [i]], K[[i]], 0.0)
         with warnings.catch_warnings():

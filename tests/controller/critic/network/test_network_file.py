@@ -15,9 +15,7 @@ import numpy as np
 import pytest
 from network_files import read, refusal, safetensors_file, square_layers, torch_file, two_layers
 
-from controller import critic_in
-from hfa import BadInputError, Game, from_network
-from hfa.extend import Reading
+from hfa import BadInputError, Game, from_network, read_critic
 
 HERE = Path(__file__).parent
 TORCH = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["state_dict"]
@@ -48,29 +46,34 @@ def test_a_torch_file_gives_the_value_of_torch(game: Game) -> None:
 # Order of layers.
 
 
-def test_safetensors_layers_are_ordered_by_number(game: Game) -> None:
-    """Layers are ordered by number, although the file contains "10.weight" before "2.weight"."""
-    rng = np.random.default_rng(3)
-    tensors = {f"{place}.weight": rng.normal(size=(6, 6)) for place in (0, 2, 10)} | {
-        "12.weight": np.ones((1, 6))
-    }
-    sorted_names = {name: tensors[name] for name in sorted(tensors)}
-    expected = from_network(game, torch_file("a.pt", tensors), activation="tanh").K
-    found = from_network(game, safetensors_file("a.safetensors", sorted_names), activation="tanh").K
-    assert list(sorted_names) != list(tensors)
-    assert np.array_equal(found, expected)
+def json_file(path: str, layers: dict[str, np.ndarray]) -> None:
+    content = {name: rows.tolist() for name, rows in layers.items()}
+    Path(path).write_text(json.dumps(content), encoding="utf-8")
 
 
-def test_npz_layers_are_evaluated_by_number(game: Game) -> None:
-    """Layers of an .npz file are evaluated in the order of their numbers."""
-    right = square_layers("0", "2", "10", "12")
-    np.savez("sorted.npz", **{name: right[name] for name in sorted(right)})  # 0, 10, 12, 2
-    expected = from_network(game, torch_file("a.pt", right), activation="tanh")
-    critic = from_network(game, "sorted.npz", activation="tanh")
-    assert np.array_equal(critic.K, expected.K)
-    assert critic.origin == (
-        "network sorted.npz: 6 -> tanh 6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10, 12)"
-    )
+def npz_file(path: str, layers: dict[str, np.ndarray]) -> None:
+    np.savez(path, **layers)
+
+
+@pytest.mark.parametrize(
+    ("path", "write"),
+    [("a.pt", torch_file), ("a.safetensors", safetensors_file), ("a.npz", npz_file),
+     ("a.json", json_file)],
+)  # fmt: skip
+def test_layers_are_evaluated_in_the_order_of_their_numbers(
+    game: Game, path: str, write: Any
+) -> None:
+    """V is that of NumPy, although all files but torch's contain 10 and 12 before 2."""
+    layers = square_layers("0", "2", "10", "12")
+    names = list(layers) if write is torch_file else sorted(layers)
+    write(path, {name: layers[name] for name in names})
+    critic = read_critic(path, game, activation="tanh")
+    assert critic.value is not None
+    first, second, third, last = layers.values()
+    inside = np.tanh(third @ np.tanh(second @ np.tanh(first @ X[0])))
+    assert float(critic.value(X[0])) == pytest.approx((last @ inside).item(), rel=1e-12)
+    with pytest.raises(BadInputError, match="named 'policy'; this is a single network"):
+        read_critic(path, game, activation="tanh", network="policy")
 
 
 def test_one_output_for_one_state_and_two_inputs_needs_a_kind() -> None:
@@ -84,20 +87,14 @@ def test_one_output_for_one_state_and_two_inputs_needs_a_kind() -> None:
     np.testing.assert_allclose(critic.P, [[3.0]])
 
 
-@pytest.mark.parametrize("write", [safetensors_file, np.savez])
-def test_layers_of_ambiguous_order_are_refused(game: Game, write: Any) -> None:
-    """Layers whose names and widths permit several orders are refused.
-
-    The files are in the formats .npz and safetensors.
-    """
-    layers = square_layers("hidden", "embed", "out")
-    path = "letters.npz" if write is np.savez else "letters.safetensors"
-    if write is np.savez:
-        np.savez(path, **layers)
-    else:
-        write(path, layers)
-    with pytest.raises(BadInputError, match="does not store their order"):
-        from_network(game, path, activation="tanh")
+@pytest.mark.parametrize(
+    ("path", "write"),
+    [("a.safetensors", safetensors_file), ("a.npz", npz_file), ("a.json", json_file)],
+)
+def test_layers_of_ambiguous_order_are_refused(path: str, write: Any) -> None:
+    """Layers whose names and widths permit several orders are refused."""
+    write(path, square_layers("hidden", "embed", "out"))
+    assert "does not store their order" in refusal(path, activation="tanh")
 
 
 def test_a_module_that_contradicts_its_numbers_is_refused(game: Game) -> None:
@@ -105,28 +102,6 @@ def test_a_module_that_contradicts_its_numbers_is_refused(game: Game) -> None:
     path = torch_file("declared.pt", square_layers("fc2", "fc1", "out"))
     with pytest.raises(BadInputError, match="'fc1' is stored after 'fc2'"):
         from_network(game, path, activation="tanh")
-
-
-def test_layers_in_json_equal_torch_files(game: Game) -> None:
-    """A network in JSON equals the same network in a torch file.
-
-    An ambiguous order of layers is refused.
-    """
-    layers = square_layers("0", "2", "10")
-    Path("sorted.json").write_text(
-        json.dumps({name: layers[name].tolist() for name in sorted(layers)}), encoding="utf-8"
-    )
-    critic = critic_in("sorted.json", game, reading=Reading(activation="tanh"))
-    expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
-    assert np.array_equal(critic.K, expected.K)
-    assert critic.origin.endswith("6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10)")
-    with pytest.raises(BadInputError, match="named 'policy'; this is a single network"):
-        from_network(game, "a.pt", network="policy", activation="tanh")
-    Path("letters.json").write_text(
-        json.dumps({name: rows.tolist() for name, rows in square_layers("b", "a", "c").items()}),
-        encoding="utf-8",
-    )
-    assert "does not store their order" in refusal("letters.json", activation="tanh")
 
 
 # Other layers.
