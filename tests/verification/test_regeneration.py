@@ -19,7 +19,9 @@ def test_errors_of_eigenvalues_and_entries_are_those_of_the_matrices(mass: float
     aircraft = hfa.aircraft(parameters=known._replace(panel_mass=mass * known.panel_mass))
     found = regenerate_all(aircraft)
     assert found.ok == (mass == 1.0)
+    assert len(found.pairs) == 2
     for pair in found.pairs:
+        assert len(pair.entries) == 6 * 6 + 6 * 5
         printed, computed = (np.linalg.eigvals(A) for A in (pair.published.A, pair.model.A))
         places = np.abs(printed[:, None] - computed).argmin(axis=1)
         assert sorted(places) == list(range(len(printed)))

@@ -232,15 +232,3 @@ def test_a_biased_critic_fails() -> None:
     W[22] = 50.0
     verdict = judged(from_weights(GAME, W, "quadratic+linear"))
     assert verdict.grade == "fail"
-
-
-@pytest.mark.parametrize("name", ["quadratic+linear", "paper"])
-def test_a_polynomial_without_higher_terms_is_a_matrix(name: str) -> None:
-    """A critic is quadratic if every weight beyond z_i z_j is exactly 0; the exact one passes."""
-    psi = basis(name, 6)
-    critic = from_weights(GAME, psi.weights(exact_value()), name)
-    assert critic.is_quadratic
-    assert judged(critic).ok
-    W = psi.weights(exact_value())
-    W[-1] = 1e-300
-    assert not from_weights(GAME, W, name).is_quadratic

@@ -163,13 +163,13 @@ def test_the_implied_policy_is_a_saddle_point() -> None:
     assert abs(best + (critic.K @ x).item()) > 0.05  # far from the linearized policy
 
 
-@pytest.mark.parametrize("factor", [0.7, 1.2])
+@pytest.mark.parametrize(("factor", "delta"), [(0.7, 40.0), (1.2, 40.0), (0.7, np.inf)])
 @pytest.mark.parametrize("is_discrete", [False, True])
 def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(
-    is_discrete: bool, factor: float
+    is_discrete: bool, factor: float, delta: float
 ) -> None:
     """The largest simulated cost of u = -K z is that of the linear loop, also if it is slow."""
-    problem = problem_of(discount=0.97, delta=40.0)
+    problem = problem_of(discount=0.97, delta=delta)
     game = problem if is_discrete else replace(problem, dt=None, discount=1.0)
     K = factor * solve(game).K
     network = verify(game, critic_of(game, policy=-ca.DM(K) @ Z), scope=SCOPE)

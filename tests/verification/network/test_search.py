@@ -66,17 +66,6 @@ def test_a_value_with_nan_in_the_box_fails(game: Game) -> None:
     assert verdict.value_of("searched_value_error") == math.inf
 
 
-def test_no_simulated_cost_exceeds_the_linear_worst(
-    game: Game,
-) -> None:
-    """For a linear network, the largest simulated excess cost is the worst one of the linear loop."""
-    critic = from_network(game, torch_file("policy.pt", {"weight": -1.2 * gain(game)}))
-    check = verify(game, critic, scope=Scope(flights=40))
-    data = check.to_dict()
-    flown = data["network"]["cost_lost_flown_percent"]
-    assert flown == pytest.approx(data["graded"]["cost_lost_worst_percent"], rel=1e-6)
-
-
 def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
     """The exact gain plus a constant of 1 % of the largest input fails, and the constant is named.
 
@@ -144,21 +133,6 @@ def test_the_cost_of_a_very_small_bias_is_printed(game: Game) -> None:
         z @ game.Q @ z + u @ game.R @ u, rel=1e-9, abs=0.0
     )
     assert f"costs {found['equilibrium_cost']:.2g} per second" in str(verdict)
-
-
-def test_a_gain_costs_the_same_as_a_network(game: Game) -> None:
-    """A linear policy given as a network has the cost of the same policy given as a gain."""
-    K = 0.7 * gain(game)
-    K[0, 1] *= 0.5
-    z = ca.SX.sym("z", 6)
-    policy = ca.Function("policy", [z], [-ca.DM(K) @ z])
-    for game_of in (game, game.with_delta(np.inf)):
-        network = from_network(game_of, policy, network="policy")
-        scope = Scope(flights=4)
-        as_network = verify(game_of, network, scope=scope)
-        as_gain = verify(game_of, from_gain(game_of, K), scope=scope)
-        assert as_gain.cost_lost > 1.0
-        assert as_network.cost_lost == pytest.approx(as_gain.cost_lost, rel=1e-6)
 
 
 @pytest.mark.parametrize("share", [1e-2, 1e-5])
