@@ -77,6 +77,7 @@ def message_of(folder, text):
         ("dt = 0.02", "dt = 0.02\ndelay = -1", "timing.delay is -1"),
         ('file = "ppo_gtm.zip"', "", "policy.file is missing"),
         ('file = "ppo_gtm.zip"', 'file = "other.zip"', "other.zip"),
+        ('normalizer = "ppo_gtm.pkl"', 'normalizer = "no.pkl"', "no.pkl cannot be read"),
         ('file = "ppo_gtm.zip"', "file = {name = 1}", "give the path of the file that contains the policy"),
         ('file = "ppo_gtm.zip"', 'file = "ppo_gtm.py"', "give a file with the suffix .zip"),
         ("speed = {scale = 20.0}", "sped = {}", "contains the unknown name 'sped'"),
@@ -336,7 +337,7 @@ def test_the_activation_of_a_zip_is_read_or_refused(folder, name, activation):
         assert "Odd is not supported" in message_of(folder, DEPLOYMENT)
         return
     actor = gtm_deployment({"file": folder / "ppo_gtm.zip"}).actor
-    assert activation in str(actor.chain)
+    assert f"-> {activation} 16 " in actor.chain
 
 
 def test_spaces_that_are_no_flat_box_are_refused(folder):
@@ -380,7 +381,7 @@ def test_a_deployment_read_from_files_is_pickled(folder):
 )
 def test_wrong_argument_types_are_refused(make):
     """Arguments of wrong types raise BadInputError with a message of one line."""
-    with pytest.raises(BadInputError, match=r"(is|give|cannot be read)") as refused:
+    with pytest.raises(BadInputError) as refused:
         make()
     assert "\n" not in str(refused.value)
 
@@ -397,7 +398,6 @@ def test_wrong_argument_types_are_refused(make):
         ({"file": "flat.npz"}, "is not a matrix of finite numbers"),
         ({"file": "nan.npz"}, "is not a matrix of finite numbers"),
         ({"file": "text.npz"}, "text.npz"),
-        ({}, "policy.file is missing"),
     ],
 )
 def test_policies_that_do_not_fit_are_refused(tmp_path, policy, said):

@@ -3,7 +3,6 @@
 import base64
 import json
 import pickle
-import shutil
 import zipfile
 
 import casadi as ca
@@ -22,7 +21,6 @@ from policy_cases import (
 
 import hfa
 from hfa import Deployment, assess
-from hfa_flight import Deployed
 
 DEGREES = 180.0 / np.pi
 OMITTED = "was trained with a VecNormalize that the deployment file omits"
@@ -208,8 +206,11 @@ def test_the_exact_gain_has_its_own_effects(name):
     point = hfa.trim(model, at=45.0) if name == "gtm.py:GTM" else hfa.trim(model)
     result = assess(model, exact_deployment(model, point), [point], samples=1, best=0)
     assert result.notes == []
-    assert all(np.isnan(each.mean) for each in result.points[0].observations)
-    for each in result.points[0].actions:
+    observations, actions = result.points[0].observations, result.points[0].actions
+    assert [each.observation for each in observations] == list(model.linear)
+    assert all(np.isnan(each.mean) for each in observations)
+    assert [each.action for each in actions] == list(model.inputs)
+    for each in actions:
         assert each.exact_effect > 0.0
         assert each.effect == pytest.approx(each.exact_effect, rel=1e-6)
 
@@ -262,12 +263,3 @@ def test_ranges_contain_the_initial_conditions_and_the_training():
         assert each.lowest < 0.0 < each.highest
         assert each.farthest < 5.0
         assert (each.mean, each.spread) == (mean, pytest.approx(np.sqrt(variance)))
-
-
-def test_a_missing_normalizer_file_is_refused(tmp_path):
-    """A deployment file whose normalizer does not exist is refused, with the normalizer's name."""
-    for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
-        shutil.copy(FOLDER / file, tmp_path)
-    deployment = Deployment.load(tmp_path / "ppo_gtm.toml")
-    with pytest.raises(ValueError, match=r"ppo_gtm\.pkl cannot be read"):
-        Deployed(deployment, aircraft("ppo_gtm")).command  # noqa: B018

@@ -97,8 +97,8 @@ def test_a_saved_deployment_is_the_same_policy(name: str, tmp_path: Path) -> Non
     np.testing.assert_array_equal(again.actor.function(o), stored.actor.function(o))
 
 
-def test_the_deployment_of_an_environment_is_that_of_its_policy(tmp_path: Path) -> None:
-    """An environment's deployment, saved with a policy's file, is judged with the same cost."""
+def test_the_deployment_of_an_environment_is_saved_with_a_policy(tmp_path: Path) -> None:
+    """With a policy's file, and its cost 1/nominal²; without a file it is refused."""
     model = aircraft("ppo_gtm")
     made = toolchain.environment(model, points=trims("ppo_gtm")[:1]).unwrapped.deployment
     with pytest.raises(BadInputError, match=r'changed\(policy=\{"file": "ppo.zip"\}\)'):
@@ -106,13 +106,13 @@ def test_the_deployment_of_an_environment_is_that_of_its_policy(tmp_path: Path) 
     assert not (tmp_path / "none.toml").exists()
     files = {"file": FOLDER / "ppo_gtm.zip", "normalizer": FOLDER / "ppo_gtm.pkl"}
     made.changed(policy=files).save(tmp_path / "ppo.toml")
-    linear = toolchain.linearize(model, trims("ppo_gtm")[0])
-    weights = [[signal.nominal**-2.0 for signal in model.states.values()]]
-    assert [*made.cost["Q"].values()] == pytest.approx(weights[0])
-    critic = toolchain.read_critic(
-        tmp_path / "ppo.toml", toolchain.game(linear, *made.cost.values()), linear=linear
-    )
-    assert critic.K.shape == (2, 4)
+    saved = toolchain.Deployment.load(tmp_path / "ppo.toml")
+    for weights, signals in (("Q", model.states), ("R", model.inputs)):
+        expected = {name: signal.nominal**-2.0 for name, signal in signals.items()}
+        assert saved.cost[weights] == pytest.approx(expected)
+    o = np.linspace(-0.4, 0.5, 4)
+    actor = stored_deployment("ppo_gtm").actor
+    np.testing.assert_array_equal(saved.actor.function(o), actor.function(o))
 
 
 def test_a_deployment_requires_the_linear_model() -> None:
