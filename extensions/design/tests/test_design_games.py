@@ -10,7 +10,6 @@ import pytest
 from cli import answer, assert_refused, hfa
 from known_models import model_at
 from project import ROOT
-from scipy.io import loadmat
 from servo_cases import SIMVFA, simvfa_design
 from tolerances import SAME_FORMULA
 
@@ -203,15 +202,3 @@ def test_controllers_in_si_and_english_units_agree() -> None:
     ]
     assert ends[1]["speed"] == pytest.approx(0.3048 * ends[0]["speed"], rel=SAME_FORMULA)
     assert ends[1]["alpha"] == pytest.approx(ends[0]["alpha"], rel=1e-9)
-
-
-def test_a_design_is_written_for_matlab() -> None:
-    """`hfa design -o FILE.mat` writes the controller matrices."""
-    assert (
-        hfa("design", "--design", SIMVFA["simvfa-1"], "--dihedral", "11", "-o", "servo.mat").code
-        == 0
-    )
-    assert loadmat("servo.mat")["D"].shape == (2, 11, 1) or loadmat("servo.mat")["D"].shape == (
-        2,
-        11,
-    )
