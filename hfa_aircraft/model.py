@@ -392,8 +392,12 @@ class Model(Reported):
                 f"{meaning} {name!r}: a trim does not change this parameter; set it by "
                 f"--hold {name}=VALUE or model.with_parameters({name}=VALUE)"
             )
-        known = (*self.holdable, *also, *self.parameters)
-        refuse_unknown(meaning, name, dict.fromkeys(known))
+        known = dict.fromkeys((*self.holdable, *also, *self.parameters))
+        if name in ("bank", "bank_angle") and name not in known and {"roll", "turn_rate"} <= {*known}:
+            raise BadInputError(
+                f"{meaning} {name!r}; give a level turn by --hold roll=ANGLE --free turn_rate"
+            )
+        refuse_unknown(meaning, name, known)
 
     @cached_property
     def limits(self) -> dict[str, tuple[float, float]]:

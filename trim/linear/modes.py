@@ -84,8 +84,9 @@ def modes_of(
 
     The participation of state k in mode i is |w_ki v_ki| / Σ_k |w_ki v_ki|, with right and left
     eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family of
-    states with the largest participation. A state without a family is its own family. Equal names
-    are distinguished by "fast" and "slow", or by numbers if there are more than two.
+    states with the largest participation. A state without a family is its own family. More than two
+    eigenvalues 0, whose eigenvectors are arbitrary, are named "neutral". Equal names are
+    distinguished by "fast" and "slow", or by numbers if there are more than two.
 
     A: (n, n)
     states: names of the n states
@@ -127,7 +128,8 @@ def modes_of(
 
         values.append(value)
         participations.append(participation)
-        family_names.append(max(candidates, key=share))
+        is_neutral = value == 0.0 and np.count_nonzero(eigenvalues == 0.0) > 2
+        family_names.append("neutral" if is_neutral else max(candidates, key=share))
     return tuple(map(_mode, _distinguished(family_names), values, participations))
 
 
