@@ -393,7 +393,11 @@ class Model(Reported):
                 f"--hold {name}=VALUE or model.with_parameters({name}=VALUE)"
             )
         known = dict.fromkeys((*self.holdable, *also, *self.parameters))
-        if name in ("bank", "bank_angle") and name not in known and {"roll", "turn_rate"} <= {*known}:
+        if (
+            name in ("bank", "bank_angle")
+            and name not in known
+            and {"roll", "turn_rate"} <= {*known}
+        ):
             raise BadInputError(
                 f"{meaning} {name!r}; give a level turn by --hold roll=ANGLE --free turn_rate"
             )

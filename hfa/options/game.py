@@ -16,7 +16,7 @@ from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names, usual_game
 from controller.riccati.smallest_delta import ModeError
-from hfa.options.aircraft import Aircraft
+from hfa.options.aircraft import Aircraft, is_own
 from hfa.options.argument_types import input_file, number
 from hfa.options.critics import listed_numbers
 from hfa.options.part import Part, option, part
@@ -101,6 +101,18 @@ class GameWeights(Part):
         game = usual_game(linear.model, linear.A, linear.B, names, **self.changed)
         return replace(game, half_widths=widths_within_limits(linear))
 
+    def notes(self, linear: LinearModel) -> tuple[str, ...]:
+        """Return notes on the weights of a file, and on default weights of a user's aircraft."""
+        sources = self.sources(tuple(linear.model.about.weights))
+        notes: tuple[str, ...] = ()
+        if stored := [name for name, source in sources.items() if source == "file"]:
+            notes += (f"used: {' and '.join(stored)} of {linear.model.name}",)
+        missing = [name for name, source in sources.items() if source == "default"]
+        if is_own(linear.model) and missing:
+            taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
+            notes += (f"{' and '.join(missing)} not given; used: {', '.join(taken)}",)
+        return notes
+
     def sources(self, of_file: Collection[str] = (), otherwise: str = "default") -> dict[str, str]:
         """Return the source of each weight.
 
@@ -163,14 +175,8 @@ class GameGiven(Part):
     def game_at(self, linear: LinearModel, aircraft: Aircraft) -> NamedGame:
         """Return the game on the linear model of an aircraft at a trim."""
         warnings = (*linear.point.warnings, *linear.kinks)
-        of_file = tuple(linear.model.about.weights)
-        weights_from = self.weights.sources(of_file)
-        if stored := [name for name, source in weights_from.items() if source == "file"]:
-            warnings += (f"used: {' and '.join(stored)} of {linear.model.name}",)
-        missing = [name for name, source in weights_from.items() if source == "default"]
-        if aircraft.is_given and missing:
-            taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
-            warnings += (f"{' and '.join(missing)} not given; used: {', '.join(taken)}",)
+        warnings += self.weights.notes(linear)
+        weights_from = self.weights.sources(tuple(linear.model.about.weights))
         game = self.weights.game(linear)
         return NamedGame(game, warnings, linear=linear, weights_from=weights_from)
 

@@ -42,6 +42,7 @@ from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
+    from controller.game.zero_sum import Game
     from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
 
 #: Name of the law without a policy, with which commands are steps of inputs; name of the game's
@@ -192,11 +193,17 @@ class PolicyGiven(Part):
 
         limits: state -> (lowest, highest), replacing the limits of the flight envelope
         """
-        game = self.game.game(linear)
+        game = self._game_of_law(linear)
         game.refuse_cross_weights(f"--law {self.law}")
         settings = LawSettings(self.horizon, self.margin, self.estimate)
         problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
         return loaded(LAWS[self.law])(problem, game, settings)
+
+    def _game_of_law(self, linear: LinearModel) -> Game:
+        """Return the game that the law solves, and issue the notes on its weights as warnings."""
+        for note in self.game.notes(linear):
+            warn(note)
+        return self.game.game(linear)
 
     def kept(self, policy: Policy, point: OperatingPoint, scenario: Scenario) -> Policy:
         """Return the policy, kept inside the limits of rates with --keep-inside."""
@@ -215,11 +222,10 @@ class PolicyGiven(Part):
         from controller.riccati.gare import unconfirmed_solution
         from hfa_flight.policies.policy import GainPolicy, function_policy
 
-        game = self.game.game(linear)
         path = self.weights
         if path is None:
-            return GainPolicy(EXACT, unconfirmed_solution(game).K)
-        critic = critic_in(path, game, self.reading.reading)
+            return GainPolicy(EXACT, unconfirmed_solution(self._game_of_law(linear)).K)
+        critic = critic_in(path, self.game.game(linear), self.reading.reading)
         if not critic.linear:
             return function_policy(f"critic of {path}", critic.policy, linear.point)
         kind = "gain" if critic.feedback is None else "weights"

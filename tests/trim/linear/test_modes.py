@@ -150,6 +150,16 @@ def test_handling_qualities_follow_from_the_modes(model: Model) -> None:
     )
 
 
+def test_repeated_zero_eigenvalues_have_no_mode_of_the_aircraft() -> None:
+    """Of a longitudinal model with lateral states without dynamics, only two modes are named."""
+    A = block_diag([[-1.0, 1.0], [-4.0, -1.0]], np.zeros((4, 4)))
+    states = ("alpha", "q", "beta", "p", "r", "phi")
+    families = {"short period": ("alpha", "q"), "dutch roll": ("beta", "p", "r", "phi")}
+    names = [mode.name for mode in modes_of(A, states, families)]
+    assert names[0] == "short period"
+    assert all(name.startswith("neutral") for name in names[1:])
+
+
 @pytest.mark.parametrize("mode", ["roll", "spiral"])
 def test_a_coupled_roll_has_no_time_constant(mode: str) -> None:
     """A roll or spiral mode that oscillates has ζω; two modes of this name have nothing."""

@@ -263,6 +263,8 @@ def _assess_law(request: AssessRequest) -> int:
     request.refuse(_OF_A_FILE, "applies only to a deployment file; remove this option or --law")
     if set(request.need) - {SHARE}:
         raise BadInputError(f"--law supports only --need {SHARE}=X; remove the others")
+    if request.best == 0:
+        raise BadInputError("--best 0: a law is compared with the best flights; give 1 or more")
     points = tuple(request.points())
     found = law_flights(
         request.law,

@@ -254,7 +254,11 @@ def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
 def _of_cost(statement: CostStatement, request: CheckRequest, _: Any) -> dict[str, Given]:
     from hfa_flight.problem import flight_problem
 
-    given = {name: Given(value) for name, value in request.game.weights.changed.items()}
+    weights = request.game.weights.changed
+    for name, value in weights.items():
+        if isinstance(value, Mapping):
+            raise BadInputError(f"--{name} names weights; give a,b,... as in the certificate")
+    given = {name: Given(value) for name, value in weights.items()}
     if not (names_aircraft(request) or request.trim.at):
         return given
     trim = at_one_value(request).trim
