@@ -8,8 +8,6 @@ import pytest
 from cli import answer, assert_refused, hfa
 from project import ROOT
 
-from hfa.main import main
-
 pytest.importorskip("hfa_flight")
 
 
@@ -53,30 +51,3 @@ def test_drawn_aircraft_do_not_depend_on_units() -> None:
     for name in ("low", "value", "high"):
         assert bands[0][name] == pytest.approx(bands[1][name], rel=1e-8)
     assert bands[0]["low"] < bands[0]["value"] < bands[0]["high"]
-
-
-@pytest.mark.parametrize(
-    ("entries", "message"),
-    [
-        (
-            "[bands]\nCm_q = [-30.0, -40.0]",
-            "band of Cm_q is [-30.0, -40.0]; give the lower limit first",
-        ),
-        ("[bands]\nCm_q = [-2.0, -1.0]", "outside the band [-2.0, -1.0]; correct the value or the"),
-        ("[bands]\nCm_p = [-2.0, -1.0]", "unknown parameter 'Cm_p'; did you mean"),
-        ("[bands]\nCm_q = [nan, 1.0]", "band of Cm_q is [nan, 1.0]"),
-        ("[bands]\nCm_q = 3.0", "band of Cm_q is 3.0; give [low, high]"),
-        ("bands = 3.0", "bands is 3.0; give a table [bands]"),
-        ("[sensors]\nbias_alpha = 2.0\n[bands]\nbias_alpha = [0.0, 1.0]", "bias_alpha is 2.0, out"),
-    ],
-)
-@pytest.mark.usefixtures("folder")
-def test_a_wrong_band_is_refused(
-    entries: str, message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Bands with reversed limits, unknown names or wrong values are refused in one line."""
-    Path("found.toml").write_text(f"aircraft = '{ROOT}/examples/uav.toml'\n{entries}")
-    assert main(["trim", "--aircraft", "found.toml"]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1

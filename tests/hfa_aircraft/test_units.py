@@ -11,8 +11,7 @@ import pytest
 from extension import Extension
 
 import hfa
-from hfa import BadInputError, Game, Model, Signal, TrimCondition, linearize, trim
-from hfa.paper import published_game
+from hfa import BadInputError, Model, Signal, TrimCondition, linearize, trim
 from hfa_aircraft import in_si
 from trim import usual_condition
 
@@ -97,7 +96,6 @@ def test_conditions_and_points_in_other_units_are_refused() -> None:
     point = trim(model, usual_condition(model))
     with pytest.raises(BadInputError, match="operating point and the model have different units"):
         linearize(converted, point)
-    assert isinstance(published_game(linearize(model, point)), Game)
     assert replace(usual_condition(model), name="a") == usual_condition(model)
     assert TrimCondition(model, model.trim) == usual_condition(model)
 

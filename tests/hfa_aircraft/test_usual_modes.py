@@ -48,7 +48,11 @@ def _jet(units: dict[str, str]) -> Model:
 
 
 def test_linearize_and_sweep_give_equal_mode_names() -> None:
-    """A mode has the same name in a sweep and in the linear model at each point."""
+    """A mode has the same name in a sweep and in the linear model at each point.
+
+    The names are those of the approximations of textbooks: the roll mode is near L_p = -3, the
+    spiral slow, the Dutch roll near sqrt(N_beta), the short period faster than the phugoid.
+    """
     model = _jet(_UNITS)
     speeds = [400.0, 500.0, 600.0]
     swept = sweep(model, {"V": speeds})
@@ -56,6 +60,13 @@ def test_linearize_and_sweep_give_equal_mode_names() -> None:
         modes = linearize(model, trim(model, hold={"V": speed})).modes
         named = {mode.name: mode.eigenvalue for mode in modes}
         assert set(named) == {"short period", "phugoid", "dutch roll", "roll", "spiral"}
+        k = speed / 500.0
+        assert named["roll"] == pytest.approx(-3.0 * k, rel=0.3)
+        assert abs(named["spiral"]) < 0.1
+        assert named["dutch roll"].imag == pytest.approx(2.0 * k**0.5, rel=0.3)
+        pitching = (k**2 * 5.0 + 0.96 * k**2) ** 0.5
+        assert abs(named["short period"]) == pytest.approx(pitching, rel=0.1)
+        assert abs(named["phugoid"]) < 0.2
         for name, value in zip(swept.mode_names, eigenvalues, strict=True):
             assert value in (
                 pytest.approx(named[name]),

@@ -373,4 +373,4 @@ def test_commands_accept_a_users_model(tmp_path: Path) -> None:
     swept = json.loads(hfa("sweep", *OWN, *held, "-o", store, "--json").out)
     assert swept["counts"]["trimmed"] == 4
     solved = hfa("solve", *OWN, "--hold", "xcg=0.3")
-    assert "FAIL" not in solved.out
+    assert (solved.code, "FAIL" in solved.out) == (0, False)

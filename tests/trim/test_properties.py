@@ -86,3 +86,4 @@ def test_a_point_survives_its_file_bit_for_bit(values: list[float]) -> None:
     for kind in ("states", "inputs"):
         stored, found = (np.array(getattr(each, kind)) for each in (given_point, loaded))
         assert stored.tobytes() == found.tobytes()
+    assert loaded.residuals == given_point.residuals

@@ -101,7 +101,10 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "the columns of a list of points have": lambda _: hfa.sweep(
         HFA, {"dihedral": [0.1, 0.2], "speed": [68.0]}, listed=True
     ),
-    "no variable is swept": lambda _: hfa.sweep(HFA, {}),
+    "at and dihedral are the same variable": lambda _: hfa.sweep(HFA, {"dihedral": [0.1]}, at=[0.2]),
+    "values has masked entries": lambda _: trim_points(
+        HFA, ("speed",), np.ma.masked_array([[60.0], [68.0]], [[True], [False]])
+    ),
     "points (maximum": lambda _: hfa.sweep(
         HFA, {name: np.linspace(0.01, 0.02, 4000) for name in ("dihedral", "gamma")}
     ),
@@ -137,9 +140,6 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "B is 3 x 1; give 2 x 1": lambda path: hfa.load_model(plant(path, B=[[1.0]] * 3)),
     "there is no A": lambda path: hfa.load_model(plant(path, A=None)),
     "states contains": lambda path: hfa.load_model(plant(path, states=["\x1b", "b"])),
-    "panel_span is -1; give a number of at least 0": lambda _: hfa.aircraft(
-        parameters=default_parameters().values._replace(panel_span=-1.0)
-    ),
 }
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import pickle
+import re
 from dataclasses import replace
 from functools import cache
 
+import control
 import numpy as np
 import pytest
 from matplotlib import pyplot
@@ -25,12 +27,13 @@ def _linear() -> LinearModel:
 def test_names_are_keywords_of_trims_and_sweeps() -> None:
     """Names of variables are keyword arguments: held values of a trim, and columns of a sweep."""
     point = hfa.trim(MODEL, dihedral=0.2, speed=70.0)
-    assert point == hfa.trim(MODEL, hold={"dihedral": 0.2, "speed": 70.0})
-    assert point == hfa.trim(MODEL, hold={"dihedral": 0.2}, speed=70.0)
+    for each in (point, hfa.trim(MODEL, hold={"dihedral": 0.2}, speed=70.0)):
+        assert (each["dihedral"], each["speed"]) == (0.2, 70.0)
     freed = hfa.trim(MODEL, speed=70.0, free="dihedral_dot")
     assert ("dihedral" in point.residuals, "dihedral" in freed.residuals) == (True, False)
     swept = sweep(MODEL, dihedral=[0.1, 0.2], speed=[70.0])
-    assert np.array_equal(swept.A, sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [70.0]}).A)
+    assert swept["speed"].tolist() == [70.0, 70.0]
+    assert swept["dihedral"].tolist() == [0.1, 0.2]
     with pytest.raises(BadInputError, match="'holds'"):
         hfa.trim(MODEL, holds={"speed": 70.0})
     with pytest.raises(BadInputError, match="unknown variable 'sped'; did you mean speed"):
@@ -45,10 +48,7 @@ def test_names_index_matrices() -> None:
     assert linear.A["pitch_rate", "alpha"] == linear.A[3, 1]
     assert np.array_equal(linear.B["pitch_rate", :], linear.B[3])
     assert np.array_equal(linear.B["throttle"], linear.B[:, 0])
-    assert repr(linear.A).startswith("array(")
-    assert json.dumps([linear.A.sum(), round(abs(linear.A).max(), 3)]) == json.dumps(
-        [float(np.sum(np.array(linear.A))), round(float(np.abs(np.array(linear.A)).max()), 3)]
-    )
+    assert json.loads(json.dumps(linear.A.sum())) == float(np.sum(np.array(linear.A)))
     again = pickle.loads(pickle.dumps(linear.A))
     assert again["pitch_rate", "alpha"] == linear.A[3, 1]
     with pytest.raises(BadInputError, match="'theta'; did you mean pitch"):
@@ -72,8 +72,8 @@ def test_a_sweep_has_a_linear_model_anywhere() -> None:
 def test_modes_that_inputs_or_outputs_miss_are_zeros() -> None:
     """`zeros` returns the eigenvalue of a mode that no input or no output affects."""
     linear = _linear()
-    assert linear.is_stable == bool(linear.eigenvalues.real.max() < 0.0)
     values, vectors = linear.eigenvalues, linear.eigenvectors
+    assert linear.is_stable == (np.linalg.eigvals(np.array(linear.A)).real.max() < 0.0)
     assert linear.A @ vectors == pytest.approx(vectors * values, abs=1e-9)
     # A change of coordinates hides that no input affects the mode of -3.
     basis = np.random.default_rng(0).normal(size=(6, 6))
@@ -85,9 +85,9 @@ def test_modes_that_inputs_or_outputs_miss_are_zeros() -> None:
     # The outputs are orthogonal to the eigenvector of -3.
     seen = replace(linear, A=A, C=inverse[1:], outputs=linear.outputs[1:], D=0.0 * linear.D[1:])
     assert seen.zeros(inputs=()) == pytest.approx([-3.0])
-    assert linear.zeros("elevator_center", "pitch") == pytest.approx(
-        linear["pitch", "elevator_center"].zeros()
-    )
+    loop = control.ss(linear.A, linear.B[:, [3]], linear.C[[2]], linear.D[[2]][:, [3]])
+    found = linear.zeros("elevator_center", "pitch")
+    assert np.sort_complex(found) == pytest.approx(np.sort_complex(loop.zeros()), abs=1e-6)
 
 
 def test_names_index_values_and_modes() -> None:
@@ -102,16 +102,13 @@ def test_names_index_values_and_modes() -> None:
     lowest, highest = MODEL.limits["elevator_center"]
     assert elevator.distance == min(elevator.value - lowest, highest - elevator.value)
     assert point.residual == max(map(abs, point.scaled_residuals.values())) < 1e-10
-    assert point.states["alpha"] == point.states.alpha == point["alpha"]
+    assert point.states["alpha"] == point.states[1] == point["alpha"]
     with pytest.raises(BadInputError, match="did you mean alpha"):
         point.states["alph"]
-    for named in (MODEL, point):
-        assert named.state_names == tuple(MODEL.states)
-    assert (linear.state_names, linear.state_units) == (linear.states, MODEL.units(linear.states))
-    assert linear.modes["phugoid"] == linear.modes[2]
-    assert dict(linear.modes)["phugoid"] == linear.modes[2]
-    assert list(linear.modes.items()) == [(mode.name, mode) for mode in linear.modes.values()]
-    assert dict(point.states) == dict(point.states.items()) == point.states._asdict()
+    slow = [each for each in linear.eigenvalues if 0.0 < each.imag < 2.0]
+    assert [linear.modes["phugoid"].eigenvalue] == pytest.approx(slow)
+    assert dict(linear.modes)["phugoid"] == linear.modes["phugoid"]
+    assert list(dict(point.states).values()) == list(point.states)
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2]})
     again = pickle.loads(pickle.dumps(swept))
     for each in (swept, again):
@@ -119,9 +116,8 @@ def test_names_index_values_and_modes() -> None:
         assert type(each.states[:, 1]) is np.ndarray
     with pytest.raises(BadInputError, match="did you mean throttle"):
         swept.inputs["throt"]
-    assert np.array_equal(swept["alpha"], swept.states["alpha"])
-    assert np.array_equal(swept["throttle"], swept.inputs["throttle"])
-    assert swept["dihedral"].tolist() == [0.1, 0.2]
+    assert np.array_equal(swept["alpha"], swept.states[:, 1])
+    assert np.array_equal(swept["throttle"], swept.inputs[:, 0])
     with pytest.raises(BadInputError, match="did you mean dihedral"):
         swept["dihedrals"]
     for index, each in enumerate(swept):
@@ -142,7 +138,6 @@ def test_a_sweep_is_a_sequence_of_linear_models() -> None:
     assert swept[-1].point["dihedral"] == 0.2
     assert np.concatenate([mode.eigenvalue for mode in swept.modes], axis=1).shape == (4, 6)
     assert swept.modes["short period"].eigenvalue.shape == (4, 2)
-    assert swept.report().records.header[0] == "dihedral [rad]"
     with pytest.raises(IndexError, match="choose from -4 to 3"):
         swept[4]
     failing = sweep(MODEL, {"dihedral": [0.2], "speed": [68.0, 5.0]})
@@ -193,3 +188,18 @@ def test_a_plot_of_point_shows_its_limits() -> None:
     share = 100.0 * (margin.value - margin.lowest) / (margin.highest - margin.lowest)
     assert axes.collections[-1].get_offsets()[row].tolist() == pytest.approx([share, row])
     pyplot.close("all")
+
+
+def test_the_html_of_a_model_is_a_table() -> None:
+    """The HTML of a model has a row for each variable, with its unit, limits and usual trim."""
+    rows = re.findall(r"<tr>(.*?)</tr>", MODEL._repr_html_(), re.S)
+    cells = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in rows]
+    for row in (
+        ["speed", "ft/s", "1", "500", "68"],
+        ["alpha", "deg", "-20", "20", "2.8"],
+        ["elevator_center", "deg", "-30", "30", ""],
+        ["weight", "lbf", "", "", ""],
+    ):
+        assert row in cells
+    with pytest.raises(BadInputError, match="unknown name 'sped'; did you mean speed"):
+        MODEL.unit("sped")

@@ -93,15 +93,18 @@ def test_files_that_name_each_other_are_refused(folders: Path) -> None:
         ("[bands]\nmass = [10.0]", "give [low, high]"),
         ("[bands]\nmass = ['a', 'b']", "give [low, high]"),
         ("[bands]\nmass = 13.5", "give [low, high]"),
+        ("[bands]\nmass = [nan, 20.0]", "band of mass is [nan, 20.0]"),
+        ("bands = 3.0", "bands is 3.0; give a table [bands]"),
         ("[sensors]\npitch = nan\n[bands]\npitch = [-1, 1]", "pitch is nan, outside the band"),
     ],
 )
 def test_a_wrong_entry_is_refused(folders: Path, entries: str, message: str) -> None:
-    """Each wrong entry of a file of parameters is named."""
+    """Each wrong entry of a file of parameters is named in one line."""
     (folders / "wrong.toml").write_text(f'aircraft = "uav.toml"\n{entries}\n')
     with pytest.raises(tool.BadInputError) as refused:
         tool.load_model(str(folders / "uav.toml"), parameters=str(folders / "wrong.toml"))
     assert message in str(refused.value)
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("named", ["car.py:CAR", "car_module:CAR"])

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+import hfa
 from hfa import Model, Signal
 from hfa.extend import Trimming
 
@@ -20,6 +21,7 @@ MODEL = Model(
     {"thrust": Signal()},
     equations,
     outputs={"knots": Signal(), "mach": Signal()},
+    trim={"speed": 7.0},
     trimming=Trimming(
         alternatives=(("speed", "knots", "mach"),),
         begin=lambda imposed: {
@@ -30,27 +32,22 @@ MODEL = Model(
 
 
 @pytest.mark.parametrize(
-    ("imposed", "in_terms_of_speed"),
+    ("held", "speed"),
     [
-        ({"knots": 6.0, "thrust": 1.0}, {"speed": 3.0, "thrust": 1.0}),
-        ({"mach": 0.5}, {"speed": 50.0}),
-        ({"speed": 7.0}, {"speed": 7.0}),
-        ({"knots": 6.0, "mach": 0.5}, {"knots": 6.0, "mach": 0.5}),  # they may contradict
-        ({"speed": 7.0, "mach": 0.5}, {"speed": 7.0, "mach": 0.5}),
-        ({"thrust": 1.0}, {"thrust": 1.0}),
+        ({}, 7.0),
+        ({"speed": 8.0}, 8.0),
+        ({"knots": 6.0}, 3.0),
+        ({"mach": 0.5}, 50.0),
+        ({"knots": 6.0, "mach": 0.03}, 3.0),
     ],
 )
-def test_an_alternative_replaces_another_of_its_group(
-    imposed: dict[str, float], in_terms_of_speed: dict[str, float]
-) -> None:
-    """An imposed alternative variable, knots or mach, is replaced by the first of its group,
-    speed.
-    """
-    assert MODEL.trimming.with_first_alternatives(imposed) == in_terms_of_speed
+def test_a_held_alternative_frees_the_speed(held: dict[str, float], speed: float) -> None:
+    """Held knots, a held Mach number, or both, replace the speed of the usual condition."""
+    point = hfa.trim(MODEL, hold=held)
+    assert (point["speed"], point["thrust"]) == pytest.approx((speed, speed))
 
 
-def test_imposing_an_alternative_frees_the_others() -> None:
-    """If mach is to be imposed, speed is removed from the imposed variables."""
-    imposed = {"speed": 7.0, "thrust": 1.0}
-    assert MODEL.trimming.without_alternatives(imposed, ["mach"]) == {"thrust": 1.0}
-    assert MODEL.trimming.without_alternatives(imposed, ["thrust"]) == imposed
+def test_two_alternatives_that_contradict_have_no_trim() -> None:
+    """The speed cannot be 3 and 50."""
+    with pytest.raises(hfa.NoSolutionError, match="mach by "):
+        hfa.trim(MODEL, knots=6.0, mach=0.5)

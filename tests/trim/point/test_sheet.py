@@ -42,7 +42,7 @@ def sheet(name: str, **hold: float) -> tuple[hfa.OperatingPoint, dict[str, Any]]
     ("name", "equations"),
     [
         (f"{EXAMPLES}/uav.toml", "(derivatives)"),
-        (f"{EXAMPLES}/f16.py:F16", "trimmed"),
+        (f"{EXAMPLES}/f16.py:F16", ""),
         ("hfa", "(published)"),
     ],
 )
@@ -53,7 +53,7 @@ def test_first_lines_state_equations_condition_and_stability(name: str, equation
     unstable = [mode for mode in linear.modes if mode.eigenvalue.real > 0.0]
     for title in (point.report().title, linear.report().title):
         first, second = title.splitlines()[:2]
-        assert equations.replace("trimmed", "") in first
+        assert equations in first
         assert "level, " in first
         assert f"{point['speed']:.5g} {point.model.unit('speed')}" in first
         assert second.startswith("unstable: ")
@@ -705,8 +705,6 @@ def test_the_sheet_has_a_line_where_the_full_one_has_tables() -> None:
     point, _ = sheet("hfa", dihedral=math.radians(10.0))
     text = point.report().text()
     assert "All 6 equations balance" in text
-    assert "may change" not in text
-    assert "100.0 %" not in text
     assert point.problem is not None
     full = trim_report(point.model, point.problem.asked, point, full=True)
     assert full.text().count("PASS") == 6

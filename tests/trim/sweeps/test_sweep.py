@@ -78,8 +78,8 @@ def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
         np.testing.assert_allclose(result.states[i], point.states, rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(result.inputs[i], point.inputs, rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(result.A[i], linearize(model, point).A, rtol=1e-9, atol=1e-9)
-    assert result.trimmed.any()
-    assert name != "slow" or 4 < np.count_nonzero(~result.trimmed) < 12
+    without = {"slow": 6} | {each: 1 for each in CASES if "limit" in each}
+    assert np.count_nonzero(~result.trimmed) == without.get(name, 0)
 
 
 @pytest.mark.parametrize(
@@ -160,11 +160,10 @@ def test_every_eigenvalue_is_printed_once(
     """
     steep = sweep(published_aircraft, {"dihedral": np.radians(np.arange(0.0, 60.1, 5.0))})
     for shown in (steep, sweep_of_two_variables):
-        lines = [
-            line for line in shown.report().text(width=None).splitlines() if re.match(r"\d", line)
-        ]
+        text = shown.report().text(width=None)
+        lines = [line for line in text.splitlines() if re.match(r"\d[\d.]* {2,}", line)]
         assert np.count_nonzero(shown.eigenvalues[shown.trimmed].imag == 0, axis=1).max() == 4
-        for line, expected, trimmed in zip(lines, shown.eigenvalues, shown.trimmed, strict=False):
+        for line, expected, trimmed in zip(lines, shown.eigenvalues, shown.trimmed, strict=True):
             if trimmed:
                 eigenvalues = np.sort_complex(eigenvalues_in(line))
                 np.testing.assert_allclose(
@@ -321,20 +320,6 @@ def test_an_extreme_parameter_is_refused(
     )
     assert points.status.tolist() == [NO_TRIM, TRIMMED]
     assert np.isfinite(points.A[1]).all()
-
-
-def test_a_variable_given_twice_is_refused(aircraft: Model) -> None:
-    """The scheduling variable is given either by `at` or by its name."""
-    with pytest.raises(BadInputError, match="at and dihedral are the same variable"):
-        sweep(aircraft, {"dihedral": [0.1]}, at=[0.2])
-
-
-def test_wrong_tables_are_refused(aircraft: Model) -> None:
-    """Tables of points with a wrong shape or with masked entries are refused."""
-    with pytest.raises(BadInputError, match=r"values have shape \(2,\); give \(N, 1\)"):
-        trim_points(aircraft, ("speed",), [1.0, 2.0])
-    with pytest.raises(BadInputError, match="values has masked entries"):
-        trim_points(aircraft, ("speed",), np.ma.masked_array([[60.0], [68.0]], [[True], [False]]))
 
 
 # Stores.
