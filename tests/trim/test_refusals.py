@@ -101,7 +101,9 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "the columns of a list of points have": lambda _: hfa.sweep(
         HFA, {"dihedral": [0.1, 0.2], "speed": [68.0]}, listed=True
     ),
-    "at and dihedral are the same variable": lambda _: hfa.sweep(HFA, {"dihedral": [0.1]}, at=[0.2]),
+    "at and dihedral are the same variable": lambda _: hfa.sweep(
+        HFA, {"dihedral": [0.1]}, at=[0.2]
+    ),
     "values has masked entries": lambda _: trim_points(
         HFA, ("speed",), np.ma.masked_array([[60.0], [68.0]], [[True], [False]])
     ),
