@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from project import ROOT
 
 import hfa
 from benchmarks import __main__ as bench, jobs, report
-from hfa import BadInputError
 from hfa.paper import level_flight
 
 F16 = hfa.load_model(f"{ROOT}/examples/f16.py:F16")
@@ -38,35 +36,6 @@ def test_python_control_trims_and_linearizes_the_same_aircraft(
         np.testing.assert_allclose(point.inputs, ours.inputs, rtol=1e-6, atol=1e-6)
         A = condition.model.at(list(ours.states), list(ours.inputs)).A
         np.testing.assert_allclose(model.A, A, atol=2e-3)
-
-
-def row(ratio: float) -> report.Comparison:
-    return report.Comparison("a job", "a peer", 1.0, ratio, (ratio, ratio, ratio), 2.0)
-
-
-def test_a_job_replaces_its_own_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those of other jobs are kept; with another machine nothing is stored. The page shows all."""
-    monkeypatch.setattr(report, "RESULTS", tmp_path / "results.json")
-    monkeypatch.setattr(report, "PAGE", tmp_path / "page.md")
-    report.PAGE.write_text(f"before\n{report.BEGIN}\nold\n{report.END}\nafter\n")
-    report.store({"one": [row(3.0)], "other": [row(1.5)]}, ["one", "other"], 0.5)
-    report.store({"one": [row(4.0)]}, ["one", "other"], 7.0)
-    rows = [report.Comparison(*each) for (each,) in report.stored()["jobs"].values()]
-    assert [each.ours * each.ratios[1] for each in rows] == [4.0, 1.5]
-    page = report.PAGE.read_text()
-    assert page.startswith(
-        f"before\n{report.BEGIN}\n\n{report.markdown(rows).rstrip()}\n\nMeasured on "
-    )
-    assert page.endswith(f"load average before the jobs 0.5 to 7.\n\n{report.END}\nafter\n")
-    assert [line.split("|")[-2].strip() for line in report.markdown(rows).splitlines()[2:]] == [
-        "yes",
-        "NO",
-    ]
-    before = report.RESULTS.read_bytes()
-    monkeypatch.setattr(report, "machine", lambda: {"processor": "another"})
-    with pytest.raises(BadInputError):
-        report.store({"one": [row(9.0)]}, ["one", "other"], 0.0)
-    assert report.RESULTS.read_bytes() == before
 
 
 @pytest.mark.slow

@@ -80,11 +80,22 @@ def _bound() -> None:
         assert ("not of the policy" in proof.sentence()) == is_bounded
 
 
+def _solution() -> None:
+    P = np.zeros((2, 2))
+    for _ in range(300):  # Riccati recursion with discount 0.9, E = R = I and delta = 9
+        game_loop = np.eye(2) + 0.9 * (GAME.B @ GAME.B.T - np.eye(2) / 81.0) @ P
+        V = P @ np.linalg.solve(game_loop, GAME.A)
+        P = np.eye(2) + 0.9 * GAME.A.T @ V
+    np.testing.assert_allclose(EXACT.P, P, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(EXACT.K, 0.9 * GAME.B.T @ V, rtol=1e-12, atol=1e-14)
+    loop = np.linalg.eigvals(GAME.A - GAME.B @ EXACT.K)
+    assert sorted(EXACT.poles().real) == pytest.approx(sorted(loop))
+
+
 #: Public name -> test that it is right in discrete time, or, with the prefix "refused", a call that
 #: is refused.
 HANDLED: dict[str, Callable[[], Any]] = {
-    "Solution": lambda: EXACT.poles(),
-    "solve": lambda: EXACT,
+    **dict.fromkeys(("Solution", "solve"), _solution),
     "learn": lambda: _is_exact(hfa.learn(GAME).critic(GAME)),
     "verify": lambda: _is_exact(hfa.from_gain(GAME, EXACT.K)),
     "from_gain": lambda: _is_exact(hfa.from_gain(GAME, EXACT.K)),

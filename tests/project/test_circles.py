@@ -99,18 +99,3 @@ def test_no_modules_import_each_other() -> None:
     assert loaded == []
     assert [group for group in found if group not in ALLOWED] == []
     assert [group for group in ALLOWED if group not in found] == [], "allowed, but not needed"
-
-
-def test_a_planted_circular_import_is_detected() -> None:
-    """Planted circular imports are found: in a function, and for type checkers."""
-    sources = {
-        "p.a": "from p import b\n",
-        "p.b": "def f():\n    from p.c import value\n",
-        "p.c": "import p.a\n",
-        "p.d": "if TYPE_CHECKING:\n    import p.e\n",
-        "p.e": "import p.d\n",
-        "p.f": "import p.d\n",
-    }
-    assert graphs(sources) == ([], [{"p.a", "p.b", "p.c"}, {"p.d", "p.e"}])
-    loaded = {"p.g": "import p.h\n", "p.h": "from p import g\n"}
-    assert graphs(loaded)[0] == [{"p.g", "p.h"}]

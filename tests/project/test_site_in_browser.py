@@ -46,15 +46,3 @@ def test_no_box_of_the_site_is_cut_off(tmp_path: Path) -> None:
             if (boxes := cut_boxes(driver, page, width))
         }
         assert cut == {}
-
-
-@pytest.mark.slow
-def test_a_box_that_is_cut_off_is_reported(tmp_path: Path) -> None:
-    """The check of the site reports a box that is narrower than its content, and no other box."""
-    page = tmp_path / "page.html"
-    box = '<article style="width: 900px"><pre style="overflow: auto">{}</pre></article>'
-    with browser() as driver:
-        page.write_text(box.format("wide " * 40), encoding="utf-8")
-        assert [text[:4] for text in cut_boxes(driver, page, 1000)] == ["wide"]
-        page.write_text(box.format("narrow"), encoding="utf-8")
-        assert cut_boxes(driver, page, 1000) == []

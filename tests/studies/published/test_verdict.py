@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +19,7 @@ from hfa import (
     read_critic,
     verify,
 )
-from studies.published.classes import _by_digits, rounding_used
+from studies.published.classes import rounding_used
 from studies.published.comparison import compare
 from studies.published.exact_answer import (
     Plant,
@@ -606,20 +604,7 @@ def test_errors_name_block_and_row(tmp_path, old, new, message):
         load_printed(path)
 
 
-def quick_classes(folder: Path, files: Iterator[str]) -> list[str]:
-    """Return the class of each printed answer that its digits alone determine, or "" if none."""
-    classes = []
-    for text in files:
-        path = folder / "right.toml"
-        path.write_text(text)
-        file = load_printed(path)
-        P = certified_value(file.plant)
-        found = _by_digits(file, P, compare(file, file.plant, P))
-        classes.append("" if found is None else found[0])
-    return classes
-
-
-def test_one_wrong_entry_of_learned_answer_is_named(tmp_path: Path) -> None:
+def test_one_wrong_entry_of_learned_answer_is_named(verdict_of):
     """One wrong entry of a learned answer is named.
 
     The entry is three times too large. The entry is named in at least 18 of 20 answers.
@@ -632,5 +617,5 @@ def test_one_wrong_entry_of_learned_answer_is_named(tmp_path: Path) -> None:
         wrong = sample.answer[name].copy()
         wrong[0, 0] *= 3.0
         text = sample._replace(answer=sample.answer | {name: wrong}).file(learned=True)
-        named += quick_classes(tmp_path, iter([text])) == ["one entry of the answer"]
+        named += verdict_of(text).classified.name == "one entry of the answer"
     assert named >= 18

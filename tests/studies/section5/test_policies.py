@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -120,23 +119,6 @@ def test_the_right_sides_are_equal(
         np.testing.assert_allclose(
             rate, rate_expected, rtol=1e-10, atol=1e-12 * np.abs(rate_expected).max()
         )
-
-
-def test_another_law_is_detected() -> None:
-    """The comparison of weight rates detects another exponent η and a missing reference."""
-    law = law_with()
-    z = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0])
-    W = np.linspace(-50.0, 100.0, law.basis.size)
-    _, rate = input_and_rate(CriticPolicy("critic", law, NOTHING), 0.0, z, W, 1.0)
-    told = forcing(law.game.A)
-    others = [
-        input_and_rate(CriticPolicy("critic", law, told), 0.0, z, W, 1.0)[1],
-        expected(replace(law, settings=replace(law.settings, eta=0.7)), np.zeros(6), z, W)[1],
-    ]
-    for other in others:
-        assert (
-            np.abs(other - rate).max() > 1e-6 * np.abs(rate).max()
-        )  # the agreement in the test above is 1e-12
 
 
 def test_the_last_certified_gain_flies() -> None:
