@@ -10,6 +10,7 @@ from controller import bounded_real_gain, minimum_delta
 from hfa import (
     BadInputError,
     Game,
+    NoSolutionError,
     from_gain,
     from_value,
     learn,
@@ -17,7 +18,6 @@ from hfa import (
     solve,
     verify,
 )
-from hfa_support.errors import NoSolutionError
 
 
 def crossed(seed: int, n: int = 4, m: int = 2, delta: float = np.inf) -> Game:

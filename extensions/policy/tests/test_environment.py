@@ -8,9 +8,8 @@ from policy_cases import aircraft, gtm_deployment, stored_deployment, trims
 from tolerances import SAME_FORMULA
 
 import hfa
-from hfa import Deployment, Turbulence, environment, fly, vector_environment
+from hfa import BadInputError, Deployment, Turbulence, environment, fly, vector_environment
 from hfa_flight import Scenario, Uncertainty
-from hfa_support.errors import BadInputError
 
 gymnasium = pytest.importorskip("gymnasium")
 START = np.array([2.0, 0.03, 0.1, -0.05])
@@ -33,13 +32,13 @@ def test_environments_accept_points_in_four_forms() -> None:
     An empty list, text, and the trim of another aircraft are refused.
     """
     model, deployment = aircraft("ppo_gtm"), stored_deployment("ppo_gtm")
-    speeds = []
-    for points in (trims("ppo_gtm")[1:2], trims("ppo_gtm")[1], [45.0]):
+    for points, speed in (
+        (trims("ppo_gtm")[2:3], 52.0), (trims("ppo_gtm")[2], 52.0), ([52.0], 52.0), (None, 45.0),
+    ):  # fmt: skip
         env = environment(model, deployment, points)
         _, info = env.reset(seed=1)
-        speeds.append(info["X"][0])
-    assert speeds == pytest.approx([speeds[0]] * 3)
-    environment(model, deployment, None).reset(seed=1)
+        assert env.point["speed"] == pytest.approx(speed)
+        assert info["X"][0] == pytest.approx(speed, abs=env.start_box["speed"])
     for wrong, said in (
         ([], "empty"),
         (["45"], "points contains"),
@@ -302,12 +301,12 @@ def test_cost_weights_equal_those_of_a_game() -> None:
     model = aircraft("ppo_gtm")
     n, m = len(model.linear), len(model.inputs)
     Q = dict(zip(model.linear, np.arange(1.0, n + 1).tolist(), strict=True))
-    R = dict.fromkeys(model.inputs, 3.0)
+    R = dict(zip(model.inputs, np.arange(3.0, m + 3).tolist(), strict=True))
     rewards = []
     for weights in (
-        {"Q": Q, "R": R},
-        {"Q": np.diag([*Q.values()]), "R": 3.0 * np.eye(m)},
-        {"Q": list(Q.values()), "R": np.full(m, 3.0)},
+        {"Q": dict(reversed(Q.items())), "R": dict(reversed(R.items()))},
+        {"Q": np.diag([*Q.values()]), "R": np.diag([*R.values()])},
+        {"Q": list(Q.values()), "R": np.array([*R.values()])},
     ):
         env = environment(model, **weights)
         env.reset(seed=1)

@@ -8,10 +8,9 @@ import pytest
 from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
 
 import hfa
-from hfa import Deployment, fly, load_model
+from hfa import BadInputError, Deployment, fly, load_model
 from hfa.main import main
 from hfa_flight import ActuatorBank, Scenario
-from hfa_support.errors import BadInputError
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from policy_cases import FOLDER, aircraft, stored_deployment
 from tolerances import SAME_FORMULA
 
 import hfa
+from hfa import BadInputError
 from hfa_flight import Deployed
-from hfa_support.errors import BadInputError
 
 SLOPES = json.loads((FOLDER / "slopes.json").read_text())
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from policy_cases import aircraft, trims
 
-from hfa import Deployment, environment
-from hfa_support.errors import BadInputError
+from hfa import BadInputError, Deployment, environment
 
 pytest.importorskip("gymnasium")
 MASS = (8.4, 10.3)

@@ -12,8 +12,8 @@ from cli import answer, assert_refused, hfa
 from policy_cases import FOLDER, aircraft, stored_deployment, trims
 
 import hfa as toolchain
+from hfa import BadInputError
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa_support.errors import BadInputError
 
 STATED = FOLDER / "ppo_hfa.toml"
 #: Scales of the observations and factors of the maps in this file, in its order.

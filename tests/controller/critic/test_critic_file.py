@@ -25,7 +25,8 @@ GAME = Game(
     [[4.0, 1.0], [1.0, 2.0]],
     10.0,
 )
-P6 = np.diag(np.arange(1.0, 7.0))
+P6 = np.diag(np.arange(1.0, 7.0)) + 0.1
+K5 = np.arange(30.0).reshape(5, 6)
 TIMES = np.array([0.0, 0.1, 0.3])
 W = np.arange(9.0).reshape(3, 3)
 K = np.arange(12.0).reshape(3, 2, 2)
@@ -35,9 +36,9 @@ pytestmark = pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize(
     ("name", "content"),
     [
-        ("all.npz", {"W": basis("quadratic", 6).weights(P6), "P": P6, "K": np.ones((5, 6))}),
+        ("all.npz", {"W": basis("quadratic", 6).weights(P6), "P": P6, "K": K5}),
         ("row.npz", {"weights": np.arange(21.0)}),
-        ("gain.json", {"K": np.ones((5, 6)), "delta": 200.0, "certificate": {"ok": True}}),
+        ("gain.json", {"K": K5, "delta": 200.0, "certificate": {"ok": True}}),
     ],
 )
 def test_parts_of_a_critic_file_are_read(name: str, content: dict[str, Any]) -> None:

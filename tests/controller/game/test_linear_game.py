@@ -10,9 +10,8 @@ from own_models import GTM, trimmed
 from scipy.linalg import solve_continuous_are
 
 import hfa
-from hfa import LinearModel
+from hfa import BadInputError, LinearModel
 from hfa.main import main
-from hfa_support.errors import BadInputError
 
 
 @pytest.fixture(scope="module")
@@ -23,10 +22,10 @@ def linear() -> LinearModel:
 
 def test_weights_by_name_are_placed_on_diagonals(linear: LinearModel) -> None:
     """Weights given by name are placed on the diagonals, and the game keeps the names."""
-    weights = dict.fromkeys(linear.inputs, 2.0)
+    weights = dict(reversed(list(zip(linear.inputs, [1.0, 2.0, 3.0, 4.0, 5.0], strict=True))))
     game = hfa.game(linear, Q={"speed": 0.01, "pitch": 3.0}, R=weights, delta=250.0)
     assert game.Q.diagonal().tolist() == [0.01, 0.0, 3.0, 0.0, 0.0, 0.0]
-    assert np.array_equal(game.R, 2.0 * np.eye(5))
+    assert np.array_equal(game.R, np.diag([1.0, 2.0, 3.0, 4.0, 5.0]))
     assert (game.names.states, game.names.inputs) == (linear.states, linear.inputs)
     assert "dihedral 11.4592 deg" in game.names.origin
     assert np.array_equal(game.E, np.eye(6))
