@@ -46,12 +46,6 @@ def note_read(path: str | Path) -> None:
         _INPUTS.add(os.path.realpath(path))
 
 
-def forget_read(path: Path) -> None:
-    """Remove a file from the inputs of the run, which continues this file (--resume)."""
-    if _INPUTS is not None:
-        _INPUTS.discard(os.path.realpath(path))
-
-
 def refuse_read(path: Path) -> None:
     """Raise BadInputError if a file to write is an input of the run."""
     if _INPUTS is not None and os.path.realpath(path) in _INPUTS:

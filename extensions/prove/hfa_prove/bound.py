@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from hfa_flight.problem import FlightProblem
@@ -30,25 +29,13 @@ def lower_bound(
             f"the bound in {path} applies to flights in which all inputs move; "
             "remove the argument inputs"
         )
-    given = given_of(problem, "this command", {})
+    given = given_of(problem, "this command")
     for name in ("Q", "R"):
         given[name] = Given(getattr(problem, name), f"--{name}")
     certificate = read_certificate(path, Subject(problem.model))
-    refuse_other(path, given, certificate.statement)
+    try:
+        compare(certificate.statement, given)
+    except NoSolutionError as error:
+        raise BadInputError(f"{path}: {error}") from error
     check(certificate, progress)
     return certificate.statement
-
-
-def refuse_other(
-    path: Path, given: Mapping[str, Given], statement: CostStatement, advice: str = ""
-) -> None:
-    """Raise BadInputError if the statement of a certificate differs from the user's problem.
-
-    path: file of the certificate
-    given: path of a value in the certificate -> value in the user's problem
-    advice: end of the message
-    """
-    try:
-        compare(statement, given)
-    except NoSolutionError as error:
-        raise BadInputError(f"{path}: {error}{advice}") from error

@@ -108,19 +108,18 @@ def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
     return tuple(sorted(order[:n].tolist()))
 
 
-def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) -> dict[str, Given]:
+def given_of(problem: FlightProblem, option: str) -> dict[str, Given]:
     """Return the values in the user's problem that a certificate must state, by path in the
     certificate.
 
     option: the options that gave the problem, for messages
-    weights: Q and R if the user gave them, else {}
 
     Raises BadInputError if derivatives depend on a state that the cost omits.
     """
     plant = plant_of(problem)
     given = given_plant(plant, option, "plant.")
     given["plant.limits"] = Given(dict(plant.limits), option, _not_narrower)
-    return given | {name: Given(value, f"--{name}") for name, value in weights.items()}
+    return given
 
 
 def given_plant(plant: Plant, option: str, before: str = "") -> dict[str, Given]:

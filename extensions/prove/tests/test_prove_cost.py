@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -58,36 +57,11 @@ def test_a_bound_is_proved_and_checked(
     assert data["levels"][0] < data["levels"][-1]
 
 
-def test_a_run_is_resumed_from_its_certificate(
-    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """--resume keeps the pieces of the certificate. A certificate with other weights is refused."""
-    path = tmp_path / "cost.json"
-    shutil.copy(certificate, path)
-    words = ["prove", "cost", *AIRCRAFT, "--degree", "4", "--resume", "-o", str(path)]
-    assert main([*words, "--R", "9"]) == 2
-    assert "R in the certificate differs" in capsys.readouterr().err
-    before = json.loads(certificate.read_text())["statement"]["pieces"]
-    assert main([*words, "--seconds", "0.05", "--json"]) == 0
-    pieces = json.loads(capsys.readouterr().out)["levels"]
-    assert pieces[: len(before)] == [piece["c"] for piece in before]
-
-
 def test_a_certificate_of_another_kind_is_refused(
     certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A region does not resume from a bound of the cost, and an unknown kind is not read.
-
-    Both are refused in one line, and the file is unchanged.
-    """
+    """A certificate of an unknown kind is not read."""
     path = tmp_path / "cost.json"
-    shutil.copy(certificate, path)
-    before = path.read_bytes()
-    words = ["prove", "region", *AIRCRAFT, "--Q", "1,1", "--R", "1", "--seconds", "1"]
-    assert main([*words, "--resume", "-o", str(path)]) == 2
-    assert path.read_bytes() == before
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "kind cost" in line
     changed(certificate, path, lambda content: content.update(kind="sorcery"))
     assert main(["prove", *AIRCRAFT, "--check", str(path)]) == 1
     (line,) = capsys.readouterr().err.splitlines()

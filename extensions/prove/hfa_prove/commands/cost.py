@@ -8,11 +8,8 @@ from hfa.options.output import ProgressLine
 from hfa.options.request import command
 from hfa_prove.commands.options import refuse_no_certificate
 from hfa_prove.commands.request import CostRequest
-from hfa_support.files import forget_read
 
 if TYPE_CHECKING:
-    from hfa_flight.problem import FlightProblem
-    from hfa_prove.check import Proved
     from hfa_prove.search.cost import CostBound
 
 
@@ -30,7 +27,7 @@ def cost(request: CostRequest) -> int:
     from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
-    refuse_no_certificate(request.output.file, resume="cost" * request.resume)
+    refuse_no_certificate(request.output.file)
     return _prove(request)
 
 
@@ -47,40 +44,14 @@ def _prove(request: CostRequest) -> int:
         if request.output.file is not None:
             write_certificate(request.output.file, found.statement, found.witness.content(), origin)
 
-    earlier = _earlier(request, problem)
     with interruptible(ProgressLine("cost")) as progress:
-        search = bound_search(
+        found = bound_search(
             problem,
             degree=request.degree,
             margin=request.margin,
             seconds=request.seconds,
             progress=progress,
             save=save,
-        )
-        found = search.found(earlier)
+        ).found()
     request.print(bound_report(found))
     return 0
-
-
-def _earlier(request: CostRequest, problem: FlightProblem) -> Proved | None:
-    """Return the verified bound in the output file of an earlier run, or None without --resume.
-
-    Raises BadInputError if the earlier certificate is about other flights. Raises BadInputError or
-    NoSolutionError if the certificate does not prove its statement.
-    """
-    from hfa_prove.bound import refuse_other
-    from hfa_prove.certificate import read_certificate
-    from hfa_prove.check import check as proved_by
-    from hfa_prove.problem import given_of
-    from hfa_prove.statements.plant import Subject
-
-    if not request.resume:
-        return None
-    assert request.output.file is not None  # --resume requires -o
-    path = request.output.file
-    given = given_of(problem, "this command", {"Q": problem.Q, "R": problem.R})
-    certificate = read_certificate(path, Subject(problem.model))
-    refuse_other(path, given, certificate.statement, "; write to another file")
-    proved = proved_by(certificate, ProgressLine("check"))
-    forget_read(path)
-    return proved

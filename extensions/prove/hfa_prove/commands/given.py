@@ -263,4 +263,4 @@ def _of_cost(statement: CostStatement, request: CheckRequest, _: Any) -> dict[st
         return given
     trim = at_one_value(request).trim
     problem = flight_problem(trim.aircraft, trim.point(), limits=trim.limit)
-    return given | given_of(problem, "", {})
+    return given | given_of(problem, "")

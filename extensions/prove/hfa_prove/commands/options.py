@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hfa.options.argument_types import number
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, on_one_line, shortened
+from hfa_support.errors import BadInputError, shortened
 from hfa_support.schema import Number
 
 not_negative = partial(number, declared=Number(0.0))
@@ -29,27 +29,9 @@ def interval_of(model: Model, text: str) -> tuple[float, ...]:
     return interval(text)
 
 
-def refuse_no_certificate(output: Path | None, *, resume: str = "") -> None:
-    """Raise BadInputError if the output file of a certificate is not a .json file.
-
-    output: path of the file, or None
-    resume: kind of the certificate in the file, which is continued, or "" if none is
-    """
+def refuse_no_certificate(output: Path | None) -> None:
+    """Raise BadInputError if the output file of a certificate is not a .json file."""
     if output is not None and output.suffix.lower() != ".json":
         raise BadInputError(
             f"{output}: a certificate must be a .json file; give a path with the suffix .json"
-        )
-    if not resume:
-        return
-    if output is None:
-        raise BadInputError(
-            "--resume requires an unfinished certificate; give the path with -o FILE.json"
-        )
-    from hfa_prove.certificate import kind_in
-
-    kind = kind_in(output)
-    if kind != resume:
-        raise BadInputError(
-            f"{output} is a certificate of kind {on_one_line(kind)}, not {resume}; give another "
-            "path with -o"
         )

@@ -11,14 +11,12 @@ from hfa.options.output import ProgressLine
 from hfa.options.request import command
 from hfa_prove.commands.options import refuse_no_certificate
 from hfa_prove.commands.request import RegionRequest
-from hfa_support.errors import BadInputError
-from hfa_support.files import forget_read
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hfa_prove.search.region_search import Region, RegionProblem
+    from hfa_prove.search.region_search import Region
 
 #: Default degree of V for a network or deployment file.
 _DEGREE_OF_FUNCTIONS = 2
@@ -44,7 +42,7 @@ def region(request: RegionRequest) -> int:
         ("game.plant",),
         "is a linear plant, but a region requires nonlinear equations; give --aircraft instead",
     )
-    refuse_no_certificate(request.output.file, resume="region" * request.resume)
+    refuse_no_certificate(request.output.file)
     return _prove(request)
 
 
@@ -76,7 +74,6 @@ def _prove(request: RegionRequest) -> int:
             seconds=request.seconds,
             progress=progress,
             save=save,
-            earlier=_earlier(request, problem),
         )
 
     def figure() -> Figure:
@@ -103,29 +100,3 @@ def _box(linear: LinearModel) -> np.ndarray | None:
     units = linear.point.model.units(linear.states)
     box = ordinary_box(linear.states, linear.inputs, units)
     return widths_within_limits(linear) if box is None else box.half_widths
-
-
-def _earlier(request: RegionRequest, problem: RegionProblem) -> Region | None:
-    """Return the region of an earlier run's certificate, or None without --resume.
-
-    Raises BadInputError if the certificate concerns another loop.
-    """
-    from hfa_prove.check import check_certificate
-    from hfa_prove.search.region import region_of_certificate
-    from hfa_prove.statements.region import RegionStatement
-
-    if not request.resume:
-        return None
-    path = request.output.file
-    assert path is not None  # --resume requires -o
-    policy = problem.loop.function
-    own = request.model if request.aircraft.is_given else None
-    proved = check_certificate(path, ProgressLine("check"), own, policy)
-    forget_read(path)
-    statement = proved.statement
-    if (
-        not isinstance(statement, RegionStatement)
-        or statement.loop.content() != problem.loop.content()
-    ):
-        raise BadInputError(f"{path} is the certificate of another loop; give another path with -o")
-    return region_of_certificate(proved)

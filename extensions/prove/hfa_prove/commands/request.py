@@ -123,9 +123,6 @@ class RegionRequest(Request):
         OfModel(disturbance_size),
         named=True,
     )
-    resume: bool = option(
-        "resume from the Lyapunov function V in the certificate given by -o", rare=True
-    )
 
 
 _DEGREES = ("2", "4", "6", "8", "10", "12")
@@ -173,7 +170,6 @@ class CostRequest(Request):
     limits: Mapping[str, tuple[float, float]] = limits_option(
         "limits of a state, instead of the limits of the flight envelope"
     )
-    resume: bool = option("resume the proof of the unfinished certificate given by -o", rare=True)
 
     def problem(self) -> FlightProblem:
         """Return the optimal control problem of the flights to the trim."""

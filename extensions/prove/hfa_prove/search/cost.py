@@ -17,7 +17,6 @@ import numpy as np
 
 from hfa_flight.initial_box import usual_box
 from hfa_flight.problem import FlightProblem
-from hfa_prove.check import Proved
 from hfa_prove.check.cost import CostInequality
 from hfa_prove.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_prove.check.equilibrium import Equilibrium, equilibrium_near
@@ -153,18 +152,13 @@ class CostSearch(TimedSearch):
         self._save = save
         self._pieces: list[_Proved] = []
 
-    def found(self, earlier: Proved | None = None) -> CostBound:
+    def found(self) -> CostBound:
         """Return the proved lower bound.
 
         After an interruption or at the time limit, the bound consists of the pieces proved so far.
 
-        earlier: bound of an earlier run, whose pieces are included, or None
-
         Raises NoSolutionError if no piece is proved.
         """
-        if earlier is not None:
-            for known in zip(earlier.statement.pieces, earlier.sizes, strict=True):
-                self._pieces.append(_Proved(*known, (0.0, 0.0)))
         self._run()
         if not self._pieces:
             raise self._nothing_proved("no lower bound was proved: ")

@@ -7,14 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from hfa_prove.check import Proved
 from hfa_prove.check.cover import OpenBoxError
-from hfa_prove.check.equilibrium import equilibrium_near
 from hfa_prove.check.region_boxes import refuse_curved
 from hfa_prove.fields import Rejected
 from hfa_prove.search.clock import Clock, OutOfTimeError
-from hfa_prove.search.loop_values import DisturbedValues, LoopValues
-from hfa_prove.search.obstacles import LevelSet, first_obstacle, obstacles_around, rises
+from hfa_prove.search.loop_values import DisturbedValues
+from hfa_prove.search.obstacles import first_obstacle, obstacles_around, rises
 from hfa_prove.search.region_boxes import BoxesSearch
 from hfa_prove.search.region_search import Region, RegionProblem, Settings
 from hfa_prove.search.shape_boxes import Shape
@@ -36,27 +34,6 @@ _SHARES = (0.99, 0.96, 0.92, 0.85, 0.7, 0.5, 0.3)
 _OF_OBSTACLES = 0.1
 
 
-def region_of_certificate(proved: Proved) -> Region:
-    """Return the region of a verified certificate."""
-    statement = proved.statement
-    loop = statement.loop
-    at = equilibrium_near(loop, np.array(list(loop.trim.values())))
-    shape = Shape.of_piece(statement.piece, statement.degree)
-    unit = shape.level_set()
-    values = LoopValues(loop, at.x)
-    if loop.disturbances:
-        values = DisturbedValues(loop, at.x, shape.gradients)
-    return Region(
-        statement,
-        proved.witness,
-        proved.size,
-        LevelSet(unit.V.scaled(statement.rho), statement.rho, unit.T),
-        statement.extents,
-        "V of the certificate",
-        values,
-    )
-
-
 def proved_region(
     problem: RegionProblem,
     *,
@@ -64,7 +41,6 @@ def proved_region(
     seconds: float,
     progress: Progress | None = None,
     save: Callable[[Region], None] | None = None,
-    earlier: Region | None = None,
 ) -> Region:
     """Return the largest region that is proved within the time limit.
 
@@ -75,13 +51,12 @@ def proved_region(
     seconds: limit of the processor time, s
     progress: called with the current step, or None
     save: called with each region that is larger than those proved before, or None
-    earlier: region of an earlier run, whose V begins the search, or None
 
     Raises NoSolutionError if no region is proved. Raises BadInputError if an operation of the
     equations is not enclosed, or the rates are not affine in the disturbances.
     """
     clock = Clock(seconds, progress)
-    settings = Settings(degree, clock, save, earlier)
+    settings = Settings(degree, clock, save)
     try:
         if problem.loop.disturbances:
             region = _invariant_set(problem, settings)
@@ -109,7 +84,7 @@ def _invariant_set(problem: RegionProblem, settings: Settings) -> Region:
         (region.origin, Shape.of_piece(region.statement.piece, settings.degree))
         for region in reversed(still)
     ]
-    best = settings.earlier
+    best: Region | None = None
     stopped = ""
     sampled = sorted(_sampled(search, problem, shapes + search.firsts), key=lambda each: -each[0])
     try:

@@ -83,8 +83,8 @@ class BoxesSearch(TimedSearch):
         super().__init__(self.loop, at, settings.clock)
         self.samples = LoopValues(self.loop, self.equilibrium.x, self._clock)
         self.J = self.samples.J
-        self._best = settings.earlier
-        self._largest = 0.0 if self._best is None else self._best.set.size
+        self._best: Region | None = None
+        self._largest = 0.0
         #: Descriptions and first V of the search, the largest sampled set first.
         self.firsts: list[tuple[str, Shape]] = []
 
@@ -107,12 +107,8 @@ class BoxesSearch(TimedSearch):
 
         Raises OutOfTimeError at the time limit.
         """
-        firsts = self._first_shapes()
-        if self._best is not None:
-            shape = Shape.of_piece(self._best.statement.piece, self._degree)
-            firsts.insert(0, (self._best.origin, shape))
-        self.firsts = firsts
-        for origin, shape in firsts:
+        self.firsts = self._first_shapes()
+        for origin, shape in self.firsts:
             growth = Growth(self.samples, shape, self._report)
             if self._best is None:
                 self._first_level(growth, origin)

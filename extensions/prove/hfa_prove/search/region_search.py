@@ -69,13 +69,11 @@ class Settings:
     degree: highest degree of V
     clock: limit of the processor time, and progress
     save: called with each larger region that is proved, or None
-    earlier: region of an earlier run, from which the search continues, or None
     """
 
     degree: int
     clock: Clock
     save: Callable[[Region], None] | None = None
-    earlier: Region | None = None
 
 
 def lyapunov_matrices(J: np.ndarray, nominal: np.ndarray, count: int) -> Iterator[np.ndarray]:
