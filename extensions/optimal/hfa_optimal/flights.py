@@ -19,7 +19,6 @@ from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFig
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import Departure, departure
 from hfa_flight.history import Deviations
-from hfa_flight.policies.deployment.policy import DeployedPolicy, sampled_scenario
 from hfa_flight.policies.policy import FunctionPolicy, Policy
 from hfa_flight.problem import FlightProblem
 from hfa_flight.scenario import Scenario
@@ -164,13 +163,8 @@ class Flights:
             whole[problem.moved] = moved
         return self.compiled(FunctionPolicy(name, ca.Function("policy", [z], [u]), *limits))
 
-    def of_deployed(self, policy: DeployedPolicy) -> CompiledLoop:
-        """Return the compiled loop of a deployed policy, with its sampling and delays."""
-        calm = self.scenario(self.tick)
-        return self.compiled(policy, sampled_scenario(policy, calm, self.problem.point))
-
     def of_policy(self, policy: Policy) -> CompiledLoop:
-        """Return the compiled loop of a policy with a timing of its own."""
+        """Return the compiled loop of a policy with its own sampling and delays."""
         return self.compiled(*policy.in_scenario(self.scenario(self.tick)))
 
     def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:

@@ -1,8 +1,4 @@
-"""Quadratic program for the change of a plan, solved with PIQP.
-
-The unknowns of hold i are the changes of the states and inputs at its start, and the slacks of the
-soft limits at its end. The last unknowns are the changes of the states at the end.
-"""
+"""Quadratic program for the change of a plan, solved with PIQP."""
 
 from __future__ import annotations
 
@@ -20,10 +16,14 @@ _OPTIONS: dict[str, Any] = {
     "print_time": False,
     "piqp": {"max_iter": 60, "eps_rel": 1e-5, "eps_duality_gap_rel": 1e-5},
 }
+_ARGUMENTS = "p", "lbg", "ubg", "lbx", "ubx"
 
 
 class PlanProgram:
     """Quadratic model of a plan's cost about the plan, with the equations linearized along it.
+
+    The unknowns of a hold are the changes of the states and inputs at its start, and the slacks of
+    the soft limits at its end. The last unknowns are the changes of the states at the end.
 
     count: number N of holds
     n, m: numbers of states and inputs
@@ -32,54 +32,37 @@ class PlanProgram:
     """
 
     def __init__(self, count: int, n: int, m: int, soft: np.ndarray, fast: np.ndarray) -> None:
-        slacks = len(soft)
-        size = n + m
-        width = size + slacks
-        height = n + 2 * (slacks + len(fast))
-        # unknowns and rows of each hold
-        unknowns = width * np.arange(count)[:, None]
-        rows = height * np.arange(count)[:, None]
-        self._z = unknowns + np.arange(n)
-        self._v = unknowns + n + np.arange(m)
-        self._slacks = unknowns + size + np.arange(slacks)
-        self._end = width * count + np.arange(n)
-        self._moves = rows + np.arange(n)
-        self._above = rows + n + np.arange(slacks)
-        self._below = rows + n + slacks + np.arange(slacks)
-        self._middle_above = rows + n + 2 * slacks + np.arange(len(fast))
-        self._middle_below = rows + n + 2 * slacks + len(fast) + np.arange(len(fast))
-        self._soft, self._fast = soft, fast
-        self._shape = height * count, width * count + n
-        self._prepare()
-
-    def _prepare(self) -> None:
-        """Store the patterns and the constant entries of the matrices, and make the solver."""
-        following = np.vstack([self._z[1:], self._end])
-        values = np.zeros(self._shape)
-        used = np.zeros(self._shape, dtype=bool)
-        both = np.hstack([self._z, self._v])
-        used[self._moves[:, :, None], both[:, None, :]] = True
-        values[self._moves, following] = -1.0
-        for rows, sign in ((self._above, -1.0), (self._below, 1.0)):
-            values[rows, following[:, self._soft]] = 1.0
-            values[rows, self._slacks] = sign
-        for rows, sign in ((self._middle_above, -1.0), (self._middle_below, 1.0)):
-            used[rows[:, :, None], both[:, None, :]] = True
-            values[rows, self._slacks[:, self._fast]] = sign
-        used |= values != 0.0
-        curved = np.zeros((self._shape[1],) * 2, dtype=bool)
-        curved[both[:, :, None], both[:, None, :]] = True
-        curved[self._slacks, self._slacks] = True
-        curved[self._end[:, None], self._end[None]] = True
-        matrix, places, self._entries = _sparse(used, values)
-        self._slopes_at = places[self._moves[:, :, None], both[:, None, :]]
-        middle = np.stack([self._middle_above, self._middle_below])
-        self._middle_at = places[middle[:, :, :, None], both[None, :, None, :]]
-        curvature, places, self._curvature = _sparse(curved, np.zeros(curved.shape))
-        self._weights_at = places[both[:, :, None], both[:, None, :]]
-        self._slacks_at = places[self._slacks, self._slacks]
-        self._end_at = places[self._end[:, None], self._end[None]]
-        self._solve = BoundFunction(_of_entries(curvature, matrix))
+        both, slacks = ca.SX.sym("both", n + m, count), ca.SX.sym("slacks", len(soft), count)
+        end = ca.SX.sym("end", n)
+        sizes = [n + m, (n + m) ** 2, n * (n + m), len(fast) * (n + m), len(soft), len(soft)]
+        given = [ca.SX.sym("given", size, count) for size in sizes]
+        P, end_about = ca.SX.sym("P", n, n), ca.SX.sym("end_about", n)
+        cost = ca.bilin(P, end, end + 2.0 * end_about)
+        rows = []
+        for k in range(count):
+            about, W, slopes, middle, price, curvature = (each[:, k] for each in given)
+            change, slack = both[:, k], slacks[:, k]
+            cost += ca.bilin(ca.reshape(W, n + m, n + m), change, change + 2.0 * about)
+            cost += ca.dot(price, slack) + 0.5 * ca.dot(curvature, slack**2)
+            after = both[:n, k + 1] if k + 1 < count else end
+            moved = ca.reshape(slopes, n + m, n).T @ change
+            between = ca.reshape(middle, n + m, len(fast)).T @ change
+            limited = after[soft.tolist()], between
+            exceeding = slack, slack[fast.tolist()]
+            rows += [moved - after]
+            for value, beyond in zip(limited, exceeding, strict=True):
+                rows += [ca.vec(value) - ca.vec(beyond), ca.vec(value) + ca.vec(beyond)]
+        program = {
+            "x": ca.vertcat(ca.vec(ca.vertcat(both, slacks)), end),
+            "f": cost,
+            "g": ca.vertcat(*rows),
+            "p": ca.vertcat(ca.vec(ca.vertcat(*given)), ca.vec(P), end_about),
+        }
+        solved = ca.qpsol("plan", "piqp", program, _OPTIONS)
+        arguments = [ca.MX.sym(name, solved.size_in(name)) for name in _ARGUMENTS]
+        found = solved(**dict(zip(_ARGUMENTS, arguments, strict=True)))
+        self._solve = BoundFunction(ca.Function("change", arguments, [found["x"], found["f"]]))
+        self._n, self._m, self.fast = n, m, fast
 
     def step(
         self,
@@ -112,53 +95,22 @@ class PlanProgram:
         middle: those at the middle of each hold, (N, F)
         inputs: least and largest changes of the inputs, (N, m)
         """
-        n = self._z.shape[1]
-        self._entries[self._slopes_at] = slopes
-        self._entries[self._middle_at] = middle_slopes
-        self._curvature[self._weights_at] = 2.0 * weights
-        self._curvature[self._slacks_at] = prices[1]
-        self._curvature[self._end_at] = 2.0 * P
-        gradient = np.zeros(self._shape[1])
-        pull = 2.0 * np.einsum("kij,kj->ki", weights, np.hstack([z[:-1], v]))
-        gradient[self._z], gradient[self._v] = pull[:, :n], pull[:, n:]
-        gradient[self._slacks] = prices[0]
-        gradient[self._end] = 2.0 * P @ z[-1]
-        least, most = np.zeros(self._shape[0]), np.zeros(self._shape[0])
-        least[self._above], most[self._above] = -np.inf, room[1]
-        least[self._below], most[self._below] = room[0], np.inf
-        least[self._middle_above], most[self._middle_above] = -np.inf, middle[1]
-        least[self._middle_below], most[self._middle_below] = middle[0], np.inf
-        lowest = np.full(self._shape[1], -np.inf)
-        highest = np.full(self._shape[1], np.inf)
-        lowest[self._z[0]] = highest[self._z[0]] = 0.0
-        lowest[self._v], highest[self._v] = inputs
-        lowest[self._slacks] = 0.0
-        changes, cost = self._solve.at(
-            self._curvature, self._entries, gradient, least, most, lowest, highest
-        )
-        return changes[self._v], np.vstack([changes[self._z], changes[self._end]]), float(cost[0])
-
-
-def _of_entries(curvature: ca.Sparsity, matrix: ca.Sparsity) -> ca.Function:
-    """Return the solver as a function of the entries of the Hessian and of the constraints, and of
-    dense columns.
-    """
-    height, width = matrix.shape
-    sizes = {
-        "h": curvature.nnz(), "a": matrix.nnz(), "g": width,
-        "lba": height, "uba": height, "lbx": width, "ubx": width,
-    }  # fmt: skip
-    given = {name: ca.MX.sym(name, size) for name, size in sizes.items()}
-    arguments = {**given, "h": ca.MX(curvature, given["h"]), "a": ca.MX(matrix, given["a"])}
-    solved = ca.conic("plan", "piqp", {"h": curvature, "a": matrix}, _OPTIONS)(**arguments)
-    return ca.Function("changes", list(given.values()), [solved["x"], solved["cost"]])
-
-
-def _sparse(used: np.ndarray, values: np.ndarray) -> tuple[ca.Sparsity, np.ndarray, np.ndarray]:
-    """Return a pattern, the place of each entry in its list of values or -1, and these values."""
-    height, width = used.shape
-    columns, rows = np.nonzero(used.T)
-    pattern = ca.Sparsity.triplet(height, width, rows.tolist(), columns.tolist())
-    places = np.full(used.shape, -1)
-    places[rows, columns] = np.arange(len(rows))
-    return pattern, places, values[rows, columns]
+        count, n, m = len(v), self._n, self._m
+        of_holds = np.hstack(
+            [z[:-1], v, *(each.reshape(count, -1) for each in (weights, slopes, middle_slopes)),
+             *prices]
+        )  # fmt: skip
+        given = np.concatenate([of_holds.ravel(), P.ravel(), z[-1]])
+        none, free = np.zeros((count, n)), np.full(room[0].shape, np.inf)
+        unmoved = np.full(middle[0].shape, np.inf)
+        least = np.hstack([none, -free, room[0], -unmoved, middle[0]]).ravel()
+        most = np.hstack([none, room[1], free, middle[1], unmoved]).ravel()
+        anywhere = np.full((count, n), np.inf)
+        anywhere[0] = 0.0  # the states now
+        last = np.full(n, np.inf)
+        lowest = np.append(np.hstack([-anywhere, inputs[0], np.zeros(free.shape)]).ravel(), -last)
+        highest = np.append(np.hstack([anywhere, inputs[1], free]).ravel(), last)
+        changes, cost = self._solve.at(given, least, most, lowest, highest)
+        of_holds = changes[:-n].reshape(count, -1)
+        moved = np.vstack([of_holds[:, :n], changes[-n:]])
+        return of_holds[:, n : n + m], moved, float(cost[0])

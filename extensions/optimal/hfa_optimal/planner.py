@@ -214,12 +214,13 @@ class Planner:
         states = plan.z[1:, self.soft]
         near = (states > _NEAR * highs) | (states < _NEAR * lows)
         soft = np.flatnonzero(near.any(axis=0))
-        fast = np.intersect1d(soft, self._fast)
+        program = self._program(soft)
+        fast = soft[program.fast]
         ends, middles = ends[:, self.soft[soft]], middles[:, self.soft[fast]]
         lowest, highest = self.scaled.input_limits
         holds = self.grid.at(plan.age)
         seconds = holds.seconds[:, None]
-        return self._program(soft, fast).step(
+        return program.step(
             plan.z - target.z,
             plan.v - target.v,
             holds.weights,
@@ -232,14 +233,13 @@ class Planner:
             (lowest - plan.v, highest - plan.v),
         )
 
-    def _program(self, soft: np.ndarray, fast: np.ndarray) -> PlanProgram:
+    def _program(self, soft: np.ndarray) -> PlanProgram:
         """Return the quadratic program with the limits of some states, given by number."""
         key = tuple(soft.tolist())
         if key not in self._programs:
             _, n, m = self.scaled.sizes
-            count = len(self.model.holds)
-            places = np.searchsorted(soft, fast)
-            self._programs[key] = PlanProgram(count, n, m, self.soft[soft], places)
+            fast = np.flatnonzero(np.isin(soft, self._fast))
+            self._programs[key] = PlanProgram(len(self.model.holds), n, m, self.soft[soft], fast)
         return self._programs[key]
 
     def _slopes_along(self, plan: Plan, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

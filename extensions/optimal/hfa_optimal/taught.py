@@ -22,7 +22,6 @@ from hfa_flight.problem import FlightProblem
 from hfa_optimal.end_law import EndLaw
 from hfa_optimal.held_model import HeldModel
 from hfa_optimal.predictive import Predictive, policy_of
-from hfa_optimal.scaled import ScaledProblem
 from hfa_support.errors import missing_package
 from hfa_support.files import toml_text, write_text
 from hfa_support.progress import Progress
@@ -32,21 +31,26 @@ TEACHER_MARGIN = 0.1
 #: Hidden units of each layer, and slope of the second features.
 _HIDDEN = 64
 _STEEP = 4.0
-#: Labelled rounds, flights in each, and steps of the fit after each.
-_ROUNDS = 2
+#: Flights of the teacher, and steps of the fit to them.
 _FLIGHTS = 24
 _FIT_STEPS = 3000
 _BATCH = 512
 _FIT_RATE = 3e-3
 #: Gradient steps through flights, and their rate. Prices of exceeded limits in half ranges,
-#: relative to the median cost, and fraction by which their limits are narrowed.
-_FLIGHT_STEPS = 150
+#: relative to z'Pz at the start, and fraction by which their limits are narrowed.
+_FLIGHT_STEPS = 400
 _FLIGHT_RATE = 1e-3
 _PRICES = (5.0, 50.0)
 _MARGIN = 0.05
-#: Largest duration of a taught flight, in samples, and its part in time constants of the slowest
-#: pole within which the teacher decides.
+#: Share of the starts that are nearer to the trim, and the decades of their distances.
+_NEAR = 0.3
+_DECADES = 2.0
+#: Largest duration of a piece of a flight, in samples.
 _MOST_SAMPLES = 130
+#: A flight has returned below this fraction of the blending level, and is lost beyond these
+#: nominal values.
+_RETURNED = 0.5
+_LOST = 50.0
 #: Largest gradient of a cost by the states in a flight, in units of the cost.
 _LARGEST = 1e3
 
@@ -157,55 +161,59 @@ class _Adam:
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """What a network is taught, and how.
+    """What a network is taught, and how. States and inputs are in nominal values.
 
     teacher: predictive policy
-    starts: initial deviations in nominal values, (N, k)
-    samples: duration of a taught flight, in samples
+    center, half_widths: box of initial deviations, (k,) each
+    rng: random numbers
     """
 
     teacher: Predictive
-    starts: np.ndarray
-    samples: int
+    center: np.ndarray
+    half_widths: np.ndarray
+    rng: np.random.Generator
+
+    def starts(self, count: int) -> np.ndarray:
+        """Return random initial deviations from the box, (count, k)."""
+        signs = self.rng.uniform(-1.0, 1.0, (count, len(self.center)))
+        return self.center + self.half_widths * signs
 
     @property
-    def _limits(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.teacher.controller.planner.scaled.input_limits
+    def samples(self) -> int:
+        """Number of samples of a taught flight, those of a plan, but at most _MOST_SAMPLES."""
+        horizon = self.teacher.controller.planner.grid.horizon
+        return min(_MOST_SAMPLES, int(np.ceil(horizon / self.teacher.dt)))
 
-    def labelled(
-        self, student: Network | None, starts: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states of flights and the teacher's inputs there, (N, k) and (N, m).
-
-        student: the policy that flies, or None for the teacher
-        """
+    def labels(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states and inputs of the teacher's flights, (N, k) and (N, m)."""
         controller = self.teacher.controller
         planner = controller.planner
         k, n, _ = planner.scaled.sizes
         calm = np.zeros(planner.model.disturbances)
         states, inputs = [], []
-        for start in starts:
+        for start in self.starts(_FLIGHTS):
             controller.reset()
-            z = np.concatenate([start, np.zeros(n - k)])
+            z = np.pad(start, (0, n - k))
             for _ in range(self.samples):
-                label = controller(z)
                 states.append(z[:k])
-                inputs.append(label)
-                v = label if student is None else np.clip(student(z[None, :k])[0][0], *self._limits)
-                z = planner.model.after(z, v, calm, planner.grid.dt)
-                if not np.all(np.abs(z) < 1e3):
-                    break
+                inputs.append(controller(z))
+                z = planner.model.after(z, inputs[-1], calm, planner.grid.dt)
         return np.array(states), np.array(inputs)
+
+    def _near(self, count: int) -> np.ndarray:
+        """Return random starts, of which a share is nearer to the trim, on either side of it."""
+        nearer = 10.0 ** -self.rng.uniform(0.0, _DECADES, count) * self.rng.choice([-1, 1], count)
+        shares = np.where(self.rng.uniform(size=count) < _NEAR, nearer, 1.0)
+        return self.starts(count) * shares[:, None]
 
     def fit(self, network: Network, states: np.ndarray, inputs: np.ndarray) -> None:
         """Fit the network to labels. Beyond a limit, a label is met by any larger command."""
-        rng = np.random.default_rng(0)
+        lowest, highest = self.teacher.controller.planner.scaled.input_limits
         adam = _Adam(network.parameters)
-        lowest, highest = self._limits
         weights = 1.0 / (0.1 + np.linalg.norm(states / network.of_states, axis=1))
         weights /= weights.mean()
         for number in range(_FIT_STEPS):
-            chosen = rng.integers(0, len(states), _BATCH)
+            chosen = self.rng.integers(0, len(states), _BATCH)
             v, kept = network(states[chosen])
             label = inputs[chosen]
             error = (v - label) / network.of_inputs
@@ -215,21 +223,23 @@ class Lesson:
             adam.step(gradients, _decayed(_FIT_RATE, number, _FIT_STEPS))
 
     def improve(self, network: Network, progress: Progress | None) -> None:
-        """Change the network by gradient steps through flights of the model from the starts."""
-        planner = self.teacher.controller.planner
-        flights = FlightCosts(
-            planner.scaled, planner.grid.at(0).weights[0], planner.grid.dt, len(self.starts)
-        )
-        best, cheapest = [each.copy() for each in network.parameters], np.inf
+        """Change the network by gradient steps through flights of the model.
+
+        Half of the flights of a step continue flights of the step before that have not returned,
+        which teaches the network to return from wherever it leads.
+        """
+        flights = FlightCosts(self.teacher, 2 * _FLIGHTS)
         adam = _Adam(network.parameters)
+        continued = self._near(_FLIGHTS)
         for number in range(_FLIGHT_STEPS):
-            cost, gradients = flights(network, self.starts, self.samples)
-            if cost < cheapest:
-                best, cheapest = [each.copy() for each in network.parameters], cost
+            starts = np.vstack([self._near(_FLIGHTS), continued])
+            ends, gradients = flights(network, starts, self.samples)
             adam.step(gradients, _decayed(_FLIGHT_RATE, number, _FLIGHT_STEPS))
+            away = np.einsum("ni,ij,nj->n", ends, network.P, ends) > _RETURNED * network.level
+            going = self.rng.permutation(ends[away & (np.abs(ends).max(axis=1) < _LOST)])
+            continued = np.vstack([going, self._near(_FLIGHTS)])[:_FLIGHTS]
             if progress is not None:
                 progress(number + 1, _FLIGHT_STEPS)
-        network.parameters[:] = best
 
 
 def _decayed(rate: float, number: int, count: int) -> float:
@@ -237,32 +247,33 @@ def _decayed(rate: float, number: int, count: int) -> float:
 
 
 class FlightCosts:
-    """Mean logarithm of the costs of sampled flights, and its gradient by a network's parameters.
+    """Mean logarithm of the costs of sampled flights, of which it returns the gradient.
 
-    scaled: the problem in nominal units
-    W: cost of a sample, (n + m, n + m)
-    dt: sample time, s
+    The price of an exceeded limit grows with z'Pz at the start of a flight.
+
+    teacher: policy whose problem, samples and weights the flights have
     count: number of flights
     """
 
-    def __init__(self, scaled: ScaledProblem, W: np.ndarray, dt: float, count: int) -> None:
-        self._scaled = scaled
-        self._W = W
-        self._model = HeldModel(scaled, np.full(count, dt))
-        lowest, highest = scaled.state_limits
+    def __init__(self, teacher: Predictive, count: int) -> None:
+        planner = teacher.controller.planner
+        self._scaled = planner.scaled
+        self._W = planner.grid.at(0).weights[0]
+        self._model = HeldModel(self._scaled, np.full(count, teacher.dt))
+        lowest, highest = self._scaled.state_limits
         self._limits = (1.0 - _MARGIN) * lowest, (1.0 - _MARGIN) * highest
         self._half = np.where(np.isfinite(highest - lowest), 0.5 * (highest - lowest), 1.0)
 
     def __call__(
         self, network: Network, starts: np.ndarray, samples: int
-    ) -> tuple[float, list[np.ndarray]]:
-        """Return the mean logarithm of the costs and its gradient by the parameters."""
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Return the states at the ends, (N, k), and the gradient by the parameters."""
         k, n, _ = self._scaled.sizes
         P = self._scaled.P
         calm = np.zeros(self._model.disturbances)
         z = np.pad(starts, [(0, 0), (0, n - k)])
         costs = np.zeros(len(z))
-        price = np.einsum("ni,ij,nj->n", z, P, z).mean()
+        price = np.einsum("ni,ij,nj->n", z, P, z)[:, None]
         flown = []
         for _ in range(samples):
             u, kept = network(z[:, :k])
@@ -272,37 +283,24 @@ class FlightCosts:
             costs += 0.5 * (both * pull).sum(1)
             z, slopes = self._model.moved_along(z, v, calm)
             beyond = (z - np.clip(z, *self._limits)) / self._half
-            costs += price * (_PRICES[0] * np.abs(beyond) + 0.5 * _PRICES[1] * beyond**2).sum(1)
+            costs += (price * (_PRICES[0] * np.abs(beyond) + 0.5 * _PRICES[1] * beyond**2)).sum(1)
             push = price * (_PRICES[0] * np.sign(beyond) + _PRICES[1] * beyond) / self._half
             flown.append((kept, slopes, pull, push, u == v))
         costs += np.einsum("ni,ij,nj->n", z, P, z)
         usable = np.isfinite(costs) & (costs > 0.0)
-        shares = np.where(usable, 1.0 / np.where(usable, costs, 1.0), 0.0) / len(costs)
-        gradient = self._through(network, flown, 2.0 * z @ P, shares)
-        return float(np.log(costs[usable]).mean()), gradient
-
-    @staticmethod
-    def _through(
-        network: Network,
-        flown: list[tuple[Any, ...]],
-        by_end: np.ndarray,
-        shares: np.ndarray,
-    ) -> list[np.ndarray]:
-        """Return the gradient by the parameters, by the chain rule from the end of the flights."""
-        n = by_end.shape[1]
-        k = len(network.of_states)
+        shares = np.where(usable, 1.0 / np.where(usable, costs, 1.0), 0.0)[:, None] / len(costs)
+        pull_z = 2.0 * z @ P * shares
         total = [np.zeros_like(each) for each in network.parameters]
-        pull_z = by_end * shares[:, None]
-        for kept, slopes, pull, push, is_free in reversed(flown):
-            pull_z = pull_z + push * shares[:, None]
-            by_both = np.einsum("ni,nij->nj", pull_z, slopes) + pull * shares[:, None]
+        for kept, slopes, pull, push, is_free in reversed(flown):  # the chain rule from the end
+            pull_z = pull_z + push * shares
+            by_both = np.einsum("ni,nij->nj", pull_z, slopes) + pull * shares
             gradients, by_z = network.gradients(kept, by_both[:, n:] * is_free)
             pull_z = by_both[:, :n]
             pull_z[:, :k] += by_z
             pull_z = np.clip(np.nan_to_num(pull_z), -_LARGEST, _LARGEST)
             for each, gradient in zip(total, gradients, strict=True):
                 each += gradient
-        return total
+        return np.where(usable[:, None], z[:, :k], np.inf), total
 
 
 def blending_level(end: EndLaw, P: np.ndarray) -> float:
@@ -324,40 +322,26 @@ def taught(
 ) -> tuple[Network, Predictive]:
     """Return a network taught by the predictive policy, and the teacher.
 
-    The teacher labels its own flights, then those of the network. Gradient steps through flights
-    follow.
+    The network is fitted to flights of the teacher. Gradient steps through its own flights follow.
 
     start: center of the initial deviations, (k,)
     half_widths: half-widths of their box, (k,)
-    seed: seed of the initial deviations
+    seed: seed of all random numbers
     """
     from controller.game.linear_game import game
 
     at_end = game(problem.linear, problem.Q, problem.R)
     teacher = policy_of(problem, at_end, margin=TEACHER_MARGIN, estimate="nothing")
-    controller = teacher.controller
-    scaled = controller.planner.scaled
-    k = scaled.sizes[0]
+    k = len(problem.states)
     of_states = problem.sizes[0][:k]
     rng = np.random.default_rng(seed)
-    count = _ROUNDS * _FLIGHTS
-    starts = (start + half_widths * rng.uniform(-1.0, 1.0, (count, k))) / of_states
-    samples = min(_MOST_SAMPLES, int(np.ceil(controller.planner.grid.horizon / teacher.dt)))
-    lesson = Lesson(teacher, starts, samples)
-    states, inputs = lesson.labelled(None, starts[:_FLIGHTS])
-    P = scaled.P[:k, :k]
-    network = Network(
-        controller.nominal_gain,
-        P,
-        blending_level(controller.nominal_end, P),
-        np.maximum(states.std(axis=0), 1e-9),
-        np.maximum(np.abs(inputs).max(axis=0), 1e-9),
-    )
+    lesson = Lesson(teacher, start / of_states, half_widths / of_states, rng)
+    states, inputs = lesson.labels()
+    end = teacher.controller.nominal_end
+    P = teacher.controller.planner.scaled.P[:k, :k]
+    sizes = states.std(axis=0), np.abs(inputs).max(axis=0)
+    network = Network(end.K, P, blending_level(end, P), *(np.maximum(each, 1e-9) for each in sizes))
     lesson.fit(network, states, inputs)
-    for _ in range(1, _ROUNDS):
-        visited, labels = lesson.labelled(network, starts[_FLIGHTS:])
-        states, inputs = np.vstack([states, visited]), np.vstack([inputs, labels])
-        lesson.fit(network, states, inputs)
     lesson.improve(network, progress)
     return network, teacher
 
@@ -374,6 +358,34 @@ def write_policy(network: Network, teacher: Predictive, path: Path) -> Path:
     return deployment
 
 
+#: The network as an ONNX graph of deviations in the model's units.
+_GRAPH = """taught (double[1, {k}] x) => (double[1, {m}] u) {{
+  z = Mul(x, nominal)
+  y = Mul(z, scale)
+  steeper = Mul(y, steep)
+  bent = Tanh(steeper)
+  features = Concat <axis = 1> (y, bent)
+  h1 = MatMul(features, W1)
+  a1 = Add(h1, b1)
+  f1 = Tanh(a1)
+  h2 = MatMul(f1, W2)
+  a2 = Add(h2, b2)
+  f2 = Tanh(a2)
+  h3 = MatMul(f2, W3)
+  far = Add(h3, b3)
+  Pz = MatMul(z, P)
+  products = Mul(Pz, z)
+  zPz = MatMul(products, ones)
+  exponent = Mul(zPz, level)
+  blend = Exp(exponent)
+  near = MatMul(z, K)
+  difference = Sub(near, far)
+  blended = Mul(blend, difference)
+  v = Add(far, blended)
+  u = Mul(v, size)
+}}"""
+
+
 def _onnx_of(network: Network, of_states: np.ndarray, of_inputs: np.ndarray) -> bytes:
     """Return the network as an ONNX model of deviations in the model's units, (1, k) -> (1, m).
 
@@ -383,65 +395,20 @@ def _onnx_of(network: Network, of_states: np.ndarray, of_inputs: np.ndarray) -> 
         import onnx
     except ImportError:
         raise missing_package("writing an ONNX file", "onnx") from None
-    from onnx import TensorProto, helper, numpy_helper
-
     W1, b1, W2, b2, W3, b3 = network.parameters
     constants = {
-        "nominal": 1.0 / of_states[None],
-        "size": of_inputs[None],
-        "scale": 1.0 / network.of_states[None],
-        "steep": np.array(_STEEP),
-        "P": network.P,
-        "ones": np.ones((len(network.of_states), 1)),
-        "level": np.array(-1.0 / network.level),
-        "one": np.array(1.0),
-        "K": -network.K.T,
-        "W1": W1,
-        "b1": b1,
-        "W2": W2,
-        "b2": b2,
-        "W3": W3 * network.of_inputs,
-        "b3": b3 * network.of_inputs,
-    }
-    steps = [
-        ("Mul", ("x", "nominal"), "z"),
-        ("Mul", ("z", "scale"), "y"),
-        ("Mul", ("y", "steep"), "4y"),
-        ("Tanh", ("4y",), "t"),
-        ("Concat", ("y", "t"), "features"),
-        ("MatMul", ("features", "W1"), "h1"),
-        ("Add", ("h1", "b1"), "a1"),
-        ("Tanh", ("a1",), "f1"),
-        ("MatMul", ("f1", "W2"), "h2"),
-        ("Add", ("h2", "b2"), "a2"),
-        ("Tanh", ("a2",), "f2"),
-        ("MatMul", ("f2", "W3"), "h3"),
-        ("Add", ("h3", "b3"), "out"),
-        ("MatMul", ("z", "P"), "Pz"),
-        ("Mul", ("Pz", "z"), "products"),
-        ("MatMul", ("products", "ones"), "zPz"),
-        ("Mul", ("zPz", "level"), "exponent"),
-        ("Exp", ("exponent",), "blend"),
-        ("Sub", ("one", "blend"), "rest"),
-        ("MatMul", ("z", "K"), "linear"),
-        ("Mul", ("blend", "linear"), "near"),
-        ("Mul", ("rest", "out"), "far"),
-        ("Add", ("near", "far"), "v"),
-        ("Mul", ("v", "size"), "u"),
-    ]
-    nodes = []
-    for kind, given, result in steps:
-        attributes: dict[str, Any] = {"axis": 1} if kind == "Concat" else {}
-        nodes.append(helper.make_node(kind, list(given), [result], **attributes))
-    k, m = len(network.of_states), len(network.of_inputs)
-    graph = helper.make_graph(
-        nodes,
-        "taught",
-        [helper.make_tensor_value_info("x", TensorProto.DOUBLE, [1, k])],
-        [helper.make_tensor_value_info("u", TensorProto.DOUBLE, [1, m])],
-        [numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items()],
+        "nominal": 1.0 / of_states[None], "size": of_inputs[None],
+        "scale": 1.0 / network.of_states[None], "steep": np.array(_STEEP),
+        "P": network.P, "ones": np.ones((len(of_states), 1)), "K": -network.K.T,
+        "level": np.array(-1.0 / network.level), "W1": W1, "b1": b1, "W2": W2, "b2": b2,
+        "W3": W3 * network.of_inputs, "b3": b3 * network.of_inputs,
+    }  # fmt: skip
+    graph = onnx.parser.parse_graph(_GRAPH.format(k=len(of_states), m=len(of_inputs)))
+    graph.initializer.extend(
+        onnx.numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items()
     )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    operators = [onnx.helper.make_opsetid("", 13)]
+    model = onnx.helper.make_model(graph, opset_imports=operators, ir_version=8)
     onnx.checker.check_model(model)
     content: bytes = model.SerializeToString()
     return content

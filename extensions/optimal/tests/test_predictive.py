@@ -176,16 +176,14 @@ def test_garbage_of_the_quadratic_program_leaves_the_old_plan(
 ) -> None:
     """If every program returns garbage, the first guess is flown, and the pendulum converges."""
 
-    def conic(name: str, _: str, patterns: dict[str, Any], __: dict[str, Any]) -> ca.Function:
-        curvature, matrix = (ca.MX.sym(key, patterns[key]) for key in "ha")
-        height, width = matrix.shape
-        sizes = {"g": width, "lba": height, "uba": height, "lbx": width, "ubx": width}
-        given = {"h": curvature, "a": matrix}
-        given |= {key: ca.MX.sym(key, size) for key, size in sizes.items()}
+    def qpsol(name: str, _: str, program: dict[str, Any], __: dict[str, Any]) -> ca.Function:
+        width, height, given = (program[key].numel() for key in "xgp")
+        sizes = {"p": given, "lbg": height, "ubg": height, "lbx": width, "ubx": width}
+        symbols = {key: ca.MX.sym(key, size) for key, size in sizes.items()}
         results = ca.MX(ca.DM.ones(width) * garbage), ca.MX(-1e9)
-        return ca.Function(name, [*given.values()], [*results], [*given], ["x", "cost"])
+        return ca.Function(name, [*symbols.values()], [*results], [*symbols], ["x", "f"])
 
-    monkeypatch.setattr(ca, "conic", conic)
+    monkeypatch.setattr(ca, "qpsol", qpsol)
     policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS)
     _, states, _ = flown(policy, PENDULUM, UPRIGHT, {"angle": 0.8, "rate": -0.5}, 6.0)
     assert np.abs(states[-1]).max() < 1e-2

@@ -198,7 +198,7 @@ def flight_costs(
     Q, R = weights_at(deployed, point)
     problem = flight_problem(point.model, point, Q, R, inputs=deployed.commanded)
     search = BestFlights(problem, count)
-    loop = search.flights.of_deployed(policy_about(deployed, point, "policy"))
+    loop = search.flights.of_policy(policy_about(deployed, point, "policy"))
     starts = drawn_starts(problem, count, seed, place.box)
     table = starts_table(search, starts, [loop], progress, searched=searched)
     compared = [each for each in table.flights if each.cost is not None or not searched]

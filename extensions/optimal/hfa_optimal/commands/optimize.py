@@ -182,7 +182,7 @@ class OptimizeRequest(Request):
         if self.policy is not None:
             policy = flown_deployment(self.policy, search.problem.point)
             named = replace(policy, name=f"policy of {self.policy}")
-            loops.append(flights.of_deployed(named))
+            loops.append(flights.of_policy(named))
         return loops
 
 
