@@ -207,6 +207,7 @@ def test_margins_put_a_pole_on_the_axis(published_aircraft: Model) -> None:
             for gain in gains
         ]
         assert min(map(abs, found)) < 1e-9
+    assert np.isfinite([margins[name].crossover for name in controller.measurements]).any()
     for k, name in enumerate(controller.measurements):
         turned = np.ones(3, dtype=complex)
         w = margins[name].crossover

@@ -48,6 +48,8 @@ def differences(name, kcas):
     (answer,) = measured(name, [request])
     states = list(model.linear)
     inputs = list(model.inputs)
+    assert set(STATES) <= set(answer["x"])
+    assert set(INPUTS) <= set(answer["u"])
     worst = {"A": 0.0, "B": 0.0}
     for i, row in enumerate(answer["x"]):
         if row not in STATES:
