@@ -357,10 +357,11 @@ def test_spaces_that_are_no_flat_box_are_refused(folder):
 
 
 def test_a_deployment_read_from_files_is_pickled(folder):
-    """A deployment whose files were read can be pickled."""
+    """A deployment whose files were read can be pickled, with its network."""
     read = stored_deployment("ppo_gtm")
-    assert read.actor
-    assert pickle.loads(pickle.dumps(read)).actor.chain == read.actor.chain
+    o = np.linspace(-0.4, 0.5, 4)
+    known = read.actor.function(o)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(read)).actor.function(o), known)
 
 
 @pytest.mark.parametrize(

@@ -155,13 +155,19 @@ def deployment_that_observes_its_elevator(share, dt):
     )
 
 
-def test_the_cost_of_an_observed_input_is_the_limit_of_fast_sampling():
-    """With an observed input, the continuous cost is the limit of the cost of the sampled loop."""
-    deployment = deployment_that_observes_its_elevator(0.4, 1e-4)
+def test_the_cost_of_an_observed_input_is_that_of_its_settled_gain():
+    """u = -K x + .4 u of the elevator settles at -K x / .6, whose cost is SciPy's Lyapunov solution."""
+    deployment = deployment_that_observes_its_elevator(0.4, DT)
     (loop,) = hfa.assess(model_of(GTM), deployment, [45.0], samples=0).points
-    assert loop.cost.worst > 5.0
-    assert loop.cost.worst == pytest.approx(loop.cost.sampled_worst, rel=0.03)
-    assert loop.cost.mean == pytest.approx(loop.cost.sampled_mean, rel=0.03)
+    _, linear, K = gain_case()
+    game = hfa.game(linear, Q, R)
+    settled = K / [[0.6], [1.0]]
+    closed = game.A - game.B @ settled
+    value = solve_lyapunov(closed.T, -(game.Q + settled.T @ game.R @ settled))
+    shares = np.linalg.eigvals(np.linalg.solve(hfa.solve(game).P, value)).real - 1.0
+    assert shares.max() > 0.05
+    assert loop.cost.worst == pytest.approx(100.0 * shares.max(), abs=1e-6)
+    assert loop.cost.mean == pytest.approx(100.0 * shares.mean(), abs=1e-6)
 
 
 def test_an_integrator_has_no_cost_in_continuous_time():
