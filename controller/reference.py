@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import spectrum
+from controller.riccati.balancing import abscissa_of
 from hfa_aircraft.waveform import Harmonic, Waveform
 from hfa_support.errors import BadInputError
 
@@ -104,7 +104,7 @@ def feedforward(game: Game, P: np.ndarray, reference: Waveform) -> Feedforward:
         )
     plain = game.without_cross_weights
     loop = plain.A - plain.S @ P
-    abscissa = spectrum(loop).abscissa
+    abscissa = abscissa_of(loop)
     if abscissa >= 0.0:
         raise BadInputError(
             f"A - S P has abscissa {abscissa:+.4g} 1/s; give the stabilizing P of the game"

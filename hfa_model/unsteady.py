@@ -362,6 +362,7 @@ def _with_apparent_mass(
     base = rates_from_loads(x, unaccelerated, p, NEWTON)
     descent_rate = base.speed * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * base.alpha
     accelerations = ca.vertcat(descent_rate, base.pitch_rate, base.dihedral_rate)
+    # The coefficient c2 is that of the pitch equation (`hfa_model.dynamics`).
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
     pitch_inertia = 3 * p.inertia_pitch + c2 * sin_eta**2
     hinge_inertia = 2 * NEWTON.hinge_inertia(x.dihedral, p)
@@ -370,6 +371,8 @@ def _with_apparent_mass(
     # more accurate than a symbolic QR.
     factors = ca.ldl(inertia + mass)
     forces = mass @ (accelerations - ca.ldl_solve(mass @ accelerations, *factors))
+    # The generalized force of η'' is that of two hinge moments, and of the vertical force by the
+    # motion (s/3) cos η of the center of mass.
     hinge_force = (forces[2] - p.panel_span / 3 * cos_eta * forces[0]) / 2
     return _with_forces(
         x,

@@ -165,7 +165,6 @@ class JudgedGame:
             disk_margin=math.nan if learned is None else learned.disk,
             disk_margin_exact=math.nan if best is None else best.disk,
             discount=game.discount if game.is_discrete else None,
-            cost_lost_worst_percent=cost.worst if game.is_discrete else None,
             dt=None if game.dt is True else game.dt,
         )
         return Section((Table((whose, "learned", "exact"), rows),), data)
@@ -244,8 +243,7 @@ class JudgedGame:
 
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether the loop A - B K is stable."""
-        value, limit = self._stability(self.game.A - self.game.B @ K)
-        return value < limit
+        return self._stability(self.game.A - self.game.B @ K).is_stable
 
     def cost(self, z: np.ndarray, u: np.ndarray) -> float:
         """Return the cost z'Q z + 2 z'N u + u'R u of a state and an input per second, or step."""
@@ -320,7 +318,7 @@ class JudgedGame:
         discrete = self.game.is_discrete
 
         def rate(loop: np.ndarray) -> float:
-            value, _ = self._stability(loop)  # spectral radius, or largest real part
+            value = self._stability(loop).value
             return -math.log(min(max(value, 1e-3), 1.0 - 1e-12)) if discrete else abs(value)
 
         by_exact = rate(self.game.A - self.game.B @ self.exact.K)

@@ -56,7 +56,6 @@ class Details(Result):
     disk_margin: disk margin of K.
     disk_margin_exact: disk margin of the exact gain.
     discount: discount factor of one step.
-    cost_lost_worst_percent: largest cost above the optimum over the initial conditions, percent.
     box: half-widths of the box of states in which V and the policies are compared, and their
         source.
     dt: sampling time of a sampled plant, s.
@@ -69,7 +68,6 @@ class Details(Result):
     disk_margin: float | None = None
     disk_margin_exact: float | None = None
     discount: float | None = None
-    cost_lost_worst_percent: float | None = None
     box: Box | None = None
     dt: float | None = None
     history: ErrorTable | None = None

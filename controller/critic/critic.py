@@ -262,7 +262,7 @@ def from_parts(
     game: the game whose solution the critic approximates
     parts: "W", "P" and "K" -> array, at least one of them
     basis: ψ of W
-    policy: CasADi Function z (n,) -> u (m,), or None
+    policy: CasADi Function z (n,) -> u (m,) of the entry "policy_weights" of a critic file, or None
 
     Raises BadInputError if no part is given, if a shape is wrong, or if W and P define different
     values.

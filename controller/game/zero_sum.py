@@ -312,10 +312,8 @@ class Game(ByValue, Reported):
 
         In continuous time with N = 0, the loop is A - S P.
         """
-        if self.is_discrete:
-            K, L = self.policies(P)
-            return self.A - self.B @ K + self.E @ L
-        return self.without_cross_weights.A - self.S @ P
+        K, L = self.policies(P)
+        return self.A - self.B @ K + self.E @ L
 
     def residual(self, P: np.ndarray) -> np.ndarray:
         """Return the residual of the game's Riccati equation, (n, n).

@@ -18,7 +18,7 @@ import numpy as np
 from controller.riccati.balancing import balanced, hamiltonian
 
 #: The search begins at the frequencies of so many eigenvalues nearest to the boundary.
-STARTS = 8
+STARTS = 4
 #: Relative accuracy of the least singular value over all frequencies,
 SHARP = 1e-6
 #: unless it is below this fraction of the norm, where it is only rounding.
@@ -52,9 +52,9 @@ def hamiltonian_axis_distance(H: np.ndarray, eigenvalues: np.ndarray) -> Nearest
     """
     one = np.eye(len(H) // 2)
     J = hamiltonian(0.0 * one, -one, one)
-    norm = float(np.linalg.norm(H, 2))
     symmetric = H @ J
     symmetric = (symmetric + symmetric.T) / 2.0
+    norm = float(np.abs(np.linalg.eigvalsh(symmetric)).max())
 
     def singular_values(frequencies: np.ndarray) -> np.ndarray:
         values = np.linalg.eigvalsh(symmetric - 1j * frequencies[:, None, None] * J)
@@ -125,8 +125,9 @@ def _distance_from_circle(M: np.ndarray) -> Nearest:
         return np.concatenate([np.abs(np.angle(on_circle)), [0.0, np.pi]])
 
     values = np.linalg.eigvals(M)
-    nearest = values[np.argsort(np.abs(np.abs(values) - 1.0))[:STARTS]]
-    starts = np.concatenate([np.abs(np.angle(nearest)), [0.0, np.pi]])
+    upper = values[values.imag >= 0.0]
+    nearest = upper[np.argsort(np.abs(np.abs(upper) - 1.0))[:STARTS]]
+    starts = np.concatenate([np.angle(nearest), [0.0, np.pi]])
     return _least_singular_value(
         singular_values=singular_values, crossings=crossings, starts=starts, norm=norm
     )
@@ -137,15 +138,18 @@ def _smallest(matrices: np.ndarray) -> np.ndarray:
 
 
 def _on_axis(eigenvalues: np.ndarray, norm: float) -> np.ndarray:
-    """Return 0 and the frequencies of the eigenvalues that may be on the imaginary axis."""
+    """Return the frequencies of the eigenvalues that may be on the imaginary axis, and 0, or none
+    without such eigenvalues.
+    """
     on_axis = np.abs(eigenvalues.real) <= MAYBE_ON_BOUNDARY * norm
-    return np.append(np.abs(eigenvalues.imag[on_axis]), 0.0)
+    found = np.abs(eigenvalues.imag[on_axis])
+    return np.append(found, 0.0) if len(found) else found
 
 
 def _nearest_to_axis(eigenvalues: np.ndarray) -> np.ndarray:
-    """Return 0 and the frequencies of the eigenvalues nearest to the imaginary axis."""
-    nearest = np.argsort(np.abs(eigenvalues.real))[:STARTS]
-    return np.append(np.abs(eigenvalues.imag[nearest]), 0.0)
+    """Return 0 and the frequencies of the stable eigenvalues nearest to the imaginary axis."""
+    stable = eigenvalues[(eigenvalues.real <= 0.0) & (eigenvalues.imag >= 0.0)]
+    return np.append(stable.imag[np.argsort(-stable.real)[:STARTS]], 0.0)
 
 
 def _least_singular_value(
@@ -174,12 +178,14 @@ def _least_singular_value(
 
     if norm == 0.0:
         return Nearest(0.0, 0.0)
-    distance, frequency = least(np.unique(starts))
+    distance, frequency = least(starts)
     for _ in range(MOST_LEVELS):
         if distance <= ROUNDING * norm:
             break
         level = (1.0 - SHARP) * distance
-        ends = np.unique(crossings(level))
+        ends = np.sort(crossings(level))
+        if not len(ends):
+            break
         lower, place = least(np.append((ends[1:] + ends[:-1]) / 2.0, ends[-1]))
         if not lower < level:
             break

@@ -6,51 +6,46 @@ from typing import NamedTuple
 
 import numpy as np
 
-
-class Spectrum(NamedTuple):
-    """Eigenvalues of a matrix M.
-
-    eigenvalues: (n,), sorted by real part, then by imaginary part
-    balanced: (n, n), M after balancing by a diagonal similarity transformation
-    """
-
-    eigenvalues: np.ndarray
-    balanced: np.ndarray
-
-    @property
-    def abscissa(self) -> float:
-        """Largest real part of the eigenvalues, 1/s."""
-        return float(self.eigenvalues.real.max())
+from hfa_support.matrices import spectral_radius
 
 
-def spectrum(matrix: np.ndarray) -> Spectrum:
-    """Return the eigenvalues of a matrix (n, n) and the balanced matrix."""
-    scaled, _ = balanced(matrix)
-    eigenvalues = np.linalg.eigvals(scaled).astype(complex)
-    return Spectrum(eigenvalues[np.lexsort((eigenvalues.imag, eigenvalues.real))], scaled)
+def spectrum(matrix: np.ndarray) -> np.ndarray:
+    """Return the eigenvalues of a matrix, (n,) complex, sorted by real, then by imaginary part."""
+    return np.sort_complex(np.linalg.eigvals(matrix))  # LAPACK balances the matrix first
+
+
+def abscissa_of(matrix: np.ndarray) -> float:
+    """Return the largest real part of the eigenvalues of a matrix, 1/s."""
+    return float(np.linalg.eigvals(matrix).real.max())
 
 
 def is_hurwitz(matrix: np.ndarray) -> bool:
     """Return whether every eigenvalue of the matrix has a negative real part."""
-    return spectrum(matrix).abscissa < 0.0
+    return abscissa_of(matrix) < 0.0
 
 
-def stability(matrix: np.ndarray, *, is_discrete: bool) -> tuple[float, float]:
-    """Return the abscissa of a loop and 0, or in discrete time its spectral radius and 1.
+class Stability(NamedTuple):
+    """Abscissa of a loop, 1/s, which is stable below 0; in discrete time spectral radius and 1.
 
-    The loop is stable if the first number is below the second. It is inf if the loop is not finite.
+    value: the abscissa or the spectral radius, inf if the loop is not finite
+    limit: 0 or 1
     """
+
+    value: float
+    limit: float
+
+    @property
+    def is_stable(self) -> bool:
+        """True if the loop is stable."""
+        return self.value < self.limit
+
+
+def stability(loop: np.ndarray, *, is_discrete: bool) -> Stability:
+    """Return the abscissa of a loop, or in discrete time its spectral radius, and its limit."""
     limit = 1.0 if is_discrete else 0.0
-    if not np.isfinite(matrix).all():
-        return np.inf, limit
-    found = spectrum(matrix)
-    return float(np.abs(found.eigenvalues).max()) if is_discrete else found.abscissa, limit
-
-
-def is_stable(loop: np.ndarray, *, is_discrete: bool) -> bool:
-    """Return whether a loop is stable: Hurwitz, or in discrete time with spectral radius < 1."""
-    value, limit = stability(loop, is_discrete=is_discrete)
-    return value < limit
+    if not np.isfinite(loop).all():
+        return Stability(np.inf, limit)
+    return Stability(spectral_radius(loop) if is_discrete else abscissa_of(loop), limit)
 
 
 def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +63,8 @@ def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """Return the Hamiltonian matrix [[A, -S], [-Q, -A']], (2n, 2n)."""
-    return np.vstack([np.hstack([A, -S]), np.hstack([-Q, -A.T])])
+    rows = np.concatenate([A, -S], axis=1), np.concatenate([-Q, -A.T], axis=1)
+    return np.concatenate(rows)  # half the time of np.block
 
 
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:

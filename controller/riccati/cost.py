@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from controller.riccati.axis_distance import distance_to_instability
-from controller.riccati.balancing import is_stable, spectrum
+from controller.riccati.balancing import abscissa_of, stability
 from controller.riccati.certificate import form_of
 from controller.riccati.gare import Solution
 from controller.riccati.meaning import bounded_real_gain
@@ -76,7 +76,8 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     """
     infinite = math.inf, math.inf
     is_moderate = bool(np.all(np.abs(K) <= LARGEST_CRITIC_ENTRY))
-    stable = is_moderate and is_stable(game.A - game.B @ K, is_discrete=game.is_discrete)
+    loop = game.A - game.B @ K
+    stable = is_moderate and stability(loop, is_discrete=game.is_discrete).is_stable
     worst, mean = cost_above_optimum(game, exact, K) if stable else infinite
     return FlightCost(
         worst=100.0 * worst,
@@ -91,7 +92,7 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
 def _distance(game: Game, K: np.ndarray) -> float:
     """Return the distance to instability of A - B K, 0 if it is unstable already."""
     loop = game.A - game.B @ K
-    if not is_stable(loop, is_discrete=game.is_discrete):
+    if not stability(loop, is_discrete=game.is_discrete).is_stable:
         return 0.0
     return distance_to_instability(loop, is_discrete=game.is_discrete).distance
 
@@ -181,7 +182,7 @@ def _loss_in_units(
             with warnings.catch_warnings():
                 # SciPy warns of a singular Lyapunov equation.
                 warnings.simplefilter("error", RuntimeWarning)
-                if spectrum(F).abscissa >= 0.0:
+                if abscissa_of(F) >= 0.0:
                     return None
                 following = solve_continuous_lyapunov(F.T, D @ spread @ D - charge)
         except (ValueError, RuntimeWarning):  # overflow, or no solution

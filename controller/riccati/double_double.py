@@ -60,20 +60,17 @@ def _sum(left: np.ndarray, right: np.ndarray, low: np.ndarray) -> Pair:
 
 def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
     """Return the matrix product of two matrices of doubles, as accurate as that of pairs."""
-    p = left.shape[-2]
+    p, n = left.shape[-2:]
     slices, left_over = _slices(np.concatenate([left, right.mT], axis=-2))
-    rows = [each[..., :p, :] for each in (*slices, left_over[-1])]
-    # The sums of products of slices of equal size are exact, the first is the largest. The last sum
-    # is that of the products with remainders.
-    sums = []
-    for factors in (slices[:1], slices[:2], slices, left_over):
-        columns = [each[..., p:, :].mT for each in factors[::-1]]
-        sums.append(sum(map(np.matmul, rows, columns)))
-    *larger, smallest, rest = sums
-    pair = Pair(smallest, rest)
-    for total in reversed(larger):
-        pair = _sum(total, pair.high, pair.low)
-    return pair
+    rows = np.concatenate([each[..., :p, :] for each in (*slices, left_over[-1])], axis=-1)
+    columns = np.concatenate([each[..., p:, :] for each in slices[::-1]], axis=-1).mT
+    remainders = np.concatenate([each[..., p:, :] for each in left_over[::-1]], axis=-1).mT
+    # The sums of products of slices of equal size are exact, the first is the largest.
+    largest, smaller, smallest = (
+        rows[..., : k * n] @ columns[..., (SLICES - k) * n :, :] for k in range(1, SLICES + 1)
+    )
+    pair = _sum(smaller, smallest, rows @ remainders)
+    return _sum(largest, pair.high, pair.low)
 
 
 def _slices(rows: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import balanced, hamiltonian, norms, spectrum
+from controller.riccati.balancing import hamiltonian, norms, spectrum
 from controller.riccati.bilinear import System, in_continuous_time
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
@@ -22,7 +22,7 @@ NEGLIGIBLE = 10.0 * ZERO
 #: An eigenvalue with |Re λ| up to this fraction of the largest may be on the axis.
 NEAR_AXIS = 1e-6
 #: Number of the least damped poles near whose frequencies the search for a gain begins.
-STARTS = 4
+STARTS = 2
 #: Largest number of entries of the matrices that are solved at once: 64 MB.
 _LARGEST = 2**22
 
@@ -51,10 +51,9 @@ def level_crossings(
     # unit of B.
     ratio = math.sqrt((np.linalg.norm(into) or 1.0) / (np.linalg.norm(out) or 1.0))
     loop = A + B @ by_output
-    H, _ = balanced(hamiltonian(loop, -into / ratio, out * ratio))
-    roots = np.linalg.eigvals(H)
-    near = np.abs(roots.real) <= width * np.abs(roots).max()
-    return np.unique(np.abs(roots.imag[near]))
+    roots = np.linalg.eigvals(hamiltonian(loop, -into / ratio, out * ratio))
+    near = (np.abs(roots.real) <= width * np.abs(roots).max()) & (roots.imag >= 0.0)
+    return np.sort(roots.imag[near])
 
 
 class LoopGain(NamedTuple):
@@ -125,13 +124,10 @@ def gain_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> G
 
     Raises NoSolutionError if a pole is on the imaginary axis within rounding.
     """
-    poles = spectrum(A).eigenvalues
+    poles = spectrum(A)
     rightmost = poles[-1]  # they are sorted by Re λ
     if rightmost.real >= 0.0:
         return GainBounds(math.inf, math.inf, float(abs(rightmost.imag)))
-    if len(C) > len(A) and not D.any():
-        C = np.linalg.qr(C).R  # the same gains by fewer outputs
-        D = D[: len(C)]
     typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
     at_infinity = float(np.linalg.norm(D, 2)) if D.any() else 0.0
     if typical == 0.0:
@@ -190,10 +186,10 @@ def _highest_at(system: System, frequencies: np.ndarray) -> _Peak:
 
 
 def _resonances(poles: np.ndarray) -> np.ndarray:
-    """Return 0, and |λ| and |Im λ| of the least damped poles, rad/s, ascending."""
-    least_damped = poles[np.argsort(-poles.real / np.abs(poles))[:STARTS]]
-    resonances = np.concatenate([np.abs(least_damped), np.abs(least_damped.imag)])
-    return np.unique(np.append(resonances, 0.0))
+    """Return 0, and |λ| and Im λ of the least damped poles, rad/s."""
+    upper = poles[poles.imag >= 0.0]
+    least_damped = upper[np.argsort(-upper.real / np.abs(upper))[:STARTS]]
+    return np.concatenate([[0.0], np.abs(least_damped), least_damped.imag])
 
 
 def responses_at(loop: np.ndarray, B: np.ndarray, point: complex) -> np.ndarray:

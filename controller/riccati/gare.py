@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.game.q_function import q_function
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import is_stable, spectrum
+from controller.riccati.balancing import spectrum, stability
 from controller.riccati.certificate import Certificate, Certified, certified_solution, form_of
 from controller.riccati.form import Form
 from controller.riccati.loop_margins import LoopMargin, loop_margins, named_margins
@@ -109,13 +109,13 @@ class Solution(Result, Reported):
     @cached_property
     def closed_loop_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K, the loop without disturbance, (n,), 1/s."""
-        return spectrum(self.game.A - self.game.B @ self.K).eigenvalues
+        return spectrum(self.game.A - self.game.B @ self.K)
 
     @cached_property
     def worst_case_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K + E L, the loop under the worst disturbance, (n,), 1/s."""
         worst = self.game.E @ self.disturbance_gain - self.game.B @ self.K
-        return spectrum(self.game.A + worst).eigenvalues
+        return spectrum(self.game.A + worst)
 
     @property
     def closed_loop(self) -> control.StateSpace:
@@ -142,7 +142,8 @@ class Solution(Result, Reported):
     def is_stable(self) -> bool:
         """True if A - B K is stable."""
         game = self.game
-        return is_stable(game.A - game.B @ self.K, is_discrete=game.is_discrete)
+        loop = game.A - game.B @ self.K
+        return stability(loop, is_discrete=game.is_discrete).is_stable
 
     @cached_property
     def smallest(self) -> DeltaMin:

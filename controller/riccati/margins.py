@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced, spectrum
+from controller.riccati.balancing import abscissa_of, balanced
 from controller.riccati.bilinear import System, in_continuous_time
 from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.frequency_response import level_crossings, responses
@@ -155,7 +155,7 @@ def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> Clo
 
     Raises NoSolutionError if a pole is not stable.
     """
-    abscissa = spectrum(closed).abscissa
+    abscissa = abscissa_of(closed)
     if abscissa >= 0.0:
         raise NoSolutionError(
             f"the loop has a pole at {abscissa:+.4g} 1/s and no margins; give a stabilizing gain"

@@ -12,11 +12,11 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.axis_distance import hamiltonian_axis_distance
 from controller.riccati.balancing import (
+    abscissa_of,
     hamiltonian,
     is_hurwitz,
     largest,
     largest_or_1,
-    spectrum,
     units_of,
 )
 from controller.riccati.delta_search import Answer
@@ -72,9 +72,7 @@ class NormalForm(Form):
         Raises BadInputError for a game in discrete time.
         """
         game.refuse_steps("this computation")
-        B = np.linalg.solve(np.linalg.cholesky(game.R), game.B.T).T
-        E = game.E / game.delta
-        return units_of(game.A, B @ B.T - E @ E.T, game.Q)
+        return units_of(game.A, game.S, game.Q)
 
     @cached_property
     def root(self) -> np.ndarray:
@@ -245,8 +243,8 @@ class NormalForm(Form):
             return (at_most("residual", np.nan, RESIDUAL, "P has entries that are not finite"),)
         residual = self.relative_residual(X)
         smallest = float(np.linalg.eigvalsh(X)[0] / largest_or_1(X))
-        game_loop = spectrum(self.A - self.S @ X).abscissa
-        control_loop = spectrum(self.A - self.B @ (self.B.T @ X)).abscissa
+        game_loop = abscissa_of(self.A - self.S @ X)
+        control_loop = abscissa_of(self.A - self.B @ (self.B.T @ X))
         unsolved = f"the residual of the Riccati equation is {residual:.2g}"
         indefinite = (
             f"the computed P is indefinite (smallest eigenvalue {smallest:.3g} of its size)"

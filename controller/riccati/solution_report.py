@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from controller.game.weights import disturbance_text, matrix_text
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import stability
+from controller.riccati.balancing import Stability, stability
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import (
@@ -44,7 +43,7 @@ def solution_report(solution: Solution) -> Report:
         stabilizes = "stabilizes" if solution.is_stable else "does NOT stabilize"
         loop = (
             f"u = -K x {stabilizes}: A - B K has the spectral radius {radius:.7g},"
-            f" sqrt(discount) (A - B K) {_discounted(game, solution.K)[0]:.7g}"
+            f" sqrt(discount) (A - B K) {_discounted(game, solution.K).value:.7g}"
         )
     else:
         poles = [value for value in solution.closed_loop_eigenvalues if value.imag >= 0]
@@ -57,7 +56,7 @@ def solution_report(solution: Solution) -> Report:
             matrix_table("P", states, states, solution.P),
             *controller_tables(
                 {"K": (inputs, states, solution.K)},
-                lambda printed: operator.lt(*_discounted(game, printed["K"])),
+                lambda printed: _discounted(game, printed["K"]).is_stable,
             ),
             loop,
             checks_block(solution.certificate.checks),
@@ -72,8 +71,8 @@ def solution_report(solution: Solution) -> Report:
     )
 
 
-def _discounted(game: Game, K: np.ndarray) -> tuple[float, float]:
-    """Return the `stability` of √α (A - B K), on which the cost depends."""
+def _discounted(game: Game, K: np.ndarray) -> Stability:
+    """Return the stability of √α (A - B K), on which the cost depends."""
     loop = math.sqrt(game.discount) * (game.A - game.B @ K)
     return stability(loop, is_discrete=game.is_discrete)
 

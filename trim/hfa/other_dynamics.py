@@ -15,7 +15,6 @@ from hfa_support.reporting.results import Result, plain
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import Mode
-from trim.point.condition import release
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 
@@ -47,10 +46,8 @@ def with_other_dynamics(point: OperatingPoint) -> LinearModel | None:
         return None
     name = next(each for each in VARIANTS if each != model.name)
     other = aircraft(name, parameters_of(model))
-    asked = point.problem.asked
     with suppress(BadInputError, NoSolutionError):
-        condition = release(asked.at() if asked.name else asked)
-        return trim(other, condition, point).linearize()
+        return trim(other, point.problem.asked.at(), point).linearize()
     return None
 
 

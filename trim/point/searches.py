@@ -34,7 +34,8 @@ _INSIDE = 1e-9
 
 
 def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield the unknowns at the end of each further search for a trim, as (number, unknowns (k,)).
+    """Yield the unknowns at the end of each further search for a trim, as (number of its initial
+    point, 0 for the default one, unknowns (k,)).
 
     The searches are, in this order:
 
@@ -47,7 +48,7 @@ def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, n
 
     guess: initial point of the first search, (k,)
     """
-    problem.at(guess)  # where the equations have no value there, that is the answer
+    problem.at(guess)  # raises where the equations have no finite value: no search is made then
     nearest = _bounded_least_squares(problem, guess)
     yield 0, problem.newton(nearest)
     continued = _continued(problem)
@@ -58,8 +59,8 @@ def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, n
 
 
 def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield the unknowns at the end of each search for a trim of least effort, as (number, unknowns
-    (k,)).
+    """Yield the unknowns at the end of each search for a trim of least effort, as (number of its
+    initial point, 0 for the default one, unknowns (k,)).
 
     The searches are, in this order:
 
@@ -72,7 +73,7 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[i
 
     guess: first initial point, (k,)
     """
-    problem.at(guess)  # where the equations have no value there, that is the answer
+    problem.at(guess)  # raises where the equations have no finite value: no search is made then
     yield 0, _least_effort(problem, guess)
     nearest = _polished(problem, _bounded_least_squares(problem, guess))
     if problem.solved(nearest):

@@ -460,6 +460,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         variables: dict[str, Any] = {"reason": (axes, np.array(self.reasons).reshape(plan.sizes))}
         for name, array in ARRAYS.items():
             values = getattr(self, name)
+            # In memory, A has columns for the linear states alone. ARRAYS names those of the store.
             own_axes = ("rate", "linear_state") if name == "A" else array.axes
             reshaped = values.reshape(*plan.sizes, *values.shape[1:])
             variables[name] = ((*axes, *own_axes), reshaped, array.attributes)
@@ -609,13 +610,14 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
         eigenvalues[trimmed] = track_modes(A[trimmed], model.linear, model, neighbours)
         first = int(np.argmax(trimmed))
         mode_names = _names_of(eigenvalues[first], A[first], model)
-    shown = trimmed[:, None]
+    # Points beyond the limits have states and inputs, but nan in A and B.
+    is_trimmed = trimmed[:, None]
     return Sweep(
         plan=plan,
         values=rows["values"],
         reasons=_reasons(plan, rows),
-        states=with_names(np.where(shown, rows["states"], np.nan), (), model.state_names),
-        inputs=with_names(np.where(shown, rows["inputs"], np.nan), (), model.input_names),
+        states=with_names(np.where(is_trimmed, rows["states"], np.nan), (), model.state_names),
+        inputs=with_names(np.where(is_trimmed, rows["inputs"], np.nan), (), model.input_names),
         A=A,
         B=B,
         eigenvalues=eigenvalues,

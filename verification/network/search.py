@@ -92,16 +92,12 @@ class Comparison(NamedTuple):
 
     @property
     def functions(self) -> dict[str, ca.Function]:
-        """Functions that are compared, by kind.
-
-        The kinds are "policy", and if the critic has them, "value" and "gradient".
+        """Functions that are compared, by kind: "value", "gradient" and "policy", in this order, as
+        far as the critic has them.
         """
-        functions = {"policy": self.critic.policy}
-        if self.critic.gradient is not None:
-            functions = {"gradient": self.critic.gradient} | functions
-        if self.critic.value is not None:
-            functions = {"value": self.critic.value} | functions
-        return functions
+        critic = self.critic
+        kinds = {"value": critic.value, "gradient": critic.gradient, "policy": critic.policy}
+        return {kind: function for kind, function in kinds.items() if function is not None}
 
     def errors(self, z: ca.SX, kinds: Sequence[str] = ()) -> tuple[list[str], ca.SX]:
         """Return the kind of each error, and the errors as expressions of the symbols z.

@@ -137,7 +137,7 @@ class _Restricted(pickle.Unpickler):
 
     def find_class(self, module: str, name: str) -> Any:
         if module == "torch" and name.endswith("Storage"):
-            return _dtype(name)
+            return _dtype(name)  # persistent_load receives this type as pid[1]
         if (module, name) not in _ALLOWED:
             raise BadInputError(
                 f"the file would load {shortened(f'{module}.{name}')}, but only tensors may be "

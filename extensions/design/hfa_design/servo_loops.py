@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import spectrum
+from controller.riccati.balancing import abscissa_of
 from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.loop_margins import (
     LoopMargin,
@@ -81,7 +81,7 @@ class ServoLoop:
     @property
     def abscissa(self) -> float:
         """Largest real part of the poles of the closed loop, 1/s."""
-        return spectrum(self.closed).abscissa
+        return abscissa_of(self.closed)
 
 
 @checks_arguments

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game, check_definite
-from controller.riccati.balancing import spectrum
+from controller.riccati.balancing import abscissa_of
 from controller.riccati.certificate import certified_solution
 from controller.riccati.delta_search import Answer, smallest_delta
 from controller.riccati.frequency_response import (
@@ -530,7 +530,7 @@ def loop_checks(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
 ) -> tuple[Check, ...]:
     """Return the checks of a closed loop A, B, C, D: stability and, for δ < inf, a gain below δ."""
-    abscissa = spectrum(A).abscissa
+    abscissa = abscissa_of(A)
     found = [
         below(
             "closed_loop_abscissa",

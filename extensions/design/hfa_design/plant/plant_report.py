@@ -268,9 +268,9 @@ def solution_of_plant(
     }
     if isinstance(solution, StateFeedback):
         loop = plant.A - plant.B2 @ solution.K
-        poles = spectrum(loop).eigenvalues
+        poles = spectrum(loop)
         return StateSolution(solution=solution, closed_loop_eigenvalues=poles, **shared)
     controller = (solution.Ak, solution.Bk, solution.Ck, solution.Dk)
     loop, *_ = closed_plant(plant, controller)
-    poles = spectrum(loop).eigenvalues
+    poles = spectrum(loop)
     return OutputSolution(solution=solution, closed_loop_eigenvalues=poles, **shared)
