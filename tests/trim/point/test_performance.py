@@ -201,13 +201,6 @@ def test_times_to_double_are_those_of_eigenvalues() -> None:
     assert unstable[0]["time_to_double"] == pytest.approx(math.log(2.0) / fastest)
 
 
-def test_used_control_power_is_the_share_of_the_travel() -> None:
-    """An elevator at -3 of -25 to 25 deg uses 12 %, and a thrust of 19 of 60 N 31 %."""
-    point, data = trimmed(AIRCRAFT[0])
-    assert data["controls"]["elevator"] == pytest.approx(point["elevator"] / math.radians(-25.0))
-    assert data["controls"]["thrust"] == pytest.approx(point["thrust"] / 60.0)
-
-
 def test_a_model_without_forces_says_what_it_lacks() -> None:
     """The GTM has no lift: each figure of it is "not in this model", not a number."""
     point, data = trimmed(f"{ROOT}/examples/gtm.py:GTM")

@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 import hfa
 import hfa_model
 from hfa import Model, Signal
-from trim import Airplane, graded, handling_qualities, release, trim_report
+from trim import Airplane, graded, handling_qualities, trim_report
 
 EXAMPLES = ROOT / "examples"
 FOOT, KNOT, SLUG = 0.3048, 1852.0 / 3600.0, 14.593903
@@ -376,9 +376,7 @@ def bare() -> hfa.OperatingPoint:
     return hfa.trim(model, hfa.TrimCondition(model, {n: point[n] for n in ("speed", "yaw")}))
 
 
-@pytest.mark.parametrize(
-    "name", ["5", "15", "uav.toml", "glider.st?mass=glider.toml", "jsbsim:737", "bare"]
-)
+@pytest.mark.parametrize("name", ["5", "glider.st?mass=glider.toml", "jsbsim:737", "bare"])
 def test_every_row_is_answered_or_not_in_this_model(name: str) -> None:
     """Each row has a figure, or stands in a line "not in this model"."""
     pytest.importorskip("hfa_jsbsim")
@@ -698,21 +696,3 @@ def test_published_and_newton_dynamics_differ_by_mode_in_percent() -> None:
         assert fast["eigenvalue"][0] == pytest.approx(-7.14, abs=5e-3)
         assert fast["other"][0] == pytest.approx(-34.7, abs=5e-2)
         assert pair["percent"] == pytest.approx(percent)
-
-
-def test_the_sheet_has_a_line_where_the_full_one_has_tables() -> None:
-    """`full` lists each equation, near limits and all outputs; nothing stands twice."""
-    point, _ = sheet("hfa", dihedral=math.radians(10.0))
-    text = point.report().text()
-    assert "All 6 equations balance" in text
-    assert point.problem is not None
-    full = trim_report(point.model, point.problem.asked, point, full=True)
-    assert full.text().count("PASS") == 6
-    tables = {part.header[0]: part for part in full.parts if hasattr(part, "header")}
-    names = {row[0].replace(" ", "_") for row in tables["output"].rows}
-    shown = {row[0] for row in tables["loads and performance"].rows}
-    assert not shown & {row[0] for row in tables["output"].rows}
-    assert len(shown) + len(names) == len(full.data["performance"])
-    moving = hfa.trim(point.model, release(point.problem.asked, hold={"gamma": 0.02}))
-    rate = moving["speed"] * math.sin(0.02)
-    assert f"altitude changes by {rate:.3g} ft/s" in moving.report().text()
