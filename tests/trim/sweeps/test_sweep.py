@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -363,21 +362,6 @@ def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(
     ):
         refused = hfa("sweep", *words, *more, "-o", str(tmp_path / "a.zarr"), "--resume")
         assert_refused(refused, 2, "another sweep")
-
-
-def test_a_chunk_of_another_store_is_computed_again(tmp_path: Path) -> None:
-    """Chunks copied from the store of another sweep are not accepted by --resume."""
-    own = ("--dihedral", "5,10", "--hold", "speed=64,68")
-    other = (*own, "--hold", "gamma=0.01")
-    A = stored(tmp_path / "own.zarr", *own).A.values
-    stored(tmp_path / "other.zarr", *other)
-    for folder in (tmp_path / "other.zarr").iterdir():
-        if folder.is_dir():
-            shutil.copytree(folder, tmp_path / "own.zarr" / folder.name, dirs_exist_ok=True)
-    result = hfa("sweep", *own, "-o", str(tmp_path / "own.zarr"), "--resume")
-    assert result.code == 0, result.err
-    again = xarray.open_zarr(tmp_path / "own.zarr", consolidated=False).A.values
-    np.testing.assert_array_equal(again, A)
 
 
 @pytest.mark.parametrize(

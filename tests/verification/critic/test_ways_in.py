@@ -155,7 +155,7 @@ COMMANDS: dict[str, Callable[[], tuple[str, ...]]] = {
     ),
 }
 #: Ways in that are tried in the fast tests.
-FAST_COMMANDS = ("basis on the command line", "several files", "ONNX")
+FAST_COMMANDS = ("basis on the command line", "ONNX")
 
 
 def judged(critic: Any) -> Verdict:
