@@ -87,20 +87,6 @@ def test_options_are_in_degrees_and_json_in_radians() -> None:
     assert answer("trim", *words)["margins"]["elevator_outer"] == pytest.approx(margin, rel=1e-12)
 
 
-@pytest.mark.parametrize("command", ["trim", "linearize"])
-def test_a_trim_starts_from_a_saved_point(command: str) -> None:
-    """A trim that starts from an operating point saved at 14 deg gives the same result as
-    without --start.
-    """
-    assert hfa(command, "--dihedral", "14", "-o", "saved.json").code == DONE
-    words = ("linearize", "--dihedral", "15")
-    again = answer(*words, "--start", "saved.json")
-    plain = answer(*words)
-    np.testing.assert_allclose(again["A"], plain["A"], atol=1e-9)
-    inputs = (list(data["operating_point"]["inputs"].values()) for data in (again, plain))
-    np.testing.assert_allclose(*inputs, rtol=1e-9, atol=1e-12)
-
-
 def test_the_json_of_linearize_contains_documented_keys() -> None:
     """The JSON of `hfa linearize` has the documented keys and shapes.
 

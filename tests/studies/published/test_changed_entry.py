@@ -47,6 +47,7 @@ def test_most_planted_misprints_are_named(classify, count) -> None:
             assert reason.startswith(f"{slip.entry} = "), (slip, reason)
         visible += name != "as printed"
         named += name == ANOTHER_PLANT or f"with {slip.entry} = {slip.right}, not" in reason
+    assert visible > 0.5 * count
     assert named >= 0.85 * visible
 
 
