@@ -230,13 +230,13 @@ def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> n
 
 @pytest.mark.parametrize(
     ("of", "end", "lag", "most"),
-    [(theodorsen, 0.5, MOTION, 0.0066), (sears, 0.0, GUST, 0.078)],
+    [(theodorsen, 0.5, MOTION, 0.00644), (sears, 0.0, GUST, 0.0775)],
     ids=["wagner", "kuessner"],
 )
 def test_step_responses_approximate_theodorsen_and_sears(
     of: Callable[[np.ndarray], np.ndarray], end: float, lag: Lag, most: float
 ) -> None:
-    """The step responses of the lag states approximate those of Theodorsen and Sears."""
+    """The step responses of the lag states approximate those of Theodorsen and Sears so far."""
     s = np.array([0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0])
     exact = step(of, end, s)
     table, flow = half_chords()
@@ -244,7 +244,8 @@ def test_step_responses_approximate_theodorsen_and_sears(
     A = table[np.ix_(rows, rows)] / flow
     steady = -np.linalg.solve(A * flow, table[rows, column])
     left = np.array([expm(A * distance) @ steady / steady for distance in s])
-    assert np.abs(1 - left @ np.array(lag[0]) - exact).max() < most
+    error = np.abs(1 - left @ np.array(lag[0]) - exact).max()
+    assert error == pytest.approx(most, rel=0.01)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 11.0, 20.0])
