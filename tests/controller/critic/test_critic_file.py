@@ -87,7 +87,7 @@ def test_functions_of_a_critic_follow_its_matrices() -> None:
     slopes = np.array([2 * x + 2 * y + 2 * x**3, 2 * x + 6 * y - 2 * y**3])
     assert float(critic.value(z)) == pytest.approx(value, rel=FEW_ROUNDINGS)
     assert np.array(critic.gradient(z)).ravel() == pytest.approx(slopes, rel=FEW_ROUNDINGS)
-    u = -0.5 * GAME.R_inverse_B_transposed @ slopes
+    u = -0.5 * np.linalg.solve(GAME.R, GAME.B.T @ slopes)
     assert np.array(critic.policy(z)).ravel() == pytest.approx(u, rel=FEW_ROUNDINGS)
     gain = critic_in(stored("k.npz", K=K[1]), GAME)
     assert gain.value is None

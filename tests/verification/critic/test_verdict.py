@@ -154,11 +154,10 @@ def test_networks_saturate_at_the_control_limits() -> None:
     point = trim(model, level_flight(np.radians(15.0)))
     plant = nonlinear_plant(linearize(model, point))
     z = np.zeros(6)
-    u = np.full(5, 1000.0)
-    assert np.all(plant.highest < u)
-    held = np.array(plant.rates(z, plant.highest))
-    assert np.array(plant.closed(z, u)) == pytest.approx(held, rel=SAME_FORMULA)
-    assert np.array(plant.closed(z, 0.0 * u)) == pytest.approx(0.0, abs=1e-8)
+    for u, limit in ((1000.0, plant.highest), (-1000.0, plant.lowest)):
+        held = np.array(plant.rates(z, limit))
+        assert np.array(plant.closed(z, np.full(5, u))) == pytest.approx(held, rel=SAME_FORMULA)
+    assert np.array(plant.closed(z, np.zeros(5))) == pytest.approx(0.0, abs=1e-8)
 
 
 def test_a_verdict_has_three_grades(game: Game) -> None:
