@@ -54,6 +54,7 @@ def test_the_json_of_trim_contains_documented_names() -> None:
     data = answer("trim", "--dihedral", "10")
     point = data["operating_point"]
     assert data["dihedral_deg"] == pytest.approx(10.0, rel=1e-15)
+    assert "scheduled" not in data | point
     assert data["dynamics"] == point["dynamics"] == "published"
     assert list(point["states"]) == list(point["state_units"]) == list(STATES)
     assert (
