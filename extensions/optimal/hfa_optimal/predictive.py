@@ -66,7 +66,7 @@ class Predictive(SampledPolicy):
     def K(self) -> np.ndarray:
         """Held gain of v = -K z near the trim, (m, k)."""
         of_states, of_inputs = self.problem.sizes
-        nominal = self.controller.nominal_gain
+        nominal = self.controller.nominal_end.K
         return nominal * of_inputs[:, None] / of_states[: nominal.shape[1]]
 
     @property
@@ -76,7 +76,7 @@ class Predictive(SampledPolicy):
 
     def sampled_modes(self) -> np.ndarray:
         """Return the eigenvalues of the held linear loop near the trim, 1/s, (k,)."""
-        values = self.controller.nominal_poles
+        values = self.controller.nominal_end.poles
         return np.log(values[values != 0.0].astype(complex)) / self.dt
 
     def data(self, model: Model) -> dict[str, Any]:
@@ -225,10 +225,7 @@ def policy_of(
         "predictive": [problem.Q.tolist(), problem.R.tolist(), at_end.delta, margin, estimate],
         "holds": grid.at(0).seconds.tolist(),
     }
-    held = np.zeros((1, len(problem.model.inputs)))
-    return Predictive(
-        "predictive", problem.point, grid.dt, problem, controller, held=held, identity=identity
-    )
+    return Predictive("predictive", problem.point, grid.dt, problem, controller, identity=identity)
 
 
 def _end_of(scaled: ScaledProblem, dt: float, at_end: Game) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ Source: Rawlings, Mayne and Diehl, Model Predictive Control, 2nd edition, Chapte
 from __future__ import annotations
 
 import time
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -30,7 +30,8 @@ _LINEAR = 0.01
 _RENEWED = 10
 
 
-class Samples(NamedTuple):
+@dataclass
+class Samples:
     """Samples of a flight of a predictive policy.
 
     planned: number of samples with a plan
@@ -45,14 +46,14 @@ class Samples(NamedTuple):
         equilibrium, or None without a disturbance of the model
     """
 
-    planned: int
-    refused: int
-    linear: int
-    first: Plan | None
-    first_seconds: float
-    seconds: np.ndarray
-    rise: float
-    radius: float | None
+    planned: int = 0
+    refused: int = 0
+    linear: int = 0
+    first: Plan | None = None
+    first_seconds: float = 0.0
+    seconds: list[float] = field(default_factory=list)
+    rise: float = 0.0
+    radius: float | None = None
 
 
 class RecedingHorizon:
@@ -61,6 +62,7 @@ class RecedingHorizon:
     planner: plans
     end: linear policy near the equilibrium
     estimates: whether constant disturbances are estimated
+    samples: record of the flight since the last reset
     """
 
     def __init__(self, planner: Planner, end: EndLaw, *, estimates: bool) -> None:
@@ -77,37 +79,16 @@ class RecedingHorizon:
         self.estimate.clear()
         self._plan: Plan | None = None
         self._near = False
-        self._spent = self._least = self._rise = 0.0
+        self._spent = self._least = 0.0
         self._commands.clear()
         self._count = 0
         self._before: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-        self._first: Plan | None = None
-        self._seconds: list[float] = []
-        self._refused = self._linear = 0
-        self._radius: float | None = None
+        self.samples = Samples()
 
     @property
     def nominal_end(self) -> EndLaw:
         """Linear policy near the trim."""
         return self._nominal[1]
-
-    @property
-    def nominal_gain(self) -> np.ndarray:
-        """Gain of the linear policy near the trim, (m, k)."""
-        return self._nominal[1].K
-
-    @property
-    def nominal_poles(self) -> np.ndarray:
-        """Eigenvalues of the held linear loop of the trim, (k,)."""
-        return self._nominal[1].poles
-
-    @property
-    def samples(self) -> Samples:
-        """Record of the flight since the last reset."""
-        seconds = np.array(self._seconds)
-        first = float(seconds[0]) if len(seconds) else 0.0
-        counts = len(seconds), self._refused, self._linear
-        return Samples(*counts, self._first, first, seconds[1:], self._rise, self._radius)
 
     def __call__(self, z: np.ndarray, delay: float = 0.0) -> np.ndarray:
         """Return the inputs v of the next sample, (m,), within their limits.
@@ -129,7 +110,7 @@ class RecedingHorizon:
         target = self.estimate.target
         inside = self._end.contains(z, target)
         if self._near and inside:
-            self._linear += 1
+            self.samples.linear += 1
             self._plan = None
             return self._end.inputs(z, target)
         began = time.process_time()
@@ -138,8 +119,17 @@ class RecedingHorizon:
         away = z - target.z
         agree = abs(away @ self.planner.P @ away - plan.cost) <= _LINEAR * plan.cost
         self._near = inside and bool(agree)
-        self._seconds.append(time.process_time() - began)
+        self._record(plan, time.process_time() - began)
         return plan.v[0]
+
+    def _record(self, plan: Plan, seconds: float) -> None:
+        """Add a sample with a plan."""
+        done = self.samples
+        if done.first is None:
+            done.first, done.first_seconds = plan, seconds
+        else:
+            done.seconds.append(seconds)
+        done.planned += 1
 
     def _planned(self, z: np.ndarray) -> Plan:
         """Return the plan from the states z: the last one, improved, or the better of two new."""
@@ -150,8 +140,6 @@ class RecedingHorizon:
                 for guess in planner.guesses(z, d, target)
             ]
             plan = min(plans, key=lambda each: each.cost)
-            if self._first is None:
-                self._first = plan
             self._spent, self._least = 0.0, plan.cost
             return plan
         self._spent += planner.cost_of_sample(self._plan, target)
@@ -160,9 +148,9 @@ class RecedingHorizon:
             plan, refused = planner.improved(plan, d, target, 1)
             if refused or self._spent + plan.cost <= _RISE * self._least:
                 break
-        self._refused += refused
+        self.samples.refused += refused
         total = self._spent + plan.cost
-        self._rise = max(self._rise, total / self._least - 1.0)
+        self.samples.rise = max(self.samples.rise, total / self._least - 1.0)
         self._least = min(total, self._least)
         return plan
 
@@ -186,7 +174,7 @@ class RecedingHorizon:
         linear = by_both[:, :k], by_both[:, n:], *planner.scaled.linear_states[2:]
         hold = hold_of(*linear, planner.grid.dt)
         radius = spectral_radius(hold.A - hold.B @ self._nominal[1].K)
-        self._radius = max(radius, self._radius or 0.0)
+        self.samples.radius = max(radius, self.samples.radius or 0.0)
         try:
             K, _ = hold.forever()
             P = solve_continuous_are(*linear)

@@ -260,7 +260,4 @@ def state_dependent_of(
     law = RiccatiLaw(scaled, step, E, at_trim.delta, P, limit_weight)
     weights = [each.tolist() for each in (at_trim.Q, at_trim.R, at_trim.E)]
     identity = {"state-dependent": [weights, at_trim.delta, limit_weight]}
-    held = np.zeros((1, len(problem.model.inputs)))
-    return StateDependent(
-        "state-dependent", problem.point, step, problem, law, held=held, identity=identity
-    )
+    return StateDependent("state-dependent", problem.point, step, problem, law, identity=identity)

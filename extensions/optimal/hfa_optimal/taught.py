@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from hfa_flight.problem import FlightProblem
-from hfa_optimal.end_law import EndLaw
 from hfa_optimal.held_model import HeldModel
 from hfa_optimal.predictive import Predictive, policy_of
 from hfa_support.errors import missing_package
@@ -38,7 +37,7 @@ _BATCH = 512
 _FIT_RATE = 3e-3
 #: Gradient steps through flights, and their rate. Prices of exceeded limits in half ranges,
 #: relative to z'Pz at the start, and fraction by which their limits are narrowed.
-_FLIGHT_STEPS = 400
+_FLIGHT_STEPS = 600
 _FLIGHT_RATE = 1e-3
 _PRICES = (5.0, 50.0)
 _MARGIN = 0.05
@@ -303,16 +302,6 @@ class FlightCosts:
         return np.where(usable[:, None], z[:, :k], np.inf), total
 
 
-def blending_level(end: EndLaw, P: np.ndarray) -> float:
-    """Return the largest level of z'Pz within which the linear loop keeps its limits.
-
-    P: (k, k)
-    """
-    rows = end.normalized_rows()
-    reach = np.einsum("ri,ij,rj->r", rows, np.linalg.inv(P), rows)
-    return float(1.0 / reach.max())
-
-
 def taught(
     problem: FlightProblem,
     start: np.ndarray,
@@ -340,7 +329,7 @@ def taught(
     end = teacher.controller.nominal_end
     P = teacher.controller.planner.scaled.P[:k, :k]
     sizes = states.std(axis=0), np.abs(inputs).max(axis=0)
-    network = Network(end.K, P, blending_level(end, P), *(np.maximum(each, 1e-9) for each in sizes))
+    network = Network(end.K, P, end.level(P), *(np.maximum(each, 1e-9) for each in sizes))
     lesson.fit(network, states, inputs)
     lesson.improve(network, progress)
     return network, teacher

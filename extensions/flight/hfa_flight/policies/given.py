@@ -230,5 +230,4 @@ def _python_policy(
         inspect.signature(function).bind(0.0, point.states)
     except (TypeError, ValueError):
         raise BadInputError(f"the policy {name} does not accept (t, X); {_FORMS}") from None
-    held = np.zeros((1, len(point.model.inputs)))
-    return PythonPolicy(name, point, tick, function, tick=tick, held=held)
+    return PythonPolicy(name, point, tick, function, tick=tick)

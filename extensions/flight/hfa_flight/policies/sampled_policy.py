@@ -36,6 +36,10 @@ class SampledPolicy(Policy):
     tick: float = field(default=0.0, kw_only=True)
     delay: float = field(default=0.0, kw_only=True)
 
+    def __post_init__(self) -> None:
+        """Hold the inputs of a sample."""
+        object.__setattr__(self, "held", np.zeros((1, len(self.point.u))))
+
     def __call__(self, t: float, X: Any) -> np.ndarray:
         """Return the inputs U (m,) from the time of the sample, s, and all states X (n,).
 
