@@ -5,8 +5,7 @@
 N is a network with two hidden layers of tanh, Z and V are sizes of the taught states and inputs. At
 the trim, the gradient is -K whatever the network, because 1 - b and its gradient are 0.
 
-Source: Ross, Gordon and Bagnell, International Conference on Artificial Intelligence and Statistics
-2011, 627 (labels along the flights of the learner); Kingma and Ba, arXiv 1412.6980 (Adam).
+Source: Kingma and Ba, arXiv 1412.6980 (Adam).
 """
 
 from __future__ import annotations
@@ -138,16 +137,17 @@ class Network:
 
 
 class _Adam:
-    """Adam's gradient steps on a list of arrays."""
+    """Adam's gradient steps on a list of arrays, at a rate that falls to 0."""
 
-    def __init__(self, parameters: list[np.ndarray]) -> None:
+    def __init__(self, parameters: list[np.ndarray], rate: float, steps: int) -> None:
         self._parameters = parameters
+        self._rate, self._steps, self._count = rate, steps, 0
         self._means = [np.zeros_like(each) for each in parameters]
         self._squares = [np.zeros_like(each) for each in parameters]
-        self._count = 0
 
-    def step(self, gradients: list[np.ndarray], rate: float) -> None:
+    def step(self, gradients: list[np.ndarray]) -> None:
         """Change the parameters by one step."""
+        rate = 0.5 * self._rate * (1.0 + np.cos(np.pi * self._count / self._steps)) + 1e-5
         self._count += 1
         for parameter, gradient, mean, square in zip(
             self._parameters, gradients, self._means, self._squares, strict=True
@@ -208,10 +208,10 @@ class Lesson:
     def fit(self, network: Network, states: np.ndarray, inputs: np.ndarray) -> None:
         """Fit the network to labels. Beyond a limit, a label is met by any larger command."""
         lowest, highest = self.teacher.controller.planner.scaled.input_limits
-        adam = _Adam(network.parameters)
+        adam = _Adam(network.parameters, _FIT_RATE, _FIT_STEPS)
         weights = 1.0 / (0.1 + np.linalg.norm(states / network.of_states, axis=1))
         weights /= weights.mean()
-        for number in range(_FIT_STEPS):
+        for _ in range(_FIT_STEPS):
             chosen = self.rng.integers(0, len(states), _BATCH)
             v, kept = network(states[chosen])
             label = inputs[chosen]
@@ -219,7 +219,7 @@ class Lesson:
             error[((label >= highest) & (v > highest)) | ((label <= lowest) & (v < lowest))] = 0.0
             pull = weights[chosen][:, None] * np.clip(error, -0.5, 0.5)
             gradients, _ = network.gradients(kept, pull / network.of_inputs / _BATCH)
-            adam.step(gradients, _decayed(_FIT_RATE, number, _FIT_STEPS))
+            adam.step(gradients)
 
     def improve(self, network: Network, progress: Progress | None) -> None:
         """Change the network by gradient steps through flights of the model.
@@ -228,21 +228,18 @@ class Lesson:
         which teaches the network to return from wherever it leads.
         """
         flights = FlightCosts(self.teacher, 2 * _FLIGHTS)
-        adam = _Adam(network.parameters)
+        adam = _Adam(network.parameters, _FLIGHT_RATE, _FLIGHT_STEPS)
         continued = self._near(_FLIGHTS)
         for number in range(_FLIGHT_STEPS):
             starts = np.vstack([self._near(_FLIGHTS), continued])
             ends, gradients = flights(network, starts, self.samples)
-            adam.step(gradients, _decayed(_FLIGHT_RATE, number, _FLIGHT_STEPS))
+            adam.step(gradients)
+            ends = ends[np.abs(ends).max(axis=1) < _LOST]
             away = np.einsum("ni,ij,nj->n", ends, network.P, ends) > _RETURNED * network.level
-            going = self.rng.permutation(ends[away & (np.abs(ends).max(axis=1) < _LOST)])
+            going = self.rng.permutation(ends[away])
             continued = np.vstack([going, self._near(_FLIGHTS)])[:_FLIGHTS]
             if progress is not None:
                 progress(number + 1, _FLIGHT_STEPS)
-
-
-def _decayed(rate: float, number: int, count: int) -> float:
-    return rate * 0.5 * (1.0 + np.cos(np.pi * number / count)) + 1e-5
 
 
 class FlightCosts:
