@@ -46,14 +46,15 @@ class AircraftReader(Protocol):
 
 @checks_arguments
 def load_model(
-    text: str, parameters: str | Path | None = None, *, mass: str | Path | None = None
+    text: str | Path, parameters: str | Path | None = None, *, mass: str | Path | None = None
 ) -> Model:
     """Return the model of an aircraft.
 
     Python files, modules and FMUs are executed. Data files (`DATA_FILES`) are not. Other schemes
     and suffixes are read by installed packages (`hfa_support.entry_points.AIRCRAFT`).
 
-    text: `FILE.py:NAME`, `package.module:NAME`, `FILE.suffix` or `scheme:NAME`
+    text: `FILE.py:NAME`, `FILE.py` with a single model, `package.module:NAME`, `FILE.suffix` or
+        `scheme:NAME`
     parameters: TOML file with new values of parameters, as `hfa identify -o FILE.toml` writes it
     mass: table with the mass, inertias and flight condition of a stability file of AVL (`FILE.st`)
 
@@ -65,7 +66,9 @@ def load_model(
     >>> list(hfa.load_model("examples/navion.py:NAVION").inputs)
     ['thrust', 'elevator', 'aileron', 'rudder']
     """
-    need(text, str, "load_model: text", "the name of a file, as in hfa.load_model('FILE.py:NAME')")
+    how = "the name of a file, as in hfa.load_model('FILE.py:NAME')"
+    need(text, (str, Path), "load_model: text", how)
+    text = str(text)
     kind = _format_of(text)
     if mass is not None:
         if kind != ".st":
