@@ -61,8 +61,8 @@ def read_model(text: str) -> Model:
         except RuntimeError as error:
             reason = str(error).strip().splitlines()[-1]
             raise BadInputError(
-                f"CasADi, which evaluates FMUs, refuses it ({shortened(reason, 200)}); export it in "
-                "another version of FMI (2.0 or 3.0), or without what the reason names"
+                f"CasADi, which evaluates FMUs, refuses it ({shortened(reason, 200)}); export it "
+                "in another version of FMI (2.0 or 3.0), or without what the reason names"
             ) from error
 
 
