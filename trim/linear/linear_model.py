@@ -23,7 +23,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, Vector, given
 from hfa_support.reporting.text import WIDTH, Table, degrees, matrix_table, numbered, wrapped
 from trim.linear.modes import modes_table
-from trim.point.first_lines import first_line, mode_lines
+from trim.point.first_lines import first_line, mode_lines, without_lines
 
 if TYPE_CHECKING:
     import control
@@ -632,7 +632,7 @@ def linear_model_report(model: LinearModel) -> Report:
             Table(("offset", "value", "unit"), offset_rows),
             modes_table(modes, signals.time_unit),
         ],
-        notes=model.warnings,
+        notes=without_lines(model.warnings),
         data=model.as_data(),
         records=_records(model, blocks),
     )

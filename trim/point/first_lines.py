@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,11 @@ _NEGATIVE = 1e-6
 #: Largest numbers of imposed values and of modes in first lines.
 _MOST_VALUES = 4
 _MOST_MODES = 6
+
+
+def without_lines(notes: Iterable[str]) -> list[str]:
+    """Return notes without numbers of lines, as in "<input> 899 896" and "f16.xml: 406"."""
+    return [re.sub(r"(?<=>)(?: \d+)+|(?<=\.xml:) \d+", "", note) for note in notes]
 
 
 def first_line(point: OperatingPoint, done: str, modes: Iterable[Mode] | None) -> str:

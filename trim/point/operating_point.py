@@ -21,7 +21,7 @@ from hfa_support.reporting.results import Record, Result
 from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, si_unit
-from trim.point.first_lines import first_line
+from trim.point.first_lines import first_line, without_lines
 from trim.point.status import Status
 
 if TYPE_CHECKING:
@@ -509,4 +509,4 @@ def saved_report(point: OperatingPoint) -> Report:
         if kind != "residual"
     ]
     table = Table(records.header, rows)
-    return Report(point.title, [table], point.warnings, point.as_data(), records)
+    return Report(point.title, [table], without_lines(point.warnings), point.as_data(), records)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -34,7 +33,7 @@ from trim.point.configuration import (
     reference_line,
     reference_of,
 )
-from trim.point.first_lines import control_lines
+from trim.point.first_lines import control_lines, without_lines
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint, point_records
 from trim.point.performance import Figures, Quantity, figures_of
@@ -285,15 +284,10 @@ def trim_report(
         parts.append(f"no modes: {point.fault}")
     controls = control_lines(point, margins, _lift_over_drag(figures))
     title = "\n".join(filter(None, [point.title, *figures.stalled, controls]))
-    notes = point.warnings if full else [_without_lines(note) for note in point.warnings]
+    notes = point.warnings if full else without_lines(point.warnings)
     report = Report(title, parts, notes, result.as_data(), point_records(point))
     described = model.trimming.describe
     return report if described is None else described(point, report)
-
-
-def _without_lines(note: str) -> str:
-    """Return a note without the numbers of lines in files: "<input> 899 896" becomes "<input>"."""
-    return re.sub(r"(?<=>)(?: \d+)+", "", note)
 
 
 def _about_lines(
