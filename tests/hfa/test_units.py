@@ -111,8 +111,8 @@ def test_printed_si_values_define_the_same_trim() -> None:
         *words[5:],
     )
     assert english["operating_point"]["states"]["alpha"] == pytest.approx(first["alpha"], rel=1e-9)
-    beyond = hfa(*words, "--hold", "altitude=30000")
-    assert beyond.code != 0  # 30,000 m is beyond the limits; 30,000 ft would not be
+    # 30,000 m is beyond the limits; 30,000 ft would not be.
+    assert_refused(hfa(*words, "--hold", "altitude=30000"), 2, "altitude is 30000 m")
 
 
 AT = ("--dihedral", "12")

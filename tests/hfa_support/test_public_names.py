@@ -89,6 +89,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: hfa.Game(plant()["linear"], np.eye(6), np.eye(5)),
         "write hfa.game(linear, Q, R, delta)",
     ),
+    "published_game(A)": (
+        lambda: hfa.paper.published_game(np.eye(6)),
+        "B is missing; give A and B, or a linear model",
+    ),
     "LinearModel(A, B)": (
         lambda: hfa.LinearModel([[1.0]], [[1.0]]),
         "hfa.LinearModel.of(A, B, C, D)",

@@ -120,17 +120,6 @@ def test_a_trimerror_can_be_pickled() -> None:
     assert (str(again), again.attempt) == (str(caught.value), caught.value.attempt)
 
 
-def test_a_models_game_equals_its_matrices_game() -> None:
-    """The game made from a linear model equals the game made from its A and B."""
-    model = results()["LinearModel"]
-    of_model = hfa.paper.published_game(model, delta=150.0)
-    of_matrices = hfa.paper.published_game(model.A, model.B, delta=150.0)
-    for name in ("A", "B", "E", "Q", "R", "delta"):
-        np.testing.assert_array_equal(getattr(of_model, name), getattr(of_matrices, name))
-    with pytest.raises(hfa.BadInputError, match="give A and B, or a linear model"):
-        hfa.paper.published_game(model.A)
-
-
 def test_games_are_equal_by_their_values() -> None:
     """Games with equal values are equal and have equal hashes.
 

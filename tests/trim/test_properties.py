@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 from strategies import flights
 
 import hfa
@@ -27,7 +27,12 @@ FACTORS = {
 }
 
 
+USUAL = {"dihedral": 0.2, "speed": 68.0, "altitude": 40_000.0}
+
+
 @given(model=st.sampled_from(MODELS), flight=flights())
+@example(model=MODELS[0], flight=USUAL)
+@example(model=MODELS[1], flight=USUAL)
 def test_a_trim_is_balanced_within_limits_in_all_units(
     model: Model, flight: dict[str, float]
 ) -> None:
@@ -40,6 +45,7 @@ def test_a_trim_is_balanced_within_limits_in_all_units(
         point = hfa.trim(model, hold=flight)
     except TrimError as error:
         assert str(error).startswith("no trim")  # noqa: PT017
+        assert flight != USUAL
         return
     rates = model.rates_at(point.states, point.inputs)
     for name in model.steady:

@@ -69,9 +69,14 @@ def test_loops_have_one_input_and_one_output() -> None:
     function = LINEAR.transfer_function("f", "w")
     expected = C[2] @ np.linalg.solve(2j * np.eye(2) - A, B[:, 0]) + 3.0
     assert function(2j) == pytest.approx(expected)
-    axes = LINEAR.nyquist("f", "w")
-    assert axes.get_title() == "w / f, (1)/(1)"
-    assert LINEAR.plot().get_title().endswith("poles x and zeros o, 1/s")
+    (curve, *_) = LINEAR.nyquist("f", "w").lines
+    drawn = np.array(curve.get_xdata()) + 1j * np.array(curve.get_ydata())
+    values = function(1j * np.logspace(-2, 2, 4_001))
+    assert np.abs(drawn[:, None] - values).min(axis=1).max() < 0.01 * np.abs(values).max()
+    assert np.abs(drawn - 3.5).min() < 1e-9
+    (poles,) = LINEAR.plot().lines
+    found = np.array(poles.get_xdata()) + 1j * np.array(poles.get_ydata())
+    np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(np.linalg.eigvals(A)))
     panels = np.reshape(LINEAR.bode(), (2, 3))
     assert [axes.get_ylabel() for axes in panels[0]] == ["magnitude, dB", "", ""]
     for (above, below), row, feed in zip(panels.T, C, D, strict=True):
