@@ -1,4 +1,4 @@
-"""Polynomials V and W in double precision: values, gradients and boundary points."""
+"""Polynomials V and W in double precision: values and gradients."""
 
 from __future__ import annotations
 
@@ -17,12 +17,6 @@ _BITS = 45
 _HALVINGS = 34
 #: Difference of two factors at which a polynomial is evaluated along a ray.
 _STEP = 0.02
-#: Directions in which a set is measured.
-_DIRECTIONS = 3000
-#: Largest number of iterations for the ellipsoid.
-_ITERATIONS = 2000
-#: Relative distance from the smallest ellipsoid at which the iteration ends.
-_NEAR = 1e-3
 Term = tuple[float, tuple[int, ...]]
 
 
@@ -101,13 +95,6 @@ class PolynomialFunction:
                 P[j, i] += coefficient / 2
         return P
 
-    def coordinates(self) -> np.ndarray:
-        """Return T (n, n) of coordinates z = T y in which the unit ball is {z'P z <= 1.5²}.
-
-        P is the matrix of the quadratic part of V. The set {V <= 1} usually lies in this ball.
-        """
-        return np.asarray(1.5 * np.linalg.inv(np.linalg.cholesky(self.matrix())).T)
-
     def scaled(self, factor: float) -> PolynomialFunction:
         """Return V multiplied by a number."""
         return self.with_coefficients(self.coefficients * factor)
@@ -176,47 +163,6 @@ class PolynomialFunction:
             high = np.where(values_there >= level, middle, high)
             low = np.where(values_there >= level, low, middle)
         return np.asarray(np.where(is_beyond.any(axis=1), high, np.inf))
-
-
-def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 0) -> np.ndarray:
-    """Return points y (k, n) with V = level, in coordinates z = T y.
-
-    On each random ray from the origin, the first point with V = level is returned. Rays that do not
-    reach the level are omitted.
-
-    seed: seed of the random rays
-    """
-    generator = np.random.default_rng(seed)
-    directions = generator.normal(size=(_DIRECTIONS, len(T)))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    shares = V.edge(directions @ T.T, level)
-    found = np.isfinite(shares)
-    return np.asarray(directions[found] * shares[found, None])
-
-
-def ellipsoid(points: np.ndarray) -> np.ndarray:
-    """Return P (n, n) of nearly the smallest ellipsoid {y'P y <= 1} that contains given points.
-
-    P is a multiple of the inverse of the weighted second moment of the points. The weights maximize
-    the determinant of the moment (Khachiyan, Mathematics of Operations Research 21 (1996) 307).
-
-    points: (N, n)
-    """
-    count, n = points.shape
-    weights = np.full(count, 1.0 / count)
-    for _ in range(_ITERATIONS):
-        inverse = np.linalg.inv(points.T @ (weights[:, None] * points))
-        sizes = np.einsum("ki,ij,kj->k", points, inverse, points)
-        farthest = int(sizes.argmax())
-        excess = sizes[farthest]
-        if excess < n * (1.0 + _NEAR):
-            break
-        step = (excess - n) / (n * (excess - 1.0))
-        weights *= 1.0 - step
-        weights[farthest] += step
-    inverse = np.linalg.inv(points.T @ (weights[:, None] * points))
-    sizes = np.einsum("ki,ij,kj->k", points, inverse, points)
-    return np.asarray(inverse / sizes.max())
 
 
 def _products(z: np.ndarray, exponents: np.ndarray) -> np.ndarray:

@@ -8,21 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-
-import casadi as ca
 
 # Refuses a missing python-flint before any module imports it, and sets the precision of balls.
 import hfa_prove.enclosure.precision  # noqa: F401
-from hfa_aircraft.model import Model
-from hfa_prove.certificate import Certificate, read_certificate
+from hfa_prove.certificate import Certificate
 from hfa_prove.fields import naming
 from hfa_prove.statements.cost import CostWitness
-from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import RegionWitness
 from hfa_prove.statements.schedule import ScheduleWitness
-from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 
 
@@ -87,24 +81,3 @@ def _sizes(statement: Any, witness: Any, progress: Progress | None) -> tuple[int
     from hfa_prove.check.cost import check_cost
 
     return check_cost(statement, witness, progress)
-
-
-@checks_arguments
-def check_certificate(
-    path: Path,
-    progress: Progress | None = None,
-    model: Model | None = None,
-    policy: ca.Function | None = None,
-) -> Proved:
-    """Return the statement that a certificate proves.
-
-    path: file of the certificate
-    progress: called with the number of checked boxes, or None
-    model: the user's aircraft, or None if the certificate concerns a built-in model
-    policy: the user's policy, state deviations -> input deviations, or None if the certificate
-        contains the coefficients of the policy
-
-    Raises BadInputError if the file is not a certificate, was edited, or concerns another aircraft
-    or policy. Raises Rejected if an entry is not understood or the statement is not proved.
-    """
-    return check(read_certificate(path, Subject(model, policy)), progress)

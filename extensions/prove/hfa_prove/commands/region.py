@@ -5,17 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from hfa.options.output import ProgressLine
 from hfa.options.request import command
 from hfa_prove.commands.options import refuse_no_certificate
 from hfa_prove.commands.request import RegionRequest
-from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from hfa_prove.search.region_search import Region
 
 #: Default degree of V for a network or deployment file.
@@ -76,27 +71,6 @@ def _prove(request: RegionRequest) -> int:
             save=save,
         )
 
-    def figure() -> Figure:
-        from hfa_prove.picture import region_figure
-
-        return region_figure(found, _box(given.linear))
-
     report = region_report(found, given.words)
-    request.show(report, figure=figure, write=lambda _: save(found))
+    request.show(report, write=lambda _: save(found))
     return 0
-
-
-def _box(linear: LinearModel) -> np.ndarray | None:
-    """Return the half-widths (n,) of the box in which `hfa verify` compares critics, or None.
-
-    The result is None if the model is not the paper's and a state has no limits, or its trim is at
-    or beyond a limit.
-
-    linear: linear model at the trim
-    """
-    from controller.game.linear_game import widths_within_limits
-    from verification.box import ordinary_box
-
-    units = linear.point.model.units(linear.states)
-    box = ordinary_box(linear.states, linear.inputs, units)
-    return widths_within_limits(linear) if box is None else box.half_widths

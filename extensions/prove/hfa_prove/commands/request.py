@@ -11,7 +11,6 @@ from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import input_file, number, one_of, positive, quantity
 from hfa.options.critics import ReadingGiven, critic_path
 from hfa.options.game import GameGiven, GameWeights
-from hfa.options.output import Output, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request
 from hfa.options.trim import Trim, limits_option, scheduled
@@ -93,12 +92,6 @@ class RegionRequest(Request):
     )
     game: GameGiven = part(GameGiven)
     reading: ReadingGiven = part(ReadingGiven)
-    output: Output = part(
-        Output,
-        picture=picture_option(
-            "sections of the proved set, and initial conditions that do not converge"
-        ),
-    )
     weights: Path | None = option(
         "file with a policy: K, P, W, or a network; default: policy of the exact game",
         "FILE",

@@ -9,9 +9,9 @@ import numpy as np
 
 from hfa_aircraft.march.ending import FAR, FAR_OF_STARTS, EndRule, Outcome, is_at_rest
 from hfa_aircraft.march.march import Rows, march
-from hfa_prove.monomials import PolynomialFunction, edge_points
 from hfa_prove.search.clock import Clock, OutOfTimeError
 from hfa_prove.search.loop_values import LoopValues
+from hfa_prove.search.shape_boxes import Shape
 
 #: Function of state deviations (N, n), with values (N,).
 ValueOf = Callable[[np.ndarray], np.ndarray]
@@ -30,8 +30,10 @@ _FARTHEST = 20.0
 _TIMES = 12.0
 #: Simulation steps in the time constant of the fastest mode.
 _STEPS = 3.0
-#: Number of points at which V is compared on the way to a state.
-_SHARES = 20
+#: Shares of the way to a state at which V is compared.
+_WAY = np.arange(1, 21) / 20.0
+#: Number of points on the edge of a set at which limits are compared.
+_EDGE = 3000
 #: A limit binds if a signal reaches this share of the distance to it.
 _TOUCHES = 0.97
 
@@ -119,46 +121,6 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class LevelSet:
-    """Set {V <= rho} in the unit ball of coordinates y, z = T y.
-
-    V: polynomial in the state deviations z
-    rho: level
-    T: (n, n)
-    """
-
-    V: PolynomialFunction
-    rho: float
-    T: np.ndarray
-
-    def contains(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the state deviations z (N, n) in the set."""
-        inside = np.linalg.norm(np.linalg.solve(self.T, z.T), axis=0) <= 1.0
-        return np.asarray(inside & (self.V(z) <= self.rho))
-
-    def level(self, z: np.ndarray) -> np.ndarray:
-        """Return the highest V (N,) on the way from the equilibrium to each z (N, n).
-
-        V of degree 4 or 6 may decrease again far outside the set.
-        """
-        shares = np.arange(1, _SHARES + 1) / _SHARES
-        return np.asarray(np.max([self.V(share * z) for share in shares], axis=0))
-
-    @property
-    def size(self) -> float:
-        """n-th root of the ratio of the volume of the set to the volume of the unit ball.
-
-        The size is 0 if no sampled ray reaches the boundary of the set.
-        """
-        n = len(self.T)
-        points = edge_points(self.V, self.T, self.rho)
-        if not len(points):
-            return 0.0
-        volume = float(np.mean(np.linalg.norm(points, axis=1) ** n))
-        return float((volume * abs(np.linalg.det(self.T))) ** (1.0 / n))
-
-
-@dataclass(frozen=True, eq=False)
 class Obstacles:
     """Obstacles to a set larger than the proved set.
 
@@ -184,7 +146,7 @@ NOT_RETURNED = {
 
 def obstacles_around(
     loop: LoopValues,
-    proved: LevelSet,
+    proved: Shape,
     rise: tuple[float, np.ndarray | None],
     clock: Clock,
 ) -> Obstacles:
@@ -195,19 +157,17 @@ def obstacles_around(
     rise: lowest V found with V' >= 0, and the state deviation there, or (inf, None)
     """
     generator = np.random.default_rng(1)
-    directions = generator.normal(size=(_RAYS, len(proved.T)))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    rays = _unit(generator.normal(size=(_RAYS, proved.n))) @ proved.ball.T
     nearest = {}
     try:
-        for outcome, starts in starts_by_outcome(
-            loop, proved, directions @ proved.T.T, clock
-        ).items():
-            values = proved.level(starts)
+        for outcome, starts in starts_by_outcome(loop, proved, rays, clock).items():
+            # V of degree 4 or 6 may decrease again far outside the set
+            values = np.max([proved.values(share * starts) for share in _WAY], axis=0)
             nearest[outcome] = (float(values.min()), starts[values.argmin()])
         simulated = True
     except OutOfTimeError:
         simulated = False
-    edge = edge_points(proved.V, proved.T, proved.rho) @ proved.T.T
+    edge = proved.edge_points(_EDGE) @ proved.N.T
     limits = []
     for name, (values, low, high) in loop.limited_signals(edge).items():
         if values.min() <= _TOUCHES * low or values.max() >= _TOUCHES * high:
@@ -216,7 +176,7 @@ def obstacles_around(
 
 
 def starts_by_outcome(
-    loop: LoopValues, proved: LevelSet, rays: np.ndarray, clock: Clock
+    loop: LoopValues, proved: Shape, rays: np.ndarray, clock: Clock
 ) -> dict[Outcome, np.ndarray]:
     """Return outcome -> initial conditions (k, n) from which simulations have this outcome.
 
@@ -230,7 +190,7 @@ def starts_by_outcome(
     """
     rates = np.linalg.eigvals(loop.J).real
     seconds = _TIMES / float(np.min(np.abs(rates)))
-    low = np.minimum(proved.V.edge(rays, proved.rho), 1.0)
+    low = np.minimum(proved.edges(rays @ proved.M.T), 1.0)
     high = low * _FARTHEST
     kinds = np.zeros(0, dtype=object)
     open_starts = np.zeros((0, rays.shape[1]))

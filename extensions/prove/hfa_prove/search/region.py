@@ -80,10 +80,7 @@ def _invariant_set(problem: RegionProblem, settings: Settings) -> Region:
     search = BoxesSearch(problem, replace(settings, save=still.append))
     with clock.step(_OF_UNDISTURBED):
         search.found()
-    shapes = [
-        (region.origin, Shape.of_piece(region.statement.piece, settings.degree))
-        for region in reversed(still)
-    ]
+    shapes = [(region.origin, region.set) for region in reversed(still)]
     best: Region | None = None
     stopped = ""
     sampled = sorted(_sampled(search, problem, shapes + search.firsts), key=lambda each: -each[0])
@@ -91,7 +88,7 @@ def _invariant_set(problem: RegionProblem, settings: Settings) -> Region:
         for _, origin, shape in sampled[:_TRIED]:
             for share in _SHARES:
                 part = search.part(shape, float(np.sqrt(share)))
-                if best is not None and part.size() <= best.set.size:
+                if best is not None and part.size() <= best.set.size():
                     break
                 try:
                     with clock.step(_OF_ONE):
@@ -116,7 +113,7 @@ def _rise_beyond(region: Region) -> tuple[float, np.ndarray | None]:
 
     The result is (inf, None) if no such sample is found.
     """
-    shape = Shape.of_piece(region.statement.piece, region.statement.degree)
+    shape = region.set
     for level in np.linspace(1.0, 2.0, 51)[1:].tolist():
         z = shape.of_level(level).edge_points(_POINTS) @ shape.N.T
         with np.errstate(all="ignore"):
@@ -151,11 +148,10 @@ def _with_obstacles(region: Region, seconds: float, clock: Clock) -> Region:
 
     The simulations get the time that is left, at least `_OF_OBSTACLES` of the limit.
     """
-    V, T = region.set.V, region.set.T
+    shape = region.set
     rise = region.rise
     if rise is None:
-        rise = first_obstacle(rises(region.loop, V.slope), region.set.level, 2.0 * T)
+        is_rise = rises(region.loop, shape.gradients)
+        rise = first_obstacle(is_rise, shape.values, 2.0 * shape.ball)
     left = Clock(max(clock.left, _OF_OBSTACLES * seconds))
-    return replace(
-        region, rise=rise, obstacles=obstacles_around(region.loop, region.set, rise, left)
-    )
+    return replace(region, rise=rise, obstacles=obstacles_around(region.loop, shape, rise, left))

@@ -229,10 +229,11 @@ class BoxesSearch(TimedSearch):
         Raises OpenBoxError, Rejected or OutOfTimeError if the set is not proved.
         """
         region = self.proved(self.loop, shape, origin)
-        if region.set.size <= self._largest:
+        size = shape.size()
+        if size <= self._largest:
             return
         self._best = region
-        self._largest = region.set.size
+        self._largest = size
         if self._settings.save is not None:
             self._settings.save(region)
 
@@ -258,7 +259,7 @@ class BoxesSearch(TimedSearch):
         values = self.samples
         if loop.disturbances:
             values = DisturbedValues(loop, self.equilibrium.x, shape.gradients)
-        return Region(statement, witness, boxes, shape.level_set(), ends, origin, values)
+        return Region(statement, witness, boxes, shape, ends, origin, values)
 
     def _report(self, what: str) -> None:
         self._clock(0.0, 1.0, what)

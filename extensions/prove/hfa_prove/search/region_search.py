@@ -10,7 +10,8 @@ import scipy.linalg
 
 from hfa_prove.search.clock import Clock
 from hfa_prove.search.loop_values import LoopValues
-from hfa_prove.search.obstacles import LevelSet, Obstacles
+from hfa_prove.search.obstacles import Obstacles
+from hfa_prove.search.shape_boxes import Shape
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_support.errors import NoSolutionError
@@ -35,7 +36,7 @@ class Region:
     statement: the proved statement
     witness: data for the proof
     size: number of boxes of the proof
-    set: the set in double precision
+    set: V of level 1, whose set {V <= 1} is proved, in double precision
     extents: state -> lowest and highest deviation in the set
     origin: description of V
     loop: the closed loop in double precision
@@ -48,7 +49,7 @@ class Region:
     statement: RegionStatement
     witness: RegionWitness
     size: int
-    set: LevelSet
+    set: Shape
     extents: Mapping[str, tuple[float, float]]
     origin: str
     loop: LoopValues

@@ -16,7 +16,6 @@ from scipy.optimize import linprog, minimize
 
 from hfa_prove.monomials import PolynomialFunction
 from hfa_prove.search.loop_values import LoopValues
-from hfa_prove.search.obstacles import LevelSet
 from hfa_prove.statements.piece import Piece
 
 #: Number of rays from the equilibrium for the size of a set. For a search: number of rays for each
@@ -225,10 +224,16 @@ class Shape:
         """Return the set as a piece of level 1, with rounded coefficients."""
         return Piece(self.M, self.V.rounded(), 1.0)
 
-    def level_set(self) -> LevelSet:
-        """Return the set {V <= 1} in the deviations z, in double precision."""
+    @property
+    def ball(self) -> np.ndarray:
+        """Matrix T (n, n) with the set in the image of the unit ball by z = T y."""
         lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
-        return LevelSet(self.V.substituted(self.M), 1.0, self.N * _AROUND * lengths.max())
+        return np.asarray(self.N * _AROUND * lengths.max())
+
+    def contains(self, z: np.ndarray) -> np.ndarray:
+        """Return the mask (N,) of the state deviations z (N, n) in the set within the cube."""
+        y = z @ self.M.T
+        return np.asarray(np.all(np.abs(y) <= 1.0, axis=1) & (self.V(y) <= 1.0))
 
     def edges(self, rays: np.ndarray, level: float = 1.0) -> np.ndarray:
         """Return for each ray y (N, n) the lowest factor at which V reaches a level, (N,).

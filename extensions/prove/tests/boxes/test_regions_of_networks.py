@@ -88,4 +88,4 @@ def test_an_interrupted_search_returns_the_proved_region() -> None:
     found = prove_region(model, trim(model), K, seconds=60.0, progress=interrupt)
     assert signal.getsignal(signal.SIGINT) is before
     assert found.stopped == "interrupted"
-    assert found.set.size > 0.0
+    assert found.set.size() > 0.0

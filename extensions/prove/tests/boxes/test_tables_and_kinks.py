@@ -40,4 +40,4 @@ def test_a_region_about_the_trim_is_proved(name: str) -> None:
     torque = Signal("N m", nominal=1.0, min=-0.7, max=0.7)
     model = Model(name, states, {"torque": torque}, equations, trim=at)
     found = hfa.prove_region(model, hfa.trim(model), [[2.0, 1.5]], seconds=2.0)
-    assert found.set.size > 0.0
+    assert found.set.size() > 0.0
