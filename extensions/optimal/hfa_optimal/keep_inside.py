@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.policy import flown_deployment
+from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.problem import FlightProblem, flight_problem
@@ -101,8 +101,19 @@ class KeptInside(Policy):
         return ca.Function("command", [t, measured, held], [ca.densify(u)])
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
-        """Return the policy with the ticks and the delay of a scenario, and the scenario."""
-        policy, scenario = self.policy.in_scenario(scenario)
+        """Return the policy with the ticks and the delay of a scenario, and the scenario.
+
+        The delay of a deployment becomes that of the scenario, after the filter.
+
+        Raises BadInputError if it is not a whole number of samples.
+        """
+        policy = self.policy
+        if isinstance(policy, DeployedPolicy):
+            late = policy.deployed.deployment.delay + scenario.delay
+            policy, scenario = policy.prompt().in_scenario(replace(scenario, delay=0.0))
+            scenario = replace(scenario, delay=late)
+        else:
+            policy, scenario = policy.in_scenario(scenario)
         if isinstance(policy, SampledPolicy):
             policy = replace(policy, delay=0.0)
         filtered = OneSampleFilter(self.filter.model.scaled, scenario.tick)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import pytest
 from scipy.linalg import solve_continuous_are
 
 import hfa
-from hfa_flight import GainPolicy, Scenario
+from hfa_flight import GainPolicy
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 GTM = hfa.load_model(f"{EXAMPLES / 'gtm.py'}:GTM")
@@ -83,18 +82,21 @@ def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state() -> None:
     the drift of that sample reaches.
     """
     o = ca.SX.sym("o", 2)
-    network = hfa.Deployment(
-        policy={"file": ca.Function("policy", [o], [-20.0 * o[0] - 3.0 * ca.tanh(o[1])])},
-        observation={"position": {}, "rate": {}},
-        action={"force": {"map": "a"}},
-        timing={"dt": 0.1},
-    )
-    kept = hfa.keep_inside(network, DUFFING, AT_REST)
-    fly = partial(hfa.fly, DUFFING, AT_REST, kept, predict=False)
-    late = fly(scenario=Scenario(duration=2.1, delay=0.1), initial={"position": 1.0})
+
+    def flown(seconds: float, delay: float, start: dict[str, float]) -> Any:
+        network = hfa.Deployment(
+            policy={"file": ca.Function("policy", [o], [-20.0 * o[0] - 3.0 * ca.tanh(o[1])])},
+            observation={"position": {}, "rate": {}},
+            action={"force": {"map": "a"}},
+            timing={"dt": 0.1, "delay": delay},
+        )
+        kept = hfa.keep_inside(network, DUFFING, AT_REST)
+        return hfa.fly(DUFFING, AT_REST, kept, seconds, initial=start, predict=False)
+
+    late = flown(2.1, 0.1, {"position": 1.0})
     begin = int(np.searchsorted(late.time, 0.1 - 1e-9))
     start = dict(zip(DUFFING.states, late.states[begin].tolist(), strict=True))
-    prompt = fly(2.0, initial=start)
+    prompt = flown(2.0, 0.0, start)
     np.testing.assert_allclose(late.states[-1], prompt.states[-1], atol=1e-5)
     assert late.policy["changed_samples"] > 0
 

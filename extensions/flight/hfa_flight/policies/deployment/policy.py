@@ -90,6 +90,14 @@ class DeployedPolicy(Policy):
 
         return sample
 
+    def prompt(self) -> Self:
+        """Return the policy without the delay of its deployment."""
+        deployment = self.deployed.deployment
+        timing = {**deployment.timing, "delay": 0.0}
+        return replace(
+            self, deployed=replace(self.deployed, deployment=replace(deployment, timing=timing))
+        )
+
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
         """Return the policy, and the scenario with its sampling."""
         return self, sampled_scenario(self, scenario, self.point)
