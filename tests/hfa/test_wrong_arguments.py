@@ -178,13 +178,6 @@ def test_a_wrong_part_is_named(words: str) -> None:
         hfa.verify(GAME, hfa.from_gain(GAME, [[1.0]]), scope=WRONG_PARTS[words]())
 
 
-def test_matrices_in_place_of_a_game_name_the_game() -> None:
-    """`solve` of matrices states how to make a game of them."""
-    with pytest.raises(BadInputError, match=r"game is hfa\.game.* or hfa\.Game") as refused:
-        hfa.solve(GAME.A, GAME.B, GAME.Q, GAME.R, delta=2.0)
-    assert "\n" not in str(refused.value)
-
-
 @pytest.mark.parametrize(
     ("guess", "call"),
     [
