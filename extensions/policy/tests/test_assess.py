@@ -28,31 +28,6 @@ from hfa.main import main
 from hfa_flight import Deployed
 
 
-@pytest.fixture(scope="module")
-def passing_assessment():
-    """Return the assessment of a policy that is stable at two trims, with few flights."""
-    return assess(aircraft("ppo_gtm"), FOLDER / "ppo_gtm.toml", [45.0, 60.0], samples=4, best=1)
-
-
-def test_the_first_line_contains_verdict_and_cost_ratio(passing_assessment):
-    """The first line contains the verdict and the cost relative to the best flight, in 80 columns.
-
-    The mean costs follow, and the findings, worst first. A requirement that is not satisfied replaces
-    the verdict.
-    """
-    lines = passing_assessment.report().title.split("\n")
-    costs = max((point.best for point in passing_assessment.points), key=lambda each: each.median)
-    assert lines[0].startswith("PASS: holds from 45 to 60 m/s at 50 Hz; ")
-    assert f"{costs.median:.3g}x the best flight" in lines[0]
-    assert f"mean cost {costs.cost.mean:.4g} ± " in lines[1]
-    assert "every flight converges" in lines
-    assert "unstable with 20 ms of delay" in lines
-    failing = replace(passing_assessment, needs={"delay": 0.05})
-    assert failing.first_line.startswith("FAIL: a delay of 0.05 s is not tolerated at 2 of 2 trims")
-    assert f"{costs.median:.3g}x the best flight" in failing.first_line
-    assert max(len(each.first_line) for each in (passing_assessment, failing)) <= 80
-
-
 @pytest.mark.slow  # searches of best flights
 def test_starts_without_a_best_flight_are_counted():
     """Costs are compared from where v' = v + v^3 + f, |f| <= 1, can return: v + v^3 < 1.
@@ -212,17 +187,18 @@ def test_a_formula_not_smooth_at_trim_is_refused(table, name, entry):
         assess(model, wrong, [45.0])
 
 
-def test_unmet_requirements_are_listed(passing_assessment):
+def test_unmet_requirements_are_listed():
     """Each requirement that the assessment does not meet is listed.
 
     An unknown requirement is refused.
     """
+    told = assess(aircraft("ppo_gtm"), FOLDER / "ppo_gtm.toml", [45.0, 60.0], samples=0, best=0)
     met = {"delay": 0.01, "margin": 0.1, "cost": 1000.0}
-    assert replace(passing_assessment, needs=met).unmet == []
+    assert replace(told, needs=met).unmet == []
     for needs in ({"delay": 0.02}, {"margin": 0.5}, {"cost": 50.0}):
-        assert len(replace(passing_assessment, needs=needs).unmet) == 1
+        assert len(replace(told, needs=needs).unmet) == 1
     with pytest.raises(hfa.BadInputError, match="choose from delay, margin, cost"):
-        replace(passing_assessment, needs={"speed": 1.0}).report()
+        replace(told, needs={"speed": 1.0}).report()
 
 
 def test_the_equilibrium_is_the_end_of_a_long_flight():
