@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from policy_cases import aircraft, gtm_deployment, trims
 from scipy.optimize import root
+from scipy.special import ndtr
 
 from hfa import assess
 
@@ -55,24 +56,35 @@ def test_activations_on_rows_are_those_of_numpy(name, tmp_path):
     np.testing.assert_array_equal(observations, kept)
 
 
+def selu(x):
+    return 1.0507009873554805 * np.where(x > 0.0, x, 1.6732632423543772 * np.expm1(x))
+
+
 @pytest.mark.parametrize(
-    ("activation", "width", "nearness"), [("gelu", 100, 1e-12), ("selu", 160, 1e-5)]
+    ("activation", "function", "width", "nearness"),
+    [("gelu", lambda x: x * ndtr(x), 100, 1e-12), ("selu", selu, 160, 3e-8)],
 )
-def test_networks_of_any_width_are_evaluated_on_rows(tmp_path, activation, width, nearness):
-    """On NumPy rows, a network of any width and activation has the outputs of its CasADi function.
+def test_networks_of_any_width_are_evaluated_on_rows(
+    tmp_path, activation, function, width, nearness
+):
+    """On NumPy rows, and as a CasADi function, with any activation.
 
     nearness: largest permitted difference
     """
-    deployment = gtm_deployment(
-        {"file": wide_file(tmp_path / "wide.npz", width), "activation": activation}
-    )
+    file = wide_file(tmp_path / "wide.npz", width)
+    actor = gtm_deployment({"file": file, "activation": activation}).actor
     observations = np.random.default_rng(1).normal(size=(20, 4))
-    graph = np.array(deployment.actor.function(observations.T)).T
-    np.testing.assert_allclose(deployment.actor.rows(observations), graph, rtol=0, atol=nearness)
+    expected, arrays = observations, np.load(file)
+    for index in range(3):
+        expected = expected @ arrays[f"{index}.weight"].T + arrays[f"{index}.bias"]
+        expected = function(expected) if index < 2 else expected
+    np.testing.assert_allclose(actor.rows(observations), expected, rtol=0, atol=nearness)
+    graph = np.array(actor.function(observations.T)).T
+    np.testing.assert_allclose(graph, expected, rtol=0, atol=nearness)
 
 
 def test_a_wide_onnx_graph_is_evaluated_on_rows(tmp_path):
-    """A wide ONNX graph evaluated on rows agrees with the CasADi function of the graph."""
+    """With a layer of normalization, GELU and a branch that meets the chain again."""
     onnx = pytest.importorskip("onnx")
     random = np.random.default_rng(0)
     sizes = {
@@ -82,10 +94,8 @@ def test_a_wide_onnx_graph_is_evaluated_on_rows(tmp_path):
         "second": (100, 100),
         "last": (100, 2),
     }
-    weights = [
-        onnx.numpy_helper.from_array(random.normal(size=size) / 10.0, name)
-        for name, size in sizes.items()
-    ]
+    arrays = {name: random.normal(size=size) / 10.0 for name, size in sizes.items()}
+    weights = [onnx.numpy_helper.from_array(array, name) for name, array in arrays.items()]
     make = onnx.helper.make_node
     nodes = [
         make("MatMul", ["o", "first"], ["a"]),
@@ -102,7 +112,11 @@ def test_a_wide_onnx_graph_is_evaluated_on_rows(tmp_path):
     onnx.save(onnx.helper.make_model(graph), tmp_path / "wide.onnx")
     actor = gtm_deployment({"file": str(tmp_path / "wide.onnx")}).actor
     observations = random.normal(size=(20, 4))
-    expected = np.array(actor.function(observations.T)).T
+    a = observations @ arrays["first"]
+    spread = np.sqrt(a.var(axis=1, keepdims=True) + 1e-5)
+    b = (a - a.mean(axis=1, keepdims=True)) / spread * arrays["gain"] + arrays["bias"]
+    c = b @ arrays["second"]
+    expected = (c * ndtr(c) + b) @ arrays["last"]
     np.testing.assert_allclose(actor.rows(observations), expected, rtol=0, atol=1e-12)
 
 
