@@ -197,7 +197,6 @@ def test_a_wrong_part_is_named(words: str) -> None:
         (lambda _, point: hfa.paper.published_game(point.linearize()).K, "hfa.solve(game).K"),
         (lambda *_: hfa.solve(GAME, delta=0.5), "hfa.solve(game.with_delta(delta))"),
         (lambda *_: hfa.solve(GAME).L, "solution.disturbance_gain"),
-        (lambda *_: hfa.solve(GAME).l2_gain, "controller.bounded_real_gain(game, solution.K)"),
         (lambda *_: tuple(hfa.solve(GAME)), "solution.K, solution.P"),
         (lambda *_: hfa.load_game("plant.npz"), "controller.load_game(FILE)"),
         (lambda *_: hfa.delta_min(GAME), "hfa.solve(game).delta_min"),
