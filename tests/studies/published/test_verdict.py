@@ -496,6 +496,7 @@ def test_derivatives_of_the_answer_equal_differences(name, is_discrete):
         around.append(answer_of(other, certified_value(other)))
     before, after = around
     change = answer_change(plant, certified_value(plant), name, row, column)
+    assert change.keys() >= {"P", "K", "L", "W"}
     for block, slope in change.items():
         difference = (after[block] - before[block]) / (2 * step)
         np.testing.assert_allclose(difference, slope, atol=1e-5 * np.abs(slope).max() + 1e-9)

@@ -142,6 +142,7 @@ def test_new_simulations_reproduce_the_stored_results(
     """
     flown = fly_case(published_aircraft, CASES[case], {}, only=laws)
     flights = {flight.law: flight for flight in flown}
+    assert flights.keys() >= {*laws} | {law for where, law in THEIRS if where == case and not laws}
     for (where, law), theirs in THEIRS.items():
         if where == case and law in (laws or flights):
             np.testing.assert_allclose(errors(flights[law]), theirs, atol=1e-3)

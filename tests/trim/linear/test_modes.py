@@ -77,7 +77,9 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
     A = np.array([[-1.0, 2.0, 0.3], [-3.0, -0.5, 0.1], [0.2, 0.4, -0.1]])
     states = ("alpha", "pitch_rate", "speed")
     h = 1e-6
-    for mode in modes_of(A, states, hfa.aircraft().modes):
+    modes = modes_of(A, states, hfa.aircraft().modes)
+    assert len(modes) == 2
+    for mode in modes:
         shifts = []
         for k in range(3):
             moved = [np.linalg.eigvals(A + sign * h * np.diag(np.eye(3)[k])) for sign in (1, -1)]
