@@ -46,5 +46,7 @@ def test_the_unchanged_file_is_accepted(way: str) -> None:
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_bytes(content)
     result = hfa(*(way if word == "{}" else word for word in WAYS[way]))
-    assert result.code == 0, result.err
+    # The controller is unstable at some angle, and the networks are far from the exact solution.
+    fails = way == "controller.npz" or way.startswith("network")
+    assert result.code == (1 if fails else 0), result.err
     assert result.out
