@@ -97,9 +97,10 @@ def linearization_at(
 
     Raises BadInputError and NotFiniteError as `Model.at` does.
     """
+    x, u = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
     exact = model.at(x, u, outputs, disturbances)
-    X, U = (np.asarray(vector, dtype=float)[None] for vector in (x, u))
-    found = one_sided_at_kinks(model, X, U, model.p[None], exact.A[None], exact.B[None])
+    A, B = exact.A[None], exact.B[None]
+    found = one_sided_at_kinks(model, x[None], u[None], model.p[None], A, B)
     if not found.notes:
         return exact, ()
     return exact._replace(A=found.A[0], B=found.B[0]), found.notes[0]
