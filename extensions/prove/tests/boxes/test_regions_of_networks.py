@@ -68,6 +68,7 @@ def test_what_has_no_region_is_refused(folder: Path) -> None:
         ((*WEIGHTS, *recurrent), 2, "lstm.weight_ih_l0"),
         ((*WEIGHTS, *network(Path("wide.npz"), hidden=(200, 300))), 2, "100000"),
         (clock, 1, "kink in rate"),
+        (("--dihedral", "10", "--limit", "speed=30:140"), 2, "34 ft/s to 136 ft/s"),
     ):
         found = hfa("prove", "region", *words, "-o", "no.json")
         assert (found.code, len(found.err.splitlines())) == (code, 1), found

@@ -10,6 +10,7 @@ import pytest
 
 import hfa
 from hfa import Model, Signal
+from hfa_support.reporting.text import Table
 
 KNOTS = [[-4.0, -1.0, 0.0, 1.0, 4.0]]
 #: Name -> moment of an angle.
@@ -41,3 +42,22 @@ def test_a_region_about_the_trim_is_proved(name: str) -> None:
     model = Model(name, states, {"torque": torque}, equations, trim=at)
     found = hfa.prove_region(model, hfa.trim(model), [[2.0, 1.5]], seconds=2.0)
     assert found.set.size() > 0.0
+
+
+def test_a_set_that_reaches_a_limit_names_it() -> None:
+    """x' = -2 x is stable everywhere, so that x <= 1 bounds the set. Ends are rounded outward."""
+    model = Model(
+        "lag",
+        {"x": Signal(max=1.0)},
+        {"u": Signal()},
+        lambda x, u, p, w: ({"x": u.u - x.x}, {}),
+        trim={"x": 0.0},
+    )
+    found = hfa.prove_region(model, hfa.trim(model), [[1.0]], seconds=1.0)
+    assert found.obstacles is not None
+    assert found.obstacles.limits == ("x",)
+    table = next(part for part in found.report().parts if isinstance(part, Table))
+    ((low, high),) = found.extents.values()
+    shown = [float(cell.split()[0]) for cell in table.rows[0][1:3]]
+    assert shown[0] <= low < -0.9
+    assert 0.9 < high <= shown[1] <= 1.0
