@@ -9,6 +9,11 @@ INSTEAD = {
     "hfa fly --model": "give the plant by --aircraft FILE",
     "hfa optimize --model": "give the plant by --aircraft FILE",
     "hfa trim --model": "give the plant by --aircraft FILE",
+    **{
+        f"hfa {command} --{option}": f"levels are on the sheet of hfa trim --{option}"
+        for command in ("linearize", "sweep")
+        for option in ("class", "category")
+    },
     "hfa prove region --law": "a region is proved for a gain or a critic (--weights FILE), and for "
     "no policy that plans",
 }
@@ -130,6 +135,7 @@ velocity: speed
 x0: initial
 initial_state: initial
 initial_states: initial
+seconds: duration
 start: initial
 vt: speed
 zeta: damping modes

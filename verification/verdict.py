@@ -179,12 +179,12 @@ class Verdict(Checked, Result, Reported):
         """Return whether the critic passes.
 
         limit_cost: limit of the cost above the optimum, percent. With a limit, the cost decides, on
-            the nonlinear game also that of its flights, if the equilibrium is at the trim
-            (`AT_TRIM`). With None, all checks must pass.
+            the nonlinear game also that of its flights, if the loop is stable and the equilibrium
+            is at the trim (`AT_TRIM`). With None, all checks must pass.
         """
         if limit_cost is None:
             return self.ok
-        is_near = self.cost_lost <= limit_cost and self._rests_at_trim
+        is_near = self.cost_lost <= limit_cost and self._rests_at_trim and self.stabilizing
         flown = None if self.nonlinear is None else self.nonlinear.flown
         return is_near and (flown is None or 100.0 * flown.excess <= limit_cost)
 

@@ -32,7 +32,8 @@ class FlightCost(Result):
 
     The cost is that under the worst disturbance for the policy, in discrete time under the worst
     disturbance for the optimum (`loss_matrix`). The excess is inf if the cost has no bound. This is
-    the case if the L2 gain is not below delta, or if the loop is unstable.
+    the case if the L2 gain is not below delta, or if the loop, with a discount √α (A - B K), is
+    unstable.
 
     worst: largest excess over all initial conditions, percent
     mean: mean excess over initial conditions with the same optimal cost, percent
@@ -66,7 +67,8 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     """Return the cost, L2 gain and distance to instability of u = -K z, compared with the optimum.
 
     If u = -K z does not stabilize, or |K_ij| <= `LARGEST_CRITIC_ENTRY` does not hold for every
-    entry, the costs and the L2 gain of K are inf, and its distance is 0.
+    entry, the costs and the L2 gain of K are inf, and its distance is 0. With a discount, the costs
+    are inf only if √α (A - B K) is not stable.
 
     game: the game
     exact: solution of the game
@@ -77,8 +79,11 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     infinite = math.inf, math.inf
     is_moderate = bool(np.all(np.abs(K) <= LARGEST_CRITIC_ENTRY))
     loop = game.A - game.B @ K
-    stable = is_moderate and stability(loop, is_discrete=game.is_discrete).is_stable
-    worst, mean = cost_above_optimum(game, exact, K) if stable else infinite
+    stable, bounded = (
+        is_moderate and stability(each, is_discrete=game.is_discrete).is_stable
+        for each in (loop, math.sqrt(game.discount) * loop)
+    )
+    worst, mean = cost_above_optimum(game, exact, K) if bounded else infinite
     return FlightCost(
         worst=100.0 * worst,
         mean=100.0 * mean,

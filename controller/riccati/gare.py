@@ -57,7 +57,6 @@ class Solution(Result, Reported):
     _how_to_make: ClassVar[str] = "hfa.solve(game)"
 
     _instead: ClassVar[Mapping[str, str]] = {
-        "L": "solution.disturbance_gain",
         "value": "solution.cost(z)",
         "gamma": "solution.delta",
         **dict.fromkeys(("S", "X"), "solution.P"),
@@ -70,6 +69,11 @@ class Solution(Result, Reported):
     game: Game
     certificate: Certificate
     meaning: tuple[Check, ...] = ()
+
+    @property
+    def L(self) -> Matrix:
+        """Gain L of the worst disturbance d = L z, (k, n), as `disturbance_gain`."""
+        return self.disturbance_gain
 
     @property
     def delta(self) -> float:

@@ -97,7 +97,7 @@ def print_flushed(text: str) -> None:
 
 #: Seconds of work before the duration is estimated, and shortest duration that is announced.
 _TRIAL = 3.0
-_LONG = 300.0
+_LONG = 60.0
 
 
 class ProgressLine:

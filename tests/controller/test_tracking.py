@@ -118,7 +118,7 @@ def test_a_flight_with_feedforward_follows_the_command() -> None:
     found = tracking(15.0, {"dihedral": 0.02})
     model = hfa.aircraft()
     point = hfa.trim(model, at=math.radians(15.0))
-    flight = hfa.fly(model, point, found, seconds=40.0)
+    flight = hfa.fly(model, point, found, duration=40.0)
     moved = flight["dihedral"][-1] - point["dihedral"]
     expected = 0.02 + found.late_error(found.inputs).at(40.0)[4]
     assert moved == pytest.approx(expected, abs=2e-4)

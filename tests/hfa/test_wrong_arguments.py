@@ -124,7 +124,7 @@ def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[s
     ("name", "argument"),
     [
         *(("trim", "hold"), ("trim", "condition"), ("trim", "start"), ("trim", "free")),
-        *(("fly", "scenario"), ("fly", "seconds"), ("fly", "initial"), ("verify", "scope")),
+        *(("fly", "scenario"), ("fly", "duration"), ("fly", "initial"), ("verify", "scope")),
         *(("track", "K"), ("track", "duration"), ("sweep", "grid"), ("sweep", "condition")),
     ],
 )
@@ -196,7 +196,6 @@ def test_a_wrong_part_is_named(words: str) -> None:
         ),
         (lambda _, point: hfa.paper.published_game(point.linearize()).K, "hfa.solve(game).K"),
         (lambda *_: hfa.solve(GAME, delta=0.5), "hfa.solve(game.with_delta(delta))"),
-        (lambda *_: hfa.solve(GAME).L, "solution.disturbance_gain"),
         (lambda *_: tuple(hfa.solve(GAME)), "solution.K, solution.P"),
         (lambda *_: hfa.load_game("plant.npz"), "controller.load_game(FILE)"),
         (lambda *_: hfa.delta_min(GAME), "hfa.solve(game).delta_min"),

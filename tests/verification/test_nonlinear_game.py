@@ -256,7 +256,7 @@ def test_the_policy_in_the_file_is_judged_and_flies() -> None:
     point = hfa.trim(model)
     game = hfa.game(hfa.linearize(model, point), [1.0, 0.1], [1.0])
     flights = [
-        hfa.fly(model, point, policy, seconds=0.2, initial={"angle": 0.3})
+        hfa.fly(model, point, policy, duration=0.2, initial={"angle": 0.3})
         for policy in ("value.npz", hfa.read_critic("value.npz", game), hfa.solve(game))
     ]
     read, given, linear_gain = (flight.states[-1] for flight in flights)

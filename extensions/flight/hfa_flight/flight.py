@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from hfa.options.output import ProgressLine
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
@@ -93,7 +94,7 @@ def fly(
     model: Model,
     point: OperatingPoint,
     policy: Any = None,
-    seconds: float | None = None,
+    duration: float | None = None,
     *,
     initial: Any = None,
     scenario: Scenario | None = None,
@@ -118,14 +119,14 @@ def fly(
       one of these, a `Policy`, steps of inputs or a function. Steps are deviations from trim,
       {name: [(time, value), ...]}. A function of (t, X) returns U and is called once a tick. With
       None, the inputs remain at trim.
-    seconds: duration, s. Default: that of the scenario, or 20 s without a scenario, or more if the
+    duration: s. Default: that of the scenario, or 20 s without a scenario, or more if the
       linear loop has growing modes
     initial: deviations from trim at the start, by the names of states, or (n,)
     scenario: disturbances, noise and faults. Its random quantities must be drawn already
     envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
     predict: whether the linear model is simulated too, except with a policy that plans
     weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
-    progress: called during the nonlinear flight
+    progress: called during the nonlinear flight; by default a line on a terminal
 
     Raises BadInputError if the flight does not begin inside the envelope, the scenario has random
     quantities that are not drawn yet, or the policy is not supported.
@@ -140,20 +141,21 @@ def fly(
     need(model, Model, "fly: model", Model._how_to_make)
     need(point, OperatingPoint, "fly: point", "a trim: hfa.trim(model)")
     happens = _scenario_of_flight(
-        model, Scenario() if scenario is None else scenario, seconds, initial
+        model, Scenario() if scenario is None else scenario, duration, initial
     )
     flown, happens = policy_and_scenario(policy, point, happens)
     plant = NonlinearPlant(with_errors(model, happens), point)
     cost = None if weights is None else Cost(*weights)
     loop = ClosedLoop(plant, flown, happens, cost)
-    if seconds is None and scenario is None:
+    if duration is None and scenario is None:
         happens = lengthened(loop)
         loop = replace(loop, scenario=happens)
     within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
     compiled = CompiledLoop(loop)
+    shown = progress or ProgressLine("fly")
 
     def flown_in(parts: int) -> Flight:
-        return fly_within(compiled.refined(parts), within, progress=progress)
+        return fly_within(compiled.refined(parts), within, progress=shown)
 
     if flown.is_called:
         result = flown_in(1)
@@ -190,7 +192,7 @@ def _figures(flight: Flight) -> Figures:
 
 
 def _scenario_of_flight(
-    model: Model, given: Scenario, seconds: float | None, initial: Any
+    model: Model, given: Scenario, duration: float | None, initial: Any
 ) -> Scenario:
     """Return the scenario for a flight of a model, with its duration and initial condition."""
     need(given, Scenario, "fly: scenario", "hfa_flight.Scenario(...)")
@@ -199,9 +201,9 @@ def _scenario_of_flight(
             "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
             "member, point)"
         )
-    if seconds is not None:
-        refuse_unless_positive("fly: seconds", seconds, " s")
-    scenario = given if seconds is None else replace(given, duration=float(seconds))
+    if duration is not None:
+        refuse_unless_positive("fly: duration", duration, " s")
+    scenario = given if duration is None else replace(given, duration=float(duration))
     if isinstance(initial, Mapping):
         for name in initial:
             refuse_unknown("initial names the unknown state", name, tuple(model.states))

@@ -99,7 +99,7 @@ def test_tables_and_flights_are_records() -> None:
     table["alpha [deg]"] = np.degrees(table["alpha [deg]"])
     assert identify(begun(1.5), table, FREE)["Cm_q"].value == pytest.approx(found()["Cm_q"].value)
     moved = {"elevator": [(0.0, 0.03), (0.6, -0.03), (1.2, 0.0)]}
-    flight = hfa.fly(LONGITUDINAL, hfa.trim(LONGITUDINAL), moved, seconds=1.9)
+    flight = hfa.fly(LONGITUDINAL, hfa.trim(LONGITUDINAL), moved, duration=1.9)
     off = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
     again = identify(off, flight, ["Cm_q"], inputs="steps")
     assert again["Cm_q"].value == pytest.approx(true_value("Cm_q"), rel=1e-3)
@@ -321,7 +321,7 @@ def test_the_search_converges_from_coefficients_70_percent_off() -> None:
         "aileron": [(0.5, 0.1), (1.5, -0.1), (2.2, 0.0)],
         "rudder": [(3.0, 0.12), (4.0, -0.12), (5.0, 0.0)],
     }
-    flight = hfa.fly(AIRCRAFT, hfa.trim(AIRCRAFT), moves, seconds=6)
+    flight = hfa.fly(AIRCRAFT, hfa.trim(AIRCRAFT), moves, duration=6)
     generator = np.random.default_rng(0)
     columns = {"time": flight.time[::20]}
     columns |= dict(zip(AIRCRAFT.inputs, flight.inputs[::20].T, strict=True))

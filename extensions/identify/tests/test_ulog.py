@@ -58,7 +58,7 @@ def test_the_command_reads_a_log(folder, capsys):
     model = hfa.load_model(UAV)
     point = hfa.trim(model)
     moves = [(0.5, 0.04), (1.5, -0.04), (2.2, 0.04), (2.6, -0.04), (3.0, 0.0)]
-    flight = hfa.fly(model, point, {"elevator": moves}, seconds=8)
+    flight = hfa.fly(model, point, {"elevator": moves}, duration=8)
     states = dict(zip(model.states, flight.states[::20].T, strict=True))
     stamps = 10_000 + np.round(1e6 * flight.time[::20]).astype(int)
     noise = np.random.default_rng(0).standard_normal((2, len(stamps)))

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from hfa.options.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_flight.needs import ALL, SHARE, refuse_share
 from hfa_flight.policies.deployment.deployed import Deployed
@@ -58,7 +59,7 @@ def assess(
     samples: number of initial conditions at each trim. Each is flown with and without the
         disturbance pulse
     seed: seed of the initial conditions
-    progress: callback for the progress of the flights
+    progress: callback for the progress of the flights, by default a line on a terminal
     vary: parameter, or input that no action moves -> lowest and highest value. The policy is also
         assessed on the changed aircraft, with the trim values of the original
     scenario: sensor noise, gust or turbulence for at most 20 further flights from each trim, as in
@@ -107,7 +108,7 @@ def assess(
         changes=changes,
         scenarios=[] if scenario is None else [scenario] * len(assessor.points),
         best=best,
-        progress_of=lambda _: progress,
+        progress_of=ProgressLine if progress is None else lambda _: progress,
     )
 
 

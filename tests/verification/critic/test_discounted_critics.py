@@ -10,7 +10,7 @@ from cli import answer, hfa
 from game_files import AT_15, stored
 from game_samples import failed_names
 from known_models import game_at
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, solve_discrete_lyapunov
 from tolerances import SAME_FORMULA
 
 from controller import critic_in
@@ -43,6 +43,20 @@ def test_exact_discounted_critic_passes_and_mistakes_are_named(game: Game) -> No
         check = verify(problem, wrong)
         assert not check.ok
         assert check.reason.startswith(message)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5])
+def test_a_loop_that_does_not_stabilize_may_have_a_finite_discounted_cost(factor: float) -> None:
+    """The cost is that of the Lyapunov equation of √α (A - B K); the loop fails all the same."""
+    A, B, Q = np.array([[1.2, 0.1], [0.0, 0.5]]), np.array([[0.0], [1.0]]), np.diag([0.01, 1.0])
+    game = Game(A, B, Q=Q, R=np.eye(1), dt=0.1, discount=0.6)
+    exact = solve(game)
+    K = factor * exact.K
+    J = solve_discrete_lyapunov(math.sqrt(0.6) * (A - B @ K).T, Q + K.T @ K)
+    above = np.linalg.eigvals(np.linalg.solve(exact.P, J - exact.P)).real.max()
+    verdict = verify(game, from_gain(game, K))
+    assert verdict.cost_lost == pytest.approx(100.0 * above, rel=1e-6, abs=1e-9)
+    assert [verdict.stabilizing, verdict.ok, verdict.holds(limit_cost=10.0)] == 3 * [False]
 
 
 def test_verify_compares_with_the_specified_problem_only(game: Game) -> None:
