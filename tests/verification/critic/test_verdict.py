@@ -200,14 +200,16 @@ def test_the_command_prints_the_source_of_weights(game: Game) -> None:
         ("error", 0.5, 1.1, "fail", False),
         ("rest", 1e-6, 0.0, "near", True),
         ("rest", 2e-6, 0.0, "fail", False),
-        *((kind, 0.5, 0.0, "fail", True) for kind in ("stability", "game loop", "gain", "cost")),
+        ("stability", 0.5, 0.0, "fail", False),
+        *((kind, 0.5, 0.0, "fail", True) for kind in ("game loop", "gain", "cost")),
         ("data", 0.5, 0.0, "fail", True),
     ],
 )
 def test_each_kind_of_check_has_its_grade(
     kind: str, off: float, cost_lost: float, grade: str, holds: bool
 ) -> None:
-    """Only errors and a rest at the trim may fail in "near"; a cost limit asks cost and rest."""
+    """Only errors and a rest at the trim may fail in "near"; a cost limit asks cost, rest and a stable
+    loop."""
     kinds = ("error", "rest", "stability", "stability", "game loop", "gain", "cost", "data")
     checks = [Check(f"{each} {i}", 0.0, 0.0, True, "", kind=each) for i, each in enumerate(kinds)]
     if kind:
