@@ -32,7 +32,7 @@ from hfa_flight.air.gusts import Gust, OneMinusCosine
 from hfa_flight.air.names import gust_speed
 from hfa_flight.air.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_flight.envelope import control_limits
-from hfa_flight.policies.laws import KEEP_INSIDE, LAWS, PREDICTIVE, LawSettings, loaded
+from hfa_flight.policies.laws import KEEP_INSIDE, LAWS, PREDICTIVE, loaded
 from hfa_flight.problem import flight_problem
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_support.errors import BadInputError, warn
@@ -195,9 +195,10 @@ class PolicyGiven(Part):
         """
         game = self._game_of_law(linear)
         game.refuse_cross_weights(f"--law {self.law}")
-        settings = LawSettings(self.horizon, self.margin, self.estimate)
+        given = {"horizon": self.horizon, "margin": self.margin, "estimate": self.estimate}
+        settings = {name: value for name, value in given.items() if value is not None}
         problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
-        return loaded(LAWS[self.law])(problem, game, settings)
+        return loaded(LAWS[self.law])(problem, game, **settings)
 
     def _game_of_law(self, linear: LinearModel) -> Game:
         """Return the game that the law solves, and issue the notes on its weights as warnings."""

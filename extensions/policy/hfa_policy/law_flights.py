@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_flight.initial_box import drawn_starts, start_box
-from hfa_flight.policies.laws import LAWS, LawSettings, loaded
+from hfa_flight.policies.laws import LAWS, loaded
 from hfa_flight.problem import flight_problem
 from hfa_optimal.initial_conditions import StartsTable, starts_table
 from hfa_optimal.search import BestFlights
@@ -115,7 +115,7 @@ def law_flights(
         for name, width in box.items():
             widths[point.model.linear.index(name)] = width
         search = BestFlights(problem, count)
-        policy = loaded(LAWS[law])(problem, game, LawSettings())
+        policy = loaded(LAWS[law])(problem, game)
         loops = [search.flights.of_policy(policy)]
         starts = drawn_starts(problem, count, seed, np.asarray(widths))
         tables.append(starts_table(search, starts, loops, progress))

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any
 
 from hfa.options.part import is_installed
 from hfa_support.errors import BadInputError
 
 #: Law that plans a flight at each sample.
 PREDICTIVE = "predictive"
-#: Law -> location of the function (problem, game, settings) -> policy, "package.module:name".
+#: Law -> location of the function (problem, game, **settings) -> policy, "package.module:name".
 LAWS = {
-    PREDICTIVE: "hfa_optimal.laws:predictive_law",
-    "state-dependent": "hfa_optimal.laws:state_dependent_law",
+    PREDICTIVE: "hfa_optimal.predictive:policy_of",
+    "state-dependent": "hfa_optimal.state_dependent:state_dependent_of",
 }
 #: Location of the function (policy, problem, tick) -> policy that is kept inside its limits.
-KEEP_INSIDE = "hfa_optimal.laws:kept_inside"
+KEEP_INSIDE = "hfa_optimal.keep_inside:kept_inside"
 
 
 def loaded(location: str) -> Any:
@@ -34,16 +34,3 @@ def loaded(location: str) -> Any:
 def compared(law: str) -> str:
     """Return the sentence on how the cost of a law's flight is compared with the best flight's."""
     return f"`hfa optimize --law {law} --start ...` compares its cost with that of the best flight."
-
-
-class LawSettings(NamedTuple):
-    """Settings of a predictive policy. None is the default of `hfa.predictive`.
-
-    horizon: duration of a plan, s
-    margin: fraction of the distances from trim to limits by which a plan's envelope is narrowed
-    estimate: "rates", "nothing", or the name of a disturbance of the model
-    """
-
-    horizon: float | None = None
-    margin: float | None = None
-    estimate: str | None = None

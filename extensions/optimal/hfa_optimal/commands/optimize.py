@@ -24,7 +24,7 @@ from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim, limits_option
 from hfa_flight.needs import ALL, SHARE, needed_share
-from hfa_flight.policies.laws import LAWS, LawSettings, loaded
+from hfa_flight.policies.laws import LAWS, loaded
 from hfa_support.errors import BadInputError, prefix_errors
 from trim.point.linearize import linearize
 
@@ -173,7 +173,7 @@ class OptimizeRequest(Request):
             exact = unconfirmed_solution(game).K
             loops.append(flights.of_gain("exact game policy, saturated", exact))
         if self.law in LAWS:
-            planned = loaded(LAWS[self.law])(search.problem, game, LawSettings())
+            planned = loaded(LAWS[self.law])(search.problem, game)
             loops.append(flights.of_policy(planned))
         if self.weights is not None:
             with prefix_errors(self.weights):
