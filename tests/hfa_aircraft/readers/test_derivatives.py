@@ -438,19 +438,6 @@ def test_a_small_aircrafts_short_period_is_reproduced():
     assert abs(wrong - printed) > 0.01 * abs(printed)
 
 
-def test_modes_agree_with_the_example_equations():
-    """The Navion's fast modes agree within 0.2 % with the equations of examples/navion.py.
-
-    These equations are independent and assume small angles.
-    """
-    other = hfa.load_model("examples/navion.py:NAVION")
-    theirs = linearize(other, trim(other))
-    ours = linear_model({**NAVION, "CL_q": 3.8, "Cn_beta": 0.071})
-    for printed in (PRINTED["short period"], PRINTED["roll"], PRINTED["dutch roll"]):
-        found = eigenvalue_near(ours, printed)
-        assert abs(found - eigenvalue_near(theirs, printed)) < 2e-3 * abs(found)
-
-
 def evaluated(model, x, u):
     """Return the rates and the outputs of a model at x and u, as two dictionaries of numbers."""
     vectors = [dict(zip(model.states, x, strict=True)), dict(zip(model.inputs, u, strict=True))]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -265,20 +264,6 @@ def test_a_channel_is_selected_by_output_and_input() -> None:
     for wrong in (0, "pitch_rate", (0, 0), slice(None)):
         with pytest.raises(BadInputError, match="the index is not a pair of names"):
             linear[wrong]
-
-
-@pytest.mark.parametrize(
-    "time", [np.array([5.0]), np.nan, "5", ["a", "b"], -1.0, [1.0, 0.5], [[1]]]
-)
-def test_times_that_are_no_times_are_refused(time: object) -> None:
-    """A response refuses a time that is neither a positive number nor increasing times."""
-    linear = LinearModel.of([[-1.0]], [[1.0]], states=("level",), inputs=("pump",))
-    assert (linear.states, linear.inputs) == (("level",), ("pump",))
-    for respond in (linear.step, linear.impulse, partial(linear.simulate, {})):
-        with pytest.raises(BadInputError, match="time"):
-            respond(time)
-    assert linear.step(5.0).time[-1] == pytest.approx(5.0)
-    np.testing.assert_allclose(linear.step([0.0, 1.0]).outputs[0, 0], [0.0, 1.0 - np.exp(-1.0)])
 
 
 @pytest.mark.parametrize(

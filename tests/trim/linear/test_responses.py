@@ -118,12 +118,17 @@ def test_loops_have_one_input_and_one_output() -> None:
         ({"time": [0.0, np.inf]}, "increasing times"),
         ({"time": [0.0, 1.0, 1.0]}, "increasing times"),
         ({"time": [[0.0, 1.0]]}, "increasing times"),
+        ({"time": [1.0, 0.5]}, "increasing times"),
+        *(({"time": time}, "time") for time in (np.array([5.0]), np.nan, "5", ["a", "b"])),
     ],
 )
 def test_unusable_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
-    """Each argument of a wrong shape, name or order is named."""
-    with pytest.raises(BadInputError, match=message):
-        LINEAR.simulate(**arguments)
+    """Each argument of a wrong shape, name or order is named, a wrong time by all responses."""
+    responses = [LINEAR.simulate]
+    responses += [LINEAR.step, LINEAR.impulse] if arguments.keys() == {"time"} else []
+    for respond in responses:
+        with pytest.raises(BadInputError, match=message):
+            respond(**arguments)
 
 
 def test_a_name_twice_is_refused() -> None:
