@@ -13,9 +13,8 @@ from cli import answer, assert_refused, hfa
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-@pytest.mark.parametrize("command", ["trim", "solve"])
-def test_every_command_uses_the_condition(command: str, tmp_path: Path) -> None:
-    """Every command that trims uses the condition, and refuses an infeasible or misspelled one."""
+def test_a_game_is_that_of_the_condition(tmp_path: Path) -> None:
+    """`hfa solve` uses the condition of the trim, and refuses an infeasible or misspelled one."""
     words = (
         "--dihedral",
         "10",
@@ -26,12 +25,13 @@ def test_every_command_uses_the_condition(command: str, tmp_path: Path) -> None:
         "--hold",
         "aileron_outer=0.5",
     )
-    assert hfa(command, *words).code == 0
-    refused = hfa(command, *words, "--limit", "throttle=0:5")
+    at_60 = answer("solve", *words)["K"]
+    assert at_60 != answer("solve", *words[:2])["K"]
+    refused = hfa("solve", *words, "--limit", "throttle=0:5")
     assert (refused.code, refused.out) == (1, "")
     condition_file = tmp_path / "own.toml"
     condition_file.write_text("[impose]\nspeeed = 5.0\n", encoding="utf-8")
-    wrong = hfa(command, "--dihedral", "10", "--condition", str(condition_file))
+    wrong = hfa("solve", "--dihedral", "10", "--condition", str(condition_file))
     assert (wrong.code, wrong.err.count("\n")) == (2, 1)
 
 

@@ -57,8 +57,8 @@ CRITICS: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("name", CRITICS)
-def test_the_first_line_has_at_most_80_columns(game: Game, name: str) -> None:
-    """The first line states grade and stability of each planted critic in at most 80 columns."""
+def test_the_first_line_states_grade_and_stability(game: Game, name: str) -> None:
+    """Grade and stability of each planted critic are in the first line, in at most 80 columns."""
     scope = Scope(flights=3)
     verdict = verify(game, CRITICS[name](game), scope=scope)
     unstable = name in ("other root", "huge", "overflowing", "unstable")
@@ -71,17 +71,6 @@ def test_the_first_line_has_at_most_80_columns(game: Game, name: str) -> None:
             grade = "NEAR"
         assert line.startswith(grade)
         assert ("not stabilizing" in line) == unstable
-    failed = [check for check in verdict.checks if not check.ok]
-    if not failed:
-        return
-    lines = verdict.report().parts[1]
-    kinds = {check.name: check.kind for check in failed}
-    shown = [text.split()[1].rstrip(":") for text in lines[:6] if text.startswith("FAIL ")]
-    are_errors = [kinds[name] == "error" for name in shown]
-    assert are_errors == sorted(are_errors)
-    decisive = {"P_rel_error", "K_rel_error"} & set(kinds)
-    assert not decisive or next(name for name in shown if kinds[name] == "error") in decisive
-    assert int(lines[-1].split()[0]) == len(verdict.checks) - len(failed)
 
 
 def test_the_entries_of_a_report_are_the_farthest(game: Game) -> None:
