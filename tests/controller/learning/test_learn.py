@@ -142,42 +142,62 @@ def test_random_states_fill_the_box_with_exact_drifts() -> None:
 # The law of the paper.
 
 
-def test_the_law_as_printed_overflows_on_the_aircraft_of_the_paper() -> None:
-    """The message says when, and which step would be stable."""
-    with pytest.raises(NoSolutionError) as refused:
+SCALAR = Game([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+FIRST = 100.0
+
+
+def printed_law(game: Game, pool: Stack) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Return regressors, constants, α1 and α2 (Eq. 32-33 and 48-49), sample by sample."""
+    n = len(game.A)
+    S = game.B @ np.linalg.inv(game.R) @ game.B.T - game.E @ game.E.T / game.delta**2
+    one = np.eye(n)
+    regressors, constants = [], []
+    for z, F in zip(pool.states, pool.drifts, strict=True):
+        slopes = np.array([z[i] * one[j] + z[j] * one[i] for i in range(n) for j in range(i, n)])
+        v = FIRST * slopes.sum(axis=0)
+        sigma = slopes @ (F - 0.5 * S @ v)
+        size = np.sqrt(1.0 + sigma @ sigma)
+        regressors.append(sigma / size)
+        constants.append((z @ game.Q @ z + 0.25 * v @ S @ v) / size)
+    rows = np.array(regressors)
+    least = np.linalg.eigvalsh(rows.T @ rows)[0]
+    c1, c2 = (0.02 * least) ** 0.6, len(rows) ** -0.4 * (0.02 * least) ** 1.4
+    alpha1, alpha2 = (np.pi / (0.9 * 5.0 * 0.8 * c) for c in (c1, c2))
+    return rows, np.array(constants), alpha1, alpha2
+
+
+def test_the_law_as_printed_overflows_with_the_step_that_it_requires() -> None:
+    """The stable explicit step is 2 / |∂W'/∂W|; on the aircraft of the paper the law overflows, too."""
+    with pytest.raises(NoSolutionError, match="overflows at step"):
         learn(PAPER, "published")
-    text = str(refused.value)
-    assert "overflows at step" in text
-    assert float(text.partition("explicit step below ")[2].partition(" s")[0]) < 1e-20
+    pool = random_pool(STABLE, 5, 0)
+    with pytest.raises(NoSolutionError, match="overflows at step") as refused:
+        learn(STABLE, "published", pool=pool)
+    rows, constants, alpha1, alpha2 = printed_law(STABLE, pool)
+    e = np.abs(FIRST * rows.sum(axis=1) + constants)
+    slope = (alpha1 + 1.0) * 0.2 * e**-0.8 + (alpha2 + 1.0) * 1.8 * e**0.8
+    fastest = np.linalg.eigvalsh(0.01 * rows.T @ (slope[:, None] * rows))[-1]
+    found = float(str(refused.value).partition("explicit step below ")[2].partition(" s")[0])
+    assert found == pytest.approx(2.0 / fastest, rel=0.05)
 
 
 def test_the_law_as_printed_is_eq_46() -> None:
     """The first steps equal Euler steps of Eq. (46), written sample by sample; the end is wrong."""
-    game = Game([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
-    pool = record(game, np.linspace(0.5, 1.5, 50)[:, None])
-    run = learn(game, "published", pool=pool)
-    S, first, W = 1.0 - 0.25, 100.0, 100.0
-    rows = []
-    for z, F in zip(pool.states.ravel(), pool.drifts.ravel(), strict=True):
-        sigma = 2.0 * z * (F - S * first * z)
-        n = np.sqrt(1.0 + sigma**2)
-        rows.append((sigma / n, (z**2 + S * (first * z) ** 2) / n))
-    least = sum(sigma**2 for sigma, _ in rows)
-    c1, c2 = (2 * 0.01 * least) ** 0.6, 50**-0.4 * (2 * 0.01 * least) ** 1.4
-    alpha1, alpha2 = (np.pi / (0.9 * 5.0 * 0.8 * c) for c in (c1, c2))
+    pool = record(SCALAR, np.linspace(0.5, 1.5, 50)[:, None])
+    run = learn(SCALAR, "published", pool=pool)
+    rows, constants, alpha1, alpha2 = printed_law(SCALAR, pool)
+    W = FIRST
     for _ in range(100):  # the first recorded row
-        push = 0.0
-        for sigma, constant in rows:
-            e = sigma * W + constant
-            size = (alpha1 + 1.0) * abs(e) ** 0.2 + (alpha2 + 1.0) * abs(e) ** 1.8
-            push += sigma * np.sign(e) * size
-        W -= 1e-4 * 0.01 * push
+        e = rows[:, 0] * W + constants
+        size = (alpha1 + 1.0) * np.abs(e) ** 0.2 + (alpha2 + 1.0) * np.abs(e) ** 1.8
+        W -= 1e-4 * 0.01 * np.sum(rows[:, 0] * np.sign(e) * size)
     assert run.weights[1, 0] == pytest.approx(W, rel=1e-9)
     assert run.diagnostics["alpha1"] == pytest.approx(alpha1)
     # The fixed point is the value of the stored policies, not that of the game.
-    exact = solve_continuous_are(game.A, np.sqrt(S) * game.B, game.Q, game.R).item()
+    both = np.sqrt(1.0 - 1.0 / SCALAR.delta**2) * SCALAR.B
+    exact = solve_continuous_are(SCALAR.A, both, SCALAR.Q, SCALAR.R).item()
     assert abs(run.weights[-1, 0] / exact - 1.0) > 1.0
-    assert not verify(game, run).ok
+    assert not verify(SCALAR, run).ok
 
 
 # A learner of the user.
