@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 from typing import NamedTuple
 
@@ -56,34 +55,20 @@ def level_crossings(
     return np.sort(roots.imag[near])
 
 
-class LoopGain(NamedTuple):
-    """Bounds of the L2 gain of a closed loop.
-
-    low, high: bounds, inf for an unstable loop
-    point: s = jω, or in discrete time z = exp(jω), at which the response has the gain `low`
-    """
-
-    low: float
-    high: float
-    point: complex
-
-
-def loop_gain(loop: System, *, is_discrete: bool) -> LoopGain:
-    """Return the bounds of the L2 gain of a closed loop.
+def loop_gain(loop: System, *, is_discrete: bool) -> GainBounds:
+    """Return bounds of the L2 gain of a closed loop, inf for an unstable one.
 
     Raises NoSolutionError as `system_gain` does.
     """
     if not is_discrete:
-        gain = gain_bounds(*loop)
-        return LoopGain(gain.low, gain.high, 1j * gain.frequency)
+        return gain_bounds(*loop)
     if not spectral_radius(loop.A) < 1.0:
-        return LoopGain(math.inf, math.inf, 1.0)
+        return GainBounds(math.inf, math.inf)
     # The gain at infinite frequency, z = -1, makes the search inaccurate. It is the smaller one of
     # those at z = 1 and -1 if z and A change their sign where necessary.
     ends = [np.linalg.norm(loop.C @ responses_at(loop.A, loop.B, z), 2) for z in (1.0, -1.0)]
     sign = 1.0 if ends[0] >= ends[1] else -1.0
-    gain = gain_bounds(*in_continuous_time(loop._replace(A=sign * loop.A)))
-    return LoopGain(gain.low, gain.high, sign * cmath.exp(2j * math.atan(gain.frequency)))
+    return gain_bounds(*in_continuous_time(loop._replace(A=sign * loop.A)))
 
 
 def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
@@ -101,23 +86,20 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
 class GainBounds(NamedTuple):
     """Bounds of the L2 gain of a system.
 
-    low: gain at the frequency
+    low: largest gain found at a frequency
     high: upper bound of the gains at all frequencies
-    frequency: rad/s
     """
 
     low: float
     high: float
-    frequency: float
 
 
 def gain_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> GainBounds:
-    """Return bounds of the L2 gain of C (sI - A)⁻¹ B + D.
+    """Return bounds of the L2 gain of C (sI - A)⁻¹ B + D, which differ by `TOLERANCE`.
 
-    The bounds differ by `TOLERANCE`. The lower one is the largest singular value at the frequency.
     Above the upper one, the bounded-real Hamiltonian has no eigenvalue on the imaginary axis.
 
-    - A is not Hurwitz: both are inf, at the frequency of the rightmost pole
+    - A is not Hurwitz: both are inf
     - no gain exceeds rounding and the gain at infinity: both are σ_max(D), 0 without D
 
     Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
@@ -125,64 +107,47 @@ def gain_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> G
     Raises NoSolutionError if a pole is on the imaginary axis within rounding.
     """
     poles = spectrum(A)
-    rightmost = poles[-1]  # they are sorted by Re λ
-    if rightmost.real >= 0.0:
-        return GainBounds(math.inf, math.inf, float(abs(rightmost.imag)))
+    if poles[-1].real >= 0.0:  # they are sorted by Re λ
+        return GainBounds(math.inf, math.inf)
     typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
     at_infinity = float(np.linalg.norm(D, 2)) if D.any() else 0.0
     if typical == 0.0:
-        return GainBounds(at_infinity, at_infinity, 0.0)
+        return GainBounds(at_infinity, at_infinity)
     floor = max(ZERO * typical, at_infinity)  # a level must exceed rounding and σ_max(D)
-    peak = _highest(System(A, B, C, D), _resonances(poles), floor)
-    if peak.gain > max(NEGLIGIBLE * typical, at_infinity):
-        return GainBounds(peak.gain, peak.gain * (1.0 + TOLERANCE), peak.frequency)
-    if at_infinity:
-        return GainBounds(at_infinity, at_infinity, peak.frequency)
-    return GainBounds(0.0, 0.0, 0.0)
+    gain = _highest(System(A, B, C, D), _resonances(poles), floor)
+    if gain > max(NEGLIGIBLE * typical, at_infinity):
+        return GainBounds(gain, gain * (1.0 + TOLERANCE))
+    return GainBounds(at_infinity, at_infinity)
 
 
-class _Peak(NamedTuple):
-    """Gain at a frequency in rad/s."""
-
-    gain: float
-    frequency: float
-
-
-def _highest(system: System, starts: np.ndarray, floor: float) -> _Peak:
-    """Return the largest gain over all frequencies, or `floor` at inf if no gain exceeds it.
+def _highest(system: System, starts: np.ndarray, floor: float) -> float:
+    """Return the largest gain over all frequencies, or `floor` if no gain exceeds it.
 
     The largest gain at the midpoints between neighboring crossings of a level is the next level.
 
     starts: frequencies of the first level, rad/s
     """
-    peak = _Peak(floor, math.inf)
-    found = _highest_at(system, starts)
-    if found.gain > peak.gain:
-        peak = found
+    gain = max(floor, _highest_at(system, starts))
     while True:
-        crossings = level_crossings(*system, peak.gain * (1.0 + TOLERANCE), NEAR_AXIS)
+        crossings = level_crossings(*system, gain * (1.0 + TOLERANCE), NEAR_AXIS)
         if not len(crossings):
-            return peak
+            return gain
         midpoints = (crossings[1:] + crossings[:-1]) / 2.0 if len(crossings) > 1 else crossings
         found = _highest_at(system, midpoints)
-        if not found.gain > peak.gain:  # these crossings are rounding
-            return peak
-        peak = found
+        if not found > gain:  # these crossings are rounding
+            return gain
+        gain = found
 
 
-def _highest_at(system: System, frequencies: np.ndarray) -> _Peak:
+def _highest_at(system: System, frequencies: np.ndarray) -> float:
     """Return the largest gain at given frequencies.
 
     Raises NoSolutionError as `responses` does.
     """
     A, B, C, D = system
-    peaks = []
     together = max(1, _LARGEST // max(A.size, B.size, D.size))
-    for first in range(0, len(frequencies), together):
-        some = frequencies[first : first + together]
-        place, gain = _largest_gain(C @ responses(A, B, some) + D)
-        peaks.append(_Peak(gain, float(some[place])))
-    return max(peaks)
+    parts = np.split(frequencies, range(together, len(frequencies), together))
+    return max(_largest_gain(C @ responses(A, B, part) + D) for part in parts)
 
 
 def _resonances(poles: np.ndarray) -> np.ndarray:
@@ -216,31 +181,26 @@ def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.nd
         ) from error
 
 
-def _largest_gain(matrices: np.ndarray) -> tuple[int, float]:
-    """Return which of N matrices (N, p, m) has the largest singular value, and this value.
+def _largest_gain(matrices: np.ndarray) -> float:
+    """Return the largest singular value of N matrices (N, p, m).
 
     Only matrices whose Frobenius norm, an upper bound, reaches the largest value are decomposed.
     """
     if not matrices.size:
-        return 0, 0.0
+        return 0.0
     size = float(np.abs(matrices).max()) or 1.0
     scaled = matrices / size
     bounds = norms(scaled)
 
-    def values_of(some: np.ndarray) -> np.ndarray:
+    def largest_of(some: np.ndarray) -> float:
         wide = some.shape[-2] < some.shape[-1]
         gram = some @ some.mT.conj() if wide else some.mT.conj() @ some
-        return np.sqrt(np.linalg.eigvalsh(gram)[:, -1].clip(0.0))
+        return math.sqrt(max(float(np.linalg.eigvalsh(gram)[:, -1].max(initial=0.0)), 0.0))
 
-    place = int(bounds.argmax())
-    gain = float(values_of(scaled[place : place + 1])[0])
-    bounds[place] = 0.0
-    others = np.flatnonzero(bounds > gain)
-    if len(others):
-        values = values_of(scaled[others])
-        if values.max() > gain:
-            place, gain = int(others[values.argmax()]), float(values.max())
-    return place, size * gain
+    first = bounds.argmax()
+    gain = largest_of(scaled[[first]])
+    bounds[first] = 0.0
+    return size * max(gain, largest_of(scaled[bounds > gain]))
 
 
 def square_root(matrix: np.ndarray) -> np.ndarray:
