@@ -113,13 +113,17 @@ class FlightCosts(Result):
     def ratio_texts(self) -> list[str]:
         """Return the median of `ratios` as phrases that name the comparison, longest first.
 
-        If most flights of the policy do not end at the trim, the phrases say this instead.
+        If most flights of the policy, or all of the LQR, do not end at the trim, the phrases say
+        this instead.
         """
         best = "" if self.found else f", no best {'found' if self.searched else 'searched'}"
         if 2 * self.lost > self.compared:
             lost = f"{self.lost} of {self.compared}"
             end = f"do not end at the trim{best}"
             return [f"{lost} flights {end}", f"{lost} {end}", f"{lost} fail{best}"]
+        if self.ratios is None:
+            fails = "no flight of the exact gain ends at the trim"
+            return [f"{fails}{best}", f"the exact gain fails{best}"]
         if not self.found:
             ratio = f"{_number(self.median)}x the exact gain"
             return [f"median cost {ratio}'s{best}", f"{ratio}'s{best}", f"{ratio}{best}"]
