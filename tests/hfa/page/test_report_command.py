@@ -105,7 +105,8 @@ def test_the_folder_contains_page_pictures_and_numbers(written_report: tuple[Res
     assert '<tr><th scope="row">load_factor</th>' in html
     assert "the same matrices as those of this page" in html
     assert f"Read from {CLAIMS}" in html
-    assert html.count(">not confirmed</td>") == 28
+    verdicts = json.loads(CLAIMS.read_text("utf-8"))["verdicts"]
+    assert html.count(">not confirmed</td>") == verdicts["not confirmed"] > 0
     best = json.loads((FLIGHTS / "best_flights.json").read_text("utf-8"))["flights"][-1]["best"]
     assert f"{best['cost']:,.0f}" in html
     assert "for this page&#x27;s aircraft" in html

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import pytest
-from own_models import F16, NAVION, trimmed
+from own_models import F16, NAVION
 
 import hfa
 
 
 @pytest.mark.parametrize(
-    ("linear", "words"),
+    ("model", "words", "entry", "unit"),
     [
-        (trimmed(F16).linearize(), "rad, ft, s, but elevator, aileron, rudder in deg"),
-        (trimmed(NAVION).linearize(), "A and B in rad, ft, s"),
-        (hfa.paper.level_model(hfa.aircraft(), 0.1), "A and B in rad, ft, s;"),
+        (F16, "rad, ft, s, but elevator, aileron, rudder in deg", "elevator", "(rad/s^2)/(deg)"),
+        (NAVION, "A and B in rad, ft, s", "elevator", "(rad/s^2)/(rad)"),
+        (hfa.aircraft(), "A and B in rad, ft, s;", "throttle", "(rad/s^2)/(1)"),
     ],
 )
 def test_the_title_names_the_units_and_columns_in_others(
-    linear: hfa.LinearModel, words: str
+    model: hfa.Model, words: str, entry: str, unit: str
 ) -> None:
-    """The F-16 has inputs in degrees, and so has the record of its B."""
-    assert words in " ".join(linear.report().title.split())
-    units = {row[:3]: row[4] for row in linear.report().records.rows}
-    if "elevator" in words:
-        assert units["B", "pitch_rate", "elevator"] == "(rad/s^2)/(deg)"
+    """The F-16 has inputs in degrees. Title and records have the unit of each column of B."""
+    report = hfa.trim(model).linearize().report()
+    assert words in " ".join(report.title.split())
+    units = {row[:3]: row[4] for row in report.records.rows}
+    assert units["B", "pitch_rate", entry] == unit
+    assert units["A", "speed", "pitch_rate"] == "(ft/s^2)/(rad/s)"
