@@ -218,5 +218,5 @@ def test_limits_passed_between_two_samples_count(folder):
     deployment = hfa.Deployment({"file": "K.npz"}, {"x": {}, "v": {}}, {"force": {}}, {"dt": 0.5})
     for fastest, some_leave in ((9.0, True), (6.0, False)):  # amplitudes up to 1.44 and 0.96 m
         box = {"x": 0.1, "v": fastest}
-        result = assess(model, deployment, samples=20, box=box, best=0)
+        result = assess(model, deployment, samples=8, box=box, best=0)
         assert (result.points[0].flights.lost > 0) is some_leave
