@@ -419,7 +419,7 @@ def kinked_model():
 def test_slopes_at_a_kink_equal_those_of_linearize():
     """At a kink of the aircraft, the assessed equilibrium has the A and B of `linearize`.
 
-    At a kink of the policy, K is the mean of both slopes. A finding names the first kink.
+    At a kink of the policy, K has the slopes above the trim. A finding names the first kink.
     """
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [ca.vertcat(0.3 * o[2] + 0.5 * ca.fmax(o[3], 0.0), 0.0)])
@@ -429,7 +429,7 @@ def test_slopes_at_a_kink_equal_those_of_linearize():
     linear = hfa.linearize(model, point.point)
     np.testing.assert_array_equal(point.equilibrium.A, linear.A)
     np.testing.assert_array_equal(point.equilibrium.B, linear.B)
-    assert point.equilibrium.K[0, 3] == pytest.approx(-0.25, rel=1e-6)
+    assert point.equilibrium.K[0, 3] == pytest.approx(-0.5, rel=1e-6)
     kinks = [finding.text for finding in result.findings if finding.text.startswith("kink")]
     assert kinks == [f"{linear.kinks[0]} (and 1 more)"]
 

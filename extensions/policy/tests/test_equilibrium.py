@@ -103,13 +103,12 @@ def test_inputs_that_follow_themselves_have_a_larger_gain():
             np.testing.assert_allclose(found.gain, gain, atol=1e-9)
 
 
-def test_a_kink_of_the_policy_has_the_mean_slope():
+def test_a_kink_of_the_policy_has_the_slope_above():
     """u = .3 |alpha| - .1 alpha: slopes -.4 below and .2 above, in the units of the states."""
     found = place_of(lambda o: ca.vertcat(0.3 * ca.fabs(o[0]) - 0.1 * o[0], 0.0)).equilibrium
-    np.testing.assert_allclose(found.K, [[0.1, 0.0], [0.0, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(found.K, [[-0.2, 0.0], [0.0, 0.0]], atol=1e-6)
     (note,) = found.kinks
-    assert "d elevator / d alpha is -0.1, the mean" in note
-    assert "-0.4 and 0.2" in note
+    assert "d elevator / d alpha is 0.2 above the trim, and -0.4 below" in note
 
 
 @pytest.mark.parametrize(

@@ -56,8 +56,8 @@ class Frames(NamedTuple):
 class Equilibrium:
     """Equilibrium of the sampled loop and its linearization.
 
-    At a kink, a slope is the mean of the slopes on both sides. u are the commanded inputs, x the
-    linear states.
+    At a kink of the policy, a slope is that of positive deviations. u are the commanded inputs, x
+    the linear states.
 
     states: X, (n,). States outside the linear model have their trim values.
     inputs: U, (m,).
@@ -313,7 +313,7 @@ class EquilibriumSearch:
         X, U = self._parts(z)
         plant, kinks = linearization_at(self.model, X, U)
         _, by_states, by_inputs = self._slopes(z)
-        slopes, policy_kinks = self._mean_slopes(z, np.hstack([by_states, by_inputs]))
+        slopes, policy_kinks = self._upper_slopes(z, np.hstack([by_states, by_inputs]))
         k = len(self.rows)
         return Equilibrium(
             states=X,
@@ -355,10 +355,10 @@ class EquilibriumSearch:
         entries = [f"{matrix}({row}, {name})" for row in linear for matrix, name in columns]
         return [note for note in notes if any(entry in note for entry in entries)]
 
-    def _mean_slopes(
+    def _upper_slopes(
         self, z: np.ndarray, derivative: np.ndarray
     ) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Return the slopes (m', k + m') averaged at kinks, and a note for each kink."""
+        """Return the slopes (m', k + m'), at kinks above them, and a note for each kink."""
         names = (*self.model.linear, *self.deployed.commanded)
         commanded = self.deployed.commanded
         slopes = derivative.copy()
@@ -372,11 +372,10 @@ class EquilibriumSearch:
             apart = np.abs(above - below) * self.scales[column]
             allowed = _SAME_SLOPE * (self.residual_scales[len(self.rows) :] + np.abs(u))
             for number in np.flatnonzero(apart > allowed).tolist():
-                slopes[number, column] = (above[number] + below[number]) / 2.0
+                slopes[number, column] = above[number]
                 notes.append(
                     f"kink of the policy: d {commanded[number]} / d {name} is "
-                    f"{slopes[number, column] + 0.0:.5g}, the mean of the slopes below and above, "
-                    f"{below[number]:.5g} and {above[number]:.5g}"
+                    f"{above[number] + 0.0:.5g} above the trim, and {below[number] + 0.0:.5g} below"
                 )
         return slopes, tuple(notes)
 
