@@ -81,10 +81,10 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
 
 
 @checks_arguments
-def margins(linear: LinearModel, K: ArrayLike) -> dict[str, LoopMargin]:
+def margins(linear: LinearModel | Game, K: ArrayLike) -> dict[str, LoopMargin]:
     """Return the stability margins of u = -K x at each input, with the other loops closed.
 
-    linear: the linear model, with A and B
+    linear: the linear model or the game, with A and B
     K: (m, n)
 
     Returns input -> `LoopMargin`.
@@ -96,12 +96,14 @@ def margins(linear: LinearModel, K: ArrayLike) -> dict[str, LoopMargin]:
     >>> round(hfa.margins(linear, [[2.0]])["u1"].phase, 4)
     90.0
     """
-    need(linear, LinearModel, "margins: linear", LinearModel._how_to_make)
-    n = len(linear.states)
-    m = len(linear.inputs)
-    plant = Game(A=linear.A, B=linear.B, Q=np.eye(n), R=np.eye(m))
+    need(linear, (LinearModel, Game), "margins: linear", LinearModel._how_to_make)
+    if isinstance(linear, Game):
+        plant, inputs = linear, linear.names.inputs
+    else:
+        n, m = linear.B.shape
+        plant, inputs = Game(linear.A, linear.B, Q=np.eye(n), R=np.eye(m)), linear.inputs
     found = loop_margins(plant, plant.checked_gain(K))
-    return dict(zip(linear.inputs, found, strict=True))
+    return dict(zip(inputs, found, strict=True))
 
 
 def named_margins(

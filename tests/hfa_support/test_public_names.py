@@ -145,6 +145,7 @@ def test_the_right_neighbours_are_accepted() -> None:
     K = hfa.lqr(game.A, game.B, game.Q, game.R).K
     assert hfa.verify(game, hfa.from_gain(game, K)).ok
     assert hfa.verify(game, K).ok
+    assert hfa.margins(game, K).keys() == dict.fromkeys(game.names.inputs).keys()
     assert plant()["solution"].l2_gain < plant()["game"].delta
     assert hfa.Game(game.A, game.B, Q={"x1": 2.0}, R=np.ones(5)).Q.trace() == 2.0
     flight = hfa.fly(plant()["model"], plant()["point"], K, 0.1, initial={"alpha": 0.01})
