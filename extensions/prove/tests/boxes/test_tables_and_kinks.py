@@ -10,7 +10,7 @@ import pytest
 
 import hfa
 from hfa import Model, Signal
-from hfa_support.reporting.text import Table
+from hfa.extend import Table
 
 KNOTS = [[-4.0, -1.0, 0.0, 1.0, 4.0]]
 #: Name -> moment of an angle.
