@@ -18,6 +18,8 @@ _ALPHA = 0.3
 _RATIO = 8.0
 #: Usual slopes of the lift, 1/rad. Wings of small aspect ratio have about 1, thin airfoils 2 pi.
 _LIFT_SLOPES = (0.3, 20.0)
+#: Least usual sizes of the damping of rolling and pitching, per rad of p b/2V and q c/2V.
+_DAMPING = {"Cl_p": 0.03, "Cm_q": 0.3}
 #: Largest usual ratio of Cm_alpha and CL_alpha, chords.
 _STATIC_MARGIN = 3.0
 
@@ -60,6 +62,12 @@ def doubts_about(table: Table) -> Iterator[str]:
         )
     if derivatives.get("Cm_q", 0.0) == 0.0:
         yield "Cm_q is 0: the pitch rate is not damped, or the entry is missing"
+    for name, least in _DAMPING.items():
+        if 0.0 < -derivatives.get(name, 0.0) < least:
+            yield (
+                f"{name} is {derivatives[name]:.3g}, a weak damping; derivatives of rates are per "
+                'rad, with per = "deg" too: multiply those per deg by 57.3'
+            )
     if derivatives.get("Cl_p", 0.0) > 0.0:
         yield (
             f"Cl_p is {derivatives['Cl_p']:.3g}, above 0: rolling is not damped, or the sign is "

@@ -78,7 +78,7 @@ def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
 
     table: path of a TOML or CSV file, or a dictionary with the same entries. Values are numbers in
         the table's `units`, or texts with a unit, such as "2.4 deg". Derivatives are per rad, or
-        per deg if `per` is "deg".
+        those of angles per deg if `per` is "deg".
 
     Raises BadInputError if `table` is neither a path nor a dictionary, if the file cannot be read,
     or if an entry is missing, unknown or invalid.
