@@ -20,6 +20,8 @@ from trim.point.solve import TrimError, explained, trim
 
 #: Largest number of options that help a failed trim.
 _MOST_ADVICE = 3
+#: States that change in a steady climb or pull-up.
+_CLIMBING = ("altitude", "alt", "h", "pitch", "theta")
 #: Options of the trim condition, without the scheduling variable.
 OF_THE_TRIM = ("given", "free", "hold", "limit", "start")
 
@@ -275,9 +277,11 @@ class Trim(Part):
     def _advice(self) -> str:
         """Return the imposed values of which one must be free, so that a trim exists, or "".
 
-        Each is tried. Values that the user imposed come last.
+        Each is tried: first the rates of altitude and pitch, as in a climb and a pull-up. Values
+        that the user imposed come last.
         """
-        imposed = sorted(self.condition.imposed, key=lambda name: name in self.hold)
+        imposed = [f"{name}_dot" for name in self.condition.rates if name.lower() in _CLIMBING]
+        imposed += sorted(self.condition.imposed, key=lambda name: name in self.hold)
         found: list[str] = []
         for name in imposed:
             is_swept = name == self.model.schedule and self.model.about.names_schedule
@@ -286,7 +290,9 @@ class Trim(Part):
             with suppress(NoSolutionError, BadInputError):
                 freed = release(self.condition, free=(name,))
                 point = trim(self.aircraft, freed, self.start_point)
-                if not point._far_out:
+                if name not in self.condition.imposed:
+                    found.append(f"--free {name}")
+                elif not point._far_out:
                     value = self.model.describe(name, point[name])
                     instead = f"--free {name} in place of --hold" if name in self.hold else ""
                     found.append(f"{instead or f'--free {name}'} ({name} {value})")

@@ -35,6 +35,34 @@ def test_a_game_is_that_of_the_condition(tmp_path: Path) -> None:
     assert (wrong.code, wrong.err.count("\n")) == (2, 1)
 
 
+#: A point mass whose altitude is a state, held in the trim.
+CLIMBER = """
+import casadi as ca
+from hfa import Model, Signal
+
+def equations(x, u, p, w):
+    rates = {"speed": u.thrust - 9.81 * ca.sin(x.gamma), "gamma": u.lift / x.speed}
+    return rates | {"altitude": x.speed * ca.sin(x.gamma)}, {"climb": x.speed * ca.sin(x.gamma)}
+
+STATES = {"speed": Signal("m/s"), "gamma": Signal("rad"), "altitude": Signal("m")}
+INPUTS = {"thrust": Signal("m/s^2"), "lift": Signal("m/s^2")}
+TRIM = {"speed": 50.0, "altitude": 0.0}
+CLIMBER = Model("climber", STATES, INPUTS, equations, outputs={"climb": Signal("m/s")}, trim=TRIM)
+"""
+
+
+def test_a_climb_of_a_model_with_altitude_is_advised_and_found(tmp_path: Path) -> None:
+    """The refusal of --hold gamma says --free altitude_dot, and that command finds the climb."""
+    (tmp_path / "climber.py").write_text(CLIMBER, encoding="utf-8")
+    words = ("trim", "--aircraft", str(tmp_path / "climber.py"), "--hold", "gamma=4")
+    refused = hfa(*words)
+    assert refused.code == 1
+    assert "--free altitude_dot" in refused.err
+    found = answer(*words, "--free", "altitude_dot")
+    thrust = found["operating_point"]["inputs"]["thrust"]
+    assert thrust == pytest.approx(9.81 * np.sin(np.radians(4.0)), rel=1e-9)
+
+
 def test_a_file_of_several_aircraft_is_refused_with_their_names() -> None:
     """A file without a name of a model is refused, and its models are named."""
     unnamed = hfa("trim", "--aircraft", str(EXAMPLES / "gtm.py"))
