@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from hfa_aircraft.readers.derivatives.table import Table
 from hfa_aircraft.rigid.aircraft import GRAVITY
@@ -30,6 +30,9 @@ def doubts_about(table: Table) -> Iterator[str]:
     yield from _of_angles(table)
     yield from _of_inertias(table)
     yield from _of_drag(table)
+    idle = [name for name in table.surfaces if not _moves(name, derivatives)]
+    if idle:
+        yield f"no derivative of {', '.join(idle)} is given: no effect on the aircraft"
     signs = {"Cm_elevator": "pitches down"}
     if table.center is None:  # AVL files have signs of their own
         signs["Cn_rudder"] = "yaws left"
@@ -73,6 +76,11 @@ def doubts_about(table: Table) -> Iterator[str]:
             f"Cl_p is {derivatives['Cl_p']:.3g}, above 0: rolling is not damped, or the sign is "
             "wrong"
         )
+
+
+def _moves(surface: str, derivatives: Mapping[str, float]) -> bool:
+    """Return whether a derivative with respect to a control surface is not 0."""
+    return any(name.endswith(f"_{surface}") and value for name, value in derivatives.items())
 
 
 def _of_angles(table: Table) -> Iterator[str]:

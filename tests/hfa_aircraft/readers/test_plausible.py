@@ -29,6 +29,7 @@ MISTAKES = {
     "static instability": ({"Cm_alpha": 0.38}, "Cm_alpha"),
     "no pitch damping": ({"Cm_q": 0.0}, "Cm_q"),
     "sign of the roll damping": ({"Cl_p": 0.26}, "Cl_p"),
+    "a surface without derivatives": ({"flap": ["0 deg", "30 deg"]}, "flap"),
     "rates per degree": ({"Cl_p": -0.26 * DEGREE}, "Cl_p"),
     "per degree taken as per radian": ({"CL_alpha": 3.45 * DEGREE}, "CL_alpha"),
     "per radian taken as per degree": ({"CL_alpha": 3.45 / DEGREE}, "CL_alpha"),
