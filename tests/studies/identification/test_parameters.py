@@ -22,11 +22,6 @@ MOVED = tuple(name for name in LINEAR_STATES if name not in ("pitch", "dihedral"
 ENTRIES = [("A", row, column) for row in MOVED for column in LINEAR_STATES] + [
     ("B", row, column) for row in MOVED for column in INPUTS
 ]
-#: Every third case. The other cases run in `make test-all`.
-THIRD = [
-    each if k % 3 == 2 else pytest.param(each, marks=pytest.mark.slow)
-    for k, each in enumerate(ENTRIES)
-]
 
 
 def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
@@ -136,7 +131,7 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
     )
 
 
-@pytest.mark.parametrize("matrix_row_column", THIRD, ids="-".join)
+@pytest.mark.parametrize("matrix_row_column", ENTRIES, ids="-".join)
 def test_one_changed_entry_prevents_a_fit(
     parameters: Parameters, matrix_row_column: tuple[str, str, str]
 ) -> None:

@@ -246,6 +246,14 @@ def test_rotated_coordinates_do_not_shrink_the_hole() -> None:
     assert found.hole == 2
 
 
+@pytest.mark.parametrize(("radius", "k"), [(0.24, 2), (0.26, 3), (0.37, 3), (0.38, 4)])
+def test_a_less_accurate_equilibrium_shrinks_the_hole(radius: float, k: int) -> None:
+    """The hole |level| <= 2^-k is free of the saturation at the level 0.5 if 2^-k + radius < 0.5."""
+    statement, witness = read_content(tank(), Subject(TANK))
+    known = Equilibrium(np.zeros(2), np.array([radius, 0.0]))
+    assert _decrease(statement, witness, known).hole == k
+
+
 def test_deviations_contain_those_of_the_exact_inverse() -> None:
     """The models of z contain M⁻¹ y for M = diag(3, 7), whose inverse is not exact."""
     statement, witness = read_content(tank(), Subject(TANK))

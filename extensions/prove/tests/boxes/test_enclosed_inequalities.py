@@ -256,14 +256,6 @@ def test_boxes_outside_the_set_exceed_its_level(share: float) -> None:
     assert OnPiece.is_outside(inequality, small).tolist() == [share > 0.0]
 
 
-def test_a_less_accurate_equilibrium_shrinks_the_hole() -> None:
-    """The hole around the equilibrium is smaller if the equilibrium has a larger error.
-
-    The policy saturates at a certain distance from the trim.
-    """
-    assert _decrease(0.0).hole < _decrease(0.2).hole
-
-
 def _small_box(y: tuple[float, float]) -> Boxes:
     return Boxes(np.array([y]), np.array([[20, 20]]))
 
