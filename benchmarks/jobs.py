@@ -271,7 +271,7 @@ def flight(quick: bool) -> list[Comparison]:
 
         assert solve_ivp(closed, (0.0, seconds), start, max_step=0.01, rtol=1e-6).success
 
-    ours = partial(hfa.fly, model, point, solution, seconds=seconds, initial={"speed": 3.0})
+    ours = partial(hfa.fly, model, point, solution, duration=seconds, initial={"speed": 3.0})
     job = f"{seconds:g} s of flight of the HFA under its exact policy"
     peer = "SciPy solve_ivp (RK45), same compiled equations"
     return [in_turn(job, peer, 1.0, ours, theirs, rounds=1 if quick else 5)]
