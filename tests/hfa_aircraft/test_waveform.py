@@ -56,9 +56,19 @@ def test_sums_and_matrices_act_on_the_values() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", " ", "7 8", "2x", "sin(t", "sin(x)", "--1", "1+", "sin(t)cos(t)"]
+    ("text", "says"),
+    [
+        (" ", "empty"),
+        ("7 8", "' 8' is no term"),
+        ("2x", "'x' is no term"),
+        ("sin(t", r"'sin\(t' is no term"),
+        ("sin(x)", r"'sin\(x\)' is no term"),
+        ("--1", "'--1' is no term"),
+        ("1+", r"'\+' is no term"),
+        ("sin(t)cos(t)", r"'cos\(t\)' is no term"),
+    ],
 )
-def test_another_text_is_refused(text: str) -> None:
+def test_another_text_is_refused(text: str, says: str) -> None:
     """Only sums of numbers, ramps, sines and cosines are signals."""
-    with pytest.raises(BadInputError):
+    with pytest.raises(BadInputError, match=says):
         commanded(x1=text)

@@ -51,10 +51,12 @@ def test_a_bound_is_proved_and_checked(
     out = " ".join(capsys.readouterr().out.split())
     assert "of the weights in the certificate" in out
     words = ["prove", *AIRCRAFT, "--Q", "1,1", "--R", "1", "--check", str(certificate)]
-    assert main([*words, "--json"]) == 0
-    data = json.loads(capsys.readouterr().out)
-    assert data["proved"]
-    assert data["levels"][0] < data["levels"][-1]
+    assert main(words) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "of the weights in the certificate" not in out
+    words[words.index("1,1")] = "1,2"
+    assert main(words) == 1
+    assert "--Q" in capsys.readouterr().err
 
 
 def test_a_certificate_of_another_kind_is_refused(

@@ -42,6 +42,9 @@ def test_games_without_a_solution_are_refused():
     """Below delta_min, and with a mode that no input reaches, nothing is learned."""
     smallest = minimum_delta(_problem(2)).value
     unreached = in_steps(Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf))
-    for game in (_problem(2, 0.9 * smallest), unreached):
-        with pytest.raises(NoSolutionError):
+    for game, named in (
+        (_problem(2, 0.9 * smallest), "choose a larger delta"),
+        (unreached, "diverges"),
+    ):
+        with pytest.raises(NoSolutionError, match=named):
             learn(game)

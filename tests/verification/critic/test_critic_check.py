@@ -194,8 +194,12 @@ def test_wrong_shapes_and_numbers_are_named(
 def test_only_a_critic_of_a_game_is_checked(game: Game) -> None:
     """An array of another shape and a plant without weights are refused."""
     K = gain(game)
-    for given in (np.ones((2, 3)), np.ones(3).tolist(), None):
-        with pytest.raises(BadInputError):
+    for given, named in (
+        (np.ones((2, 3)), "shape .2, 3."),
+        (np.ones(3).tolist(), "3 weights"),
+        (None, "None"),
+    ):
+        with pytest.raises(BadInputError, match=named):
             verify(game, given)
     assert verify(game, K.tolist()).grade == "exact"
     linear = LinearModel.of(game.A, game.B)
