@@ -212,14 +212,13 @@ def test_a_kink_is_smooth_for_the_proposal_alone() -> None:
 
 
 @pytest.mark.slow
-def test_tables_are_smooth_for_the_proposal_alone() -> None:
+def test_a_proposal_is_found_through_tables() -> None:
     """Of JSBSim's 737, whose equations depend on the altitude, too."""
     pytest.importorskip("jsbsim")
     model = hfa.load_model("jsbsim:737")
     best = hfa.optimize(model, hfa.trim(model), {"speed": 20.0, "alpha": 0.02})
-    assert best.cost == pytest.approx(best.proposed_cost, rel=0.005)
+    assert best.reason is None
     assert best.cost < best.found.linear.cost
-    assert best.spread < 0.05
 
 
 @pytest.mark.slow
