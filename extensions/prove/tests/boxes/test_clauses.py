@@ -106,10 +106,10 @@ def test_the_true_certificate_is_accepted() -> None:
 def _windy(x: Any, u: Any, p: Any, w: Any) -> Any:
     rates, outputs = _tank(x, u, p, w)
     rates |= {"level": rates["level"] + w.wind, "heat": rates["heat"] + w.sun * x.heat}
-    return rates, {**outputs, "load": outputs["load"] + w.sun}
+    return rates, {**outputs, "load": outputs["load"] + w.sun - w.wind}
 
 
-#: The tank with a wind on its level, and a sun on its heat and load.
+#: The tank with a wind on its level and load, and a sun on its heat and load.
 WINDY = replace(
     TANK,
     equations=_windy,
@@ -150,10 +150,18 @@ def test_a_set_too_small_for_the_wind_is_refused() -> None:
 
 
 def test_limits_hold_under_every_disturbance() -> None:
-    """The load 0.9 √2 + sun is within its limits for a sun of 0.2 and a limit of 1.5 alone."""
-    for limit, is_proved in ((1.5, True), (1.45, False)):
+    """The load 0.9 √2 + sun - wind is within a limit of 1.5 alone, for a sum of sizes of 0.2.
+
+    Of two disturbances, those of opposite signs act most.
+    """
+    cases = [
+        (1.5, {"sun": 0.1, "wind": 0.1}, True),
+        (1.45, {"sun": 0.1, "wind": 0.1}, False),
+        (1.45, {"sun": 0.2}, False),
+    ]
+    for limit, sizes, is_proved in cases:
         for ends in ([-limit, 3.0], [-3.0, limit]):
-            content = windy(sun=0.2)
+            content = windy(**sizes)
             content["statement"]["loop"]["limits"]["load"] = ends
             if is_proved:
                 assert windy_checked(content) > 0
