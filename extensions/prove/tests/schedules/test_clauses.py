@@ -155,6 +155,34 @@ def test_an_equation_without_free_variable_holds_at_every_pull(
         check_schedule(statement, witness)
 
 
+@pytest.mark.parametrize(
+    ("ends", "is_proved"), [((-57, 57), True), ((-57, 58), False), ((-58, 57), False)]
+)
+def test_the_interval_is_within_the_limits_of_its_variable(
+    ends: tuple[int, int], is_proved: bool
+) -> None:
+    """An angle within 1 rad = 57.3 deg: an interval of which one end is beyond is refused."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"angle": x.turn, "turn": u.push - x.angle - x.turn}, {}
+
+    states = {"angle": Signal("rad", 1.0, -1.0, 1.0), "turn": Signal("rad/s")}
+    still = {"angle": 0.0, "turn": 0.0}
+    model = Model("tilt", states, {"push": Signal()}, equations, schedule="angle", trim=still)
+    found = prove_schedule(Family(model), NO_GAIN, -57.0, 57.0, decay_rate=0.1)
+    statement = found.statement.content()
+    statement["flight"] |= {"range": list(ends), "first": {"push": math.radians(ends[0])}}
+    made = {
+        **dict.fromkeys(("toolchain", "digest", "provenance", "checksum"), ""), "schema": SCHEMA,
+        "kind": "schedule", "statement": statement, "witness": found.witness.content(),
+    }  # fmt: skip
+    if is_proved:
+        assert check_schedule(*read_content(made, Subject(model))) > 0
+        return
+    with pytest.raises(NoSolutionError, match="angle beyond its limits"):
+        check_schedule(*read_content(made, Subject(model)))
+
+
 def folded(rate: Callable[[Any, Any], Any], least: float) -> Model:
     """Return x' = u² - p - rate(x, u), with the trims u = ±√p, u >= least."""
     return Model(
