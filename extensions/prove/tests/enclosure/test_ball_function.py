@@ -111,14 +111,14 @@ ABOUT_0 = arb(0, 0.1)
     ("expression", "at"),
     [
         (lambda x: ca.fmin(x, 0.0), ABOUT_0),
-        *((lambda x: ca.atan2(1.0, x), each) for each in (ABOUT_0, arb(0))),
+        *((lambda x: ca.atan2(1.0, x), each) for each in (ABOUT_0, arb(0), arb(-1))),
         *((lambda x: x**0.3, each) for each in (ABOUT_0, arb(0))),
     ],
 )
 def test_an_undecided_branch_raises_undecided(expression: Callable[[Any], Any], at: Any) -> None:
     """A function with an undecided branch at the argument raises Undecided.
 
-    An argument of exactly 0 does not count as positive.
+    An argument of exactly 0 does not count as positive, and atan2(y, x) is undecided for x < 0.
     """
     x = ca.SX.sym("x")
     with pytest.raises(Undecided):
