@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat
 
-from hfa_aircraft.about import Source
+from hfa_aircraft.about import Domain, Source
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.certificate import SCHEMA, read_content
 from hfa_prove.check.cover import Boxes, OpenBoxError, RefutedError
@@ -195,6 +195,25 @@ def test_an_equilibrium_at_the_edge_is_refused() -> None:
     _tall(2.0 * (1.0 + 1e-12))(content)
     with pytest.raises(OpenBoxError, match="undecided"):
         checked(content)
+
+
+def test_limits_beyond_the_envelope_about_the_trim_are_refused() -> None:
+    """An envelope of levels from -4 to 3.8 slopes of the trim refuses wider limits, and none."""
+    envelope = Domain(envelope=lambda x, p: {"level": (-4.0 * x.slope, 3.8 * x.slope)})
+    model = replace(TANK, domain=envelope)
+    for limits, is_read in (
+        ({"level": [-0.99, 0.94]}, True),
+        ({"level": [-1.01, 0.94]}, False),
+        ({"level": [-0.99, 0.96]}, False),
+        ({}, False),
+    ):
+        content = tank()
+        content["statement"]["loop"]["limits"] |= limits
+        if is_read:
+            assert check_region(*read_content(content, Subject(model))) > 0
+            continue
+        with pytest.raises(NoSolutionError, match="level beyond the model's"):
+            read_content(content, Subject(model))
 
 
 def test_curved_disturbances_are_refused() -> None:

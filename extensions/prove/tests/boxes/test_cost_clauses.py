@@ -301,6 +301,15 @@ def test_entries_that_no_bound_admits_are_refused(path: tuple[str, ...], value: 
         read_statement("cost", content, Subject(CART))
 
 
+def test_a_weight_that_is_not_symmetric_is_refused(proved: CostBound) -> None:
+    """A Q of which only the lower triangle belongs to a semidefinite matrix is refused."""
+    content = proved.statement.content()
+    read_statement("cost", copy.deepcopy(content), Subject(PENDULUM))
+    content["Q"][0][1] += 9.0
+    with pytest.raises(NoSolutionError, match="Q: not symmetric"):
+        read_statement("cost", content, Subject(PENDULUM))
+
+
 def test_a_limit_of_an_output_is_refused() -> None:
     """A limit of an output is refused, because the envelope consists of state limits only."""
     outputs = {"load": Signal("m", 1.0, -1.0, 1.0)}
