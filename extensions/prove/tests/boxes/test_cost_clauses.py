@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -13,7 +14,13 @@ import pytest
 import scipy.linalg
 
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.certificate import SCHEMA, read_content, read_statement
+from hfa_prove.certificate import (
+    SCHEMA,
+    read_certificate,
+    read_content,
+    read_statement,
+    write_certificate,
+)
 from hfa_prove.check.cost import (
     CostInequality,
     Guess,
@@ -54,6 +61,32 @@ def cart_bound(coefficient: float) -> CostStatement:
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {})
     piece = Piece(ONE, Polynomial(1, ((coefficient, (2,)),)), 0.5)
     return CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('"c": 0.5', '"c": 0.75'),
+        ('"boxes": [9]', '"boxes": [10]'),
+        ('"date": "today"', '"date": "monday"'),
+        ('"digest": "', '"digest": "0'),
+        ('"kind": "cost"', '"kind": "region", "kind": "cost"'),
+        ('"c": 0.5', '"c": 0.75, "c": 0.5'),
+        ('"c": 0.5', '"c": 0.50'),
+    ],
+)
+def test_a_certificate_that_was_edited_is_refused(before: str, after: str, tmp_path: Path) -> None:
+    """An edit of any text of a file is refused: a value, a seal, a second entry, another digit."""
+    path = tmp_path / "cost.json"
+    origin = {"version": "1", "command": "hfa prove cost", "date": "today"}
+    witness = CostWitness(("position",), (9,)).content()
+    write_certificate(path, cart_bound(0.7), witness, origin)
+    assert read_certificate(path, Subject(CART)).written == origin
+    text = path.read_text()
+    assert text.count(before) == 1
+    path.write_text(text.replace(before, after))
+    with pytest.raises(BadInputError, match="edited"):
+        read_certificate(path, Subject(CART))
 
 
 @pytest.mark.parametrize("method", ["linear", "bspline"])
