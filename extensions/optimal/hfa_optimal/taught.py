@@ -10,6 +10,7 @@ Source: Kingma and Ba, arXiv 1412.6980 (Adam).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -36,21 +37,33 @@ _BATCH = 512
 _FIT_RATE = 3e-3
 #: Gradient steps through flights, and their rate. Prices of exceeded limits in half ranges,
 #: relative to z'Pz at the start, and fraction by which their limits are narrowed.
-_FLIGHT_STEPS = 600
+_FLIGHT_STEPS = 300
 _FLIGHT_RATE = 1e-3
-_PRICES = (5.0, 50.0)
+_PRICES = (0.25, 2.5)
 _MARGIN = 0.05
 #: Share of the starts that are nearer to the trim, and the decades of their distances.
-_NEAR = 0.3
+_NEAR = 0.1
 _DECADES = 2.0
+#: Flights of a step that continue earlier ones.
+_CONTINUED = 6
+#: Steps between two judgements of the network, and pieces in a judged flight.
+_JUDGED = 25
+_PIECES = 20
 #: Largest duration of a piece of a flight, in samples.
 _MOST_SAMPLES = 130
-#: A flight has returned below this fraction of the blending level, and is lost beyond these
-#: nominal values.
-_RETURNED = 0.5
+#: A flight need not be continued below the first fraction of the blending level, has returned to
+#: the trim below the second, and is lost beyond these nominal values.
+_NEARLY = 0.5
+_RETURNED = 0.05
 _LOST = 50.0
+#: Largest nominal value in the arithmetic of a lost flight.
+_FARTHEST = 1e6
 #: Largest gradient of a cost by the states in a flight, in units of the cost.
-_LARGEST = 1e3
+_LARGEST = 10.0
+#: Number of tried blending levels, factor between two of them, and flights from each.
+_LEVELS = 5
+_FACTOR = 10.0
+_TRIED = 64
 
 
 class Network:
@@ -199,6 +212,23 @@ class Lesson:
                 z = planner.model.after(z, inputs[-1], calm, planner.grid.dt)
         return np.array(states), np.array(inputs)
 
+    def level(self, K: np.ndarray, P: np.ndarray, least: float) -> float:
+        """Return the largest level of z'Pz from which all flights of -Kz end at the trim.
+
+        least: first level, from which others follow by factors of _FACTOR
+        """
+        y = np.random.default_rng(0).normal(size=(_TRIED, len(P)))
+        y /= np.linalg.norm(y, axis=1)[:, None]
+        on_level = np.linalg.solve(np.linalg.cholesky(P).T, y.T).T
+        flights = FlightCosts(self.teacher, _TRIED)
+        for level in least * _FACTOR ** np.arange(_LEVELS):
+            starts = np.sqrt(_FACTOR * level) * on_level
+            _, z, _ = flights.flown(lambda z: (-z @ K.T, None), starts, _PIECES * self.samples)
+            z = z[:, : len(P)]
+            if not (np.einsum("ni,ij,nj->n", z, P, z) < _RETURNED * _FACTOR * level).all():
+                break
+        return float(level)
+
     def _near(self, count: int) -> np.ndarray:
         """Return random starts, of which a share is nearer to the trim, on either side of it."""
         nearer = 10.0 ** -self.rng.uniform(0.0, _DECADES, count) * self.rng.choice([-1, 1], count)
@@ -224,22 +254,41 @@ class Lesson:
     def improve(self, network: Network, progress: Progress | None) -> None:
         """Change the network by gradient steps through flights of the model.
 
-        Half of the flights of a step continue flights of the step before that have not returned,
-        which teaches the network to return from wherever it leads.
+        Some flights of a step continue flights of the step before that have not returned, which
+        teaches the network to return from wherever it leads. Long flights judge the network at
+        every _JUDGED-th step, and the best one remains.
         """
         flights = FlightCosts(self.teacher, 2 * _FLIGHTS)
         adam = _Adam(network.parameters, _FLIGHT_RATE, _FLIGHT_STEPS)
-        continued = self._near(_FLIGHTS)
-        for number in range(_FLIGHT_STEPS):
-            starts = np.vstack([self._near(_FLIGHTS), continued])
+        continued = self._near(_CONTINUED)
+        judged = self.starts(_FLIGHTS)
+        best, least = network.parameters, (_FLIGHTS + 1, np.inf)
+        for number in range(_FLIGHT_STEPS + 1):
+            if number % _JUDGED == 0:  # go on from the best network
+                mark = self._mark(network, judged)
+                if mark < least:
+                    best, least = [each.copy() for each in network.parameters], mark
+                for parameter, better in zip(network.parameters, best, strict=True):
+                    parameter[:] = better
+            if number == _FLIGHT_STEPS:
+                break
+            starts = np.vstack([self._near(2 * _FLIGHTS - _CONTINUED), continued])
             ends, gradients = flights(network, starts, self.samples)
             adam.step(gradients)
             ends = ends[np.abs(ends).max(axis=1) < _LOST]
-            away = np.einsum("ni,ij,nj->n", ends, network.P, ends) > _RETURNED * network.level
+            away = np.einsum("ni,ij,nj->n", ends, network.P, ends) > _NEARLY * network.level
             going = self.rng.permutation(ends[away])
-            continued = np.vstack([going, self._near(_FLIGHTS)])[:_FLIGHTS]
+            continued = np.vstack([going, self._near(_CONTINUED)])[:_CONTINUED]
             if progress is not None:
                 progress(number + 1, _FLIGHT_STEPS)
+
+    def _mark(self, network: Network, starts: np.ndarray) -> tuple[int, float]:
+        """Return how many long flights do not end at the trim, and the mean logarithm of costs."""
+        flights = FlightCosts(self.teacher, len(starts))
+        costs, z, _ = flights.flown(network, starts, _PIECES * self.samples)
+        z = z[:, : len(network.K.T)]
+        is_back = np.einsum("ni,ij,nj->n", z, network.P, z) < _RETURNED * network.level
+        return int((~is_back).sum()), float(np.log(np.nan_to_num(costs, nan=np.inf)).mean())
 
 
 class FlightCosts:
@@ -260,10 +309,13 @@ class FlightCosts:
         self._limits = (1.0 - _MARGIN) * lowest, (1.0 - _MARGIN) * highest
         self._half = np.where(np.isfinite(highest - lowest), 0.5 * (highest - lowest), 1.0)
 
-    def __call__(
-        self, network: Network, starts: np.ndarray, samples: int
-    ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the states at the ends, (N, k), and the gradient by the parameters."""
+    def flown(
+        self,
+        policy: Callable[[np.ndarray], tuple[np.ndarray, Any]],
+        starts: np.ndarray,
+        samples: int,
+    ) -> tuple[np.ndarray, np.ndarray, list[tuple[Any, ...]]]:
+        """Return the costs of flights, (N,), the states at their ends, (N, n), and each sample."""
         k, n, _ = self._scaled.sizes
         P = self._scaled.P
         calm = np.zeros(self._model.disturbances)
@@ -272,17 +324,26 @@ class FlightCosts:
         price = np.einsum("ni,ij,nj->n", z, P, z)[:, None]
         flown = []
         for _ in range(samples):
-            u, kept = network(z[:, :k])
+            u, kept = policy(z[:, :k])
             v = np.clip(u, *self._scaled.input_limits)
             both = np.hstack([z, v])
             pull = 2.0 * both @ self._W
             costs += 0.5 * (both * pull).sum(1)
             z, slopes = self._model.moved_along(z, v, calm)
+            z = np.clip(z, -_FARTHEST, _FARTHEST)
             beyond = (z - np.clip(z, *self._limits)) / self._half
             costs += (price * (_PRICES[0] * np.abs(beyond) + 0.5 * _PRICES[1] * beyond**2)).sum(1)
             push = price * (_PRICES[0] * np.sign(beyond) + _PRICES[1] * beyond) / self._half
             flown.append((kept, slopes, pull, push, u == v))
-        costs += np.einsum("ni,ij,nj->n", z, P, z)
+        return costs + np.einsum("ni,ij,nj->n", z, P, z), z, flown
+
+    def __call__(
+        self, network: Network, starts: np.ndarray, samples: int
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Return the states at the ends, (N, k), and the gradient by the parameters."""
+        k, n, _ = self._scaled.sizes
+        P = self._scaled.P
+        costs, z, flown = self.flown(network, starts, samples)
         usable = np.isfinite(costs) & (costs > 0.0)
         shares = np.where(usable, 1.0 / np.where(usable, costs, 1.0), 0.0)[:, None] / len(costs)
         pull_z = 2.0 * z @ P * shares
@@ -325,8 +386,8 @@ def taught(
     states, inputs = lesson.labels()
     end = teacher.controller.nominal_end
     P = teacher.controller.planner.scaled.P[:k, :k]
-    sizes = states.std(axis=0), np.abs(inputs).max(axis=0)
-    network = Network(end.K, P, end.level(P), *(np.maximum(each, 1e-9) for each in sizes))
+    sizes = (np.maximum(each, 1e-9) for each in (states.std(axis=0), np.abs(inputs).max(axis=0)))
+    network = Network(end.K, P, lesson.level(end.K, P, end.level(P)), *sizes)
     lesson.fit(network, states, inputs)
     lesson.improve(network, progress)
     return network, teacher
