@@ -123,13 +123,19 @@ class CostInequality(OnPiece):
 
         The mask marks each input v_i on which the second derivatives depend.
 
-        Raises BadInputError if a marked input has no limits.
+        Raises BadInputError if a marked input has no limits, or if the rates may have a kink or a
+        jump in an input, which the second derivatives do not contain.
         """
         v = self.symbols.v
         second = ca.hessian(self._margin, v)[0]
         taken = np.array(ca.which_depends(ca.densify(ca.vec(second)), v, 1, False), dtype=bool)
-        for name, ends, is_taken in zip(self.plant.inputs, self.ends, taken, strict=True):
-            if is_taken and not np.all(np.isfinite(ends)):
+        for index, name in enumerate(self.plant.inputs):
+            if self.plant.program.switches_on(self.n + index):
+                raise BadInputError(
+                    f"the rates contain a condition, a kink or a table of {name}; write them as "
+                    "smooth functions of this input"
+                )
+            if taken[index] and not np.all(np.isfinite(self.ends[index])):
                 raise BadInputError(
                     f"the rates are not affine in {name}, which has no limits; add min and max to "
                     "this input of the model"

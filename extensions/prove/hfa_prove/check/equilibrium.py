@@ -33,12 +33,10 @@ class Equilibrium:
 
     x: center, (n,) or (n + m,)
     radius: half-widths, 0 for entries that are not unknowns
-    balls: tighter enclosures of all entries
     """
 
     x: np.ndarray
     radius: np.ndarray
-    balls: Sequence[arb] = ()
 
 
 def equilibrium_near(
@@ -46,7 +44,7 @@ def equilibrium_near(
 ) -> Equilibrium:
     """Return an enclosure of an equilibrium near x.
 
-    Newton's method in doubles is followed by Krawczyk's test (`root_offsets`) of the rates in balls
+    Newton's method in doubles is followed by Krawczyk's test (`check_root`) of the rates in balls
     and of the Jacobian in doubles, which contains Clarke's generalized gradients.
 
     plant: closed loop, or plant whose inputs are variables too
@@ -85,7 +83,7 @@ def equilibrium_near(
             break
         J = hull(around.low[:, unknown], around.high[:, unknown])
         try:
-            offsets = root_offsets(column, J, [exact(each) for each in radius[unknown].tolist()])
+            check_root(column, J, [exact(each) for each in radius[unknown].tolist()])
         except ZeroDivisionError as error:
             raise Rejected(
                 "no equilibrium is enclosed near the trim: the Jacobian is singular"
@@ -93,9 +91,7 @@ def equilibrium_near(
         except Rejected:
             radius = 2.0 * radius
             continue
-        for index, offset in zip(unknown, offsets.entries(), strict=True):
-            exact_point[index] += offset
-        return Equilibrium(point, radius, exact_point)
+        return Equilibrium(point, radius)
     raise Rejected(_NOT_ENCLOSED)
 
 
@@ -115,24 +111,21 @@ def check_near(at: Equilibrium, plant: Plant, stated: Mapping[str, float], what:
             raise Rejected(f"{name} at the equilibrium differs from {what}")
 
 
-def root_offsets(residual: arb_mat, J: arb_mat, radii: list[arb]) -> arb_mat:
-    """Return an enclosure of w - x̂, a column (n, 1), for the only root w of F near x̂.
+def check_root(residual: arb_mat, J: arb_mat, radii: list[arb]) -> None:
+    """Prove that F has exactly one root w with |w_i - x̂_i| <= r_i, by Krawczyk's test.
 
     residual: F at x̂, a column (n, 1)
     J: Jacobian F' for |w_i - x̂_i| <= r_i, (n, n)
     radii: radii r_i
 
-    Raises Rejected if Krawczyk's test does not prove a root. Raises ZeroDivisionError if the
-    midpoint of J is singular.
+    Raises Rejected if the test does not prove the root. Raises ZeroDivisionError if the midpoint of
+    J is singular.
     """
     n = len(radii)
     C = J.mid().inv().mid()
     step = C * residual
     slope = matrix(np.eye(n)) - C * J
     distance = norm(step[i, 0] / radii[i] for i in range(n))
-    scaled = (slope[i, j] * radii[j] / radii[i] for i in range(n) for j in range(n))
-    contraction = norm(scaled)
+    contraction = norm(slope[i, j] * radii[j] / radii[i] for i in range(n) for j in range(n))
     if not distance + contraction < 1:
         raise Rejected("a root of the equations is not proved to exist")
-    rows = [[arb(0, 1) * contraction * radius - step[i, 0]] for i, radius in enumerate(radii)]
-    return arb_mat(rows)

@@ -81,16 +81,17 @@ def claims_of(
 
 
 def refuse_curved(loop: Loop) -> None:
-    """Raise BadInputError if a rate is not affine in the disturbances.
+    """Raise BadInputError if a rate or an output is not affine in the disturbances.
 
     Otherwise the worst value of a disturbance might not be an end of its range.
     """
     x = ca.SX.sym("x", len(loop.states))
     w = ca.SX.sym("w", len(loop.disturbances))
-    rates, outputs = loop.disturbed_rates(x, ca.vertsplit(w))
-    curved = ca.which_depends(ca.densify(ca.vertcat(rates, outputs)), w, 2)
-    for name, is_curved in zip(loop.disturbances, curved, strict=True):
-        if is_curved:
+    values = ca.densify(ca.vertcat(*loop.disturbed_rates(x, ca.vertsplit(w))))
+    curved = ca.which_depends(values, w, 2)
+    program = Program(ca.Function("rates", [ca.vertcat(x, w)], [values]), loop.model.name)
+    for index, name in enumerate(loop.disturbances):
+        if curved[index] or program.switches_on(x.numel() + index):
             raise BadInputError(
                 f"{loop.model.name}: the rates are not affine in {name}; such disturbances are not"
                 " supported"

@@ -395,7 +395,7 @@ class Program:
         self.name = name
         affine = _Rows(self.inputs, name, degree)
         (rows,) = Reading(function, affine, name)(affine.symbols)
-        nodes = affine.nodes
+        self._nodes = nodes = affine.nodes
         first = 1 + self.inputs
         self._places = {variable: (0, variable) for variable in range(first)}
         self.widths = [first]
@@ -413,6 +413,21 @@ class Program:
             self._places |= {first + k: (number, column) for column, k in enumerate(indices)}
             self.widths.append(len(indices))
         self.outputs = self._argument(rows)
+
+    def switches_on(self, index: int) -> bool:
+        """Return whether the argument of a kink, a jump or a table depends on an input.
+
+        Derivatives of CasADi in such an input do not contain its kinks and jumps.
+
+        index: index of the input
+        """
+        reached = {1 + index}
+        for variable, node in enumerate(self._nodes, start=1 + self.inputs):
+            if any(reached & row.keys() for row in node.rows):
+                if node.kind in ("relu", "step") or isinstance(node.kind, Spline):
+                    return True
+                reached.add(variable)
+        return False
 
     def _argument(self, rows: Sequence[Row]) -> Argument:
         blocks: dict[int, np.ndarray] = {}

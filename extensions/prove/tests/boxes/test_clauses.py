@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -14,14 +15,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from flint import arb, arb_mat
+from flint import arb
 
 from hfa_aircraft.about import Domain, Source
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.certificate import SCHEMA, read_content
 from hfa_prove.check.cover import Boxes, OpenBoxError, RefutedError
-from hfa_prove.check.equilibrium import Equilibrium, equilibrium_near, root_offsets
+from hfa_prove.check.equilibrium import Equilibrium, check_root, equilibrium_near
 from hfa_prove.check.region_boxes import Decrease, check_region
+from hfa_prove.enclosure.balls import matrix
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Subject, digest_of, facts
@@ -216,15 +218,30 @@ def test_limits_beyond_the_envelope_about_the_trim_are_refused() -> None:
             read_content(content, Subject(model))
 
 
-def test_curved_disturbances_are_refused() -> None:
+GUST = ca.interpolant("gust", "linear", [[-0.5, 0.0, 0.2, 0.5]], [0.0, 0.0, 5.0, 0.0])
+#: Functions of a disturbance that are 0 at 0 and, but for the parabola, at 0.5 and -0.5.
+CURVED: dict[str, Callable[[Any], Any]] = {
+    "a parabola": lambda sun: sun * sun,
+    "a kink": lambda sun: ca.fmax(0.1 - ca.fabs(sun - 0.2), 0.0),
+    "a jump": lambda sun: ca.if_else(sun > 0.1, ca.if_else(sun < 0.2, 5.0, 0.0), 0.0),
+    "a table": GUST,
+}
+
+
+@pytest.mark.parametrize("part", ["rates", "outputs"])
+@pytest.mark.parametrize("name", CURVED)
+def test_curved_disturbances_are_refused(name: str, part: str) -> None:
     """A rate or an output that is not affine in a disturbance is refused by name."""
 
-    def squared(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def curved(x: Any, u: Any, p: Any, w: Any) -> Any:
         rates, outputs = _windy(x, u, p, w)
-        return rates, {**outputs, "load": outputs["load"] + w.sun * w.sun}
+        off = CURVED[name](w.sun)
+        if part == "rates":
+            return {**rates, "heat": rates["heat"] + off}, outputs
+        return rates, {**outputs, "load": outputs["load"] + off}
 
-    model = replace(WINDY, equations=squared)
-    content = windy(sun=0.1)
+    model = replace(WINDY, equations=curved)
+    content = windy(sun=0.5)
     content["statement"]["loop"]["model"] = facts(model)
     with pytest.raises(BadInputError, match="not affine in sun"):
         windy_checked(content, model)
@@ -318,15 +335,19 @@ def test_an_equilibrium_that_rounding_displaces_is_not_enclosed() -> None:
         equilibrium_near(loop, np.zeros(2))
 
 
-@pytest.mark.parametrize(("radius", "is_proved"), [(0.5, False), (2.0, True)])
-def test_a_root_is_claimed_only_within_the_radius(radius: float, is_proved: bool) -> None:
-    """The root of w + 1 is 1 below the estimate 0: a box of half-width 0.5 does not contain it."""
-    one = arb_mat([[1]])
-    if is_proved:
-        assert root_offsets(one, one, [arb(radius)])[0, 0].contains(-1)
-        return
-    with pytest.raises(NoSolutionError, match="not proved to exist"):
-        root_offsets(one, one, [arb(radius)])
+@pytest.mark.parametrize(
+    ("radii", "is_proved"), [((2.0, 3.0), True), ((1.0, 3.0), False), ((2.0, 1.0), False)]
+)
+def test_a_root_is_claimed_only_within_the_radii(
+    radii: tuple[float, float], is_proved: bool
+) -> None:
+    """The root of (w_1 + a w_2, w_2 + 1), |a| <= 0.3, is up to (0.3, 1) from the estimate 0."""
+    residual, J = matrix([[0.0], [1.0]]), matrix([[1.0, 0.0], [0.0, 1.0]])
+    J[0, 1] = arb(0, 0.3)
+    with (
+        nullcontext() if is_proved else pytest.raises(NoSolutionError, match="not proved to exist")
+    ):
+        check_root(residual, J, [arb(radius) for radius in radii])
 
 
 def test_the_equilibrium_is_compared_in_nominal_values() -> None:

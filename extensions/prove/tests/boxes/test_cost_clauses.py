@@ -184,6 +184,32 @@ def test_an_input_that_bends_the_rates_needs_limits() -> None:
         check_cost(claim, CostWitness(("angle", "rate"), (1000,)))
 
 
+THRUST = ca.interpolant("thrust", "linear", [[-1.0, -0.5, 1.0]], [-3.5, -0.5, 1.0])
+#: Rates above u for u < -0.5, where W = 0.9 y² exceeds the cost at which y = 0.4 is left.
+KINKED: dict[str, Any] = {
+    "kink": lambda u: u + 5.0 * ca.fmin(u + 0.5, 0.0),
+    "jump": lambda u: u - ca.if_else(u < -0.5, 5.0, 0.0),
+    "table": THRUST,
+}
+
+
+@pytest.mark.parametrize("name", KINKED)
+def test_rates_with_a_kink_in_an_input_are_refused(name: str) -> None:
+    """Second derivatives of x' = u + 5 min(u + 0.5, 0) in u are 0, and W = 0.9 x² no lower bound."""
+    for of_input, is_proved in ((lambda u: u, True), (KINKED[name], False)):
+        model = replace(
+            SLED, equations=lambda x, u, p, w, f=of_input: ({"position": f(u.speed)}, {})
+        )
+        plant = Plant(model, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-1.0, 1.0)})
+        claim = replace(cart_bound(0.9), plant=plant)
+        claim = replace(claim, pieces=(claim.pieces[0]._replace(c=0.2),))
+        if is_proved:
+            assert check_cost(claim, CostWitness(("speed",), (1000,)))[0] > 0
+            continue
+        with pytest.raises(BadInputError, match="a kink or a table of speed"):
+            check_cost(claim, CostWitness(("speed",), (1000,)))
+
+
 @pytest.mark.parametrize("solved", [(), ("angle",), ("angle", "rate", "torque")])
 def test_an_equilibrium_has_as_many_unknowns_as_states(
     solved: tuple[str, ...], proved: CostBound

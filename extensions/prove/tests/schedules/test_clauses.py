@@ -6,6 +6,7 @@ import copy
 import json
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -303,6 +304,18 @@ def test_a_loop_curved_in_the_angle_alone_is_enclosed() -> None:
     end = math.degrees(1.0)
     with pytest.raises(NoSolutionError, match="not below"):
         prove_schedule(family, NO_GAIN, -end, end, decay_rate=0.1)
+
+
+@pytest.mark.parametrize(("growth", "is_proved"), [(-0.9, True), (1.0, False)])
+def test_a_loop_that_switches_on_a_piece_is_refused(growth: float, is_proved: bool) -> None:
+    """x' = -x below s = 0.7, and x' = growth x above it, which no derivative in s contains."""
+    family = planar(lambda s: ((ca.if_else(s > 0.7, growth, -1.0), 0.0), (0.0, -1.0)))
+    low = 0.75 if is_proved else 0.0
+    ends = math.degrees(low), math.degrees(1.0)
+    statement = ScheduleStatement(family.flight(*ends), NO_GAIN, 0.5)
+    witness = ScheduleWitness(10**3, np.zeros(0), np.zeros((0, 2, 2)))
+    with nullcontext() if is_proved else pytest.raises(NoSolutionError, match="switches"):
+        assert check_schedule(statement, witness) > 0
 
 
 @pytest.mark.parametrize(
