@@ -8,7 +8,6 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 import pytest
-from known_models import game_at, model_at
 
 import hfa
 from hfa import BadInputError, Expansion, Model, Signal, expand
@@ -87,54 +86,6 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not() -> None:
             value = np.array(expansion.value_to(radius.degree)(z0))[0]
             errors.append(np.abs(value / costs(expansion, z0) - 1.0).max())
         assert errors[0] <= 0.05 < errors[1]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("degree", [3, 4, 5])
-@pytest.mark.parametrize("degrees", [5.0, 15.0])
-def test_other_flights_of_the_flexible_aircraft_agree(degrees: float, degree: int) -> None:
-    """200 flights from the boundary of the set that the search did not fly agree, and so do 200
-    from inside it.
-    """
-    expansion = expand(model_at(degrees), hfa.solve(game_at(degrees)), degree)
-    for radius in expansion.radii:
-        boundary = states_at(expansion, math.sqrt(radius.c), 200, 99)
-        random = np.random.default_rng(99).uniform(size=200) ** (1.0 / expansion.states)
-        z0 = np.hstack([boundary, random * boundary[:, ::-1]])
-        value = np.array(expansion.value_to(radius.degree)(z0))[0]
-        assert np.abs(value / costs(expansion, z0) - 1.0).max() < radius.share
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("delta", ["1.05 delta_min", 200.0, math.inf])
-def test_relative_error_of_the_flexible_aircraft_falls(delta: float | str) -> None:
-    """The relative error of V2 + ... + Vd falls by 2^(d-1) within 15 % if the state is halved.
-
-    It is compared at the smallest state whose error is above 100 times that of the simulation, in
-    the direction of the paper's initial condition and in four random ones.
-    """
-    solution = hfa.solve(game_at(15.0))
-    size = 1.05 * solution.delta_min if isinstance(delta, str) else delta
-    reference = expand(model_at(15.0), hfa.solve(solution.game.with_delta(size)), 5)
-    paper = reference.root.T @ np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])
-    random = np.random.default_rng(0).standard_normal((4, 6))
-    rays = np.vstack([paper, random])
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    sizes = 0.08 * 0.5 ** np.arange(9)
-    y = sizes[:, None, None] * rays
-    z0 = np.linalg.solve(reference.root.T, y.reshape(-1, 6).T)
-    coarse, fine = (costs(reference, z0, finer).reshape(y.shape[:2]) for finer in (12.0, 24.0))
-    # An error of fourth order falls to a fifteenth of the difference.
-    simulation = np.abs(coarse / fine - 1.0) / 15.0
-    for degree in (2, 3, 4):
-        value = np.array(reference.value_to(degree)(z0)).reshape(y.shape[:2])
-        error = np.abs(value / fine - 1.0)
-        for ray in range(len(rays)):
-            seen = np.flatnonzero(error[:, ray] > 100.0 * simulation[:, ray])
-            last = int(seen[-1])
-            ratio = error[last - 1, ray] / error[last, ray]
-            assert last > 0
-            assert ratio == pytest.approx(2.0 ** (degree - 1), rel=0.15)
 
 
 def test_radius_grows_with_the_degree_and_the_share() -> None:

@@ -113,11 +113,10 @@ def test_the_scale_of_inputs_is_applied(game: Game) -> None:
     )
 
 
-@pytest.mark.slow
 def test_value_and_policy_of_one_file_are_named(game: Game) -> None:
     """A value and a policy in one file are selected by --network.
 
-    A missing or unknown name is refused. A note refers to `hfa assess`.
+    A missing or unknown name is refused. A note asks for the deployment file.
     """
     heads = {"action_net.weight": np.ones((5, 3)), "value_net.weight": np.ones((1, 3))}
     policy = two_layers("mlp_extractor.policy_net", 3)
@@ -125,13 +124,14 @@ def test_value_and_policy_of_one_file_are_named(game: Game) -> None:
     with zipfile.ZipFile("ppo.zip", "w") as archive:
         archive.write("policy.pth")
     words = ("verify", *AT_15, "--weights", "ppo.zip", "--set", "activation=tanh", "--network")
-    judged = hfa(*words, "V=value_net,policy=policy_net+action_net", "--json")
+    both = "V=value_net,policy=policy_net+action_net"
+    judged = hfa(*words, both, "--flights", "1", "--json")
     assert judged.code == FAILED
     assert json.loads(judged.out)["network"]["output"] == "V and policy"
-    assert "hfa assess" in judged.err  # a zip has no normalizer and no map
+    assert "deployment file" in judged.err  # a zip has no normalizer and no map
     assert "; select one of the networks " in hfa(*words[:-1]).err
     assert "mlp_extractor.policy_net+action_net" in hfa(*words[:-1]).err
-    with pytest.warns(UserWarning, match="hfa assess") as caught:
+    with pytest.warns(UserWarning, match="deployment file") as caught:
         read_critic("ppo.zip", game, network="policy_net+action_net", activation="tanh")
     assert caught[0].filename == __file__
     assert (
