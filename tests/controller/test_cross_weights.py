@@ -91,7 +91,7 @@ def test_a_game_with_cross_weights_agrees_with_scipy(seed):
     loop = control.ss(game.A - game.B @ gain, game.E, C, 0)
     exact = control.norm(loop, p="inf", tol=1e-9)
     assert bounded_real_gain(game, gain) == pytest.approx(exact, rel=1e-6)
-    with pytest.raises(NoSolutionError):
+    with pytest.raises(NoSolutionError, match="is below delta_min"):
         solve(game.with_delta(0.99 * least))
 
 

@@ -60,5 +60,5 @@ def test_altitudes_outside_the_layers_are_refused(altitude: float) -> None:
     model = hfa.aircraft()
     point = hfa.trim(model)
     x = point.states._replace(altitude=altitude)
-    with pytest.raises(BadInputError):
+    with pytest.raises(BadInputError, match="from 0 to 65000 ft"):
         model.outputs_at(x, point.inputs)

@@ -66,7 +66,7 @@ def _history() -> None:
 def _smallest() -> None:
     smallest = controller.minimum_delta(GAME).value
     assert hfa.solve(GAME.with_delta(1.01 * smallest)).certificate.ok
-    with pytest.raises(hfa.NoSolutionError):
+    with pytest.raises(hfa.NoSolutionError, match="is below delta_min"):
         hfa.solve(GAME.with_delta(0.99 * smallest))
 
 

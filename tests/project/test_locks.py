@@ -13,7 +13,9 @@ from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 from project import ROOT
 
-PYTHONS = ("3.11.0", "3.12.0", "3.13.0", "3.14.0")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+#: The versions with which `make test-matrix` runs the tests.
+PYTHONS = re.findall(r'"(3\.\d+)"', (ROOT / "noxfile.py").read_text("utf-8"))
 
 
 def entries(lock: str) -> list[str]:
@@ -28,7 +30,7 @@ def pins(lock: str) -> list[Requirement]:
 
 def without(pythons: str) -> list[str]:
     """Return the supported Python versions that a Requires-Python specifier excludes."""
-    return [python for python in PYTHONS if not SpecifierSet(pythons).contains(python)]
+    return [each for each in PYTHONS if not SpecifierSet(pythons).contains(f"{each}.0")]
 
 
 LOCKS = (
@@ -43,8 +45,11 @@ LOCKS = (
 def test_locked_packages_support_every_supported_python(lock: str) -> None:
     """Each locked distribution supports every Python version that the project supports.
 
-    Only distributions installed here in the locked version are checked.
+    Only distributions installed here in the locked version are checked: pip itself refuses to
+    install those that need a newer Python than this one.
     """
+    assert not without(PROJECT["requires-python"])
+    assert SpecifierSet(PROJECT["requires-python"]) == SpecifierSet(f">={PYTHONS[0]}")
     excluded = {}
     compared = 0
     for pin in pins(lock):
@@ -68,8 +73,7 @@ def test_each_lock_extends_the_smaller_ones() -> None:
     """Each lock file contains the packages of its extra and the pins of the report, and the last
     one all pins.
     """
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    extras = project["optional-dependencies"]
+    extras = PROJECT["optional-dependencies"]
     names = ("page", "docs", "test", "dev")
     needed = dict(zip(LOCKS, (extras[name] for name in names), strict=True))
     of_report, whole = ({str(pin) for pin in pins(lock)} for lock in (LOCKS[0], LOCKS[-1]))
@@ -77,7 +81,7 @@ def test_each_lock_extends_the_smaller_ones() -> None:
         pinned = {str(pin) for pin in pins(lock)}
         assert of_report <= pinned <= whole, lock
         versions = {canonicalize_name(pin.name): pin for pin in pins(lock)}
-        for line in (*project["dependencies"], *needed[lock]):
+        for line in (*PROJECT["dependencies"], *needed[lock]):
             wanted = Requirement(line)
             (exact,) = versions[canonicalize_name(wanted.name)].specifier
             assert wanted.specifier.contains(exact.version), (lock, line)

@@ -184,14 +184,16 @@ def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: 
 
 
 @pytest.mark.parametrize(
-    "content",
+    ("content", "says"),
     [
-        {"state_units": ["ft/s", "kg"]},
-        {"states": ["alpha", "speed"]},
-        {"inputs": ["aileron", "elevator"]},
+        ({"state_units": ["ft/s", "kg"]}, "state 2 is in kg in the file"),
+        ({"states": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
+        ({"inputs": ["aileron", "elevator"]}, "the inputs are aileron, elevator in the file"),
     ],
 )
-def test_other_units_and_another_order_of_a_critic_are_refused(content: dict[str, Any]) -> None:
+def test_other_units_and_another_order_of_a_critic_are_refused(
+    content: dict[str, Any], says: str
+) -> None:
     """Units that cannot be converted, and names in another order than the plant's, are refused.
 
     A gain in other units is converted.
@@ -209,5 +211,5 @@ def test_other_units_and_another_order_of_a_critic_are_refused(content: dict[str
     for unit, factor in (("kt", 0.3048 * 3600.0 / 1852.0), ("km/h", 0.3048 * 3.6)):
         critic = critic_in(stored("K.json", K=K, state_units=[unit, "rad"]), game)
         np.testing.assert_allclose(critic.K, K * [factor, 1.0])
-    with pytest.raises(BadInputError):
+    with pytest.raises(BadInputError, match=says):
         critic_in(stored("other.json", K=K, **content), game)

@@ -25,7 +25,7 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[Any, ...]:
 def test_margins_of_an_unstable_loop_are_refused(game: Game) -> None:
     K = solve(game).K
     for margins in (loop_margins, disk_margin):
-        with pytest.raises(NoSolutionError):
+        with pytest.raises(NoSolutionError, match="the loop has a pole at "):
             margins(game, -K)
 
 

@@ -563,7 +563,7 @@ def test_the_hole_ends_where_the_jacobian_is_no_longer_definite(less: float, mor
         c *= 2.0 / 0.8284
         assert _plane(lambda a, b, c=c: (-a + 0.5 * c * b**2, -b), np.eye(2)).hole == k
     assert _plane(lambda a, b: (-a + 0.99 * b, -b), np.eye(2), 0.25).hole == 1
-    with pytest.raises(NoSolutionError):
+    with pytest.raises(NoSolutionError, match="not proved near the equilibrium"):
         _ = _plane(lambda a, b: (-a + 1.01 * b, -b), np.eye(2), 0.25).hole
 
 

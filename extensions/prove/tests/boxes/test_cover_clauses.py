@@ -144,7 +144,7 @@ def test_the_hole_applies_to_the_first_function_only() -> None:
     y = ca.SX.sym("y", 2)
     bump = (y[0] - 0.05) ** 2 + y[1] ** 2
     assert cover(inequality(ca.vertcat(ca.sumsqr(y), bump + 1e-4), y, hole=2), 10**5) > 1
-    with pytest.raises(OpenBoxError):
+    with pytest.raises(RefutedError):
         cover(inequality(ca.vertcat(ca.sumsqr(y), bump - 1e-4), y, hole=2), 10**5)
 
 
@@ -171,7 +171,7 @@ def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
     if margin > 0.0:
         assert check_region(statement, witness) > 0
     else:
-        with pytest.raises(NoSolutionError, match="inequality"):
+        with pytest.raises(RefutedError):
             check_region(statement, witness)
 
 
@@ -223,7 +223,7 @@ def test_increase_within_the_hole_is_refused() -> None:
         statement = RegionStatement(loop, {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
         witness = RegionWitness(np.zeros((1, 2)), 10**4)
         if rho == 0.9:
-            with pytest.raises(NoSolutionError, match="inequality"):
+            with pytest.raises(RefutedError):
                 check_region(statement, witness)
         else:
             assert check_region(statement, witness) > 0

@@ -322,7 +322,7 @@ def test_a_function_that_is_solved_for_is_refused() -> None:
     root = ca.rootfinder("root", "newton", {"x": z, "p": y, "g": z**3 + z - y})
     x = ca.MX.sym("x")
     function = ca.Function("f", [x], [root(x0=0.0, p=x)["x"]])
-    with pytest.raises(BadInputError):
+    with pytest.raises(BadInputError, match="function root"):
         Program(function, "f")
 
 

@@ -81,7 +81,7 @@ def test_one_output_for_one_state_and_two_inputs_needs_a_kind() -> None:
     plant = Game([[-1.0]], [[1.0, 1.0]], [[1.0]], [1.0], [1.0, 1.0], delta=10.0)
     z = ca.SX.sym("z")
     square = ca.Function("f", [z], [3 * z**2])
-    with pytest.raises(BadInputError):
+    with pytest.raises(BadInputError, match="may be V or gradient"):
         from_network(plant, square)
     critic = from_network(plant, square, network="V")
     np.testing.assert_allclose(critic.P, [[3.0]])
