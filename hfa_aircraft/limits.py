@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_support.attributes import Advised
 
 #: Tolerance beyond a limit, as a fraction of (nominal size + |limit|). It covers the rounding of a
 #: trim, whose equations balance to 1e-10 of their scales.
@@ -18,7 +19,7 @@ NEAR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class Limits(Advised):
     """Lowest and highest values of k named signals, in the units of their model.
 
     model: model of the signals

@@ -11,7 +11,7 @@ import math
 import sys
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -174,25 +174,6 @@ def is_finite(value: object) -> bool:
         return math.isfinite(value)  # type: ignore[arg-type]  # TypeError below
     except (TypeError, ValueError, OverflowError, RuntimeError):  # RuntimeError is raised by CasADi
         return False
-
-
-def no_attribute(value: object, name: str) -> AttributeError:
-    """Return the AttributeError for an unknown attribute of a result, with the nearest attributes.
-
-    If the class has a property of this name, the error that the property raises is raised here. The
-    attribute `_instead` of a class, name -> call, states what to write for a name of another class.
-    """
-    if hasattr(type(value), name):
-        object.__getattribute__(value, name)
-    instead = getattr(type(value), "_instead", {}).get(name)
-    if instead is not None:
-        return AttributeError(f"{type(value).__name__} has no attribute {name!r}; write {instead}")
-    with suppress(Exception):
-        value[name]  # type: ignore[index]  # an error if the class has no values by name
-        kind = type(value).__name__
-        return AttributeError(f"{kind} has no attribute {name!r}; write its [{name!r}]")
-    known = [each for each in dir(value) if each[0] != "_"]
-    return AttributeError(f"{type(value).__name__} has no attribute {name!r}{advice(name, known)}")
 
 
 def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:

@@ -12,6 +12,7 @@ from controller.expansion.deviations import rates_about_trim
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
 from hfa_support.arguments import checks_arguments, need
+from hfa_support.attributes import Advised
 from hfa_support.errors import refuse_unless_whole
 from trim.linear.linear_model import LinearModel
 from verification.box import Box
@@ -61,7 +62,7 @@ FLIGHTS = 100
 
 @checks_arguments
 @dataclass(frozen=True)
-class Scope:
+class Scope(Advised):
     """Data for the checks of a critic besides the game.
 
     box: box of states in which V, its gradient and the policies are compared; by default the

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from hfa_support.arguments import checks_arguments
+from hfa_support.attributes import Advised
 from hfa_support.progress import Progress
 
 #: Largest number of stored rows of the history.
@@ -22,7 +23,7 @@ SILENCE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class Run(Advised):
     """Final state and history of a learner that has finished.
 
     memory: memory after the last tick

@@ -15,6 +15,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.margins import ClosedLoop, disk_of, disk_sizes, loop_at_inputs
 from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.attributes import advised
 from trim.linear.linear_model import LinearModel
 
 #: A gain below this, or above its inverse, is a crossover at infinite frequency, or none, that
@@ -38,6 +39,7 @@ _POINTS = 17
 Loci = Callable[[np.ndarray], np.ndarray]
 
 
+@advised
 class LoopMargin(NamedTuple):
     """Margins of one loop, or of several loops for one common factor, phase shift or delay.
 

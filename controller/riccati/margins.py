@@ -21,6 +21,7 @@ from controller.riccati.bilinear import System, in_continuous_time
 from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.frequency_response import level_crossings, responses
 from hfa_support.arguments import checks_arguments, need
+from hfa_support.attributes import advised
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
 
@@ -59,6 +60,7 @@ BLOCK = 16
 Piece = tuple[float, float]
 
 
+@advised
 class DiskMargin(NamedTuple):
     """Disk margin: stability for simultaneous changes of all inputs by independent complex factors.
 

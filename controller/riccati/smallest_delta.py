@@ -10,6 +10,7 @@ from controller.riccati.certificate import certified_solution, form_of
 from controller.riccati.delta_search import smallest_delta
 from controller.riccati.form import Form
 from hfa_support.arguments import checks_arguments, need
+from hfa_support.attributes import advised
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -26,6 +27,7 @@ class ModeError(NoSolutionError):
     """
 
 
+@advised
 class DeltaMin(NamedTuple):
     """Bounds of delta_min = inf{δ : a solution exists}: refused < delta_min <= value.
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isclose
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from hfa.options.aircraft import is_own
 from hfa.options.argument_types import breakpoint_value, quantity, span
 from hfa.options.part import OfModel, Part, option
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, warn
+from hfa_support.errors import BadInputError, refuse_unknown, warn
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, explained, trim
@@ -270,15 +270,16 @@ class Trim(Part):
         """Return the error of a failed trim, with its reason, doubts, and options that help."""
         error = explained(failure, self.aircraft, self.condition)
         doubts = [f"check: {doubt}" for doubt in self.aircraft.about.doubts]
-        advice = self._advice() if error is failure else ""  # the aircraft explains it
+        advice = "" if error is not failure else self._advice(failure)  # the aircraft explains it
         said = "; ".join(filter(None, (str(error), *doubts, advice)))
-        return TrimError(said, error.attempt)
+        return TrimError(said, error.attempt, error.required)
 
-    def _advice(self) -> str:
+    def _advice(self, failure: TrimError) -> str:
         """Return the imposed values of which one must be free, so that a trim exists, or "".
 
         Each is tried: first the rates of altitude and pitch, as in a climb and a pull-up. Values
-        that the user imposed come last.
+        that the user imposed come last. If the equations balance only with a free rate, and beyond
+        a limit, the advice is this rate and the limit.
         """
         imposed = [f"{name}_dot" for name in self.condition.rates if name.lower() in _CLIMBING]
         imposed += sorted(self.condition.imposed, key=lambda name: name in self.hold)
@@ -287,18 +288,30 @@ class Trim(Part):
             is_swept = name == self.model.schedule and self.model.about.names_schedule
             if is_swept or len(found) == _MOST_ADVICE:
                 continue
-            with suppress(NoSolutionError, BadInputError):
-                freed = release(self.condition, free=(name,))
+            is_rate = name not in self.condition.imposed
+            freed = release(self.condition, free=(name,))
+            try:
                 point = trim(self.aircraft, freed, self.start_point)
-                if name not in self.condition.imposed:
+            except TrimError as obstacle:
+                if is_rate and obstacle.required and not failure.required:
+                    return f"with --free {name}, balanced only beyond a limit: {obstacle.required}"
+            except BadInputError:
+                pass
+            else:
+                if is_rate:
                     found.append(f"--free {name}")
-                elif not point._far_out:
+                elif not point._far_out and not self._is_declared(name, point[name]):
                     value = self.model.describe(name, point[name])
                     instead = f"--free {name} in place of --hold" if name in self.hold else ""
                     found.append(f"{instead or f'--free {name}'} ({name} {value})")
         if not found:
             return ""
         return f"a trim exists with {' or '.join(found)}"
+
+    def _is_declared(self, name: str, value: float) -> bool:
+        """Return whether a value is that of the default trim, so that freeing it is no advice."""
+        declared = usual_condition(self.model).imposed.get(name)
+        return isinstance(declared, float) and isclose(value, declared, abs_tol=1e-9)
 
     def origin(self) -> dict[str, Any]:
         """Return the provenance of the trim condition."""

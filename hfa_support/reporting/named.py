@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from hfa_support.errors import no_attribute, refuse_unknown
+from hfa_support.attributes import Advised
+from hfa_support.errors import refuse_unknown
 
 if TYPE_CHECKING:
     import pandas
@@ -70,7 +71,7 @@ def with_names(values: np.ndarray, *names: tuple[str, ...]) -> NamedArray:
 Named = TypeVar("Named", covariant=True)
 
 
-class ByName(tuple[Named, ...]):
+class ByName(Advised, tuple[Named, ...]):
     """Tuple whose entries are found by number or by their `name`, as in modes["phugoid"]."""
 
     def __getitem__(self, index: Any) -> Any:
@@ -79,14 +80,6 @@ class ByName(tuple[Named, ...]):
             return super().__getitem__(index)
         refuse_unknown("unknown name", index, self.keys())
         return self[self.keys().index(index)]
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            """Raise AttributeError with the nearest attributes."""
-            if name.startswith("__"):
-                raise AttributeError(name)
-            raise no_attribute(self, name)
 
     def keys(self) -> list[str]:
         """Return the names of the entries.

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from hfa_support.errors import no_attribute, shortened
+from hfa_support.attributes import Advised
+from hfa_support.errors import shortened
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.results import Result, plain
@@ -32,7 +33,7 @@ SUFFIXES = (".json", ".npz", ".mat", ".csv", ".md", ".html")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Report:
+class Report(Advised):
     """Report of a result, with its parts in reading order.
 
     title: heading, and further lines that are printed below the heading
@@ -166,7 +167,7 @@ class Report:
 Part: TypeAlias = "str | Table | tuple[str | Table, ...] | Picture | Report"
 
 
-class Reported:
+class Reported(Advised):
     """Base class of results that are displayed as reports at the Python prompt and in notebooks."""
 
     def report(self) -> Report:
@@ -189,14 +190,6 @@ class Reported:
 
     def _repr_html_(self) -> str:
         return self.report()._repr_html_()
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            """Raise AttributeError with the nearest attributes."""
-            if name[0] == "_":
-                raise AttributeError(name)
-            raise no_attribute(self, name)
 
 
 def _text(part: Any, color: bool, width: int | None) -> str:

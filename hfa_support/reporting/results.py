@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from hfa_support.attributes import Advised
 from hfa_support.reporting.data_files import jsonable
 
 #: Arrays with one, two and three axes.
@@ -22,7 +23,7 @@ RootTable = np.ndarray
 Record = Any
 
 
-class Result:
+class Result(Advised):
     """Base class of dataclasses that are stored as files or as parts of other results.
 
     schema: name and version of the file format, or "" for a part of other results

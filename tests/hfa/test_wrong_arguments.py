@@ -18,7 +18,7 @@ import hfa
 from controller import disk_margin
 from hfa import BadInputError, NoSolutionError
 from hfa_aircraft import in_si
-from trim import handling_qualities, transfers
+from trim import transfers
 from verification import Box, Scope
 
 
@@ -165,7 +165,6 @@ WRONG_PARTS: dict[str, Callable[[], Any]] = {
     "name is 5": partial(hfa.Model, 5, {"x": hfa.Signal()}, {}, len),
     "min, max is": partial(hfa.Model, "a", {"x": hfa.Signal(min="a")}, {}, len),
     "game is 5": partial(disk_margin, 5, 5),
-    "point is 5": partial(handling_qualities, 5),
     "system is 5": partial(transfers, 5),
     "model is 5": partial(in_si, 5),
 }

@@ -105,6 +105,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "linear.zeta": (lambda: plant()["linear"].zeta, "LinearModel has no attribute 'zeta'"),
     "mode.zeta": (lambda: plant()["linear"].modes[0].zeta, "did you mean damping?"),
     "linear.dare": (lambda: plant()["linear"].dare, "LinearModel has no attribute 'dare'"),
+    "linear.margins": (lambda: plant()["linear"].margins, "write its point.margins"),
+    "solution.A": (lambda: plant()["solution"].A, "write its game.A"),
     "point.alpha": (lambda: plant()["point"].alpha, "write its ['alpha']"),
     "point.levels": (lambda: plant()["point"].levels, "write trim.levels_of("),
     "point.report(category)": (

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_aircraft.model import recognized
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
@@ -35,27 +34,8 @@ class Qualities(Result):
     handling_qualities: Mapping[str, Quantity]
 
 
-@checks_arguments
 def handling_qualities(point: OperatingPoint) -> list[Quantity]:
-    """Return the handling qualities at a trim, as far as the model declares their modes and
-    outputs.
-
-    - `short period`, `phugoid` and `dutch roll`: natural frequency and damping ratio, for two real
-      eigenvalues from their product and sum
-    - `dutch roll`: also the product of frequency and damping ratio, and |φ/β| of the mode's shape
-    - `roll`: time constant -1/λ
-    - `spiral`: time to double or half, ln 2/|λ|
-    - `roll` or `spiral` coupled in an oscillation: the product of frequency and damping ratio
-    - with an output `load_factor` and a state `alpha` in the short period: n/alpha and the control
-      anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1)
-
-    n/alpha is the steady change of the load factor divided by the steady change of alpha, after a
-    step of the input that pitches the aircraft most. Lags follow, and all other states except alpha
-    and pitch rate are held.
-    """
-    from trim.point.operating_point import OperatingPoint
-
-    need(point, OperatingPoint, "handling_qualities: point", "a trim: hfa.trim(model)")
+    """Return the handling qualities at a trim, as `OperatingPoint.handling_qualities` says."""
     linear = point.linearize(disturbances=())
     quantities = []
     for name in _OSCILLATING:
@@ -93,14 +73,14 @@ def with_qualities(report: Report, point: OperatingPoint, states: Sequence[str])
     states: states of the linear model; with fewer than the aircraft's, the table says of how many
         its figures are
     """
-    quantities = handling_qualities(point)
+    quantities = point.handling_qualities
     if not quantities:
         return report
     rows = [(each.name, f"{each.value:.4f}", each.unit) for each in quantities]
     whole = point.model.linear
     of_all = f", all {len(whole)} states" * (len(states) < len(whole))
     table = Table((f"handling qualities{of_all}", "value", "unit"), rows)
-    found = Qualities({each.name: each for each in quantities})
+    found = Qualities(dict(quantities))
     return replace(report, parts=(*report.parts, table)).with_data(found)
 
 

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from trim.linear.reduction import Matrices, Names
     from trim.linear.transfer import System
     from trim.point.operating_point import OperatingPoint
+    from trim.point.performance import Quantity
 
 
 @checks_arguments
@@ -250,6 +251,11 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         from trim.linear.modes import modes_of
 
         return ByName(modes_of(self.A, self.states, self.model.modes))
+
+    @property
+    def handling_qualities(self) -> ByName[Quantity]:
+        """Handling qualities at the operating point, also if this model has fewer states."""
+        return self.point.handling_qualities
 
     @property
     def state_offsets(self) -> Vector:

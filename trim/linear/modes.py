@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.errors import BadInputError, no_attribute, numbers_in
+from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.named import NamedArray
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, eigenvalue_text
@@ -43,14 +43,6 @@ class Mode(Result):
     time_to_double: float
     stable: bool
     participation: dict[str, float]
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            """Raise AttributeError with the nearest attributes: of mode.zeta, damping."""
-            if name[0] == "_":
-                raise AttributeError(name)
-            raise no_attribute(self, name)
 
 
 #: Smallest participation on a sheet.

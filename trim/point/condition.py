@@ -12,6 +12,7 @@ import numpy as np
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments, need
+from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.linear_table import LinearTable
 
@@ -21,7 +22,7 @@ _ROUNDING = 1e-12
 
 @checks_arguments
 @dataclass(frozen=True)
-class TrimCondition:
+class TrimCondition(Advised):
     """Trim condition: f(X, U) = rates and y(X, U) = values, with free variables within limits.
 
     Some of X, U and y are imposed. The other X and U are free within limits. All values are in the

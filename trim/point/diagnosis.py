@@ -37,12 +37,12 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
     if not off:
         return f"no trim within limits: {'; '.join(problem.system.watched.broken(problem.at(z).y))}"
     can_balance = problem.balanced(found)
-    binding = _binding(problem, z, found if can_balance else z)
-    notes = [f"active limits: {'; '.join(binding)}" if binding else "no limit is active"]
+    binding = binding_limits(problem, found)
+    notes = [f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"]
     equations, unknowns = problem.count
     if equations > unknowns and not can_balance:
         notes.append(f"{equations} equations for {unknowns} unknowns; free more variables")
-    idle = _without_effect(problem, z)
+    idle = [name for name in _without_effect(problem, z) if name not in binding]
     if idle:
         notes.append(f"no effect of {' and '.join(idle)}; free another variable")
     elif not can_balance:
@@ -119,11 +119,16 @@ def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
     return sentences
 
 
-def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[str]:
-    """Return a sentence for each active limit of a free variable."""
-    # If the equations balance only beyond this limit, the sentence contains the value that balance
-    # requires.
-    # z (k,), wanted (k,)
+def binding_limits(problem: TrimProblem, found: np.ndarray) -> dict[str, str]:
+    """Return a sentence for each free variable at a limit, name -> sentence.
+
+    If the equations balance only beyond this limit, the sentence contains the value that balance
+    requires.
+
+    found: the best unknowns found, (k,), possibly beyond their limits
+    """
+    z = problem.clip(found)
+    wanted = found if problem.balanced(found) else z
     limits = problem.system.limits
     describe = problem.model.describe
     values = z * problem.system.scales
@@ -131,7 +136,7 @@ def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[st
     low = limits.at_lowest(values)
     high = limits.at_highest(values)
     beyond = ~limits.within(needed)
-    sentences = []
+    sentences = {}
     for i, name in enumerate(problem.free):
         if not (low[i] or high[i]):
             continue
@@ -139,7 +144,7 @@ def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[st
         sentence = f"{name} at {word} {describe(name, limit)}"
         if beyond[i]:
             sentence += f", {describe(name, needed[i])} required"
-        sentences.append(sentence)
+        sentences[name] = sentence
     return sentences
 
 

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from trim.linear.modes import Mode
     from trim.point.condition import TrimCondition
     from trim.point.margins import Margin
+    from trim.point.performance import Quantity
     from trim.point.problem import TrimProblem
 
 SCHEMA = "hfa.operating-point/1"
@@ -327,6 +328,29 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         rows = model.state_places(model.linear)
         A = self.slopes.A[np.ix_(rows, rows)]
         return ByName(modes_of(A, model.linear, model.modes))
+
+    @cached_property
+    def handling_qualities(self) -> ByName[Quantity]:
+        """Handling qualities, as far as the model declares their modes and outputs.
+
+        - `short period`, `phugoid` and `dutch roll`: natural frequency and damping ratio, for two
+          real eigenvalues from their product and sum
+        - `dutch roll`: also the product of frequency and damping ratio, and |φ/β| of the mode's
+          shape
+        - `roll`: time constant -1/λ
+        - `spiral`: time to double or half, ln 2/|λ|
+        - `roll` or `spiral` coupled in an oscillation: the product of frequency and damping ratio
+        - with an output `load_factor` and a state `alpha` in the short period: n/alpha and the
+          control anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1)
+
+        n/alpha is the steady change of the load factor divided by the steady change of alpha, after
+        a step of the input that pitches the aircraft most. Lags follow, and all other states except
+        alpha and pitch rate are held.
+        """
+        from hfa_support.reporting.named import ByName
+        from trim.linear.handling_qualities import handling_qualities
+
+        return ByName(handling_qualities(self))
 
     @cached_property
     def fault(self) -> str:

@@ -27,14 +27,17 @@ class TrimError(NoSolutionError):
     the limits that balance would require.
 
     attempt: best point found within the limits
+    required: sentences on the limits beyond which the equations balance, or "" if they do not
+        balance beyond any limits
     """
 
-    def __init__(self, message: str, attempt: OperatingPoint) -> None:
+    def __init__(self, message: str, attempt: OperatingPoint, required: str = "") -> None:
         super().__init__(message)
         self.attempt = attempt
+        self.required = required
 
-    def __reduce__(self) -> tuple[type[TrimError], tuple[str, OperatingPoint]]:
-        return TrimError, (str(self), self.attempt)
+    def __reduce__(self) -> tuple[type[TrimError], tuple[str, OperatingPoint, str]]:
+        return TrimError, (str(self), self.attempt, self.required)
 
 
 def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimError:
@@ -52,7 +55,7 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
     if not reason:
         return error
     details = str(error).removeprefix("no trim: ")
-    return TrimError(f"no trim: {reason} ({details})", error.attempt)
+    return TrimError(f"no trim: {reason} ({details})", error.attempt, error.required)
 
 
 @checks_arguments
@@ -153,13 +156,16 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
             nearest = z
     if far_out is not None:
         return far_out
-    from trim.point.diagnosis import failure
+    from trim.point.diagnosis import binding_limits, failure
 
     message = failure(problem, nearest)
+    required = ""
+    if problem.balanced(nearest):
+        required = "; ".join(binding_limits(problem, nearest).values())
     if number:
         message += f"; {number} other initial points failed too"
     attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
-    raise TrimError(message, attempt)
+    raise TrimError(message, attempt, required)
 
 
 def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:

@@ -305,11 +305,9 @@ def levels_of(point: OperatingPoint, airplane: Airplane) -> tuple[Graded, ...]:
 
     airplane: class and category
     """
-    from trim.linear.handling_qualities import handling_qualities
-
     if not point.ok or point.fault or "speed" not in recognized(point.model.states):
         return ()
-    qualities = {each.name: each.value for each in handling_qualities(point)}
+    qualities = {each.name: each.value for each in point.handling_qualities}
     return graded(qualities, [mode.name for mode in point.modes], airplane)
 
 

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_support.arguments import checks_arguments
+from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError
 from trim.sweeps.sweep import Sweep
 
@@ -35,7 +36,7 @@ class Interpolated(NamedTuple):
 
 @checks_arguments
 @dataclass(frozen=True, eq=False)
-class InterpolatedModel:
+class InterpolatedModel(Advised):
     """Trim, A and B, interpolated linearly in each variable of a sweep.
 
     sweep: sweep over a grid, with a trim at every point

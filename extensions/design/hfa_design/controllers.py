@@ -23,6 +23,7 @@ from hfa_design.plant.generalized_plant import GeneralizedPlant, solve_plant
 from hfa_flight.actuators import Actuator
 from hfa_flight.schedule.scheduled_controller import COMMAND_SIGNALS, ScheduledController, identity
 from hfa_support.arguments import checks_arguments
+from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, NoSolutionError, warn
 from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.checks import Check
@@ -33,7 +34,7 @@ from trim.point.solve import level_model
 
 @checks_arguments
 @dataclass(frozen=True, eq=False)
-class LinearController:
+class LinearController(Advised):
     """Controller x' = A x + B [y; w] + W (u_applied - u), u = C x + D [y; w] at one value of the
     scheduling variable.
 

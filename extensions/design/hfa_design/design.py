@@ -18,6 +18,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.actuators import Actuator
 from hfa_flight.signals import COMMAND_FILTER
 from hfa_support.arguments import checks_arguments
+from hfa_support.attributes import Advised
 from hfa_support.errors import (
     BadInputError,
     prefix_errors,
@@ -101,7 +102,7 @@ class Shaping(NamedTuple):
 
 @checks_arguments
 @dataclass(frozen=True)
-class Design:
+class Design(Advised):
     """Settings of a design for a linear model with actuators and integrals e' = y of outputs y.
 
     name: name of a shipped design, or path of a user's file

@@ -23,6 +23,7 @@ from hfa_design.design_models import DesignModel, design_model
 from hfa_flight.actuators import Actuator
 from hfa_flight.schedule.scheduled_controller import ScheduledController
 from hfa_support.arguments import checks_arguments
+from hfa_support.attributes import Advised
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.checks import Check, Checked, below, checks_block
@@ -43,7 +44,7 @@ TOGETHER = "all inputs"
 
 @checks_arguments
 @dataclass(frozen=True, eq=False)
-class ServoLoop:
+class ServoLoop(Advised):
     """Closed loop of a plant and a controller at constant commands.
 
     The plant is x' = A x + B u, y = C x. The controller is x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y.

@@ -11,6 +11,7 @@ import numpy as np
 
 from hfa_aircraft.march.march import saturated
 from hfa_support.arguments import checks_arguments
+from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 
 #: Longest integration step relative to the lag. For the actuators alone, the Runge-Kutta method of
@@ -49,7 +50,7 @@ class ActuatorFault:
 
 @checks_arguments
 @dataclass(frozen=True)
-class ActuatorBank:
+class ActuatorBank(Advised):
     """Actuators of the m inputs, with limits of position and rate.
 
     u is the command and a the position, as deviations from the trim U0.

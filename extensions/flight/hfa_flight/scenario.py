@@ -18,6 +18,7 @@ from hfa_flight.air.gusts import Gust
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.signals import TimeVector
 from hfa_support.arguments import checks_arguments
+from hfa_support.attributes import Advised
 from hfa_support.errors import (
     BadInputError,
     is_finite,
@@ -40,7 +41,7 @@ MOST_STEPS = 10_000_000
 
 @checks_arguments
 @dataclass(frozen=True)
-class Uncertainty:
+class Uncertainty(Advised):
     """Random quantities of the members of a simulation. By default there are none.
 
     errors: parameter -> relative standard deviation about the nominal value

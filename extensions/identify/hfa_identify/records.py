@@ -19,6 +19,7 @@ from hfa_identify.jsbsim_log import TIME, log_columns
 from hfa_identify.ulog import ulog_columns
 from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
+from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
 from hfa_support.files import regular_file
 from hfa_support.units import conversion, si_unit
@@ -41,7 +42,7 @@ _FAR = 4.0
 
 @checks_arguments
 @dataclass(frozen=True, eq=False)
-class Record:
+class Record(Advised):
     """Flight record of one maneuver.
 
     name: name of the record, such as its file name.

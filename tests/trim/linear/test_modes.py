@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 
 import hfa
 from hfa import LinearModel, Model, OperatingPoint, Signal, TrimCondition, linearize, trim
-from trim import handling_qualities, modes_of
+from trim import modes_of
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.7, -0.2])
@@ -95,7 +95,7 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
 
 
 def values(aircraft: Model, point: OperatingPoint) -> dict[str, float]:
-    return {quality.name: quality.value for quality in handling_qualities(point)}
+    return {quality.name: quality.value for quality in point.handling_qualities}
 
 
 def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float = 1e-4) -> float:

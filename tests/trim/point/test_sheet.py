@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 import hfa
 import hfa_model
 from hfa import Model, Signal
-from trim import Airplane, graded, handling_qualities, trim_report
+from trim import Airplane, graded, trim_report
 
 EXAMPLES = ROOT / "examples"
 FOOT, KNOT, SLUG = 0.3048, 1852.0 / 3600.0, 14.593903
@@ -599,7 +599,7 @@ def test_a_learjet_has_the_published_modes_and_the_levels_by_hand() -> None:
     Class II-L, category B: the Dutch roll is below .08 and .15 1/s, the roll mode above 1.4 s.
     """
     point = hfa.trim(hfa.from_derivatives(LEARJET))
-    found = {each.name: each.value for each in handling_qualities(point)}
+    found = {each.name: each.value for each in point.handling_qualities}
     for name, value in zip(QUALITIES, PUBLISHED["Learjet 24"][1], strict=True):
         if name not in ("phugoid damping", DAMPING):  # Roskam: another slope of the thrust
             assert found[name] == pytest.approx(value, rel=0.12)
@@ -624,7 +624,7 @@ def test_the_anticipation_parameter_is_that_by_hand(name: str) -> None:
     B = np.array(linear.B)[rows, linear.inputs.index("elevator")]
     alpha, pitch_rate = -np.linalg.solve(np.array(linear.A)[np.ix_(rows, rows)], B)
     gravity = 9.80665 if model.unit("speed") == "m/s" else 32.174
-    found = {each.name: each.value for each in handling_qualities(point)}
+    found = {each.name: each.value for each in point.handling_qualities}
     by_alpha = point["speed"] * pitch_rate / alpha / gravity
     assert found["n/alpha"] == pytest.approx(by_alpha, rel=1e-5)
     assert found["CAP"] == pytest.approx(found["short period frequency"] ** 2 / by_alpha, rel=1e-5)
@@ -633,7 +633,7 @@ def test_the_anticipation_parameter_is_that_by_hand(name: str) -> None:
 def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
     """The sheet grades the qualities of the linear model; modes without a rule are named."""
     point, data = sheet(f"{EXAMPLES}/cessna182.toml")
-    qualities = {each.name: each.value for each in handling_qualities(point)}
+    qualities = {each.name: each.value for each in point.handling_qualities}
     assert len(data["levels"]) == 8
     for entry in data["levels"]:
         name = f"{entry['mode']} {entry['quality']}"

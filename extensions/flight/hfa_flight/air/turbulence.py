@@ -20,6 +20,7 @@ from hfa_flight.air.gust_equations import ADDED, missing_states, taken_component
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.names import UPDRAFT, gust_speed
 from hfa_support.arguments import checks_arguments
+from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, is_finite, shown
 from hfa_support.units import si_factor
 from trim.point.operating_point import OperatingPoint
@@ -78,7 +79,7 @@ FILTERS = {
 
 @checks_arguments
 @dataclass(frozen=True)
-class Turbulence:
+class Turbulence(Advised):
     """Turbulence with the spectra of MIL-F-8785C.
 
     level: light, moderate or severe, with the intensities and scales of the specification; or

@@ -28,6 +28,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.formulas import Formula, read_formula
 from hfa_support.arguments import checks_arguments, need
+from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened
 from trim.point.operating_point import OperatingPoint
 
@@ -38,7 +39,7 @@ TRIM = "trim"
 
 @checks_arguments
 @dataclass(frozen=True, eq=False)
-class Deployed:
+class Deployed(Advised):
     """Deployment on an aircraft, as functions of the aircraft's states and inputs.
 
     deployment: the deployment.
