@@ -170,6 +170,8 @@ def _of_value(P: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
         says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
         yield Mistake(says, half + half.T - np.diag(np.diag(half)))
     P = (P + P.T) / 2.0
+    says = "the value has the wrong sign: it is of rewards; V is z'Pz, of costs, and positive"
+    yield Mistake(says, -P)
     yield from _factors("P", "value", "V is z'Pz, without a factor 1/2", P, exact)
     halves = np.where(np.eye(len(P), dtype=bool), 1.0, 0.5)
     says = "the entries of P off the diagonal are twice too large: they must be W / 2"

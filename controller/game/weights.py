@@ -89,14 +89,14 @@ def cost_text(
 ) -> str:
     """Return Q and R as one line of text, marked where they are the default, with its source.
 
-    The text is, for example, "Q diag(1, 2) (file), R diag(1) (default 1/nominal^2)".
+    The text is, for example, "Q diag(1, 2) (file), R diag(1) (1/nominal^2, as by default)".
 
     names: states of Q, then inputs of R
     """
     parts = []
     for name, weight in (("Q", Q), ("R", R)):
         usual = default_weight(name, model, names[: len(Q)], names[len(Q) :])
-        source = "file" if name in model.about.weights else "default 1/nominal^2"
+        source = "file" if name in model.about.weights else "1/nominal^2, as by default"
         is_usual = np.allclose(weight, usual, rtol=1e-12, atol=0.0)
         parts.append(f"{name} {matrix_text(weight)}" + f" ({source})" * is_usual)
     return ", ".join(parts)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from controller.critic.critic_file import critic_suffixes, critics_in, is_network
 from controller.game.zero_sum import Game
@@ -120,6 +120,29 @@ class VerifyRequest(GameRequest):
         "prove that no error of a network in the box exceeds --limit-error", package="hfa_prove"
     )
 
+    def named_game(self, read: dict[str, Any] | None = None) -> NamedGame:
+        """Return the game that the options define, in which only --inputs move.
+
+        With --inputs, --R by name needs no weight for the inputs that stay at the trim.
+        """
+        request = self
+        R = self.game.weights.R
+        if isinstance(R, Mapping) and self.game.plant is None:
+            held = [name for name in self.model.inputs if name not in R]
+            if held and not self.inputs:
+                raise BadInputError(
+                    f"--R has no weight for {', '.join(held)}; add them, or --inputs "
+                    f"{','.join(R)} for a policy that moves no others"
+                )
+            unused = {name: 1.0 for name in held if name not in self.inputs}
+            weights = replace(self.game.weights, R={**unused, **R})
+            request = replace(self, game=replace(self.game, weights=weights))
+        named = super(VerifyRequest, request).named_game(read)
+        if not self.inputs:
+            return named
+        with prefix_errors("--inputs"):
+            return named.select(self.inputs)
+
 
 @command(VerifyRequest)
 def verify(request: VerifyRequest) -> int:
@@ -136,9 +159,6 @@ def verify(request: VerifyRequest) -> int:
     named = request.named_game()
     if named.game.is_discrete:
         request.refuse(("discount", "dt", "flights", "reference"), CONTINUOUS)
-    if request.inputs:
-        with prefix_errors("--inputs"):
-            named = named.select(request.inputs)
     game = _judged_game(request, named)
     scope = Scope(
         flights=_FEW_FLIGHTS if len(paths) > _MANY else FLIGHTS,

@@ -18,8 +18,13 @@ from hfa_optimal.initial_conditions import starts_table
 from hfa_optimal.search import BestFlights
 from hfa_policy.outcomes import Place
 from hfa_policy.weights import weights_at
+from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
+from trim.linear.modes import modes_of
+
+#: Longest time until the linear cost of a flight has decayed, s. Longer flights are not compared.
+_LONGEST = 3000.0
 
 
 class Ratios(NamedTuple):
@@ -180,6 +185,21 @@ def _number(ratio: float) -> str:
     return f"{ratio:.0f}" if ratio >= 1000.0 else f"{ratio:.3g}"
 
 
+def _refuse_slow(search: BestFlights, starts: np.ndarray) -> None:
+    """Raise NoSolutionError if the exact loop has a mode that decays in too long a time."""
+    if max(map(search.horizon, starts)) <= _LONGEST:
+        return
+    problem = search.problem
+    loop = problem.linear.A - problem.linear.B @ problem.K
+    slowest = max(modes_of(loop, problem.states), key=lambda mode: mode.eigenvalue.real)
+    state = max(slowest.participation, key=lambda name: slowest.participation[name])
+    raise NoSolutionError(
+        f"with the exact gain, the mode {slowest.name} has a time constant of "
+        f"{-1.0 / slowest.eigenvalue.real:.3g} s; leave {state} out of the linear states of the "
+        f"model (linear=), or give {state} a larger weight in Q"
+    )
+
+
 def flight_costs(
     deployed: Deployed,
     place: Place,
@@ -196,7 +216,8 @@ def flight_costs(
     seed: seed of the initial conditions
     searched: whether the best flight from each initial condition is searched
 
-    Raises NoSolutionError if no gain has a finite cost.
+    Raises NoSolutionError if no gain has a finite cost, or if a mode of the exact loop is so slow
+    that flights until it has decayed are too long.
     """
     point = place.point
     Q, R = weights_at(deployed, point)
@@ -204,6 +225,7 @@ def flight_costs(
     search = BestFlights(problem, count)
     loop = search.flights.of_policy(policy_about(deployed, point, "policy"))
     starts = drawn_starts(problem, count, seed, place.box)
+    _refuse_slow(search, starts)
     table = starts_table(search, starts, [loop], progress, searched=searched)
     compared = [each for each in table.flights if each.cost is not None or not searched]
     linear, flown = ([each.policies[index] for each in compared] for index in range(2))
