@@ -40,7 +40,6 @@ CHANGED = [
     ("region", "trim.free", ("--free", "angle", "--hold", "torque=0.1")),
     ("region", "aircraft.source", ("--aircraft", f"{ROOT}/examples/pendulum.py:VAN_DER_POL")),
     ("region", "aircraft.mass", ("--mass", "5")),
-    ("region", "game.plant", ("--model", "plant.npz")),
     ("schedule", "trim.at", ("--dihedral", "14:14.5")),
     ("schedule", "trim.limit", ("--limit", "elevator_center=-20:20")),
     ("schedule", "trim.hold", ("--hold", "speed=70")),
@@ -87,7 +86,6 @@ def test_an_option_that_changes_the_subject_is_refused(
     np.savez("K.npz", K=[[2.0, 1.5]])
     np.savez("W.npz", W=[1.0, 2.0, 3.0, 0.5])
     np.savez("K6.npz", K=np.ones((5, 6)))
-    np.savez("plant.npz", A=np.eye(2), B=np.ones((2, 1)), Q=np.eye(2), R=np.eye(1))
     Path("policy.toml").write_text("")
     subject: tuple[str, ...] = PENDULUM if kind != "schedule" else ()
     if path == "aircraft.source":

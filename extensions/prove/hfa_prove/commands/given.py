@@ -48,13 +48,12 @@ _GIVEN_BY: Mapping[str, tuple[str, ...]] = {
 }
 #: Kind of a certificate -> its subject, and paths of options that do not apply to it.
 _OTHERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "schedule": ("a schedule", ("policy", "reading.", "disturbance", "game.plant")),
-    "region": ("a region", ("game.plant",)),
+    "schedule": ("a schedule", ("policy", "reading.", "disturbance")),
     "cost": (
         "a bound of the cost",
         (
             *("policy", "weights", "reading.", "disturbance"),
-            *("game.plant", "game.weights.N", "game.weights.delta"),
+            *("game.weights.N", "game.weights.delta"),
         ),
     ),
 }
@@ -71,7 +70,7 @@ def _typed(request: CheckRequest, paths: tuple[str, ...]) -> list[str]:
 
 def refuse_other_kinds(request: CheckRequest, kind: str) -> None:
     """Raise BadInputError for an option that does not apply to certificates of a kind."""
-    about, paths = _OTHERS.get(kind, ("another kind", ()))
+    about, paths = _OTHERS.get(kind, ("this kind", ()))
     request.refuse(
         _typed(request, paths),
         f"does not apply to the certificate of {about}; remove this option",

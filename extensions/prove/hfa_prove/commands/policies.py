@@ -90,14 +90,11 @@ def given_policy(request: CheckRequest | RegionRequest) -> GivenPolicy:
         raise BadInputError(
             "--basis applies only to W in --weights; add --weights, or remove --basis"
         )
+    linear = linearize(request.trim.aircraft, request.trim.point())
     if not request.model.inputs:
-        aircraft = request.trim.aircraft
-        free = linearize(aircraft, request.trim.point())
-        none = Gain(np.zeros((0, len(free.states))), {})
-        return GivenPolicy.of_gain(free, none, "no inputs", None)
-    named = request.game.game(request.aircraft, request.trim)
-    assert named.linear is not None  # of an aircraft
-    linear = named.linear
+        none = Gain(np.zeros((0, len(linear.states))), {})
+        return GivenPolicy.of_gain(linear, none, "no inputs", None)
+    named = request.game.game_at(linear, request.aircraft)
     if request.policy is not None:
         known = [("P of the game", unconfirmed_solution(named.game).P)]
         return _deployment(request.policy, linear, known)

@@ -33,10 +33,6 @@ def region(request: RegionRequest) -> int:
     from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
-    request.refuse(
-        ("game.plant",),
-        "is a linear plant, but a region requires nonlinear equations; give --aircraft instead",
-    )
     refuse_no_certificate(request.output.file)
     return _prove(request)
 

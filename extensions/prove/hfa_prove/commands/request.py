@@ -8,7 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.aircraft import Aircraft
-from hfa.options.argument_types import input_file, number, one_of, positive, quantity
+from hfa.options.argument_types import (
+    breakpoint_value,
+    input_file,
+    number,
+    one_of,
+    positive,
+    quantity,
+)
 from hfa.options.critics import ReadingGiven, critic_path
 from hfa.options.game import GameGiven, GameWeights
 from hfa.options.part import OfModel, option, part
@@ -48,7 +55,7 @@ class CheckRequest(Request):
         ),
         limit=limits_option("limits of a signal that the certificate must be about", rare=True),
     )
-    game: GameGiven = part(GameGiven)
+    game: GameGiven = part(GameGiven, without=("plant",))
     reading: ReadingGiven = part(ReadingGiven)
     check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
     weights: Path | None = option(
@@ -84,13 +91,14 @@ class RegionRequest(Request):
     aircraft: Aircraft = part(Aircraft, without=("units",))
     trim: Trim = part(
         Trim,
+        at=scheduled(breakpoint_value, required=True),
         limit=limits_option(
             "limits of a state, input or output, within the model's: of the trim, and of the loop, "
             "where inputs are saturated",
             rare=True,
         ),
     )
-    game: GameGiven = part(GameGiven)
+    game: GameGiven = part(GameGiven, without=("plant",))
     reading: ReadingGiven = part(ReadingGiven)
     weights: Path | None = option(
         "file with a policy: K, P, W, or a network; default: policy of the exact game",

@@ -143,6 +143,19 @@ def test_a_set_is_invariant_under_the_largest_disturbance_only() -> None:
             windy_checked(windy(**sizes))
 
 
+def test_a_held_state_may_come_first() -> None:
+    """The rates are those of the moving states, also behind a held state: K = 0.4 is too little."""
+    names = ("slope", "level", "heat")
+    model = replace(TANK, states={name: TANK.states[name] for name in names})
+    for gain, is_proved in ((2.0, True), (0.4, False)):
+        content = tank()
+        loop = content["statement"]["loop"]
+        loop["model"] = facts(model)
+        loop["policy"]["K"] = [[gain, 0.0]]
+        with nullcontext() if is_proved else pytest.raises(NoSolutionError, match="near the equil"):
+            assert check_region(*read_content(content, Subject(model))) > 0
+
+
 def test_a_set_too_small_for_the_wind_is_refused() -> None:
     """A wind of 0.5 leaves level² + heat² <= 0.1: V' = 2 level (0.5 - 1.5 level) > 0 at 0.31."""
     content = windy(wind=0.5)
@@ -510,6 +523,12 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "another unit": (_put("ft", "loop", "model", "state_units", 0), "model: state_units"),
     "another file": (_put("0" * 64, "loop", "model", "equations"), "with other equations"),
     "few boxes": (_witness(boxes=3), "undecided after 3 boxes"),
+    "a claim beside the statement": (lambda content: content.update(claim=1.0), "unknown entry"),
+    "a claim in the witness": (_witness(claim=1.0), "unknown entry"),
+    "a claim about the set": (_put(1.0, "piece", "claim"), "unknown entry"),
+    "an extent of no state": (_put([-1.0, 1.0], "extents", "slope"), "unknown entry"),
+    "terms of no input": (_put({"pump": [[1.0, [3, 0]]]}, "loop", "policy", "terms"), "unknown"),
+    "a fact of the model": (_put("m", "loop", "model", "length_unit"), "unknown entry"),
 }
 
 

@@ -76,6 +76,30 @@ def test_enclosures_contain_a_hundred_thousand_random_points(dynamics: str) -> N
         assert escaped(dynamics, radius, points=10_000, seed=seed) == 0
 
 
+def _smooth() -> ca.Function:
+    """Return a function of two numbers with every smooth operation of balls."""
+    y = ca.SX.sym("y", 2)
+    a, b = 2.0 + 0.3 * y[0], 0.4 * y[0] - 0.3 * y[1]
+    expressions = [
+        *(a * b, b / a, 1 / a, a**-3, a**1.5, ca.sqrt(a), ca.exp(b), ca.log(a), ca.expm1(b)),
+        *(ca.log1p(b), ca.sin(a), ca.cos(b), ca.tan(b), ca.asin(b), ca.acos(b), ca.atan(b)),
+        *(ca.atan2(b, a), ca.tanh(b), b**2 - a, ca.fmax(a, b), ca.fmin(a, b), ca.fabs(-a)),
+    ]
+    return ca.Function("smooth", [y], [ca.vertcat(*expressions)])
+
+
+def test_balls_enclose_every_operation() -> None:
+    """Balls of every operation on a box contain the values at its corners and at random points."""
+    function = _smooth()
+    centre, half = np.array([0.3, -0.4]), 0.5
+    (found,) = BallFunction(function)([arb(value, half) for value in centre.tolist()])
+    points = np.random.default_rng(2).uniform(-1.0, 1.0, (200, 2))
+    points[:100] = np.sign(points[:100])
+    for place in centre + half * points:
+        for ball, value in zip(found, np.array(function(place)).ravel().tolist(), strict=True):
+            assert ball.overlaps(arb(value, 1e-14))
+
+
 def test_balls_equal_the_functions_in_doubles() -> None:
     """Rates and Jacobians in ball arithmetic equal those of the model in doubles."""
     model = model_at(15.0)

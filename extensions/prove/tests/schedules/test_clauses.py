@@ -402,6 +402,8 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
         "gains: breakpoints",
     ),
     "an unknown entry": (_put(1.0, "statement", "actuators"), "unknown entry"),
+    "an unknown entry of the witness": (_put(1.0, "witness", "actuators"), "unknown entry"),
+    "a limit of no signal": (_put([0.0, 1.0], *_FLIGHT, "limits", "height"), "unknown entry"),
 }  # fmt: skip
 
 
