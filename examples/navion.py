@@ -78,7 +78,7 @@ def equations(x, u, p, w):
         "pitch_rate": pressure_area * CHORD * pitch_coefficient / I_YY,
         "yaw_rate": pressure_area * SPAN * yaw_coefficient / I_ZZ,
     }
-    outputs = {"gamma": gamma, "load_factor": lift / (MASS * GRAVITY)}
+    outputs = {"gamma": gamma, "load_factor": lift_acceleration / GRAVITY}
     return rates, outputs
 
 

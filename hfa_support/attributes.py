@@ -38,7 +38,7 @@ class Advised:
 
 def advised(kind: type[Tuple]) -> type[Tuple]:
     """Return a class of named tuples with the errors of `Advised`, as a decorator of the class."""
-    kind.__getattr__ = vars(Advised)["__getattr__"]
+    setattr(kind, "__getattr__", vars(Advised)["__getattr__"])  # noqa: B010  # unknown to mypy
     return kind
 
 

@@ -48,4 +48,7 @@ def designed_game(design: Design, weights: GameWeights, linear: LinearModel) -> 
     of_design = f"design {built.design.name} of {plant_names(linear).origin}"
     game = replace(game, names=game.names._replace(origin=of_design))
     weights_from = weights.sources(otherwise="design")
-    return NamedGame(game, tuple(linear.point.warnings), weights_from=weights_from)
+    notes = tuple(linear.point.warnings)
+    if built.sensors:
+        notes += ("solved with state feedback; `hfa design` uses the measured outputs alone",)
+    return NamedGame(game, notes, weights_from=weights_from)

@@ -246,7 +246,7 @@ class ScheduledController(ByValue, Reported):
             value = shown_value(row[by], self.model.unit(by))
             verdict = verdict_text(all(check["ok"] for check in row["checks"]))
             cells.append((value, f"{row.get(limit, np.nan):.6g}", verdict))
-        table = Table((by, limit, "certificate"), cells)
+        table = Table((by, f"{limit} ({self.feedback} feedback)", "certificate"), cells)
         title = (
             f"Controller {self.name}: {self.feedback} feedback, {len(self.states)} states,"
             f" {self._where()}, {self.called}"
