@@ -15,10 +15,9 @@ from hfa_optimal.smooth import disturbed_rates
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
 
-#: Least number of Runge-Kutta steps in a hold, and largest product of such a step and the fastest
-#: pole. The gradient of a plan at the trim is then exact to 1e-5.
-_PARTS = 2
-_STEP = 0.2
+#: Largest error of the fastest mode over a hold, x^5 / 120 for each Runge-Kutta step of x time
+#: constants. The gradient of a plan at the trim is then exact to 1e-5.
+_ERROR = 2.5e-6
 
 
 class HeldModel:
@@ -39,8 +38,9 @@ class HeldModel:
     @cached_property
     def _parts(self) -> list[int]:
         """Number of Runge-Kutta steps in each hold."""
-        shares = self.holds * self.scaled.fastest / _STEP
-        return np.maximum(_PARTS, np.ceil(shares - 1e-9)).astype(int).tolist()
+        constants = self.holds * self.scaled.fastest
+        parts = np.ceil((constants**5 / (120.0 * _ERROR)) ** 0.25)
+        return np.maximum(1, parts).astype(int).tolist()
 
     @property
     def disturbances(self) -> int:

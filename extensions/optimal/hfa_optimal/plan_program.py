@@ -1,4 +1,7 @@
-"""Quadratic program for the change of a plan, solved with PIQP."""
+"""Quadratic program for the change of a plan, solved with HPIPM.
+
+Source: Frison and Diehl, IFAC-PapersOnLine 53 (2020) 6563.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +12,19 @@ import numpy as np
 
 from hfa_support.native.bound import BoundFunction
 
-#: The number of iterations bounds the time of a sample. Ten to twenty solve a program. A flight
-#: decides on its inputs.
+#: Settings of HPIPM. The number of iterations bounds the time of a sample. A flight decides on the
+#: inputs of a program.
+_TOLERANCE = 1e-4
 _OPTIONS: dict[str, Any] = {
-    "error_on_fail": False,
-    "print_time": False,
-    "piqp": {"max_iter": 60, "eps_rel": 1e-5, "eps_duality_gap_rel": 1e-5},
+    "mode": "speed_abs",
+    "iter_max": 40,
+    "mu0": 1e3,
+    **dict.fromkeys(("res_g_max", "res_b_max", "res_d_max", "res_m_max"), _TOLERANCE),
 }
-_ARGUMENTS = "p", "lbg", "ubg", "lbx", "ubx"
+#: Cost of the plan in the units of the program, for which the tolerances are small.
+_COST = 2500.0
+#: Bound that stands for none.
+_FAR = 1e8
 
 
 class PlanProgram:
@@ -32,37 +40,53 @@ class PlanProgram:
     """
 
     def __init__(self, count: int, n: int, m: int, soft: np.ndarray, fast: np.ndarray) -> None:
-        both, slacks = ca.SX.sym("both", n + m, count), ca.SX.sym("slacks", len(soft), count)
-        end = ca.SX.sym("end", n)
-        sizes = [n + m, (n + m) ** 2, n * (n + m), len(fast) * (n + m), len(soft), len(soft)]
-        given = [ca.SX.sym("given", size, count) for size in sizes]
-        P, end_about = ca.SX.sym("P", n, n), ca.SX.sym("end_about", n)
-        cost = ca.bilin(P, end, end + 2.0 * end_about)
-        rows = []
+        self.fast = fast
+        self._n, self._m = n, m
+        both, slacks, middles = n + m, len(soft), len(fast)
+        width, height = both + slacks, n + 2 * (slacks + middles)
+        # Each entry of H and A is the number of a value that `step` computes, beginning with 1.
+        H = np.zeros((count * width + n, count * width + n), dtype=int)
+        A = np.zeros((count * height, len(H)), dtype=int)
+        sizes = [count * each for each in (both**2, slacks)]
+        of_holds, of_slacks, at_end = np.split(
+            np.arange(1, sum(sizes) + n * n + 1), np.cumsum(sizes)
+        )
+        of_holds, of_slacks = of_holds.reshape(count, both, both), of_slacks.reshape(count, slacks)
+        moves = 3 + np.arange(count * n * both).reshape(count, n, both)
+        between = 1 + moves.max() + np.arange(count * middles * both).reshape(count, middles, both)
+        one, minus = 1, 2
         for k in range(count):
-            about, W, slopes, middle, price, curvature = (each[:, k] for each in given)
-            change, slack = both[:, k], slacks[:, k]
-            cost += ca.bilin(ca.reshape(W, n + m, n + m), change, change + 2.0 * about)
-            cost += ca.dot(price, slack) + 0.5 * ca.dot(curvature, slack**2)
-            after = both[:n, k + 1] if k + 1 < count else end
-            moved = ca.reshape(slopes, n + m, n).T @ change
-            between = ca.reshape(middle, n + m, len(fast)).T @ change
-            limited = after[soft.tolist()], between
-            exceeding = slack, slack[fast.tolist()]
-            rows += [moved - after]
-            for value, beyond in zip(limited, exceeding, strict=True):
-                rows += [ca.vec(value) - ca.vec(beyond), ca.vec(value) + ca.vec(beyond)]
-        program = {
-            "x": ca.vertcat(ca.vec(ca.vertcat(both, slacks)), end),
-            "f": cost,
-            "g": ca.vertcat(*rows),
-            "p": ca.vertcat(ca.vec(ca.vertcat(*given)), ca.vec(P), end_about),
+            first, row = k * width, k * height
+            columns, slack = first + np.arange(both), first + both + np.arange(slacks)
+            H[np.ix_(columns, columns)] = of_holds[k]
+            H[slack, slack] = of_slacks[k]
+            A[row : row + n, columns] = moves[k]
+            A[row + np.arange(n), first + width + np.arange(n)] = minus
+            row += n
+            for limited, beyond in ((moves[k, soft], slack), (between[k], slack[fast])):
+                for sign in (minus, one):
+                    rows = row + np.arange(len(beyond))
+                    A[rows[:, None], columns], A[rows, beyond] = limited, sign
+                    row += len(beyond)
+        H[-n:, -n:] = at_end.reshape(n, n)
+        of_H, self._numbers_of_H = _sparse(H)
+        of_A, self._numbers_of_A = _sparse(A)
+        stages = {
+            "N": count,
+            "nx": [n] * (count + 1),
+            "nu": [m + slacks] * count + [0],
+            "ng": [height - n] * count + [0],
         }
-        solved = ca.qpsol("plan", "piqp", program, _OPTIONS)
-        arguments = [ca.MX.sym(name, solved.size_in(name)) for name in _ARGUMENTS]
-        found = solved(**dict(zip(_ARGUMENTS, arguments, strict=True)))
-        self._solve = BoundFunction(ca.Function("change", arguments, [found["x"], found["f"]]))
-        self._n, self._m, self.fast = n, m, fast
+        options = {**stages, "inf": _FAR, "hpipm": _OPTIONS, "error_on_fail": False}
+        solve = ca.conic("plan", "hpipm", {"h": of_H, "a": of_A}, {**options, "print_time": False})
+        given = {
+            name: ca.MX.sym(name, solve.sparsity_in(name).nnz())
+            for name in ("h", "a", "g", "lba", "uba", "lbx", "ubx")
+        }
+        found = solve(**{**given, "h": ca.MX(of_H, given["h"]), "a": ca.MX(of_A, given["a"])})
+        # HPIPM writes to the memory of all results, also of those that nobody uses.
+        results = [found[name] for name in ("x", "cost", "lam_a", "lam_x")]
+        self._solve = BoundFunction(ca.Function("change", list(given.values()), results))
 
     def step(
         self,
@@ -76,6 +100,7 @@ class PlanProgram:
         room: tuple[np.ndarray, np.ndarray],
         middle: tuple[np.ndarray, np.ndarray],
         inputs: tuple[np.ndarray, np.ndarray],
+        cost: float,
     ) -> tuple[np.ndarray, np.ndarray, float]:
         """Return the changes of the inputs (N, m) and states (N + 1, n) that minimize the model,
         and the change of the cost, with the whole price of slacks.
@@ -94,13 +119,14 @@ class PlanProgram:
         room: least and largest changes within the soft limits at the end of each hold, (N, S)
         middle: those at the middle of each hold, (N, F)
         inputs: least and largest changes of the inputs, (N, m)
+        cost: cost of the plan, which decides the units of the program
         """
         count, n, m = len(v), self._n, self._m
-        of_holds = np.hstack(
-            [z[:-1], v, *(each.reshape(count, -1) for each in (weights, slopes, middle_slopes)),
-             *prices]
-        )  # fmt: skip
-        given = np.concatenate([of_holds.ravel(), P.ravel(), z[-1]])
+        unit = np.sqrt(max(cost, np.finfo(float).tiny) / _COST)
+        H = 2.0 * np.concatenate([weights.ravel(), 0.5 * prices[1].ravel(), P.ravel()])
+        A = np.concatenate([[1.0, -1.0], slopes.ravel(), middle_slopes.ravel()])
+        pull = 2.0 * np.einsum("kij,kj->ki", weights, np.hstack([z[:-1], v]))
+        gradient = np.append(np.hstack([pull, prices[0]]).ravel(), 2.0 * P @ z[-1])
         none, free = np.zeros((count, n)), np.full(room[0].shape, np.inf)
         unmoved = np.full(middle[0].shape, np.inf)
         least = np.hstack([none, -free, room[0], -unmoved, middle[0]]).ravel()
@@ -110,7 +136,20 @@ class PlanProgram:
         last = np.full(n, np.inf)
         lowest = np.append(np.hstack([-anywhere, inputs[0], np.zeros(free.shape)]).ravel(), -last)
         highest = np.append(np.hstack([anywhere, inputs[1], free]).ravel(), last)
-        changes, cost = self._solve.at(given, least, most, lowest, highest)
+        in_units = (np.clip(each / unit, -_FAR, _FAR) for each in (least, most, lowest, highest))
+        changes, change, *_ = self._solve.at(
+            H[self._numbers_of_H], A[self._numbers_of_A], gradient / unit, *in_units
+        )
+        changes *= unit
         of_holds = changes[:-n].reshape(count, -1)
         moved = np.vstack([of_holds[:, :n], changes[-n:]])
-        return of_holds[:, n : n + m], moved, float(cost[0])
+        return of_holds[:, n : n + m], moved, float(change[0]) * unit**2
+
+
+def _sparse(numbers: np.ndarray) -> tuple[ca.Sparsity, np.ndarray]:
+    """Return the sparsity of a matrix whose entries are numbers of values, beginning with 1, and
+    the indices of the values in the order of CasADi, by columns.
+    """
+    columns, rows = np.nonzero(numbers.T)
+    sparsity = ca.Sparsity.triplet(*numbers.shape, rows.tolist(), columns.tolist())
+    return sparsity, numbers[rows, columns] - 1

@@ -231,6 +231,7 @@ class Planner:
             (lows[soft] - ends, highs[soft] - ends),
             (lows[fast] - middles, highs[fast] - middles),
             (lowest - plan.v, highest - plan.v),
+            plan.cost,
         )
 
     def _program(self, soft: np.ndarray) -> PlanProgram:

@@ -96,13 +96,17 @@ class RecedingHorizon:
         z: measured deviations of the followed states, (n,)
         delay: time after which v acts, s
         """
+        began = time.process_time()
         if self._estimates and self._before is not None:
             self.estimate.update(z, self._before)
             self._renew_end()
+        planned = self.samples.planned
         v = self._input(self._commands.moved(z, delay, self.estimate.d))
         self._commands.append(v)
         self._remember(z, delay)
         self._count += 1
+        if self.samples.planned > planned:
+            self._time(time.process_time() - began)
         return v
 
     def _input(self, z: np.ndarray) -> np.ndarray:
@@ -113,23 +117,21 @@ class RecedingHorizon:
             self.samples.linear += 1
             self._plan = None
             return self._end.inputs(z, target)
-        began = time.process_time()
         plan = self._planned(z)
         self._plan = plan
+        self.samples.planned += 1
         away = z - target.z
         agree = abs(away @ self.planner.P @ away - plan.cost) <= _LINEAR * plan.cost
         self._near = inside and bool(agree)
-        self._record(plan, time.process_time() - began)
         return plan.v[0]
 
-    def _record(self, plan: Plan, seconds: float) -> None:
-        """Add a sample with a plan."""
+    def _time(self, seconds: float) -> None:
+        """Add the processor time of a sample with a plan."""
         done = self.samples
         if done.first is None:
-            done.first, done.first_seconds = plan, seconds
+            done.first, done.first_seconds = self._plan, seconds
         else:
             done.seconds.append(seconds)
-        done.planned += 1
 
     def _planned(self, z: np.ndarray) -> Plan:
         """Return the plan from the states z: the last one, improved, or the better of two new."""

@@ -176,14 +176,17 @@ def test_garbage_of_the_quadratic_program_leaves_the_old_plan(
 ) -> None:
     """If every program returns garbage, the first guess is flown, and the pendulum converges."""
 
-    def qpsol(name: str, _: str, program: dict[str, Any], __: dict[str, Any]) -> ca.Function:
-        width, height, given = (program[key].numel() for key in "xgp")
-        sizes = {"p": given, "lbg": height, "ubg": height, "lbx": width, "ubx": width}
-        symbols = {key: ca.MX.sym(key, size) for key, size in sizes.items()}
-        results = ca.MX(ca.DM.ones(width) * garbage), ca.MX(-1e9)
-        return ca.Function(name, [*symbols.values()], [*results], [*symbols], ["x", "f"])
+    true = ca.conic
 
-    monkeypatch.setattr(ca, "qpsol", qpsol)
+    def conic(*arguments: Any) -> ca.Function:
+        solve = true(*arguments)
+        names = solve.name_in(), solve.name_out()
+        given = [ca.MX.sym(name, solve.sparsity_in(name)) for name in names[0]]
+        results = [ca.MX(solve.sparsity_out(name)) for name in names[1]]
+        results[:2] = [ca.MX(ca.DM.ones(*solve.size_out("x")) * garbage), ca.MX(-1e9)]
+        return ca.Function("garbage", given, results, *names)
+
+    monkeypatch.setattr(ca, "conic", conic)
     policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS)
     _, states, _ = flown(policy, PENDULUM, UPRIGHT, {"angle": 0.8, "rate": -0.5}, 6.0)
     assert np.abs(states[-1]).max() < 1e-2
