@@ -16,7 +16,7 @@ _SHARE = 0.8
 #: Largest magnitude of the model's own disturbance, nominal values.
 _MOST = 3.0
 #: Weights that make the cheapest equilibrium unique, relative to the largest weights.
-_UNIQUE = 1e-6
+_UNIQUE = 1e-10
 #: Fraction of the input limits within which an equilibrium lies.
 _WITHIN = 0.98
 

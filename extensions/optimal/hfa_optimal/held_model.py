@@ -149,8 +149,13 @@ class HeldModel:
         return groups
 
     @cached_property
+    def sample(self) -> ca.Function:
+        """Function (z, v, d, seconds) -> z after a hold that is not longer than the first one."""
+        return self._held(self._step, self._parts[0])
+
+    @cached_property
     def _one(self) -> BoundFunction:
-        return BoundFunction(self._held(self._step, self._parts[0]))
+        return BoundFunction(self.sample)
 
     def after(self, z: np.ndarray, v: np.ndarray, d: np.ndarray, seconds: float) -> np.ndarray:
         """Return the states after a hold that is not longer than the first one, (n,)."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from hfa_flight.hold import Hold
@@ -12,6 +14,8 @@ from hfa_optimal.holds import Grid, gains_of
 from hfa_optimal.one_sample_filter import OneSampleFilter
 from hfa_optimal.plan_program import PlanProgram
 from hfa_optimal.scaled import ScaledProblem
+from hfa_support.native.bound import BoundFunction
+from hfa_support.native.machine_code import machine_code
 
 #: Factors on a step of the quadratic program that are tried until the flight is cheaper.
 _SHARES = (1.0, 0.35, 0.1225, 0.042875)
@@ -29,6 +33,8 @@ _STIFF = 5.0
 #: Least price of a soft limit, relative to the largest. Largest unit of a slack, nominal values.
 _LEAST_PRICE = 0.02
 _LARGEST_SLACK = 5.0
+#: Duration of the flight of a gain, in horizons.
+_HORIZONS = 4
 
 
 class Target(NamedTuple):
@@ -134,6 +140,43 @@ class Planner:
         soft = samples[:, self.soft]
         slack = np.maximum(0.0, np.maximum(soft - self._room[1], self._room[0] - soft))
         return float(self.grid.dt * (slack * (self._slopes + 0.5 * self._curvatures * slack)).sum())
+
+    def cost_of_gain(self, K: np.ndarray, z: np.ndarray, d: np.ndarray, target: Target) -> float:
+        """Return the cost of the flight of v = v_t - K (z - z_t), within the limits of the inputs.
+
+        It lasts four horizons. The price of exceeded soft limits and z'Pz at the end are added.
+
+        K: held gain, (m, k)
+        z: initial states, (n,)
+        """
+        (after,) = self._gain_flight.at(np.append(z, 0.0), K.ravel(), *target, d)
+        end = after[:-1] - target.z
+        with np.errstate(all="ignore"):
+            cost = float(after[-1] + end @ self.P @ end)
+        return cost if cost < _LOST else np.inf
+
+    @cached_property
+    def _gain_flight(self) -> BoundFunction:
+        """Machine code of ([z, cost], K by rows, z_t, v_t, d) -> [z, cost] after four horizons."""
+        k, n, m = self.scaled.sizes
+        sizes = {"begin": n + 1, "K": m * k, "z_t": n, "v_t": m, "d": self.model.disturbances}
+        begin, K, z_t, v_t, d = given = [ca.MX.sym(name, size) for name, size in sizes.items()]
+        away = begin[:n] - z_t
+        limits = (ca.DM(limit) for limit in self.scaled.input_limits)
+        least, most = limits
+        v = ca.fmin(ca.fmax(v_t - ca.reshape(K, k, m).T @ away[:k], least), most)
+        both = ca.vertcat(away, v - v_t)
+        after = self.model.sample(begin[:n], v, d, self.grid.dt)
+        soft = after[self.soft.tolist()]
+        lows, highs = (ca.DM(room) for room in self._room)
+        slack = ca.fmax(0.0, ca.fmax(soft - highs, lows - soft))
+        price = self.grid.dt * ca.dot(slack, self._slopes + 0.5 * self._curvatures * slack)
+        cost = begin[n] + ca.bilin(ca.DM(self.grid.at(0).weights[0]), both, both) + price
+        samples = _HORIZONS * int(self.grid.samples(0).sum())
+        step = ca.Function("step", given, [ca.vertcat(after, cost)])
+        constant = [ca.repmat(each, 1, samples) for each in given[1:]]
+        flown = step.fold(samples)(begin, *constant)
+        return BoundFunction(machine_code(ca.Function("gain_flight", given, [flown])))
 
     def cost_of_sample(self, plan: Plan, target: Target) -> float:
         """Return the cost of the first hold of a plan."""

@@ -20,11 +20,12 @@ from hfa_support.matrices import spectral_radius
 
 #: Largest numbers of steps of the quadratic program at the first sample, and at each later one. A
 #: later sample takes a further step only while the cost so far plus that of its plan exceeds the
-#: least such sum so far by this factor.
+#: least such sum so far by the factor _RISE, and the last step saved the share _WORTH of its cost.
 _FIRST = 30
 _LATER = 6
 _RISE = 1.01
-#: The linear policy takes over where z'Pz is within this fraction of the plan's cost.
+_WORTH = 0.01
+#: The linear policy takes over where its flight costs at most this fraction more than the plan.
 _LINEAR = 0.01
 #: Number of samples after which the linear policy is computed again at the estimated equilibrium.
 _RENEWED = 10
@@ -41,7 +42,7 @@ class Samples:
     first_seconds: processor time of the first plan, s
     seconds: processor time of each later sample with a plan, s
     rise: largest rise of the cost so far plus that of the plan over the least such sum before it,
-        relative to that sum
+        relative to that sum. From the end of a plan, the linear policy flies on where it may
     radius: largest spectral radius of the loop of the trim's held gain, linearized at the estimated
         equilibrium, or None without a disturbance of the model
     """
@@ -120,10 +121,20 @@ class RecedingHorizon:
         plan = self._planned(z)
         self._plan = plan
         self.samples.planned += 1
-        away = z - target.z
-        agree = abs(away @ self.planner.P @ away - plan.cost) <= _LINEAR * plan.cost
-        self._near = inside and bool(agree)
+        self._near = inside and self._of_gain(z) <= (1.0 + _LINEAR) * self._value(plan)
         return plan.v[0]
+
+    def _of_gain(self, z: np.ndarray) -> float:
+        """Return the cost of the flight of the linear policy from the states z."""
+        return self.planner.cost_of_gain(self._end.K, z, self.estimate.d, self.estimate.target)
+
+    def _value(self, plan: Plan) -> float:
+        """Return the cost of a plan. From its end, the linear policy flies on where it may."""
+        end, target = plan.z[-1], self.estimate.target
+        if not self._end.contains(end, target):
+            return plan.cost
+        away = end - target.z
+        return plan.cost - float(away @ self.planner.P @ away) + self._of_gain(end)
 
     def _time(self, seconds: float) -> None:
         """Add the processor time of a sample with a plan."""
@@ -141,17 +152,18 @@ class RecedingHorizon:
                 planner.improved(guess, d, target, _FIRST)[0]
                 for guess in planner.guesses(z, d, target)
             ]
-            plan = min(plans, key=lambda each: each.cost)
-            self._spent, self._least = 0.0, plan.cost
+            plan = min(plans, key=self._value)
+            self._spent, self._least = 0.0, self._value(plan)
             return plan
         self._spent += planner.cost_of_sample(self._plan, target)
         plan = planner.later(self._plan, z, d, target)
         for _ in range(_LATER):
+            before = plan.cost
             plan, refused = planner.improved(plan, d, target, 1)
-            if refused or self._spent + plan.cost <= _RISE * self._least:
+            total = self._spent + self._value(plan)
+            if plan.cost > (1.0 - _WORTH) * before or total <= _RISE * self._least:
                 break
         self.samples.refused += refused
-        total = self._spent + plan.cost
         self.samples.rise = max(self.samples.rise, total / self._least - 1.0)
         self._least = min(total, self._least)
         return plan
