@@ -27,10 +27,7 @@ TABLES = {
     "solve --dihedral 10": (),
     "verify --dihedral 10 --weights learn.npz": _ERRORS,
     "fly --dihedral 10 --duration 0.1": (),
-}
-SLOW_TABLES = {
     "learn --dihedral 10": _LEARNED,
-    "verify --dihedral 10": (),
 }
 
 
@@ -68,9 +65,7 @@ def test_csv_files_with_headers_are_read(linearized: dict[str, Any], tmp_path: P
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "command", [*TABLES, *(pytest.param(table, marks=pytest.mark.slow) for table in SLOW_TABLES)]
-)
+@pytest.mark.parametrize("command", TABLES)
 def test_csv_tables_are_read_by_pandas_and_polars(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -92,7 +87,7 @@ def test_csv_tables_are_read_by_pandas_and_polars(
                 np.testing.assert_allclose(
                     table[name].to_numpy().astype(float), numbers, rtol=1e-15, err_msg=name
                 )
-                assert has_unit(name, header) != (name in (TABLES | SLOW_TABLES)[command]), name
+                assert has_unit(name, header) != (name in TABLES[command]), name
         data = json.loads(table["about"][0])
         assert data["schema"].startswith("hfa.")
         assert data["provenance"]["command"].startswith(f"hfa {command}")
