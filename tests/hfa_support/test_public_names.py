@@ -139,19 +139,12 @@ def test_every_public_function_and_class_names_its_arguments() -> None:
             each(nonsense=1)
 
 
-def test_the_right_neighbours_are_accepted() -> None:
-    """The calls that the messages name give a result."""
+def test_a_matrix_k_is_a_critic_and_a_policy() -> None:
+    """`hfa.verify` and `hfa.fly` take the matrix K of u = u0 - K z."""
     pytest.importorskip("hfa_flight")
-    linear = plant()["linear"]
-    game = hfa.game(linear, np.ones(6), np.ones(5))
-    K = hfa.lqr(game.A, game.B, game.Q, game.R).K
-    assert hfa.verify(game, hfa.from_gain(game, K)).ok
-    assert hfa.verify(game, K).ok
-    assert hfa.margins(game, K).keys() == dict.fromkeys(game.names.inputs).keys()
-    assert plant()["solution"].l2_gain < plant()["game"].delta
-    assert hfa.Game(game.A, game.B, Q={"x1": 2.0}, R=np.ones(5)).Q.trace() == 2.0
-    flight = hfa.fly(plant()["model"], plant()["point"], K, 0.1, initial={"alpha": 0.01})
-    assert flight.departure is None
-    alpha = game.names.states.index("alpha")
-    change = flight.inputs[0] - np.array(plant()["point"].inputs)
-    np.testing.assert_allclose(change, -0.01 * K[:, alpha], rtol=1e-9, atol=1e-12)
+    solution, point = plant()["solution"], plant()["point"]
+    assert hfa.verify(plant()["game"], solution.K).ok
+    flight = hfa.fly(plant()["model"], point, solution.K, 0.1, initial={"alpha": 0.01})
+    alpha = plant()["game"].names.states.index("alpha")
+    change = flight.inputs[0] - np.array(point.inputs)
+    np.testing.assert_allclose(change, -0.01 * solution.K[:, alpha], rtol=1e-9, atol=1e-12)

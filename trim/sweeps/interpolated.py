@@ -145,8 +145,7 @@ class InterpolatedModel(Advised):
 def _hat_functions(x: ca.SX, axis: np.ndarray) -> ca.SX:
     """Return the weight of each breakpoint for linear interpolation at x, as an expression."""
     # Beyond the first and the last breakpoint, the nearest breakpoint has the weight 1.
-    held = ca.fmin(ca.fmax(x, axis[0]), axis[-1])
-    rising = [(held - low) / (high - low) for low, high in pairwise(axis)]
+    rising = [(x - low) / (high - low) for low, high in pairwise(axis)]
     before = [ca.SX(1), *rising]
     after = [*(1 - share for share in rising), ca.SX(1)]
     hats = [ca.fmax(0, ca.fmin(up, down)) for up, down in zip(before, after, strict=True)]

@@ -182,10 +182,12 @@ def test_failed_engines_are_not_counted():
 
 @needs_jsbsim
 def test_an_empty_tank_is_noted():
-    """An empty tank is noted, and the trim is a glide."""
+    """An empty tank is noted, and the trim is a glide without thrust."""
     model = load_model("jsbsim:X15")
     assert any("tank of" in note and "the trim is a glide" in note for note in model.about.notes)
-    assert "gamma" not in model.trim
+    point = trim(model)
+    assert (point["throttle"], point["thrust"]) == (0.0, 0.0)
+    assert point["gamma"] < -0.1
 
 
 def test_missing_lift_is_explained(tmp_path):

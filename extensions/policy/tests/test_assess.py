@@ -316,7 +316,8 @@ def test_chatter_near_the_equilibrium_is_reported():
 def test_a_planted_nonlinearity_is_found():
     """The reported deviation from the linearization, and the state at which it occurs, are right.
 
-    The deviation is due to a kink that the test plants in the policy.
+    The deviation is due to a kink that the test plants in the policy. A box that ends before the
+    kink has none.
     """
     model = aircraft("ppo_gtm")
     o = ca.SX.sym("o", 4)
@@ -327,23 +328,22 @@ def test_a_planted_nonlinearity_is_found():
     assert found.state["pitch"] == pytest.approx(0.1)
     assert found.part == pytest.approx(2.0 * width / (0.5 * 0.1), rel=1e-6)
     assert f"the command is up to {100 * found.part:.3g} % off its lin" in str(result.report())
+    kink = 0.05 - result.points[0].offset[3]
+    small = assess(
+        model, gtm_deployment({"file": bent}), [45.0], samples=0, box={"pitch": 0.9 * kink}
+    )
+    assert small.points[0].nonlinearity.part < 1e-9
 
 
-def test_assess_accepts_a_box_and_requirements():
-    """`hfa.assess` accepts a box and requirements.
-
-    A wrong name or half-width of the box is refused.
-    """
+def test_a_required_delay_is_tolerated_or_not():
+    """`hfa.assess` fails if a required delay is not tolerated. A wrong box is refused."""
     model = aircraft("ppo_gtm")
     o = ca.SX.sym("o", 4)
     gain = gtm_deployment({"file": ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])})
-    result = assess(model, gain, [45.0], samples=0, box={"pitch": 0.01}, needs={"delay": 9.0})
-    place = model.linear.index("pitch")
-    assert result.points[0].place.box[place] == pytest.approx(0.01)
-    assert result.points[0].nonlinearity.part < 1e-9
-    assert not result.ok
+    result = assess(model, gain, [45.0], samples=0, needs={"delay": 9.0})
     assert not result
     assert "a delay of 9 s is not tolerated" in result.unmet[0]
+    assert not assess(model, gain, [45.0], samples=0, needs={"delay": 0.01}).unmet
     for wrong, said in (({"pich": 0.1}, "did you mean pitch"), ({"pitch": -1.0}, "box of pitch")):
         with pytest.raises(hfa.BadInputError, match=said):
             assess(model, gain, [45.0], samples=0, box=wrong)
