@@ -291,7 +291,7 @@ def _reason(judged: JudgedGame, critic: Critic, box: np.ndarray, limit: float) -
 
     if not critic.finite:
         return ""
-    if critic.network:
+    if critic.network and critic.weights is None:
         mistake = mistake_of_policy(critic, judged.exact, box, limit)
         if mistake or relative_error(critic.K, judged.exact.K) <= limit:
             return mistake
