@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 from controller.critic.critic_file import critic_suffixes
 from hfa.options.aircraft import Aircraft, aircraft_help
-from hfa.options.argument_types import input_file, linear_state, number, one_of, span, whole
-from hfa.options.game import GameWeights
+from hfa.options.argument_types import input_file, linear_state, number, span, whole
 from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.ranges import array_of, scheduled_range
@@ -27,7 +26,6 @@ from hfa_flight.options import (
     noise_option,
     turbulence_option,
 )
-from hfa_flight.policies.laws import LAWS
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_support.errors import BadInputError, choice_of
 from trim.point.operating_point import OperatingPoint
@@ -38,9 +36,6 @@ if TYPE_CHECKING:
     from hfa_policy.assessment import Assessment
 
 _MOST_POINTS = 1000
-#: Options that apply to a deployment alone, and those that apply to a law alone.
-_OF_A_FILE = ("sample_time", "samples", "vary", "noise", "turbulence", "gust", "output.picture")
-_OF_A_LAW = ("cost.Q", "cost.R", "cost.delta")
 _MOST_SAMPLES = 100_000
 
 
@@ -103,14 +98,6 @@ class AssessRequest(Request):
         names="files",
         count="*",
     )
-    law: str = option(
-        f"compare flights of a law that plans on the nonlinear model, in place of a file: "
-        f"{' or '.join(LAWS)}, with the best flights",
-        "NAME",
-        one_of(*LAWS),
-        default="",
-    )
-    cost: GameWeights = part(GameWeights, without=("N",))
     sample_time: float | None = option(
         "sample time, s, of a gain K that replaces the deployment file (u = -K x, with all "
         "linear states and all inputs)",
@@ -239,11 +226,11 @@ def assess(request: AssessRequest) -> int:
     """
     from hfa_flight.policies.deployment.deployed import Deployed
 
-    if request.law:
-        return _assess_law(request)
     if not request.files:
-        raise BadInputError("no policy is given; give a deployment file, or --law")
-    request.refuse(_OF_A_LAW, "applies only to --law; a deployment file has its own [cost]")
+        raise BadInputError(
+            "no policy is given; give a deployment file (for a law: hfa optimize --law NAME "
+            "--starts N)"
+        )
     model = request.trim.aircraft
     deployed = [Deployed(deployment, model) for deployment in request.deployments(model)]
     _refuse_contradictions(request, deployed)
@@ -251,33 +238,6 @@ def assess(request: AssessRequest) -> int:
     if len(results) == 1:
         return _show_one(request, results[0])
     return _show_comparison(request, results)
-
-
-def _assess_law(request: AssessRequest) -> int:
-    """Print the report on a law that plans on the nonlinear model and return the exit code."""
-    from hfa_policy.assess import COMPARED
-    from hfa_policy.law_flights import law_flights
-
-    if request.files:
-        raise BadInputError("--law takes the place of a deployment file; remove one of the two")
-    request.refuse(_OF_A_FILE, "applies only to a deployment file; remove this option or --law")
-    if set(request.need) - {SHARE}:
-        raise BadInputError(f"--law supports only --need {SHARE}=X; remove the others")
-    if request.best == 0:
-        raise BadInputError("--best 0: a law is compared with the best flights; give 1 or more")
-    points = tuple(request.points())
-    found = law_flights(
-        request.law,
-        points,
-        request.cost.game,
-        count=request.best or COMPARED,
-        seed=request.seed,
-        box=dict(request.box),
-        share=request.need.get(SHARE, ALL),
-        progress=ProgressLine("optimize"),
-    )
-    request.show(found.report())
-    return 0 if found.ok else 1
 
 
 def _refuse_contradictions(request: AssessRequest, deployed: list[Deployed]) -> None:
