@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from plant_references import random_plant, smallest_of
 
@@ -39,5 +38,6 @@ def test_the_direct_part_is_the_central_completion() -> None:
         C1=[[1.0, 0.0], [0.0, 0.0]], D12=[[0.0], [1.0]], C2=[[1.0, 0.0]],
         D11=[[0.5, 0.3], [-0.4, 0.7]], D21=[[0.0, 0.1]], D22=[[0.2]],
     )  # fmt: skip
-    *_, D = closed_plant(plant, central_controller(plant, np.eye(2), np.eye(2), 2.0))
+    found = solve_plant(plant, 2.0)
+    *_, D = closed_plant(plant, (found.Ak, found.Bk, found.Ck, found.Dk))
     assert D.ravel() == pytest.approx([0.5, 0.3, -0.4, 0.4 * 0.5 * 0.3 / (4.0 - 0.25)])

@@ -96,14 +96,3 @@ def test_files_of_other_formats_are_not_logs(folder):
     Path("flight.ulg").write_bytes(b"time,alpha")
     with pytest.raises(hfa.BadInputError, match="is not a PX4 log"):
         read_record("flight.ulg", hfa.load_model(UAV), {}, table)
-
-
-def test_columns_without_a_log_are_refused(folder, capsys):
-    """The option --columns is refused for a CSV file."""
-    Path("flight.csv").write_text("time,alpha\n")
-    Path("columns.toml").write_text("")
-    words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_q"]
-    assert main([*words, "--columns", "columns.toml"]) == 2
-    assert (
-        "columns applies only to PX4 logs (.ulg), and no record is a log" in capsys.readouterr().err
-    )
