@@ -59,15 +59,20 @@ def test_a_bound_is_proved_and_checked(
     assert "--Q" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "code", "word"),
+    [("kind", "sorcery", 1, "kind"), ("schema", "hfa.certificate/10", 2, "another version")],
+)
 def test_a_certificate_of_another_kind_is_refused(
-    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A certificate of an unknown kind is not read."""
+    name: str, value: str, code: int, word: str, certificate: Path, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """A certificate of an unknown kind, or of another version, is not read."""
     path = tmp_path / "cost.json"
-    changed(certificate, path, lambda content: content.update(kind="sorcery"))
-    assert main(["prove", *AIRCRAFT, "--check", str(path)]) == 1
+    changed(certificate, path, lambda content: content.update({name: value}))
+    assert main(["prove", *AIRCRAFT, "--check", str(path)]) == code
     (line,) = capsys.readouterr().err.splitlines()
-    assert "kind" in line
+    assert word in line
 
 
 def test_a_hidden_state_that_changes_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

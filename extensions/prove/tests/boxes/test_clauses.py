@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 from flint import arb
 
+from hfa import aircraft
 from hfa_aircraft.about import Domain, Source
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.certificate import SCHEMA, read_content
@@ -28,7 +30,7 @@ from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Subject, digest_of, facts
 from hfa_prove.statements.region import RegionStatement, RegionWitness
-from hfa_prove.subject import Given, compare
+from hfa_prove.subject import Given, compare, within
 from hfa_support.errors import BadInputError, NoSolutionError
 
 Content = dict[str, Any]
@@ -49,7 +51,7 @@ TANK = Model(
     {"level": Signal("m"), "heat": Signal("K"), "slope": Signal("rad", 1.0, -1.0, 1.0)},
     {"valve": Signal("m/s", 1.0, -1.0, 1.0)},
     _tank,
-    outputs={"load": Signal("1", 1.0, -3.0, 3.0), "peak": Signal("1", 1.0, -999.0, 9.0)},
+    outputs={"load": Signal("1", 1.0, -3.0, 3.0), "peak": Signal("1", 1.0, max=9.0)},
     parameters={"inflow": Signal("1/s", start=0.5)},
     linear=("level", "heat"),
     trim={"level": 0.0, "heat": 0.0, "slope": 0.25},
@@ -63,7 +65,7 @@ def tank() -> Content:
         "slope": (-1.0, 1.0),
         "valve": (-1.0, 1.0),
         "load": (-3.0, 3.0),
-        "peak": (-999.0, 9.0),
+        "peak": (-np.inf, 9.0),
     }
     gain = Gain(np.array([[2.0, 0.0]]), {})
     at = {"level": 0.0, "heat": 0.0}
@@ -436,6 +438,10 @@ def _tall(level: float) -> Callable[[Content], None]:
     return change
 
 
+def _left_out(name: str) -> Callable[[Content], None]:
+    return lambda content: content["statement"]["loop"]["limits"].pop(name)
+
+
 def _witness(**entries: Any) -> Callable[[Content], None]:
     return lambda content: content["witness"].update(entries)
 
@@ -512,10 +518,10 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "limits of an output wider": (_put([-4.0, 3.0], "loop", "limits", "load"), "load beyond"),
     "upper limit wider": (_put([-3.0, 4.0], "loop", "limits", "load"), "load beyond"),
     "a negative multiplier": (_witness(multipliers=[[0.55, 0.55], [0.55, -0.55]]), "multipliers"),
-    "a limit left out": (
-        lambda content: content["statement"]["loop"]["limits"].pop("peak"),
-        "limits: peak",
-    ),
+    **{
+        f"no limits of the {name}": (_left_out(name), f"limits: {name}")
+        for name in ("slope", "valve", "load", "peak")
+    },
     "all limits left out": (_put({}, "loop", "limits"), "limits: "),
     "no policy": (_put("0" * 64, "loop", "policy"), "a policy in a file; give this file"),
     "another model": (_put("van der Pol", "loop", "model", "dynamics"), "with other equations"),
@@ -540,6 +546,51 @@ def test_each_clause_refuses_its_forgery(name: str) -> None:
     change(made)
     with pytest.raises((NoSolutionError, BadInputError), match=message):
         checked(made)
+
+
+def test_different_equations_have_different_digests() -> None:
+    """Models that differ in an operation, an output or a name have different digests.
+
+    The name of a built-in aircraft is no digest.
+    """
+
+    def added(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rates, outputs = _tank(x, u, p, w)
+        return rates | {"level": p.inflow + x.level + u.valve}, outputs
+
+    def loaded(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rates, outputs = _tank(x, u, p, w)
+        return rates, {**outputs, "load": x.level - x.heat}
+
+    def renamed(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rates = {"level": p.inflow * x.level + u.tap, "heat": -x.heat, "slope": 0.0 * x.slope}
+        return rates, _tank(x, SimpleNamespace(valve=u.tap), p, w)[1]
+
+    models = [replace(TANK, equations=equations) for equations in (_tank, added, loaded)]
+    models += [replace(TANK, equations=renamed, inputs={"tap": TANK.inputs["valve"]})]
+    models += [replace(TANK, equations=added, name="published")]
+    digests = [facts(model)["equations"] for model in models]
+    assert len(set(digests[:-1])) == 4
+    assert digests[-1] == digests[1]
+
+
+def test_a_certificate_about_a_file_is_not_read_as_one_about_a_variant() -> None:
+    """Without the file, the built-in aircraft of the same name is not the subject."""
+    content = tank()
+    content["statement"]["loop"]["model"] = facts(aircraft()) | {"equations": "0" * 64}
+    with pytest.raises(BadInputError, match="give the aircraft file"):
+        read_content(content, Subject())
+
+
+@pytest.mark.parametrize("off", [1e-5, -1e-5])
+def test_a_trim_is_compared_on_both_sides(off: float) -> None:
+    """A stated trim above or below the user's is refused."""
+    statement, _ = read_content(tank(), Subject(TANK))
+    own = {"level": off, "heat": 0.0}
+    wide, narrow = (within(dict.fromkeys(own, width)) for width in (2e-5, 1e-6))
+    compare(statement, {"loop.trim": Given(own, "--hold", wide)})
+    with pytest.raises(NoSolutionError, match="level in the certificate differs"):
+        compare(statement, {"loop.trim": Given(own, "--hold", narrow)})
 
 
 @pytest.mark.parametrize(

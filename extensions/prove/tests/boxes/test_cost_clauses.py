@@ -192,6 +192,7 @@ KINKED: dict[str, Any] = {
     "kink": lambda u: u + 5.0 * ca.fmin(u + 0.5, 0.0),
     "jump": lambda u: u - ca.if_else(u < -0.5, 5.0, 0.0),
     "table": THRUST,
+    "kink of a square": lambda u: u - 5.0 * ca.fmax(u**2 - 0.25, 0.0),
 }
 
 
@@ -199,10 +200,13 @@ KINKED: dict[str, Any] = {
 def test_rates_with_a_kink_in_an_input_are_refused(name: str) -> None:
     """Second derivatives of x' = u + 5 min(u + 0.5, 0) in u are 0, and W = 0.9 x² no lower bound."""
     for of_input, is_proved in ((lambda u: u, True), (KINKED[name], False)):
-        model = replace(
-            SLED, equations=lambda x, u, p, w, f=of_input: ({"position": f(u.speed)}, {})
-        )
-        plant = Plant(model, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-1.0, 1.0)})
+
+        def rates(x: Any, u: Any, p: Any, w: Any, of_input: Any = of_input) -> Any:
+            return {"position": of_input(u.speed)}, {}
+
+        model = replace(SLED, equations=rates)
+        limits = {"speed": (-1.0, 1.0)}
+        plant = Plant(model, {}, {"position": 0.0}, {"speed": 0.0}, {}, limits)
         claim = replace(cart_bound(0.9), plant=plant)
         claim = replace(claim, pieces=(claim.pieces[0]._replace(c=0.2),))
         if is_proved:

@@ -395,14 +395,21 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "asymmetric P": (_put([[[1.0, 0.1], [0.0, 1.0]]], "witness", "P"), "not symmetric"),
     "no P": (_put([], "witness", "breakpoints"), "breakpoints"),
     "few pieces": (_put(1, "witness", "pieces"), "open at pull"),
-    "breakpoints apart": (
-        lambda content: content["statement"]["gains"].update(
-            breakpoints=[1.0, 1.5], K=[[[1.0, 2.9]]] * 2
-        ),
-        "gains: breakpoints",
-    ),
+    **{
+        f"gains at {breakpoints}": (
+            lambda content, breakpoints=breakpoints: content["statement"]["gains"].update(
+                breakpoints=breakpoints, K=[[[1.0, 2.9]]] * len(breakpoints)
+            ),
+            "breakpoints",
+        )
+        for breakpoints in ([1.0, 1.5], [1.5, 2.0], [1.0, 1.8, 1.5, 2.0], [1.0, 1.0, 2.0])
+    },
     "an unknown entry": (_put(1.0, "statement", "actuators"), "unknown entry"),
     "an unknown entry of the witness": (_put(1.0, "witness", "actuators"), "unknown entry"),
+    "no free variable": (
+        _put({"depth": 1.0, "heave": 0.0, "lift": 1.0}, *_FLIGHT, "imposed"), "imposed"
+    ),
+    "an imposed value of no signal": (_put(1.0, *_FLIGHT, "imposed", "flap"), "unknown entry"),
     "a limit of no signal": (_put([0.0, 1.0], *_FLIGHT, "limits", "height"), "unknown entry"),
 }  # fmt: skip
 
@@ -439,9 +446,10 @@ def test_a_linear_p_must_suit_the_rate(content: Content) -> None:
             with pytest.raises(NoSolutionError, match="motion"):
                 checked(copy.deepcopy(made))
     made["statement"]["scheduled_rate"] = 0.05
-    made["witness"]["breakpoints"] = [1.0, 1.9]
-    with pytest.raises(NoSolutionError, match="whole interval"):
-        checked(made)
+    for ends in ([1.0, 1.9], [1.1, 2.0]):
+        made["witness"]["breakpoints"] = ends
+        with pytest.raises(NoSolutionError, match="whole interval"):
+            checked(copy.deepcopy(made))
 
 
 def is_true(statement: Any) -> bool:
@@ -483,6 +491,8 @@ def test_decimals_of_the_file_are_covered() -> None:
     """
     flight = SteadyFlight(proved(1.0, 1.5).statement.flight)
     assert flight.numbers[-2].contains(arb("0.1"))
+    angle = SteadyFlight(planar(lambda s: ((-1.0, 0.0), (0.0, -1.0))).flight(0.0, 1.0))
+    assert (180 * angle.numbers[-1]).overlaps(arb.pi())
     assert not flight.numbers[-2].contains(arb("0.1000000000000002"))
 
 
