@@ -406,9 +406,6 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     },
     "an unknown entry": (_put(1.0, "statement", "actuators"), "unknown entry"),
     "an unknown entry of the witness": (_put(1.0, "witness", "actuators"), "unknown entry"),
-    "no free variable": (
-        _put({"depth": 1.0, "heave": 0.0, "lift": 1.0}, *_FLIGHT, "imposed"), "imposed"
-    ),
     "an imposed value of no signal": (_put(1.0, *_FLIGHT, "imposed", "flap"), "unknown entry"),
     "a limit of no signal": (_put([0.0, 1.0], *_FLIGHT, "limits", "height"), "unknown entry"),
 }  # fmt: skip
