@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -17,7 +16,7 @@ from known_models import game_at
 from network_files import onnx_file, torch_file
 
 import hfa
-from controller import basis, critics_over_time
+from controller import basis
 from hfa import Critic, Game, Verdict, from_weights, solve, verify
 from hfa.main import FAILED
 from tests.support.steps_of import in_steps
@@ -55,12 +54,6 @@ def weights(name: str, P: np.ndarray | None = None) -> np.ndarray:
     for channel, weight in zip(CHANNELS, TAIL, strict=True):
         W[21 + powers.index(channel)] = weight
     return W
-
-
-def functions() -> str:
-    """Return the basis "paper" as a list of functions of the states, for --basis."""
-    pairs = [f"x{i + 1}*x{j + 1}" for i in range(6) for j in range(i, 6)]
-    return ", ".join(pairs + [f"x{channel + 1}**4" for channel in CHANNELS])
 
 
 Z = ca.SX.sym("z", 6)
@@ -125,25 +118,15 @@ def npz(path: str = "w.npz", **more: Any) -> str:
     return stored(path, W=weights("paper"), **more)
 
 
-def folder_of_checkpoints() -> str:
-    Path("run").mkdir()
-    for number in (1, 2):
-        npz(path=f"run/w{number}.npz", basis="paper")
-    return "run"
-
-
 #: Way in -> command line after `hfa verify`.
 COMMANDS: dict[str, Callable[[], tuple[str, ...]]] = {
     "basis on the command line": lambda: (*AT_8, "--weights", npz(), "--basis", "paper"),
-    "list of functions": lambda: (*AT_8, "--weights", npz(), "--basis", functions()),
     "several files": lambda: (
         *(*AT_8, "--basis", "paper"),
         *("--weights", npz(), npz(path="other.npz")),
     ),
     "ONNX": lambda: (*AT_8, "--weights", quartic_onnx()),
-    "W and P": lambda: (*AT_8, "--weights", npz(P=exact_value(), basis="paper")),
     "W over time": lambda: (*AT_8, "--weights", history(basis="paper")),
-    "folder": lambda: (*AT_8, "--weights", folder_of_checkpoints()),
     "one layer": lambda: (*AT_8, "--basis", "paper", "--weights", one_layer("l.pt")),
     "discounted": lambda: (
         *(*AT_8, "--discount", str(DISCOUNT), "--dt", str(DT)),
@@ -162,38 +145,23 @@ def judged(critic: Any) -> Verdict:
     return verify(GAME, critic, scope=FAST)
 
 
-def over_time() -> Verdict:
-    rows = np.array([0.5 * weights("paper"), weights("paper")])
-    critics = critics_over_time(GAME, np.array([0.0, 1.0]), "paper", W=rows)
-    return verify(GAME, critics, scope=FAST)
-
-
 def of_a_game_in_steps() -> Verdict:
     problem = in_steps(discounted(), DISCOUNT)
     critic = from_weights(problem, of_steps(), "paper")
     return verify(problem, critic, scope=FAST)
 
 
-def discounted_file() -> Verdict:
-    path = stored("w.npz", W=of_steps(), basis="paper")
-    return verify(discounted(), hfa.read_critic(path, discounted()), scope=FAST)
-
-
 #: Way in -> verdict in Python.
 CALLS: dict[str, Callable[[], Verdict]] = {
-    "Basis": lambda: judged(from_weights(GAME, weights("paper"), basis("paper", 6))),
     "CasADi functions": lambda: judged(from_weights(GAME, [1.0], ca.Function("psi", [Z], [V()]))),
     "V": lambda: judged(network("V", V())),
     "gradient": lambda: judged(network("gradient", ca.gradient(V(), Z))),
     "policy": lambda: judged(network("policy", policy())),
     "V and policy": lambda: judged(network("V+policy", V(), policy())),
-    "file": lambda: judged(hfa.read_critic(npz(), GAME, basis="paper")),
-    "over time": over_time,
     "discrete": of_a_game_in_steps,
-    "discounted": discounted_file,
 }
 #: Ways in that are tried in the fast tests.
-FAST_CALLS = ("CasADi functions", "policy", "over time")
+FAST_CALLS = ("CasADi functions", "policy")
 
 
 def ways(every: Mapping[str, object], fast: tuple[str, ...]) -> list[Any]:
