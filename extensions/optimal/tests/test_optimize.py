@@ -142,10 +142,10 @@ def test_an_interrupted_table_contains_the_finished_flights(folder: Path) -> Non
             ["--start", "angle=95", "--limit", "angle=-90:90"],
             "give an initial condition within the limits",
         ),
-        (["--start", "angle=1", "--limit", "mass=0:1"], "mass"),
+        (["--start", "angle=1", "--limit", "mass=0:1"], "the envelope has no state 'mass'"),
         (["--starts", "2", "--picture", "a.png"], "applies only to a single flight"),
         (["--to", "angle=10", "--start", "angle=1"], "give either --start"),
-        (["--to", "height=3"], "height"),
+        (["--to", "height=3"], "unknown trim variable 'height'"),
         (
             ["--hold", "angle=10", "--to", "angle=10", "--minimize", "time"],
             "give another initial condition",
@@ -184,7 +184,10 @@ def test_verify_simulates_the_critic(folder: Path, capsys: pytest.CaptureFixture
     ("words", "says"),
     [
         (["--aircraft", PENDULUM, "--weights", "K.npz", "--N", "0;0.1"], "remove N"),
-        (["--model", "game.json", "--weights", "K.npz"], "--model"),
+        (
+            ["--model", "game.json", "--weights", "K.npz"],
+            "--flights cannot be combined with --model",
+        ),
         (["--aircraft", PENDULUM, "--weights", "K.npz", "K2.npz"], "2 are given"),
     ],
 )

@@ -361,17 +361,20 @@ def test_laws_fly_and_are_compared_on_the_command_line(
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (["--law", "predictive", "--command", "angle=1:2"], "--command"),
-        (["--law", "state-dependent", "--horizon", "1"], "--horizon"),
-        (["--law", "exact", "--margin", "0.1"], "--margin"),
-        (["--law", "predictive", "--samples", "2", "--workers", "2"], "--workers"),
-        (["--keep-inside"], "keep-inside"),
+        (
+            ["--law", "predictive", "--command", "angle=1:2"],
+            "--command cannot be combined with --law predictive",
+        ),
+        (["--law", "state-dependent", "--horizon", "1"], "--horizon applies only to"),
+        (["--law", "exact", "--margin", "0.1"], "--margin applies only to"),
+        (["--law", "predictive", "--samples", "2", "--workers", "2"], "a law that plans"),
+        (["--keep-inside"], "move no limited state"),
     ],
 )
 def test_what_the_command_refuses(
     words: list[str], named: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Options that contradict each other are refused in one line that names one of them."""
+    """Options that contradict each other, and a filter without effect, are refused with the reason."""
     assert main(["fly", "--aircraft", PENDULUM_FILE, *words]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert named in line

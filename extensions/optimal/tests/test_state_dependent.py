@@ -104,9 +104,9 @@ def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state() -> None:
 @pytest.mark.parametrize(
     ("refused", "says"),
     [
-        (lambda: hfa.state_dependent(DUFFING, AT_REST, limit_weight=-1.0), "limit_weight"),
+        (lambda: hfa.state_dependent(DUFFING, AT_REST, limit_weight=-1.0), "limit_weight is -1.0"),
         (lambda: hfa.state_dependent(DUFFING, AT_REST, dt=0.0), "dt is 0.0 s"),
-        (lambda: hfa.keep_inside(np.eye(2), DUFFING, AT_REST), "keep_inside: policy"),
+        (lambda: hfa.keep_inside(np.eye(2), DUFFING, AT_REST), "policy is an array of shape"),
     ],
 )
 def test_what_is_refused(refused: Any, says: str) -> None:

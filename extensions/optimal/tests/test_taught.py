@@ -54,5 +54,5 @@ def test_what_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -
     """Without an initial condition, a file or the law, one line says so and nothing is written."""
     assert main(["optimize", "--aircraft", PENDULUM, *words]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "--law taught" in line
+    assert "requires -o FILE.onnx and --start NAME=VALUE" in line
     assert not Path("policy.onnx").exists()

@@ -142,7 +142,11 @@ def test_exported_c_has_the_functions_of_networks(activation, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "named"), [(["-o", "policy.fmu"], "FMU"), (["--law", "exact", "-o", "c"], "--law")]
+    ("words", "named"),
+    [
+        (["-o", "policy.fmu"], "an FMU has neither the sample time nor the delay"),
+        (["--law", "exact", "-o", "c"], "--law has no effect with --policy"),
+    ],
 )
 def test_what_a_deployment_file_cannot_be_is_refused(words, named, tmp_path, monkeypatch, capsys):
     """An FMU, which has neither sample time nor delay, and --law beside --policy."""

@@ -61,7 +61,7 @@ def test_a_linear_plant_is_assessed(assessed):
             {"A": np.eye(2), "B": np.ones((2, 1)), "time": "discrete"},
             "the plant is in discrete time",
         ),
-        ({"A": np.full((2, 2), np.nan), "B": np.ones((2, 1))}, "A"),
+        ({"A": np.full((2, 2), np.nan), "B": np.ones((2, 1))}, "A[0][0] is nan"),
     ],
 )
 def test_a_file_without_a_linear_plant_is_refused(assessed, plant, said):
@@ -160,6 +160,9 @@ def test_weights_of_the_plant_file_are_those_of_the_cost(assessed):
         code, output, _ = assessed(K, *["--need", "cost=1"] * bool(weights), **plant, **weights)
         assert code == 0
         assert f"cost: Q [1 0.1; 0.1 0.1] (file), {marked}" in output
-    for wrong in ({"Q": np.eye(3)}, {"N": [[0.1], [0.0]]}):
+    for wrong, said in (
+        ({"Q": np.eye(3)}, "plant.npz: Q is 3 x 3; give 2 x 2"),
+        ({"N": [[0.1], [0.0]]}, "plant.npz has cross weights N"),
+    ):
         code, _, errors = assessed(K, **plant | wrong)
-        assert (code, "plant.npz" in errors) == (2, True)
+        assert (code, said in errors) == (2, True)

@@ -73,11 +73,14 @@ def test_what_is_no_function_of_the_states_is_refused() -> None:
         Path(file).write_text(text.replace(old, new))
     for words, said in (
         ((*AT_8, "--weights", str(STATED)), f"--inputs {','.join(MOVED)}"),
-        ((*AT_8, "--weights", "history.toml"), "hfa assess"),
-        ((*AT_8, "--weights", "observed.toml"), "hfa assess"),
-        ((*AT_8, "--weights", str(STATED), "--inputs", "throttle,flap"), "flap"),
-        ((*AT_8, "--weights", str(STATED), "--network", "policy=actor"), "--network"),
-        (("prove", "region", "--dihedral", "8", "--weights", str(STATED)), "--aircraft"),
+        ((*AT_8, "--weights", "history.toml"), "the policy uses 2 samples; type hfa assess"),
+        ((*AT_8, "--weights", "observed.toml"), "an observation depends on the inputs"),
+        ((*AT_8, "--weights", str(STATED), "--inputs", "throttle,flap"), "unknown input 'flap'"),
+        (
+            (*AT_8, "--weights", str(STATED), "--network", "policy=actor"),
+            "remove --basis, --network",
+        ),
+        (("prove", "region", "--dihedral", "8", "--weights", str(STATED)), "give --policy FILE"),
     ):
         assert_refused(hfa(*words), BAD_INPUT, said)
 
