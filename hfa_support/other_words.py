@@ -24,7 +24,10 @@ _TABLE = """
 --doublet: --command
 --time: --duration
 --seconds: --duration
---x0: --initial
+--x0: --initial --start
+--initial: --start
+--schedule: --controller
+--gains: --controller --weights
 --k: --weights
 --gain: --weights
 --gamma: --delta --hold

@@ -303,6 +303,11 @@ def single_parts(
             f"the file contains no W, P or K; add one of these matrices{found_in(entries)}"
         )
     for name, values in parts.items():
+        if name == "K" and values.ndim == 3:
+            raise BadInputError(
+                "K has three dimensions, as scheduled gains have; hfa fly reads those with "
+                "--controller FILE, other commands a K of m x n"
+            )
         is_row = max(values.shape, default=1) == values.size
         if not values.size or (name == "W" and not is_row):
             raise BadInputError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,12 +14,15 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import ArrayLike, checks_arguments, need
 from hfa_support.labels import in_order, labels_of
-from trim.linear.linear_model import LinearModel
+from trim.linear.linear_model import LinearModel, is_state_space
+
+if TYPE_CHECKING:
+    import control
 
 
 @checks_arguments
 def game(
-    linear: LinearModel,
+    linear: LinearModel | control.StateSpace,
     Q: ArrayLike | Mapping[str, float] | None = None,
     R: ArrayLike | Mapping[str, float] | None = None,
     delta: float = np.inf,
@@ -31,7 +34,7 @@ def game(
     The plant is z' = A z + B u + E d. The game keeps the names and units of the model. The game of
     the paper on its flexible aircraft is `hfa.paper.published_game(linear)`.
 
-    linear: the linear model, with A and B
+    linear: the linear model, or a `StateSpace` in continuous time
     Q: (n, n), or its diagonal, (n,), or state -> weight, with 0 for all other states
     R: (m, m), or its diagonal, (m,), or input -> weight, for every input. The defaults of Q and R
         are those in the file of a linear plant, else diag(1/nominal²)
@@ -51,6 +54,8 @@ def game(
     >>> hfa.game(linear, Q={"speed": 0.01}, R=np.ones(5)).Q.diagonal().tolist()
     [0.01, 0.0, 0.0, 0.0, 0.0, 0.0]
     """
+    if is_state_space(linear):
+        linear = LinearModel.of(linear)
     need(linear, LinearModel, "game: linear", LinearModel._how_to_make)
     names = names_of_linear(linear)
     if E is not None and linear.disturbances and np.array_equal(E, linear.E):

@@ -114,6 +114,11 @@ class Game(ByValue, Reported):
 
         Raises BadInputError, as described for the class.
         """
+        if not isinstance(self.names, PlantNames):
+            raise BadInputError(
+                f"names is {shown(self.names)}; name the signals by hfa.game(hfa.LinearModel.of(A, "
+                "B, states=[...], inputs=[...]), Q, R)"
+            )
         if isinstance(self.A, StatesAndInputs):
             raise BadInputError(
                 "Game takes arrays A and B; of a linear model write hfa.game(linear, Q, R, delta)"

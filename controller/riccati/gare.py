@@ -59,6 +59,7 @@ class Solution(Result, Reported):
     _instead: ClassVar[Mapping[str, str]] = {
         "value": "solution.cost(z)",
         "gamma": "solution.delta",
+        "simulate": "control.initial_response(solution.closed_loop, T, z0)",
         **dict.fromkeys(("S", "X"), "solution.P"),
     }
     schema = "hfa.game-solution/1"

@@ -138,6 +138,11 @@ def condition_help(_: Model | None) -> str:
     return f"trim condition that replaces the default: a file, or {', '.join(CONDITIONS)}"
 
 
+def _is_equal(declared: object, value: float) -> bool:
+    """Return whether a value is that of the default trim, which no option need set free."""
+    return isinstance(declared, float) and isclose(value, declared, abs_tol=1e-9)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trim(Part):
     """The condition of a trim."""
@@ -283,10 +288,12 @@ class Trim(Part):
         """
         imposed = [f"{name}_dot" for name in self.condition.rates if name.lower() in _CLIMBING]
         imposed += sorted(self.condition.imposed, key=lambda name: name in self.hold)
+        declared = usual_condition(self.model).imposed
         found: list[str] = []
         for name in imposed:
             is_swept = name == self.model.schedule and self.model.about.names_schedule
-            if is_swept or len(found) == _MOST_ADVICE:
+            is_extra = name in self.hold and name not in declared  # without it: the default trim
+            if is_swept or len(found) == _MOST_ADVICE or (is_extra and found):
                 continue
             is_rate = name not in self.condition.imposed
             freed = release(self.condition, free=(name,))
@@ -300,18 +307,13 @@ class Trim(Part):
             else:
                 if is_rate:
                     found.append(f"--free {name}")
-                elif not point._far_out and not self._is_declared(name, point[name]):
+                elif not (point._far_out or _is_equal(declared.get(name), point[name])):
                     value = self.model.describe(name, point[name])
                     instead = f"--free {name} in place of --hold" if name in self.hold else ""
                     found.append(f"{instead or f'--free {name}'} ({name} {value})")
         if not found:
             return ""
         return f"a trim exists with {' or '.join(found)}"
-
-    def _is_declared(self, name: str, value: float) -> bool:
-        """Return whether a value is that of the default trim, so that freeing it is no advice."""
-        declared = usual_condition(self.model).imposed.get(name)
-        return isinstance(declared, float) and isclose(value, declared, abs_tol=1e-9)
 
     def origin(self) -> dict[str, Any]:
         """Return the provenance of the trim condition."""

@@ -102,8 +102,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     @classmethod
     def of(
         cls,
-        A: ArrayLike,
-        B: ArrayLike,
+        A: ArrayLike | control.StateSpace,
+        B: ArrayLike | None = None,
         C: ArrayLike | None = None,
         D: ArrayLike | None = None,
         *,
@@ -114,7 +114,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     ) -> LinearModel:
         """Return x' = A x + B u, y = C x + D u about the origin.
 
-        A: (n, n)
+        A: (n, n), or a `StateSpace` of python-control or SciPy in continuous time, alone
         B: (n, m)
         C: (k, n), by default the identity
         D: (k, m), by default 0
@@ -135,6 +135,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         from trim.point.operating_point import origin
 
+        if is_state_space(A):
+            return _of_state_space(A, name)
         states = tuple(states) or _labels(A, 0)
         inputs = tuple(inputs) or _labels(B, 1)
         A = _labelled("A", A, states, states)
@@ -525,6 +527,29 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
             "rate": ("rate", list(self.states)),
         }
         return dataset(matrices, names, self.model.title)
+
+
+def is_state_space(system: object) -> bool:
+    """Return whether a value is a state-space system of another package."""
+    matrices = all(hasattr(system, matrix) for matrix in ("A", "B", "C", "D", "dt"))
+    return matrices and not isinstance(system, LinearModel)
+
+
+def _of_state_space(system: Any, name: str) -> LinearModel:
+    """Return the linear model of a `StateSpace`, with its names where these are identifiers.
+
+    Raises BadInputError for a system in discrete time.
+    """
+    if system.dt not in (None, 0):
+        raise BadInputError(
+            f"the system is in discrete time, dt = {system.dt}; write hfa.Game(A=system.A, "
+            "B=system.B, Q=Q, R=R, dt=system.dt)"
+        )
+    labels = {}
+    for kind in ("state", "input"):
+        given_labels = tuple(getattr(system, f"{kind}_labels", None) or ())
+        labels[f"{kind}s"] = given_labels if all(map(str.isidentifier, given_labels)) else ()
+    return LinearModel.of(system.A, system.B, system.C, system.D, name=name, **labels)
 
 
 def _labels(matrix: Any, axis: int) -> tuple[str, ...]:

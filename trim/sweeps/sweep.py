@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -170,6 +170,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     one_by_one: number of points that were trimmed one by one.
     """
 
+    _instead: ClassVar[Mapping[str, str]] = {
+        "linear": "sweep.at(speed=...) or sweep[0]",
+        "points": "sweep[0].point",
+        "poles": "sweep.eigenvalues",
+    }
     schema = "hfa.sweep/1"
 
     plan: SweepPlan

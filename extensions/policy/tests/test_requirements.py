@@ -56,6 +56,21 @@ def test_every_flight_must_converge_or_the_required_share() -> None:
         hfa.assess(UNSTABLE, deployment(4.0), samples=0, needs={"share": 1.2})
 
 
+def test_costs_of_a_mode_that_hardly_decays_are_not_compared() -> None:
+    """The exact gain leaves x' = v - 1e-5 x alone: no flight of hours, and x is named."""
+    model = hfa.Model(
+        "drifting",
+        {"v": hfa.Signal("m/s", nominal=1.0), "x": hfa.Signal("m", nominal=1e4)},
+        {"f": hfa.Signal("m/s^2", nominal=1e-6)},
+        lambda x, u, p, w: ({"v": u.f - x.v, "x": x.v - 1e-5 * x.x}, {}),
+        trim={"v": 0.0, "x": 0.0},
+    )
+    (point,) = hfa.assess(model, deployment(0.0), samples=1).points
+    (remark,) = point.remarks
+    assert point.best is None
+    assert "leave x out of the linear states" in remark
+
+
 @pytest.mark.parametrize(("offset", "passes"), [(0.1, True), (0.46, False)])
 def test_an_equilibrium_beyond_the_limits_fails_without_flights(
     offset: float, passes: bool

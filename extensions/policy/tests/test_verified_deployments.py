@@ -55,6 +55,8 @@ def test_the_command_judges_a_deployment_and_names_assess() -> None:
     assert len(data["K_exact"]) == len(MOVED)
     assert np.diag(data["R"]).tolist() == [100.0, 400.0, 400.0, 50.0]  # without aileron_center's
     assert data["network"]["rest_point"] is not None
+    R = ",".join(f"{name}={value}" for name, value in zip(MOVED, (100, 400, 400, 50), strict=True))
+    assert answer(*words, "--R", R, code=FAILED)["R"] == data["R"]  # no weight of the held input
     said = " ".join(hfa(*words).out.split())
     line = said.partition("hfa assess ")[2].partition(" Compare")[0]
     assert line == f"{STATED} --dihedral 8"

@@ -178,7 +178,8 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
     entries: dict[str, Entry] = {}
     for place, row in enumerate(rows, start=1):
         cells = [cell.strip() for cell in row]
-        if not any(cells) or cells[0].startswith("#") or (place == 1 and cells[0] == "name"):
+        is_header = cells[:2] == ["name", "value"]
+        if not any(cells) or cells[0].startswith("#") or is_header:
             continue
         where = f"{path}, row {place}"
         if len(cells) < 2 or not cells[1]:

@@ -532,6 +532,9 @@ def test_a_csv_file_equals_a_dictionary(folder):
             rows.append(f"{name},{value}")
     Path("navion.csv").write_text("\n".join(rows))
     np.testing.assert_allclose(linear_model("navion.csv").A, linear_model(NAVION).A, atol=1e-12)
+    bare = ["name,Own", *(row for row in rows[1:] if not row.startswith("name,"))]
+    Path("bare.csv").write_text("\n".join(bare))
+    assert from_derivatives("bare.csv").name == "Own"
 
 
 def test_each_entry_has_its_own_unit():
