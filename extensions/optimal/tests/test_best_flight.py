@@ -196,8 +196,8 @@ def engine(spool_up: float) -> hfa.Model:
     )
 
 
-def test_a_kink_is_smooth_for_the_proposal_alone() -> None:
-    """v' = u - .3 |v|: the flight of the exact equations confirms the cost of the smooth copy."""
+def test_a_proposal_through_a_kink_is_confirmed() -> None:
+    """v' = u - .3 |v|: the flight of the exact equations costs what the smooth copy promised."""
     model = replace(
         cart(),
         equations=lambda x, u, p, w: (
