@@ -66,7 +66,9 @@ def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim()
 
 
 def test_each_reset_draws_between_the_limits() -> None:
-    """Each of 200 resets draws another mass between the limits, reproducibly by the seed."""
+    """Each of 200 resets draws another mass between the limits, reproducibly by the seed, and each
+    of five simultaneous episodes, as those of a vector environment, its own.
+    """
     env = environment(
         aircraft("ppo_hfa"), DEPLOYMENT, trims("ppo_hfa")[:1], vary={"panel_mass": MASS}
     )
@@ -76,6 +78,11 @@ def test_each_reset_draws_between_the_limits() -> None:
     assert len(set(drawn)) == 200
     assert env.reset(seed=3)[1]["parameters"]["panel_mass"] == drawn[0]
     assert "parameters" not in environment(aircraft("ppo_hfa"), DEPLOYMENT).reset(seed=3)[1]
+    one = env.episodes
+    five = type(one)(one.deployed, one.points, 5, vary={"panel_mass": MASS})
+    five.begin(np.arange(5), np.random.default_rng(0))
+    column = list(one.deployed.model.parameters).index("panel_mass")
+    assert len(set(five.parameters[:, column])) == 5
 
 
 @pytest.mark.parametrize(
