@@ -183,7 +183,8 @@ class ScheduleProof:
         at = [exact(value) for value in trims.estimate.tolist()]
         (at_centre,) = loop(at, [trims.middle], self.flight.numbers, *gain)
         s = trims.middle + symmetric(trims.half_width)
-        around = trims.along(trims.offset)
+        # for the mean value theorem, all points between the estimate at the center and the trims
+        around = trims.along([offset.union(exact(0.0)) for offset in trims.offset])
         _, by_w, by_s = derivatives(around, [s], self.flight.numbers, *gain)
         f = len(at)
         by_free = arb_mat(f, n * n, by_w).transpose()

@@ -133,13 +133,14 @@ def digest_of(function: ca.Function, what: str = "the policy") -> str:
     for index in range(scalar.n_instructions()):
         code = scalar.instruction_id(index)
         places = (*scalar.instruction_input(index), -1, *scalar.instruction_output(index))
-        number = float(scalar.instruction_constant(index)).hex() if code == ca.OP_CONST else ""
-        hashed.update(f"{code} {places} {number};".encode())
-    for name in sorted(scalar.get_function()):
-        called = scalar.get_function(name)
-        # CasADi adds derivatives that it has computed to the stored form of a table
-        content = repr(tables_of(called)) if is_table(called) else called.serialize()
-        hashed.update(content.encode())
+        content = ""
+        if code == ca.OP_CONST:
+            content = float(scalar.instruction_constant(index)).hex()
+        elif code == ca.OP_CALL:
+            called = scalar.instructions_sx()[index].which_function()
+            # CasADi adds derivatives that it has computed to the stored form of a table
+            content = repr(tables_of(called)) if is_table(called) else called.serialize()
+        hashed.update(f"{code} {places} {content};".encode())
     return hashed.hexdigest()
 
 

@@ -265,14 +265,15 @@ def test_curved_disturbances_are_refused(name: str, part: str) -> None:
 def test_different_policies_have_different_digests() -> None:
     """Policies that differ in the last digit of a number or in the state have different digests.
 
-    The number is a coefficient, or a value of a table.
+    The number is a coefficient, or a value of a table. Tables are told apart where they are used.
     """
     z = ca.SX.sym("z", 2)
     near = np.nextafter(0.25, 1.0)
     tables = [ca.interpolant("u", "linear", [[0.0, 1.0]], [0.0, v]) for v in (0.25, near)]
     commands = [0.25 * z[0], near * z[0], 0.25 * z[1], *(table(z[0]) for table in tables)]
+    commands += [tables[k](z[0]) - tables[1 - k](z[1]) for k in range(2)]
     policies = [ca.Function("u", [z], [command]) for command in commands]
-    assert len({digest_of(policy) for policy in policies}) == 5
+    assert len({digest_of(policy) for policy in policies}) == 7
 
 
 def test_the_hole_has_the_expected_half_width() -> None:
