@@ -78,9 +78,11 @@ def test_meshes_are_refined_until_their_times_agree() -> None:
 
 
 def test_without_a_proposal_the_time_is_when_a_simulated_flight_arrives_to_stay() -> None:
-    """Where no two meshes agree: the first time after which no state leaves its box."""
+    """Where no two meshes agree: the first time after which no state of the LQR leaves its box."""
     best = quickest_of_comb(26.0)
-    assert best.reason is not None
+    assert best.reason.startswith("two meshes differ by")
+    assert (best.source, best.spread) == ("linear optimum, saturated", None)
+    assert best.report().title.startswith(f"Quickest flight: at most {best.seconds:.4g} s")
     boxes = [best.box[name] for name in best.model.states]
     inside = (np.abs(np.asarray(best.states)) <= boxes).all(axis=1)
     after = np.asarray(best.time) >= best.seconds
