@@ -79,7 +79,10 @@ def test_progress_is_erased_at_the_end(tmp_path: Path) -> None:
     controller, terminal = pty.openpty()
     with os.fdopen(terminal, "wb") as stream:
         done = subprocess.run(
-            [SCRIPT, "solve", "--dihedral", "15"], stdout=subprocess.PIPE, stderr=stream, timeout=60
+            [SCRIPT, "learn", "--dihedral", "15"],
+            stdout=subprocess.PIPE,
+            stderr=stream,
+            timeout=60,
         )
     seen = os.read(controller, 65536).decode()
     os.close(controller)
