@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import answer, assert_refused, hfa
 from scipy.linalg import block_diag, expm, solve_continuous_are, solve_continuous_lyapunov
 
 from controller import bounded_real_gain, minimum_delta
@@ -174,5 +174,4 @@ def test_a_plant_file_and_the_command_line_give_cross_weights(tmp_path):
     judged = answer("verify", "--model", str(plant), "--weights", str(learned))
     assert judged["ok"]
     assert judged["weights_from"]["N"] == "file"
-    refused = hfa("solve", "--model", str(plant), "--N", "1,2;3")
-    assert refused.code == 2
+    assert_refused(hfa("solve", "--model", str(plant), "--N", "1,2;3"), 2, "--N")

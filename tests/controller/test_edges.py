@@ -53,7 +53,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "code in a list of functions": (
         lambda: hfa.read_critic(stored("W.npz", W=[1.0]), GAME, basis="__import__('os')"),
-        "basis",
+        "is not supported; use x1 to x2",
     ),
     "no states": (lambda: basis("quadratic", 0), "0 states"),
     "paper's basis": (lambda: basis("paper", 4), "requires 6 states, not 4"),

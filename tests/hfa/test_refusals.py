@@ -61,7 +61,10 @@ REFUSED = {
         (f"--{'x' * 5000}", "unknown option --xxxx"),
         ("--\x1b[31m", "unknown option --\\x1b[31m"),
         (f"--dihedral {DIGITS}", "--dihedral is '9999"),
-        ("--dihedral 15 --parameters folder.json", "folder.json"),
+        (
+            "--dihedral 15 --parameters folder.json",
+            "no parameters and no readable file of this name",
+        ),
         ("--dihedral 15 --hold alpha", "'alpha' is not NAME=VALUE"),
         (
             "--dihedral 15 --hold flaps=3",
@@ -89,7 +92,7 @@ REFUSED = {
             "--outputs contains the unknown name 'lift_centre'; did you mean lift_center? choose from speed, "
             "alpha",
         ),
-        ("--dihedral 15 -o result.xyz", "'.xyz'"),
+        ("--dihedral 15 -o result.xyz", "the suffix '.xyz' is unknown; use .json"),
         ("--dihedral 15 -o folder.json", "folder.json is a folder"),
     ],
     "sweep": [
@@ -98,7 +101,7 @@ REFUSED = {
         ("--dihedral 0:1000:1e-6", "1,000,000,001 points"),
         ("--dihedral 0:20", "dihedral is '0:20'; give start:stop:step"),
         ("--dihedral 0::1", "--dihedral is ''; give a finite number"),
-        ("--dihedral 0:20:0.01 --hold speed=50:80:0.01", "points"),
+        ("--dihedral 0:20:0.01 --hold speed=50:80:0.01", "the sweep has 6,005,001 points (maximum"),
         ("--dihedral 5 --free dihedral", "dihedral is given by both --dihedral and --free"),
     ],
     "report": [
@@ -125,7 +128,7 @@ REFUSED = {
         ("--dihedral 15 --law sarsa", "--law is 'sarsa'; choose from policy-iteration"),
     ],
     "verify": [
-        ("--dihedral 15", "--weights"),
+        ("--dihedral 15", "the following arguments are required: --weights"),
         ("--dihedral 15 --weights given.npz --set activation=tanh", "applies only to a network"),
     ],
 }
@@ -195,7 +198,7 @@ def test_unknown_commands_and_options_are_refused(words: str, named: str) -> Non
         ({"R": [[-1.0]]}, BAD_INPUT, "R is not positive definite"),
         ({"Q": [[1.0, 2.0], [2.0, 1.0]]}, BAD_INPUT, "Q is not positive semidefinite"),
         ({"delta": -1.0}, BAD_INPUT, "delta is -1.0; give a number from"),
-        ({"A": [[1.0, 0.0], [0.0, -1.0]]}, FAILED, "stabilizable"),
+        ({"A": [[1.0, 0.0], [0.0, -1.0]]}, FAILED, "is not stabilizable: no input reaches"),
     ],
 )
 def test_bad_plants_are_refused_in_one_line(changes: dict[str, Any], code: int, named: str) -> None:

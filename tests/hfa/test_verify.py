@@ -87,7 +87,8 @@ def test_the_cost_limit_decides_the_exit_code(game: Game) -> None:
     )
     assert answer(*words, "--limit-cost", "1e-9", code=FAILED)["graded"]["ok"] is False
     printed = hfa(*words, "--limit-cost", "0.01").out
-    assert "PASS on the linear game, typical box: 0.0015 % above the optimum\n" in printed
+    lost = f"{graded['cost_lost_worst_percent']:.2g} % above the optimum"
+    assert f"PASS on the linear game, typical box: {lost}\n" in printed
     assert "\ndecided by the cost limit 0.01 %\n" in printed
 
 

@@ -48,11 +48,11 @@ def cart(**declared: Any) -> Model:
         ({"states": {"x": Signal(start=math.inf)}}, "nominal, rate, start are"),
         ({"states": {"x": Signal(min=2.0, max=1.0)}}, "min 2 is above max 1"),
         ({"states": {"x": Signal(min=math.nan)}}, "min nan is above max"),
-        ({"outputs": {"position": 1.0}}, "give a Signal"),
+        ({"outputs": {"position": 1.0}}, "position is 1.0; give a Signal"),
         ({"outputs": ["position"]}, r"outputs is .*; give {name: Signal\(unit\)}"),
         ({"states": {}}, "cart declares no states"),
         ({"linear": "x"}, "linear is 'x'; give a tuple"),
-        ({"steady": ("w",)}, "'w'"),
+        ({"steady": ("w",)}, "steady names the unknown state 'w'"),
         ({"states": {"x": Signal(3)}}, "x: the unit is 3; give the unit as text"),  # type: ignore[arg-type]
     ],
 )

@@ -18,25 +18,29 @@ def found(aircraft: str, names: str, rows: str) -> str:
     return "found.toml"
 
 
+SHAPE = "does not consist of names of parameters and one row for each name"
+INDEFINITE = "is not a covariance matrix"
+
+
 @pytest.mark.parametrize(
-    ("names", "rows"),
+    ("names", "rows", "said"),
     [
-        ('["CL_beta"]', "[[1.0]]"),
-        ('"mass"', "[[1.0]]"),
-        ("[]", "[]"),
-        ('["mass", "Ixx"]', "[[1.0, 0.0]]"),
-        ('["mass"]', "[[1.0, 0.0]]"),
-        ('["mass"]', "[[nan]]"),
-        ('["mass"]', "[[-1.0]]"),
-        ('["mass", "Ixx"]', "[[1.0, 0.5], [0.0, 1.0]]"),
-        ('["mass", "Ixx"]', "[[1.0, 1.5], [1.5, 1.0]]"),
+        ('["CL_beta"]', "[[1.0]]", SHAPE),
+        ('"mass"', "[[1.0]]", SHAPE),
+        ("[]", "[]", SHAPE),
+        ('["mass", "Ixx"]', "[[1.0, 0.0]]", SHAPE),
+        ('["mass"]', "[[1.0, 0.0]]", SHAPE),
+        ('["mass"]', "[[nan]]", SHAPE),
+        ('["mass"]', "[[-1.0]]", INDEFINITE),
+        ('["mass", "Ixx"]', "[[1.0, 0.5], [0.0, 1.0]]", INDEFINITE),
+        ('["mass", "Ixx"]', "[[1.0, 1.5], [1.5, 1.0]]", INDEFINITE),
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_another_covariance_is_refused(names: str, rows: str) -> None:
+def test_another_covariance_is_refused(names: str, rows: str, said: str) -> None:
     """Names of parameters and a symmetric, positive semidefinite matrix of their size are needed."""
     words = ("fly", "--aircraft", found("uav", names, rows), "--draws", "2", "--duration", "0.1")
-    assert_refused(hfa(*words), 2, "[covariance] ")
+    assert_refused(hfa(*words), 2, f"found.toml: [covariance] {said}")
 
 
 @pytest.mark.usefixtures("folder")

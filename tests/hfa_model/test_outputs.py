@@ -163,7 +163,7 @@ def test_an_updraft_increases_only_the_air_angle(published_aircraft: Model) -> N
     ("name", "value", "message"),
     [
         ("speed", 0.0, "speed is 0 ft/s; give a positive speed"),
-        ("altitude", 1e6, "altitude"),
+        ("altitude", 1e6, "give an altitude from 0 to 65000 ft"),
         ("dihedral", np.pi / 2, "dihedral is 90 deg; give an angle above -90 and below 90 deg"),
     ],
 )

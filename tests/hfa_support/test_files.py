@@ -18,19 +18,27 @@ import hfa
 
 pytestmark = pytest.mark.usefixtures("folder")
 AT_15 = "--dihedral 15"
-#: Content of a file, or a fault -> commands that name the file.
-UNREADABLE: dict[str, Any] = {
-    "fifo": os.mkfifo,
-    "larger than 256 MiB": lambda path: os.truncate(
-        os.open(path, os.O_CREAT | os.O_RDWR), 2**28 + 1
+NO_TEXT = ("is not a TOML file", "is not JSON")
+NO_FILE = "no parameters and no readable file of this name"
+#: Fault -> call that makes the file, and the reasons that `trim` and `verify` give.
+UNREADABLE: dict[str, tuple[Any, str, str]] = {
+    "fifo": (os.mkfifo, NO_FILE, "not a regular file"),
+    "large": (
+        lambda path: os.truncate(os.open(path, os.O_CREAT | os.O_RDWR), 2**28 + 1),
+        NO_FILE,
+        "larger than 256 MiB",
     ),
-    "a folder": os.mkdir,
-    "missing": lambda path: None,
-    "nested": lambda path: Path(path).write_bytes(b"[" * 100_000),
-    "long number": lambda path: Path(path).write_bytes(b"9" * 5000),
-    "many dots": lambda path: Path(path).write_bytes(b"a" + b".a" * 40_000 + b" = 1"),
-    "a device": lambda path: os.symlink("/dev/zero", path),
-    "not UTF-8": lambda path: Path(path).write_bytes(b"\xff\xfe\xff"),
+    "a folder": (os.mkdir, NO_FILE, "the folder contains no critic"),
+    "missing": (lambda path: None, NO_FILE, "no such file"),
+    "nested": (lambda path: Path(path).write_bytes(b"[" * 100_000), *NO_TEXT),
+    "long number": (lambda path: Path(path).write_bytes(b"9" * 5000), *NO_TEXT),
+    "many dots": (
+        lambda path: Path(path).write_bytes(b"a" + b".a" * 40_000 + b" = 1"),
+        "a key has more than 100 dots",
+        "is not JSON",
+    ),
+    "a device": (lambda path: os.symlink("/dev/zero", path), NO_FILE, "not a regular file"),
+    "not UTF-8": (lambda path: Path(path).write_bytes(b"\xff\xfe\xff"), *NO_TEXT),
 }
 
 
@@ -41,10 +49,9 @@ UNREADABLE: dict[str, Any] = {
 def test_an_unreadable_file_is_refused(fault: str, words: str) -> None:
     """FIFOs, folders, large, missing and damaged files are refused in one line, without blocking."""
     name = words.split()[-1]
-    UNREADABLE[fault](name)
-    # Such a file of weights is refused before it is read.
-    said = [fault] if "MiB" in fault and words.startswith("verify") else []
-    assert_refused(run(*words.split()), 2, name, *said)
+    make, *said = UNREADABLE[fault]
+    make(name)
+    assert_refused(run(*words.split()), 2, name, said[words.startswith("verify")])
 
 
 def test_a_full_disk_is_told_with_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,20 +65,23 @@ def test_a_full_disk_is_told_with_the_file(monkeypatch: pytest.MonkeyPatch) -> N
     assert os.listdir() == []
 
 
+INPUT = "is an input of this run; name another file"
+
+
 @pytest.mark.parametrize(
-    ("words", "kept"),
+    ("words", "kept", "said"),
     [
-        ("solve --model A.csv --Q 1,1 --R 1 --delta inf -o B.csv", "B.csv"),
-        ("solve --model link.csv --Q 1,1 --R 1 --delta inf -o ./A.csv", "A.csv"),
-        ("solve --model A.csv --Q 1,1 --R 1 --delta inf -o link.csv", "A.csv"),
-        ("verify --model plant.json --weights a.json -o a.json", "a.json"),
-        ("trim --aircraft navion.py:NAVION --picture navion.py", "navion.py"),
-        ("solve --model=plant.json --output=plant.json", "plant.json"),
-        (f"trim {AT_15} -o plant.json --picture=./plant.json", "plant.json"),
-        (f"trim {AT_15} -o fifo.json", "plant.json"),
+        ("solve --model A.csv --Q 1,1 --R 1 --delta inf -o B.csv", "B.csv", INPUT),
+        ("solve --model link.csv --Q 1,1 --R 1 --delta inf -o ./A.csv", "A.csv", INPUT),
+        ("solve --model A.csv --Q 1,1 --R 1 --delta inf -o link.csv", "A.csv", INPUT),
+        ("verify --model plant.json --weights a.json -o a.json", "a.json", INPUT),
+        ("trim --aircraft navion.py:NAVION --picture link.svg", "navion.py", INPUT),
+        ("solve --model=plant.json --output=plant.json", "plant.json", INPUT),
+        (f"trim {AT_15} -o kept.pdf --picture=./kept.pdf", "kept.pdf", "is given for two outputs"),
+        (f"trim {AT_15} -o fifo.json", "plant.json", "is not a regular file"),
     ],
 )
-def test_an_output_replaces_no_input(words: str, kept: str) -> None:
+def test_an_output_replaces_no_input(words: str, kept: str, said: str) -> None:
     """An output that is an input of the run, another output or no regular file is refused."""
     np.savetxt("A.csv", [[0.0, 1.0], [-1.0, -1.0]], delimiter=",")
     np.savetxt("B.csv", [[0.0], [1.0]], delimiter=",")
@@ -80,9 +90,11 @@ def test_an_output_replaces_no_input(words: str, kept: str) -> None:
     small("plant.json")
     stored("a.json", W=np.ones(3))
     shutil.copy(ROOT / "examples" / "navion.py", ".")
+    Path("link.svg").symlink_to("navion.py")
+    Path("kept.pdf").write_bytes(b"a report")
     before = Path(kept).read_bytes()
     names = set(Path().iterdir())
-    assert_refused(run(*words.split()), 2)
+    assert_refused(run(*words.split()), 2, said)
     assert (Path(kept).read_bytes(), set(Path().iterdir())) == (before, names)
 
 

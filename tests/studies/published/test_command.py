@@ -29,24 +29,25 @@ def test_exit_code_and_first_line_are_those_of_the_verdict(
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("text", "said"),
     [
-        'time = "continuous"\n[plant]\nA = "0 1; 0 x"\n[printed]\nK = "1 2"\n',
-        "time = " + "[" * 5000 + "]" * 5000,
-        "time = " + "9" * 5000,
-        RIGHT.replace("0 1; 0 0", "9" * 5000),
-        RIGHT.replace("0 1; 0 0", "(" * 5000),
+        (RIGHT.replace("0 1; 0 0", "0 1; 0 x"), ": A, row 2: 'x' is not supported"),
+        ("time = " + "[" * 5000 + "]" * 5000, " is not a TOML file"),
+        ("time = " + "9" * 5000, " is not a TOML file"),
+        (RIGHT.replace("0 1; 0 0", "9" * 5000), ": A, row 1: '9999"),
+        (RIGHT.replace("0 1; 0 0", "(" * 5000), ": A, row 1: '(((("),
     ],
 )
 def test_bad_files_are_refused_in_one_line(
-    tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, text: str, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """A wrong entry, deep nesting and long numbers are named with the file and the row."""
     file = tmp_path / "printed.toml"
     file.write_text(text)
     assert main([str(file)]) == 2
     shown = capsys.readouterr()
     assert (shown.out, shown.err.count("\n")) == ("", 1)
-    assert str(file) in shown.err
+    assert f"{file}{said}" in shown.err
 
 
 def test_a_large_plant_is_compared_without_search(

@@ -24,9 +24,10 @@ def test_the_exit_code_agrees_with_the_verdict(
 ) -> None:
     """The exit code of the study agrees with the verdict in its JSON data."""
     assert run_alone(validation, "python -m studies.validation", words.split()) == code
-    text = capsys.readouterr().out
+    text, said = capsys.readouterr()
     if code == BAD_INPUT:
         assert text == ""
+        assert "more than seven states" in said
         return
     data = json.loads(text)
     assert data["ok"] == (code == DONE)

@@ -83,8 +83,8 @@ def bands_of(parameters: Any, dynamics: str = "published") -> Any:
     return entry_bands(parameters, CONDITION, linearize(aircraft, trim(aircraft, CONDITION)))
 
 
-@pytest.mark.parametrize(("dynamics", "widest"), [("published", 9.02e-5), ("newton", 2.055e-3)])
-def test_a_band_is_two_standard_errors(parameter_set: Any, dynamics: str, widest: float) -> None:
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_a_band_is_two_standard_errors(parameter_set: Any, dynamics: str) -> None:
     """The half-width of a band is two standard errors, 2 sqrt(diag(J C J')).
 
     J is computed from differences of linear models. C is the covariance of the parameters.
@@ -107,7 +107,6 @@ def test_a_band_is_two_standard_errors(parameter_set: Any, dynamics: str, widest
     errors = np.sqrt(np.einsum("ijk,kl,ijl->ij", jacobian, parameter_set.covariance, jacobian))
     bands = bands_of(parameter_set, dynamics)
     np.testing.assert_allclose(np.hstack([bands.A, bands.B]), 2 * errors, rtol=1e-3, atol=1e-9)
-    assert bands.A.max() == pytest.approx(widest, rel=1e-3)
 
 
 def test_slightly_changed_parameters_keep_their_bands(

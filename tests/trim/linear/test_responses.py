@@ -119,7 +119,9 @@ def test_loops_have_one_input_and_one_output() -> None:
         ({"time": [0.0, 1.0, 1.0]}, "increasing times"),
         ({"time": [[0.0, 1.0]]}, "increasing times"),
         ({"time": [1.0, 0.5]}, "increasing times"),
-        *(({"time": time}, "time") for time in (np.array([5.0]), np.nan, "5", ["a", "b"])),
+        ({"time": np.array([5.0])}, "increasing times"),
+        ({"time": np.nan}, "give a positive number"),
+        *(({"time": time}, "time does not consist of") for time in ("5", ["a", "b"])),
     ],
 )
 def test_unusable_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:

@@ -365,17 +365,17 @@ def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("words", "said"),
     [
-        ("--dihedral", "0:90:10"),
-        ("--dihedral", "0:-90:10"),
-        ("--dihedral", "5", "--hold", "panel_mass=10:-5:5"),
-        ("--dihedral", "0:20:1e-9", "--hold", "speed=60:70:1e-6"),
+        ("--dihedral 0:90:10", "dihedral is 90 deg; give a value between -60 deg and 60 deg"),
+        ("--dihedral 0:-90:10", "--dihedral runs backwards from 0 to -90"),
+        ("--dihedral 5 --hold panel_mass=10:-5:5", "--hold panel_mass runs backwards"),
+        ("--dihedral 0:20:1e-9 --hold speed=60:70:1e-6", "20,000,000,001 points (maximum"),
     ],
 )
-def test_a_range_too_long_is_refused(words: tuple[str, ...], tmp_path: Path) -> None:
+def test_a_range_too_long_is_refused(words: str, said: str, tmp_path: Path) -> None:
     """A sweep with too many points, or with a value beyond its limit, is refused."""
-    assert_refused(hfa("sweep", *words, "-o", str(tmp_path / "a.zarr")), 2)
+    assert_refused(hfa("sweep", *words.split(), "-o", str(tmp_path / "a.zarr")), 2, said)
     assert not (tmp_path / "a.zarr").exists()
 
 

@@ -71,8 +71,9 @@ def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
     assert data["disk_margin"] == pytest.approx(data["disk_margin_exact"], rel=1e-6)
 
 
-def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
-    """Return weights with a Bellman residual of 0 on 15 samples, and the largest relative residual.
+def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float, int]:
+    """Return weights with a Bellman residual of 0 on 15 samples, the largest relative residual, and
+    the rank of the samples.
 
     Newton steps of least norm, beginning at the LQR, lead to these weights.
     """
@@ -83,9 +84,8 @@ def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
         residual = np.einsum("ni,ij,nj->n", z, game.residual(P), z)
         sigma = np.einsum("nmi,ni->nm", QUADRATIC.gradient(z), z @ (game.A - game.S @ P).T)
         weights = weights - np.linalg.pinv(sigma) @ residual
-    return weights, float(
-        np.abs(residual).max() / np.abs(np.einsum("ni,ij,nj->n", z, game.Q, z)).max()
-    )
+    size = np.abs(np.einsum("ni,ij,nj->n", z, game.Q, z)).max()
+    return weights, float(np.abs(residual).max() / size), int(np.linalg.matrix_rank(sigma))
 
 
 def result_of(game: Game, weights: np.ndarray, rank: int) -> Any:
@@ -105,9 +105,9 @@ def result_of(game: Game, weights: np.ndarray, rank: int) -> Any:
 
 def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
     """A critic learned from too few samples fails, although the residual on these samples is tiny."""
-    weights, residual = rank_deficient_weights(game)
+    weights, residual, rank = rank_deficient_weights(game)
     assert residual < 1e-10
-    run = result_of(game, weights, 15)
+    run = result_of(game, weights, rank)
     check = verify(game, run)
     assert {"P_rel_error", "riccati_residual", "data_rank"} <= failed_names(check.checks)
     assert "rank 15 of 21" in check.reason
@@ -197,7 +197,7 @@ def test_only_a_critic_of_a_game_is_checked(game: Game) -> None:
     for given, named in (
         (np.ones((2, 3)), "shape .2, 3."),
         (np.ones(3).tolist(), "3 weights"),
-        (None, "None"),
+        (None, "critic is None; give a critic"),
     ):
         with pytest.raises(BadInputError, match=named):
             verify(game, given)
@@ -247,7 +247,7 @@ def test_wrong_limits_and_constants_are_named(game: Game) -> None:
     for constant in ("x", None):
         with pytest.raises(BadInputError, match=r"constant is .*; give a finite number"):
             from_weights(game, weights, constant=constant)  # type: ignore[arg-type]
-    with pytest.raises(BadInputError, match="limit is -1"):
+    with pytest.raises(BadInputError, match="limit is -1; give"):
         verify(game, from_gain(game, gain(game)), limit=-1)
 
 

@@ -240,5 +240,5 @@ def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy() -> None:
     assert verdict.critic.u(z[0]) == pytest.approx(-K @ z[0])
     assert verdict.critic.u(z) == pytest.approx(-z @ K.T)
     for wrong in (z[0, :2], np.ones((1, 2, 3)), 1.0):
-        with pytest.raises(BadInputError, match="z "):
+        with pytest.raises(BadInputError, match=r"z has shape .*; give \(3,\) or \(N, 3\)"):
             verdict.critic.u(wrong)

@@ -197,6 +197,9 @@ def test_a_diverging_critic_fails_in_python(way: str) -> None:
 def test_a_biased_critic_fails() -> None:
     """A linear term of V moves the equilibrium off the trim, so the cost is no reason to pass."""
     W = basis("quadratic+linear", 6).weights(exact_value())
+    assert judged(from_weights(GAME, W, "quadratic+linear")).ok
     W[22] = 50.0
     verdict = judged(from_weights(GAME, W, "quadratic+linear"))
     assert verdict.grade == "fail"
+    assert verdict.value_of("rest_point") > 0.0
+    assert not verdict.holds(limit_cost=1.0)

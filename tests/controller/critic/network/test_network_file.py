@@ -275,14 +275,15 @@ def test_wrong_state_dicts_are_refused() -> None:
     assert "has the type float16" in refusal(
         safetensors_file("half.safetensors", {"weight": good.astype("float16")})
     )
-    for name, content in (
-        ("a.pt", b"PK\3\4"),
-        ("b.pt", b"text"),
-        ("c.safetensors", b"\xff" * 20),
-        ("d.pkl", b""),
+    damaged, foreign = "is damaged or is not a network", "was not written by torch.save"
+    for name, content, said in (
+        ("a.pt", b"PK\3\4", damaged),
+        ("b.pt", b"text", foreign),
+        ("c.safetensors", b"\xff" * 20, damaged),
+        ("d.pkl", b"", foreign),
     ):
         Path(name).write_bytes(content)
-        refusal(name)
+        assert said in refusal(name)
     with Path("large.pt").open("wb") as stream:
         stream.truncate(2**29)
     assert "larger than 256 MiB" in refusal("large.pt")
