@@ -14,7 +14,7 @@ from hfa_support.native.bound import BoundFunction
 
 #: Settings of HPIPM. The number of iterations bounds the time of a sample. A flight decides on the
 #: inputs of a program.
-_TOLERANCE = 1e-4
+_TOLERANCE = 3e-4
 _OPTIONS: dict[str, Any] = {
     "mode": "speed_abs",
     "iter_max": 40,
@@ -71,13 +71,13 @@ class PlanProgram:
         H[-n:, -n:] = at_end.reshape(n, n)
         of_H, self._numbers_of_H = _sparse(H)
         of_A, self._numbers_of_A = _sparse(A)
-        stages = {
+        stages: dict[str, Any] = {
             "N": count,
             "nx": [n] * (count + 1),
             "nu": [m + slacks] * count + [0],
             "ng": [height - n] * count + [0],
         }
-        options = {**stages, "inf": _FAR, "hpipm": _OPTIONS, "error_on_fail": False}
+        options: dict[str, Any] = {**stages, "inf": _FAR, "hpipm": _OPTIONS, "error_on_fail": False}
         solve = ca.conic("plan", "hpipm", {"h": of_H, "a": of_A}, {**options, "print_time": False})
         given = {
             name: ca.MX.sym(name, solve.sparsity_in(name).nnz())
@@ -150,6 +150,7 @@ def _sparse(numbers: np.ndarray) -> tuple[ca.Sparsity, np.ndarray]:
     """Return the sparsity of a matrix whose entries are numbers of values, beginning with 1, and
     the indices of the values in the order of CasADi, by columns.
     """
+    height, width = numbers.shape
     columns, rows = np.nonzero(numbers.T)
-    sparsity = ca.Sparsity.triplet(*numbers.shape, rows.tolist(), columns.tolist())
+    sparsity = ca.Sparsity.triplet(height, width, rows.tolist(), columns.tolist())
     return sparsity, numbers[rows, columns] - 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
@@ -100,7 +99,9 @@ class Planner:
         self._filter = OneSampleFilter(scaled, grid.dt * longest[-1], 1.0 - margin)
         self.model = HeldModel(scaled, grid.dt * longest, disturbance)
         self._begins = HeldModel(scaled, grid.dt * (longest - longest // 2), disturbance)
+        self._rests = HeldModel(scaled, grid.dt * (longest // 2), disturbance)
         self._flights = HeldModel(scaled, np.full(count, grid.dt), disturbance)
+        self._gain_flight = self._flight_of_gain()
 
     def _slack_prices(self) -> tuple[np.ndarray, np.ndarray]:
         """Return slope and curvature of the cost of a slack for a second, (S,) each."""
@@ -155,8 +156,7 @@ class Planner:
             cost = float(after[-1] + end @ self.P @ end)
         return cost if cost < _LOST else np.inf
 
-    @cached_property
-    def _gain_flight(self) -> BoundFunction:
+    def _flight_of_gain(self) -> BoundFunction:
         """Machine code of ([z, cost], K by rows, z_t, v_t, d) -> [z, cost] after four horizons."""
         k, n, m = self.scaled.sizes
         sizes = {"begin": n + 1, "K": m * k, "z_t": n, "v_t": m, "d": self.model.disturbances}
@@ -173,7 +173,7 @@ class Planner:
         price = self.grid.dt * ca.dot(slack, self._slopes + 0.5 * self._curvatures * slack)
         cost = begin[n] + ca.bilin(ca.DM(self.grid.at(0).weights[0]), both, both) + price
         samples = _HORIZONS * int(self.grid.samples(0).sum())
-        step = ca.Function("step", given, [ca.vertcat(after, cost)])
+        step = ca.Function("step", given, [ca.vertcat(after, cost)], {"cse": True}).expand()
         constant = [ca.repmat(each, 1, samples) for each in given[1:]]
         flown = step.fold(samples)(begin, *constant)
         return BoundFunction(machine_code(ca.Function("gain_flight", given, [flown])))
@@ -289,11 +289,18 @@ class Planner:
     def _slopes_along(self, plan: Plan, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives of the states at the ends and middles of the holds."""
         holds = self.grid.at(plan.age)
-        ends = self.model.moved_along(plan.z[:-1], plan.v, d, holds.seconds)[1]
+        z, n = plan.z[:-1], plan.z.shape[1]
         if not len(self._fast):
+            ends = self.model.moved_along(z, plan.v, d, holds.seconds)[1]
             return ends, ends
-        seconds = self.grid.dt * (holds.samples - holds.samples // 2)
-        return ends, self._begins.moved_along(plan.z[:-1], plan.v, d, seconds)[1]
+        rest = holds.samples // 2
+        middle, begins = self._begins.moved_along(
+            z, plan.v, d, self.grid.dt * (holds.samples - rest)
+        )
+        ends = self._rests.moved_along(middle, plan.v, d, self.grid.dt * rest)[1]
+        over = ends[:, :, :n] @ begins
+        over[:, :, n:] += ends[:, :, n:]
+        return over, begins
 
     def guesses(self, z: np.ndarray, d: np.ndarray, target: Target) -> list[Plan]:
         """Return two first plans: inputs of the target, and the saturated linear optimum."""

@@ -25,8 +25,10 @@ _FIRST = 30
 _LATER = 6
 _RISE = 1.01
 _WORTH = 0.01
-#: The linear policy takes over where its flight costs at most this fraction more than the plan.
+#: The linear policy takes over where z'Pz is within this fraction of the plan's cost.
 _LINEAR = 0.01
+#: Share of a plan's cost above which z'Pz at its end is replaced by a flight of the linear policy.
+_SMALL_END = 0.002
 #: Number of samples after which the linear policy is computed again at the estimated equilibrium.
 _RENEWED = 10
 
@@ -121,20 +123,23 @@ class RecedingHorizon:
         plan = self._planned(z)
         self._plan = plan
         self.samples.planned += 1
-        self._near = inside and self._of_gain(z) <= (1.0 + _LINEAR) * self._value(plan)
+        away = z - target.z
+        agree = abs(away @ self.planner.P @ away - plan.cost) <= _LINEAR * plan.cost
+        self._near = inside and bool(agree)
         return plan.v[0]
-
-    def _of_gain(self, z: np.ndarray) -> float:
-        """Return the cost of the flight of the linear policy from the states z."""
-        return self.planner.cost_of_gain(self._end.K, z, self.estimate.d, self.estimate.target)
 
     def _value(self, plan: Plan) -> float:
         """Return the cost of a plan. From its end, the linear policy flies on where it may."""
         end, target = plan.z[-1], self.estimate.target
-        if not self._end.contains(end, target):
-            return plan.cost
         away = end - target.z
-        return plan.cost - float(away @ self.planner.P @ away) + self._of_gain(end)
+        at_end = float(away @ self.planner.P @ away)
+        if not at_end > _SMALL_END * plan.cost or not self._end.contains(end, target):
+            return plan.cost
+        return (
+            plan.cost
+            - at_end
+            + self.planner.cost_of_gain(self._end.K, end, self.estimate.d, target)
+        )
 
     def _time(self, seconds: float) -> None:
         """Add the processor time of a sample with a plan."""
