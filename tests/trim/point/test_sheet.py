@@ -686,7 +686,7 @@ def test_the_advice_of_a_failed_trim_works(options: tuple[str, ...], works: str)
 
 
 def test_several_conditions_have_one_sheet_each(folder: Path) -> None:
-    """Lists of angles and of held values give a grid of sheets, in text, JSON, HTML and PDF."""
+    """Lists of angles and of held values give a grid of sheets, in JSON and HTML."""
     words = ("trim", "--dihedral", "5,15", "--hold", "speed=67,68")
     data = json.loads(command(*words, "--json").out)
     assert [
@@ -696,10 +696,9 @@ def test_several_conditions_have_one_sheet_each(folder: Path) -> None:
     one = json.loads(command("trim", "--dihedral", "15", "--hold", "speed=68", "--json").out)
     alone = {name: one[name] for name in ("performance", "levels", "mode_differences")}
     assert {name: data["sheets"][3][name] for name in alone} == alone
-    for name, begin in (("sheets.html", b"<!doctype html>"), ("sheets.pdf", b"%PDF")):
-        assert command(*words[:3], "-o", name).code == 0
-        assert Path(name).read_bytes().startswith(begin)
+    assert command(*words[:3], "-o", "sheets.html").code == 0
     page = Path("sheets.html").read_text("utf-8")
+    assert page.startswith("<!doctype html>")
     assert (page.count("data:image/png"), page.count("<style>")) == (2, 1)
     failed = command("trim", "--dihedral", "5,10", "--limit", "throttle=0:39.9")
     assert (failed.code, failed.err.count("\n")) == (1, 1)
