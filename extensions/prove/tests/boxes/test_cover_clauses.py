@@ -30,9 +30,6 @@ from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_support.errors import NoSolutionError
 
-PENDULUM = "examples/pendulum.py:PENDULUM"
-K = np.array([[1.97725, 0.97624]])
-
 
 @dataclass(frozen=True, eq=False)
 class Positive(Question):

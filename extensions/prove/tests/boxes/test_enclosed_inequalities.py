@@ -154,28 +154,6 @@ def test_no_input_makes_the_inequality_smaller(radius: float, off: float) -> Non
         assert np.all(_g(places, inputs) >= bound - loss - 1e-12)
 
 
-def test_the_curvature_covers_limits_and_guessed_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The curvature is enclosed for all inputs within the limits and on the range of the guess."""
-    ranges: list[np.ndarray] = []
-    enclosed = CostInequality._curvature
-
-    def recorded(
-        self: CostInequality, boxes: Boxes, least: np.ndarray, most: np.ndarray
-    ) -> np.ndarray:
-        ranges.extend((least, most))
-        return enclosed(self, boxes, least, most)
-
-    monkeypatch.setattr(CostInequality, "_curvature", recorded)
-    boxes = _places(0.0, 5).boxes
-    inequality = _inequality(0.0)
-    guess = _guess(inequality, boxes, 0.3)
-    inequality._loss(boxes, guess)
-    least, most = ranges
-    reach = np.abs(guess.slopes).sum(axis=2)
-    assert np.all(least <= np.minimum(LOW, guess.value - reach))
-    assert np.all(most >= np.maximum(HIGH, guess.value + reach))
-
-
 @pytest.mark.parametrize("radius", [0.0, 0.05])
 def test_the_curvature_is_below_all_second_derivatives(radius: float) -> None:
     """The enclosed curvature is a lower bound of the second derivatives at random points."""

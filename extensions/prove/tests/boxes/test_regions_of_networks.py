@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import answer, assert_refused, hfa
 from small_networks import imitation
 
 from hfa import load_model, prove_region, trim
@@ -47,12 +47,12 @@ def test_a_region_of_a_network_is_verified(proved: Path, folder: Path) -> None:
     check = ("prove", "--check", str(proved))
     own = network(folder / "network.npz")
     answer(*check, *WEIGHTS, *own)
-    others = (
-        network(folder / "other.npz", seed=1),
-        tuple(word.replace("=tanh", "=relu") for word in own),
-        (),
-    )
-    assert [hfa(*check, *WEIGHTS, *words).code for words in others] == [2, 2, 2]
+    for words, said in (
+        (network(folder / "other.npz", seed=1), "is about another policy"),
+        (tuple(word.replace("=tanh", "=relu") for word in own), "is about another policy"),
+        ((), "a policy in a file; give this file"),
+    ):
+        assert_refused(hfa(*check, *WEIGHTS, *words), 2, said)
 
 
 def test_what_has_no_region_is_refused(folder: Path) -> None:

@@ -228,8 +228,9 @@ def test_a_margin_of_1e13_is_decided_correctly(margin: float) -> None:
     models = TaylorProgram(Program(function, "f"), 1).over(np.array([[1.0]]), np.array([[1e-8]]))
     exact = Fraction(margin)
     assert Fraction(float(lowest(models, 1)[0, 0])) <= exact
-    assert (lowest(models, 1)[0, 0] > 0.0) == (margin > 0.0)
     assert Fraction(float(highest(models, 1)[0, 0])) >= exact
+    assert (lowest(models, 1)[0, 0] > 0.0) == (margin > 0.0)
+    assert (highest(models, 1)[0, 0] < 0.0) == (margin < 0.0)
 
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
