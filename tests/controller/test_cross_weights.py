@@ -13,7 +13,6 @@ from hfa import (
     NoSolutionError,
     from_gain,
     from_value,
-    learn,
     lqr,
     solve,
     verify,
@@ -118,17 +117,6 @@ def test_margins_open_the_loop_at_the_input_of_the_plant():
     disk = 1.0 / np.abs(response - 0.5).max()
     assert margins["disk"] == pytest.approx(disk, rel=1e-4)
     assert solution.disk_margin.disk == pytest.approx(disk, rel=1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_the_learner_learns_the_gain_of_the_cross_weights(seed):
-    game = crossed(seed)
-    game = game.with_delta(2.0 * minimum_delta(game).value)
-    run = learn(game, seed=seed)
-    exact = solve(game)
-    assert np.allclose(run.K, exact.K, atol=1e-6 * np.abs(exact.K).max())
-    assert verify(game, run).ok
 
 
 def test_critics_are_judged_with_the_cross_weights():

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import zarr
 from cli import answer, assert_refused, hfa
 
 from hfa import paper, solve
@@ -73,7 +72,6 @@ def test_a_file_of_several_aircraft_is_refused_with_their_names() -> None:
     assert {f"{EXAMPLES}/gtm.py:GTM", ":UNCERTAIN_GTM"} < {*unnamed.err.split()}
 
 
-GRID = ("--hold", "gamma=-2:2:2", "--dihedral", "0:20:10")
 ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")
 
 
@@ -113,21 +111,3 @@ def test_ranges_and_lists_have_units() -> None:
         values = answer(*words, typed)["values"]
         assert [row[0] for row in values] == pytest.approx(speeds)
     assert_refused(hfa(*words, "speed=60:80:10kt"), 2, "all three numbers in the same unit")
-
-
-@pytest.mark.slow
-def test_a_resumed_sweep_requires_the_same_condition(tmp_path: Path) -> None:
-    """A store contains its trim condition. A resumed sweep must have the same condition."""
-    store = str(tmp_path / "a.zarr")
-    words = ("sweep", *GRID, *ALPHA_FREE, "-o", store)
-    assert hfa(*words, "--workers", "2").code == 0
-    group = zarr.open_group(store, mode="r")
-    data = answer("sweep", *GRID, *ALPHA_FREE)
-    np.testing.assert_allclose(
-        group["A"][:][:, [0, 1]][:, :, [0, 1]], np.array(data["A"])[:, :2, :2], rtol=1e-12
-    )
-    gamma = group.attrs["grid"]["gamma"]
-    assert (gamma["start"], gamma["count"], gamma["unit"]) == (np.radians(-2.0), 3, "rad")
-    assert group.attrs["condition"]["free"] == ["alpha"]
-    assert hfa(*words, "--resume").code == 0
-    assert_refused(hfa("sweep", *GRID, "-o", store, "--resume"), 2, "another sweep")

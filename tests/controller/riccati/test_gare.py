@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from game_samples import game_models, random_game, regenerated_models
+from game_samples import game_models, regenerated_models
 from pages import printed_matrices
 from reference_riccati import reference_solution, relative_error
 from scipy.linalg import solve_continuous_lyapunov
@@ -191,19 +191,6 @@ def test_the_smallest_delta_is_found_where_p_is_nearly_singular(seed: int) -> No
     assert reference_solution(game.with_delta(smallest.value * (1.0 + 1e-6))).exists
     assert not reference_solution(game.with_delta(smallest.value * (1.0 - 2e-6))).exists
     assert smallest.uncertain
-
-
-@pytest.mark.slow
-def test_minimum_deltas_of_random_games_are_bracketed() -> None:
-    """For random games, a solution exists at the upper end of the bracket of delta_min and not at
-    the lower.
-    """
-    rng = np.random.default_rng(11)
-    for number in range(20):
-        game = random_game(rng, scaled=number % 2 == 0)
-        smallest = minimum_delta(game)
-        assert reference_solution(game.with_delta(smallest.value)).exists
-        assert not reference_solution(game.with_delta(smallest.refused)).exists
 
 
 @pytest.mark.slow

@@ -336,7 +336,7 @@ def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(
 ) -> None:
     """A Zarr store contains names, units and axes, so that xarray selects data by name.
 
-    It is not resumed with another condition, limit or variable.
+    It is resumed with its own condition, and with no other condition, limit or variable.
     """
     words = ("--dihedral", "5,10", "--hold", "speed=64,68", "--free", "alpha")
     dataset = stored(tmp_path / "a.zarr", *words)
@@ -355,6 +355,12 @@ def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(
     expected = sweep(published_aircraft, grid, condition=condition)
     names = list(expected.model.linear)
     np.testing.assert_allclose(dataset.A.sel(rate=names, state=names), expected.A, rtol=1e-12)
+    assert dataset.attrs["condition"]["free"] == ["alpha"]
+    dihedral = dataset.attrs["grid"]["dihedral"]
+    assert dihedral["unit"] == "rad"
+    assert dihedral["values"] == pytest.approx(np.radians([5.0, 10.0]), rel=1e-15)
+    again = hfa("sweep", *words, "-o", str(tmp_path / "a.zarr"), "--resume")
+    assert again.code == 0
     for more in (
         ("--limit", "throttle=0:40"),
         ("--hold", "gamma=0.01"),

@@ -179,24 +179,6 @@ def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(
     )
 
 
-@pytest.mark.slow
-def test_the_exact_network_of_a_discounted_game_passes(game: Game) -> None:
-    """For a discounted game, the exact gain in a state dict passes.
-
-    The exact gain followed by a saturating tanh fails away from the origin.
-    """
-    problem = game.sampled(0.01, 0.99)
-    K = solve(problem).K
-    right = from_network(problem, torch_file("right.pt", {"weight": -K}))
-    verdict = verify(problem, right)
-    assert verdict.ok, failed_names(verdict.checks)
-    layers = {"0.weight": 1e3 * K, "2.weight": -1e-3 * np.eye(5)}
-    bent = from_network(problem, torch_file("bent.pt", layers), activation="tanh")
-    verdict = verify(problem, bent, scope=Scope(flights=2))
-    assert verdict.K_rel_error < 1e-9
-    assert "searched_policy_error" in failed_names(verdict.checks)
-
-
 def test_the_equilibrium_of_a_shifted_network_is_found() -> None:
     """`hfa verify` passes the exact policy of a plant file, and fails one with a bias b.
 
