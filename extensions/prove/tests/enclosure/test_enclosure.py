@@ -14,7 +14,7 @@ from hfa_prove.enclosure.balls import lowest_sign
 from hfa_prove.enclosure.program import Program
 from hfa_prove.enclosure.relaxation import Relaxation
 from hfa_prove.enclosure.slopes import Intervals, between, jacobian, values_at
-from hfa_prove.enclosure.taylor import TaylorProgram, highest, lowest
+from hfa_prove.enclosure.taylor import Models, TaylorProgram, highest, lowest, pairs_of
 from hfa_support.errors import BadInputError
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, -0.2, 0.0, 0.3]], [0.3, -0.2, 0.0, 0.1])
@@ -249,6 +249,27 @@ def test_folded_constants_do_not_change_the_function(margin: float) -> None:
     assert (highest(models, 1)[0, 0] < 0.0) == (margin < 0.0)
 
 
+def test_the_lowest_value_of_a_model_is_not_rounded_up() -> None:
+    """The lower bound of c_0 + Σ c_i s_i + Σ c_ii s_i² ± r is at most the exact minimum.
+
+    With c_ii < 0, the minimum is at a corner.
+    """
+    rng = np.random.default_rng(11)
+    n, boxes = 3, 300
+    c = rng.normal(size=(1, 1 + n + n * (n + 1) // 2, boxes)) * 10.0 ** rng.integers(-3, 4, boxes)
+    i, j, _ = pairs_of(n)
+    c[:, n + 1 :] = np.where((i == j)[:, None], -np.abs(c[:, n + 1 :]), 0.0)
+    radius = np.abs(rng.normal(size=(1, boxes)))
+    models = Models(c, radius, radius)
+    low = lowest(models, n)[0]
+    for k in range(boxes):
+        value, *slopes = map(Fraction, c[0, : 1 + n, k].tolist())
+        bends = sum(map(Fraction, c[0, n + 1 :, k].tolist()))
+        exact = value - sum(map(abs, slopes)) + bends - Fraction(float(radius[0, k]))
+        size = Fraction(float(np.abs(c[0, :, k]).sum() + radius[0, k]))
+        assert exact - size / 10**12 <= Fraction(float(low[k])) <= exact
+
+
 def test_rounding_of_a_long_sum_is_covered() -> None:
     """The bounds of a long sum with canceling large terms contain its exact value."""
     y = ca.SX.sym("y", 2)
@@ -276,12 +297,14 @@ def test_rounding_of_canceling_arguments_is_covered() -> None:
     function = ca.Function("f", [y], [ca.fmax(ca.dot(ca.DM(1e8 * w), y), 0.0)])
     points = generator.normal(size=(100, 3))
     points[:, 2] = -(points[:, :2] @ w[:2]) / w[2] + 1e-9 * generator.uniform(-1.0, 1.0, 100)
-    models = TaylorProgram(Program(function, "f"), 3).over(points, np.zeros((100, 3)))
+    program = Program(function, "f")
+    models = TaylorProgram(program, 3).over(points, np.zeros((100, 3)))
     low, high = lowest(models, 3)[0], highest(models, 3)[0]
     for point, least, most in zip(points, low, high, strict=True):
         pairs = zip((1e8 * w).tolist(), point.tolist(), strict=True)
         exact = max(sum(Fraction(a) * Fraction(b) for a, b in pairs), Fraction(0))
         assert Fraction(float(least)) <= exact <= Fraction(float(most))
+        assert _inside(jacobian(program, Intervals(point, np.zeros(3))).values, 0, exact)
 
 
 def test_functions_that_are_not_inlined_are_read() -> None:

@@ -104,6 +104,20 @@ def test_the_trim_is_within_its_limits(high: float, reason: str | None) -> None:
         proved(1.0, high, decay_rate=0.1)
 
 
+@pytest.mark.parametrize(("high", "is_proved"), [(1.89, True), (1.91, False)])
+def test_outputs_are_within_their_limits_at_every_pull(high: float, is_proved: bool) -> None:
+    """An output that is the negative pull itself, whatever the trim, is at least -1.9 N."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rates, outputs = _float(x, u, p, w)
+        return rates, {**outputs, "rest": -p.pull}
+
+    outputs = {**FLOAT.outputs, "rest": Signal("N", 1.0, -1.9)}
+    family = Family(replace(FLOAT, equations=equations, outputs=outputs))
+    with nullcontext() if is_proved else pytest.raises(NoSolutionError, match="rest is not proved"):
+        assert prove_schedule(family, CONSTANT, 1.0, high, decay_rate=0.5).size > 0
+
+
 def test_a_trim_curved_in_the_scheduling_variable_is_within_its_limits() -> None:
     """The trim u = p² of x' = u - p² - x is 0 with slope 0 at p = 0, and beyond 0.9 at p = ±1."""
     model = Model(
