@@ -147,13 +147,16 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
         if longer:
             return longer[:_MOST_MEANT]
     letters = wanted.lstrip("_")  # dashes make no options alike
-    likeness = {
-        key: difflib.SequenceMatcher(a=key.lstrip("_"), b=letters).ratio() for key in by_key
-    }
+    matcher = difflib.SequenceMatcher(b=letters)
+    likeness = {}
+    for key in by_key:
+        matcher.set_seq1(key.lstrip("_"))
+        if matcher.quick_ratio() >= _LEAST_LIKENESS:  # an upper bound of the ratio
+            likeness[key] = matcher.ratio()
     best = max(likeness.values(), default=0.0)
     if best < _LEAST_LIKENESS:
         return []
-    return [each for key, each in by_key.items() if likeness[key] == best][:_MOST_MEANT]
+    return [by_key[key] for key, share in likeness.items() if share == best][:_MOST_MEANT]
 
 
 #: Least number of letters that are completed to a longer name, and largest number of suggestions.
