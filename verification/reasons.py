@@ -293,24 +293,35 @@ def _order_text(noun: str, order: np.ndarray) -> str:
 
 
 def _one_entry(kind: str, given: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
-    """Yield a wrong sign or decimal point of the entry with the largest error."""
+    """Yield that the entry with the largest error has a wrong sign, a decimal slip, or alone
+    differs.
+    """
     if np.count_nonzero(np.triu(exact) if kind == "P" else exact) < 3:
         return  # a single number agrees with many mistakes
     errors = _entry_errors(kind, given, exact)
-    row, column = np.unravel_index(int(np.argmax(errors)), errors.shape)
-    ratio = float(given[row, column] / exact[row, column]) if exact[row, column] else 0.0
+    place = np.unravel_index(int(np.argmax(errors)), errors.shape)
+    name = f"{kind}({place[0] + 1}, {place[1] + 1})"
+    wrong, right = float(given[place]), float(exact[place])
+    ratio = wrong / right if right else 0.0
     factor = math.copysign(10.0 ** _power_of_ten(abs(ratio)), ratio)
-    if factor == 1.0 or not abs(ratio / factor - 1.0) < NEAR:
-        return
-    name = f"{kind}({row + 1}, {column + 1})"
-    says = f"{name} has the wrong sign"
-    if factor != -1.0:
-        says = f"{name} is {factor:g} times the exact one: a decimal slip"
-    undone = given.copy()
-    undone[row, column] /= factor
-    if kind == "P" and row != column:
-        undone[column, row] /= factor
-    yield Mistake(says, undone)
+    if factor != 1.0 and abs(ratio / factor - 1.0) < NEAR:
+        says = f"{name} has the wrong sign"
+        if factor != -1.0:
+            says = f"{name} is {factor:g} times the exact one: a decimal slip"
+        yield Mistake(says, _with_entry(kind, given, place, wrong / factor))
+    says = f"only {name} differs: it is {wrong:.6g} in place of {right:.6g}"
+    yield Mistake(says, _with_entry(kind, given, place, right))
+
+
+def _with_entry(
+    kind: str, given: np.ndarray, place: tuple[np.intp, ...], entry: float
+) -> np.ndarray:
+    """Return P, in which its mirror image changes too, or K with another entry."""
+    changed = given.copy()
+    changed[place] = entry
+    if kind == "P":
+        changed[place[::-1]] = entry
+    return changed
 
 
 def _of_weights(critic: Critic) -> Iterator[Mistake]:

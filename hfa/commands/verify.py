@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from controller.critic.critic_file import critic_suffixes, critics_in, is_network
 from controller.game.zero_sum import Game
@@ -120,28 +120,80 @@ class VerifyRequest(GameRequest):
         "prove that no error of a network in the box exceeds --limit-error", package="hfa_prove"
     )
 
+    @property
+    def paths(self) -> list[Path]:
+        """The critic files."""
+        return [path for files in self.weights for path in files]
+
     def named_game(self, read: dict[str, Any] | None = None) -> NamedGame:
         """Return the game that the options define, in which only --inputs move.
 
-        With --inputs, --R by name needs no weight for the inputs that stay at the trim.
+        By default, the inputs, Q and R are those of a single deployment file. With --inputs, --R by
+        name needs no weight for the inputs that stay at the trim.
         """
-        request = self
-        R = self.game.weights.R
-        if isinstance(R, Mapping) and self.game.plant is None:
-            held = [name for name in self.model.inputs if name not in R]
-            if held and not self.inputs:
-                raise BadInputError(
-                    f"--R has no weight for {', '.join(held)}; add them, or --inputs "
-                    f"{','.join(R)} for a policy that moves no others"
-                )
-            unused = {name: 1.0 for name in held if name not in self.inputs}
-            weights = replace(self.game.weights, R={**unused, **R})
-            request = replace(self, game=replace(self.game, weights=weights))
-        named = super(VerifyRequest, request).named_game(read)
-        if not self.inputs:
+        files = self.paths
+        is_deployed = len(files) == 1 and files[0].suffix.lower() == _DEPLOYMENT
+        stated = _stated(files[0], self.model) if is_deployed else Stated()
+        weights = self.game.weights
+        inputs = self.inputs or stated.inputs
+        of_file = {
+            name: weight for name, weight in stated.cost.items() if getattr(weights, name) is None
+        }
+        weights = replace(weights, **of_file)
+        if isinstance(weights.R, Mapping) and self.game.plant is None:
+            weights = replace(weights, R=_of_moved(weights.R, tuple(self.model.inputs), inputs))
+        game = replace(self.game, weights=weights)
+        named = super(VerifyRequest, replace(self, game=game)).named_game(read)
+        if of_file:
+            note = f"used: {' and '.join(of_file)} of {files[0]}"
+            sources = {**named.weights_from, **dict.fromkeys(of_file, "deployment")}
+            named = replace(named, warnings=(*named.warnings, note), weights_from=sources)
+        if not inputs:
             return named
+        if not self.inputs:
+            note = f"{files[0]} moves {', '.join(inputs)}; the other inputs stay at the trim"
+            named = replace(named, warnings=(*named.warnings, note))
         with prefix_errors("--inputs"):
-            return named.select(self.inputs)
+            return named.select(inputs)
+
+
+class Stated(NamedTuple):
+    """What a deployment file states of its game.
+
+    inputs: the inputs that its policy moves, () for all
+    cost: "Q" and "R" -> name -> weight, empty without a cost, or for a cost of outputs
+    """
+
+    inputs: tuple[str, ...] = ()
+    cost: Mapping[str, Mapping[str, float]] = {}
+
+
+def _stated(path: Path, model: Model) -> Stated:
+    """Return what a deployment file states of its game on an aircraft."""
+    from hfa_flight.policies.deployment.deployment import Deployment
+
+    deployment = Deployment.load(path)
+    moved = tuple(deployment.action)
+    cost = deployment.cost or {}
+    if not set(cost.get("Q", ())) <= set(model.linear):
+        cost = {}
+    return Stated(() if set(moved) == set(model.inputs) else moved, cost)
+
+
+def _of_moved(
+    R: Mapping[str, float], names: tuple[str, ...], moved: tuple[str, ...]
+) -> dict[str, float]:
+    """Return R with a weight, which is not used, for each input that stays at the trim.
+
+    Raises BadInputError if all inputs move and one has no weight.
+    """
+    without = [name for name in names if name not in R]
+    if without and not moved:
+        raise BadInputError(
+            f"--R has no weight for {', '.join(without)}; add them, or --inputs {','.join(R)} for "
+            "a policy that moves no others"
+        )
+    return {name: 1.0 for name in without if name not in moved} | dict(R)
 
 
 @command(VerifyRequest)
@@ -149,7 +201,7 @@ def verify(request: VerifyRequest) -> int:
     """Compare a critic with the exact solution of the game.
 
     The exit code is 0 if every check passes or the cost is within --limit-cost, and 1 otherwise."""
-    paths = [path for files in request.weights for path in files]
+    paths = request.paths
     _refuse_unused(request, paths)
     if len(paths) > 1:
         request.refuse(

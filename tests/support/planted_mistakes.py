@@ -211,6 +211,11 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
         lambda game: changed(value(game), -1, (1, 4), (4, 1)),
         "P(2, 5) has the wrong sign",
     ),
+    "one entry of K": (
+        "K",
+        lambda game: changed(gain(game), 1.1, (1, 2)),
+        "only K(2, 3) differs",
+    ),
     "sign of an entry, K": (
         "K",
         lambda game: changed(gain(game), -1, (3, 0)),

@@ -429,6 +429,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         from trim.linear.responses import transfer_function
 
+        if inputs in self.outputs and outputs in self.inputs:
+            raise BadInputError(f"write transfer_function({outputs!r}, {inputs!r}): input first")
         return transfer_function(self.between(inputs, outputs).system)
 
     def bode(self, inputs: Names = None, outputs: Names = None) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from hfa_aircraft.model import Model
@@ -18,8 +20,11 @@ def linearize(
     point: OperatingPoint,
     *,
     full: bool = False,
+    states: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
     outputs: tuple[str, ...] | None = None,
     disturbances: tuple[str, ...] | None = None,
+    residualize: Sequence[str] = (),
 ) -> LinearModel:
     """Return the linear model at an operating point, exact to rounding.
 
@@ -32,6 +37,7 @@ def linearize(
     point: operating point of the model
     full: whether all states are kept; by default only the model's linear states, for the flexible
         aircraft the paper's six (Section 2.2)
+    states, inputs, residualize: as in `LinearModel.select`, of all states of the model
     outputs: names of outputs or states; by default the states of the linear model
     disturbances: names; by default the first disturbance if `outputs` are given, otherwise none
 
@@ -49,6 +55,11 @@ def linearize(
         if names is not None:
             need(names, (list, tuple), f"linearize: {what}", "a list or tuple of names")
     point._refuse_other(model)
+    if states or inputs or residualize:
+        kept = states or [name for name in model.linear if name not in residualize]
+        shown = outputs or tuple(kept)
+        whole = linearize(model, point, full=True, outputs=shown, disturbances=disturbances or ())
+        return whole.select(kept, inputs, residualize=residualize)
     every_state = tuple(model.states)
     states = every_state if full else model.linear
     rows = np.array(model.state_places(states))

@@ -4,13 +4,14 @@ searches."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments, need
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
@@ -62,7 +63,7 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
 def trim(
     model: Model,
     condition: TrimCondition | None = None,
-    start: OperatingPoint | None = None,
+    start: OperatingPoint | Mapping[str, float] | None = None,
     *,
     hold: Mapping[str, float] | None = None,
     free: str | Sequence[str] = (),
@@ -83,7 +84,8 @@ def trim(
 
     model: model of the aircraft
     condition: imposed and free variables; by default the trim that the model declares
-    start: neighboring point at which the search begins; by default the declared initial values
+    start: neighboring point at which the search begins, or some of its values by name; by default
+        the declared initial values
     hold: variable, output or rate (speed_dot) -> imposed value, in the units of the model; None for
         none
     free: variables to set free; a rate (h_dot) that is set free is not balanced
@@ -105,7 +107,7 @@ def trim(
     if condition is not None:
         need(condition, TrimCondition, "trim: condition", TrimCondition._how_to_make)
     if start is not None:
-        need(start, OperatingPoint, "trim: start", "a trim: hfa.trim(model)")
+        need(start, (OperatingPoint, Mapping), "trim: start", "a trim, or {name: value}")
     condition = condition or usual_condition(model)
     refuse_unfit(condition, model)
     if hold:
@@ -118,6 +120,11 @@ def trim(
     if held or free:
         free = (free,) if isinstance(free, str) else free
         condition = release(condition, hold=held, free=free)
+    if isinstance(start, Mapping):
+        for name in start:
+            refuse_unknown("start names the unknown variable", name, model.variables)
+        condition = replace(condition, begin={**condition.begin, **start})
+        start = None
     problem = TrimProblem(model, condition, None if start is None else start.values)
     try:
         with np.errstate(over="raise"):
@@ -156,7 +163,7 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
             nearest = z
     if far_out is not None:
         return far_out
-    from trim.point.diagnosis import binding_limits, failure
+    from trim.point.diagnosis import binding_limits, failure, unmoved
 
     message = failure(problem, nearest)
     required = ""
@@ -165,6 +172,8 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     if number:
         message += f"; {number} other initial points failed too"
     attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
+    if rates := unmoved(attempt):
+        message += f"; no input of the model changes {' and '.join(rates)}"
     raise TrimError(message, attempt, required)
 
 

@@ -49,14 +49,15 @@ def test_a_zip_with_normalizer_and_a_held_input_is_read() -> None:
 
 def test_the_command_judges_a_deployment_and_names_assess() -> None:
     """`hfa verify` judges the game of the moved inputs; the command line that it prints runs."""
-    words = (*AT_8, "--weights", str(STATED), "--inputs", ",".join(MOVED))
+    words = (*AT_8, "--weights", str(STATED))
     data = answer(*words, code=FAILED)
     assert data["inputs"] == list(MOVED)
     assert len(data["K_exact"]) == len(MOVED)
-    assert np.diag(data["R"]).tolist() == [100.0, 400.0, 400.0, 50.0]  # without aileron_center's
+    assert np.diag(data["R"]).tolist() == [0.001, 10.0, 10.0, 10.0]  # of the file
     assert data["network"]["rest_point"] is not None
-    R = ",".join(f"{name}={value}" for name, value in zip(MOVED, (100, 400, 400, 50), strict=True))
-    assert answer(*words, "--R", R, code=FAILED)["R"] == data["R"]  # no weight of the held input
+    R = ",".join(f"{name}={value}" for name, value in zip(MOVED, (0.001, 10, 10, 10), strict=True))
+    inputs = ("--inputs", ",".join(MOVED))
+    assert answer(*words, "--R", R, *inputs, code=FAILED)["R"] == data["R"]
     said = " ".join(hfa(*words).out.split())
     line = said.partition("hfa assess ")[2].partition(" Compare")[0]
     assert line == f"{STATED} --dihedral 8"
@@ -74,7 +75,7 @@ def test_what_is_no_function_of_the_states_is_refused() -> None:
     ):
         Path(file).write_text(text.replace(old, new))
     for words, said in (
-        ((*AT_8, "--weights", str(STATED)), f"--inputs {','.join(MOVED)}"),
+        ((*AT_8, "--weights", str(STATED), "--inputs", "throttle"), f"--inputs {','.join(MOVED)}"),
         ((*AT_8, "--weights", "history.toml"), "the policy uses 2 samples; type hfa assess"),
         ((*AT_8, "--weights", "observed.toml"), "an observation depends on the inputs"),
         ((*AT_8, "--weights", str(STATED), "--inputs", "throttle,flap"), "unknown input 'flap'"),

@@ -10,7 +10,15 @@ from random_points import INPUT_SCALES, RATE_SCALES
 
 import hfa
 import hfa_model
-from hfa import BadInputError, Model, NoSolutionError, OperatingPoint, TrimCondition, trim
+from hfa import (
+    BadInputError,
+    Model,
+    NoSolutionError,
+    OperatingPoint,
+    Signal,
+    TrimCondition,
+    trim,
+)
 from hfa.paper import level_flight
 from hfa_model import STATES, Input, State
 from trim import TrimError, release, trim_points
@@ -357,3 +365,17 @@ def test_an_equilibrium_with_nothing_free_is_its_own_trim() -> None:
     point = trim(model, TrimCondition(model, {"x": 1.0, "v": 0.0, "force": 2.0}))
     assert point.ok
     assert (point["x"], point["force"], point.residual) == (1.0, 2.0, 0.0)
+
+
+def test_an_angular_rate_that_no_input_changes_is_named() -> None:
+    """A turn without ailerons is refused with the reason."""
+    states = {"speed": Signal("m/s"), "roll_rate": Signal("rad/s")}
+    model = Model(
+        "no ailerons",
+        states,
+        {"thrust": Signal("N")},
+        lambda x, u, p, w: ({"speed": u.thrust - x.speed, "roll_rate": -x.roll_rate}, {}),
+        trim={"speed": 1.0, "roll_rate": 0.1},
+    )
+    with pytest.raises(TrimError, match="no input of the model changes roll_rate"):
+        trim(model)
