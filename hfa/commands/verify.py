@@ -136,7 +136,7 @@ class VerifyRequest(GameRequest):
         stated = _stated(files[0], self.model) if is_deployed else Stated()
         weights = self.game.weights
         inputs = self.inputs or stated.inputs
-        of_file = {
+        of_file: dict[str, Any] = {
             name: weight for name, weight in stated.cost.items() if getattr(weights, name) is None
         }
         weights = replace(weights, **of_file)

@@ -15,7 +15,6 @@ from hfa.options.part import OfModel, Part, option
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown, warn
 from trim.point.condition import TrimCondition, release, usual_condition
-from trim.point.diagnosis import unmoved
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, explained, trim
 
@@ -287,7 +286,7 @@ class Trim(Part):
         that the user imposed come last. If the equations balance only with a free rate, and beyond
         a limit, the advice is this rate and the limit.
         """
-        if unmoved(failure.attempt):
+        if failure.attempt._unmoved:
             return ""
         imposed = [f"{name}_dot" for name in self.condition.rates if name.lower() in _CLIMBING]
         imposed += sorted(self.condition.imposed, key=lambda name: name in self.hold)

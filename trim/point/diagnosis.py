@@ -6,10 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hfa_aircraft.model import Model, recognized
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import TrimCondition, release
-from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
 from trim.point.status import BALANCE
 
@@ -147,20 +146,6 @@ def binding_limits(problem: TrimProblem, found: np.ndarray) -> dict[str, str]:
             sentence += f", {describe(name, needed[i])} required"
         sentences[name] = sentence
     return sentences
-
-
-def unmoved(point: OperatingPoint) -> list[str]:
-    """Return the names of the unbalanced angular rates whose equation no input changes."""
-    model = point.model
-    roles = recognized(model.states)
-    B = model.at(point.states, point.inputs).B
-    names = [roles[role] for role in ("p", "q", "r") if role in roles]
-    scaled = point.scaled_residuals
-    return [
-        name
-        for name, row in zip(names, model.state_places(names), strict=True)
-        if abs(scaled.get(name, 0.0)) > BALANCE and not B[row].any()
-    ]
 
 
 def explanation(model: Model, condition: TrimCondition) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from hfa_aircraft.model import Model
+from hfa_aircraft.model import Model, recognized
 from hfa_aircraft.signals import StatesAndInputs, record
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NotFiniteError, file_faults, refuse_unknown, shortened
@@ -22,7 +22,7 @@ from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, si_unit
 from trim.point.first_lines import first_line, without_lines
-from trim.point.status import Status
+from trim.point.status import BALANCE, Status
 
 if TYPE_CHECKING:
     import xarray
@@ -242,6 +242,19 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def _far_out(self) -> list[str]:
         """Texts on free angles without limits that exceed 90 deg, such as "bank 154 deg"."""
         return [] if self.problem is None else self.problem.far_out(self.values)
+
+    @property
+    def _unmoved(self) -> list[str]:
+        """Names of the unbalanced angular rates whose equation no input changes."""
+        roles = recognized(self.model.states)
+        B = self.model.at(self.states, self.inputs).B
+        names = [roles[role] for role in ("p", "q", "r") if role in roles]
+        scaled = self.scaled_residuals
+        return [
+            name
+            for name, row in zip(names, self.model.state_places(names), strict=True)
+            if abs(scaled.get(name, 0.0)) > BALANCE and not B[row].any()
+        ]
 
     def _refuse_other(self, model: Model) -> None:
         """Raise BadInputError if the point was not trimmed with this model's units and dynamics."""

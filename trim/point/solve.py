@@ -163,7 +163,7 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
             nearest = z
     if far_out is not None:
         return far_out
-    from trim.point.diagnosis import binding_limits, failure, unmoved
+    from trim.point.diagnosis import binding_limits, failure
 
     message = failure(problem, nearest)
     required = ""
@@ -172,7 +172,7 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     if number:
         message += f"; {number} other initial points failed too"
     attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
-    if rates := unmoved(attempt):
+    if rates := attempt._unmoved:
         message += f"; no input of the model changes {' and '.join(rates)}"
     raise TrimError(message, attempt, required)
 
