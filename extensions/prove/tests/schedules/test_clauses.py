@@ -379,6 +379,11 @@ def _put(value: Any, *path: Any) -> Callable[[Content], None]:
     return change
 
 
+def _skewed(P: Any) -> Any:
+    """Return matrices with the same x'P x that are not symmetric."""
+    return np.add(P, [[0.0, 1e-6], [-1e-6, 0.0]]).tolist()
+
+
 _FLIGHT = ("statement", "flight")
 #: Name of a forgery -> change of the certificate, and message of the clause that refuses it.
 FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
@@ -405,7 +410,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "a singular P": (_put([[[1.0, 1.0], [1.0, 1.0]]], "witness", "P"), "positive definite"),
     "P = 0": (_put([[[0.0, 0.0], [0.0, 0.0]]], "witness", "P"), "positive definite"),
     "another P": (_put([[[1.0, 0.0], [0.0, 1.0]]], "witness", "P"), "motion"),
-    "asymmetric P": (_put([[[1.0, 0.1], [0.0, 1.0]]], "witness", "P"), "not symmetric"),
+    "asymmetric P": (_put(_skewed, "witness", "P"), "not symmetric"),
     "no P": (_put([], "witness", "breakpoints"), "breakpoints"),
     "few pieces": (_put(1, "witness", "pieces"), "open at pull"),
     **{
