@@ -145,35 +145,35 @@ class Planner:
     def cost_of_gain(self, K: np.ndarray, z: np.ndarray, d: np.ndarray, target: Target) -> float:
         """Return the cost of the flight of v = v_t - K (z - z_t), within the limits of the inputs.
 
-        It lasts four horizons. The price of exceeded soft limits and z'Pz at the end are added.
+        It lasts four horizons, and z'Pz at its end is added. It is infinite if a sample exceeds the
+        narrowed limits of the states.
 
         K: held gain, (m, k)
         z: initial states, (n,)
         """
-        (after,) = self._gain_flight.at(np.append(z, 0.0), K.ravel(), *target, d)
-        end = after[:-1] - target.z
-        with np.errstate(all="ignore"):
-            cost = float(after[-1] + end @ self.P @ end)
+        (after,) = self._gain_flight.at(np.concatenate([z, [0.0, 0.0]]), K.ravel(), *target, d)
+        end = after[:-2] - target.z
+        cost = float(after[-2] + end @ self.P @ end) if after[-1] == 0.0 else np.inf
         return cost if cost < _LOST else np.inf
 
     def _flight_of_gain(self) -> BoundFunction:
-        """Machine code of ([z, cost], K by rows, z_t, v_t, d) -> [z, cost] after four horizons."""
+        """Return the machine code of ([z, cost, excess], K by rows, z_t, v_t, d) -> [z, cost,
+        largest excess over the limits] after four horizons.
+        """
         k, n, m = self.scaled.sizes
-        sizes = {"begin": n + 1, "K": m * k, "z_t": n, "v_t": m, "d": self.model.disturbances}
+        sizes = {"begin": n + 2, "K": m * k, "z_t": n, "v_t": m, "d": self.model.disturbances}
         begin, K, z_t, v_t, d = given = [ca.MX.sym(name, size) for name, size in sizes.items()]
         away = begin[:n] - z_t
-        limits = (ca.DM(limit) for limit in self.scaled.input_limits)
-        least, most = limits
+        least, most = (ca.DM(limit) for limit in self.scaled.input_limits)
         v = ca.fmin(ca.fmax(v_t - ca.reshape(K, k, m).T @ away[:k], least), most)
         both = ca.vertcat(away, v - v_t)
         after = self.model.sample(begin[:n], v, d, self.grid.dt)
+        cost = begin[n] + ca.bilin(ca.DM(self.grid.at(0).weights[0]), both, both)
         soft = after[self.soft.tolist()]
         lows, highs = (ca.DM(room) for room in self._room)
-        slack = ca.fmax(0.0, ca.fmax(soft - highs, lows - soft))
-        price = self.grid.dt * ca.dot(slack, self._slopes + 0.5 * self._curvatures * slack)
-        cost = begin[n] + ca.bilin(ca.DM(self.grid.at(0).weights[0]), both, both) + price
+        excess = ca.mmax(ca.vertcat(begin[n + 1], soft - highs, lows - soft))
+        step = ca.Function("step", given, [ca.vertcat(after, cost, excess)]).expand()
         samples = _HORIZONS * int(self.grid.samples(0).sum())
-        step = ca.Function("step", given, [ca.vertcat(after, cost)], {"cse": True}).expand()
         constant = [ca.repmat(each, 1, samples) for each in given[1:]]
         flown = step.fold(samples)(begin, *constant)
         return BoundFunction(machine_code(ca.Function("gain_flight", given, [flown])))

@@ -44,7 +44,7 @@ class Samples:
     first_seconds: processor time of the first plan, s
     seconds: processor time of each later sample with a plan, s
     rise: largest rise of the cost so far plus that of the plan over the least such sum before it,
-        relative to that sum. From the end of a plan, the linear policy flies on where it may
+        relative to that sum. From the end of a plan, the linear policy flies on if it can
     radius: largest spectral radius of the loop of the trim's held gain, linearized at the estimated
         equilibrium, or None without a disturbance of the model
     """
@@ -129,17 +129,14 @@ class RecedingHorizon:
         return plan.v[0]
 
     def _value(self, plan: Plan) -> float:
-        """Return the cost of a plan. From its end, the linear policy flies on where it may."""
-        end, target = plan.z[-1], self.estimate.target
+        """Return the cost of a plan. From its end, the linear policy flies on if it can."""
+        end, target, planner = plan.z[-1], self.estimate.target, self.planner
         away = end - target.z
-        at_end = float(away @ self.planner.P @ away)
-        if not at_end > _SMALL_END * plan.cost or not self._end.contains(end, target):
+        at_end = float(away @ planner.P @ away)
+        if not at_end > _SMALL_END * plan.cost:
             return plan.cost
-        return (
-            plan.cost
-            - at_end
-            + self.planner.cost_of_gain(self._end.K, end, self.estimate.d, target)
-        )
+        linear = planner.cost_of_gain(self._end.K, end, self.estimate.d, target)
+        return plan.cost - at_end + (linear if np.isfinite(linear) else at_end)
 
     def _time(self, seconds: float) -> None:
         """Add the processor time of a sample with a plan."""
