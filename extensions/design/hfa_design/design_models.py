@@ -15,7 +15,7 @@ from hfa_aircraft.units import signal_unit
 from hfa_design.design import Design
 from hfa_flight.policies.controller import watched_outputs
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Reported
 from trim.linear.linear_model import LinearModel
 
@@ -134,9 +134,11 @@ def design_model(model: Model, linear: LinearModel, design: Design) -> DesignMod
     are y = C x + D a + F w, or states of the design model.
 
     Raises BadInputError if an output is unknown, or if a disturbance acts directly on a sensor,
-    because sensor noise must be independent of the disturbance.
+    because sensor noise must be independent of the disturbance. Raises NoSolutionError if no input
+    moves a mode that is not stable.
     """
     design = design.of(model)
+    _refuse_unmoved(linear, design.inputs)
     n = len(linear.states)
     size = len(design.states)
     watched = (*design.integrals, *design.sensors)
@@ -176,6 +178,28 @@ def design_model(model: Model, linear: LinearModel, design: Design) -> DesignMod
         [math.sqrt(intensity) * sources[name] for name, intensity in design.disturbances.items()]
     )
     return DesignModel(design, linear, A, B, E, C[k:], D[k:])
+
+
+def _refuse_unmoved(linear: LinearModel, inputs: Sequence[str]) -> None:
+    """Raise NoSolutionError if the inputs do not move a mode that is not stable."""
+    values, left = np.linalg.eig(linear.A.T)
+    sizes = np.linalg.norm(linear.B, axis=0)
+    for mode in linear.modes:
+        if mode.stable:
+            continue
+        shape = left[:, int(np.argmin(np.abs(values - mode.eigenvalue)))]
+        effects = np.abs(shape @ linear.B)
+        moving = [
+            name
+            for name, is_moved in zip(linear.inputs, effects > RANK * sizes, strict=True)
+            if is_moved
+        ]
+        if not set(moving) & set(inputs):
+            others = f"add {' or '.join(moving)}" if moving else "no input of the model does"
+            raise NoSolutionError(
+                f"the inputs of the design do not move the mode {mode.name}, which is not stable; "
+                f"{others}"
+            )
 
 
 def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> None:

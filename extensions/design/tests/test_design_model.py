@@ -156,6 +156,21 @@ def test_a_command_disturbance_enters_through_b(published_aircraft: Model) -> No
         design_at(published_aircraft, at_once, 11.0)
 
 
+def test_a_mode_that_the_inputs_do_not_move_is_named_with_the_inputs_that_do() -> None:
+    """x' = x + b moves by b alone: a design with the input a is refused."""
+    model = Model(
+        "two",
+        {"x": hfa.Signal("m"), "y": hfa.Signal("m")},
+        {"a": hfa.Signal("N"), "b": hfa.Signal("N")},
+        lambda x, u, p, w: ({"x": x.x + u.b, "y": u.a - x.y}, {}),
+        trim={"x": 0.0, "y": 0.0},
+    )
+    linear = linearize(model, trim(model))
+    design = Design("own", inputs=("a",), input_weights={"a": 1.0}, model=model)
+    with pytest.raises(hfa.NoSolutionError, match=r"do not move the mode x, .*; add b"):
+        design_model(model, linear, design)
+
+
 def test_integrals_the_inputs_cannot_change_are_refused(published_aircraft: Model) -> None:
     """Integrated outputs whose steady values the inputs cannot change independently are refused."""
     one = replace(
