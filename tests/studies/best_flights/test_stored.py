@@ -38,14 +38,14 @@ def test_stored_linear_models_are_current() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("index", [2, 5])
 def test_a_new_search_gives_the_stored_costs(index: int) -> None:
-    """A new search gives the stored costs of a best flight and of the policies."""
+    """A new search gives the stored costs of a best flight, of a planned one and of the policies."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
     stored = data["flights"][index]
     linear = hfa.paper.level_model(hfa.aircraft(), np.radians(stored["dihedral_deg"]))
     best = best_flight_and_policies(linear, LIMITS[stored["within"]])
     assert best.cost == pytest.approx(stored["best"]["cost"], rel=0.005)
     lqr, learned, exact, predictive = best.policies
-    assert predictive.cost == pytest.approx(stored["predictive"]["cost"], rel=1e-3)
+    assert predictive.cost == pytest.approx(stored["predictive"]["cost"], rel=0.005)
     assert predictive.departure is None
     assert learned.cost == pytest.approx(stored["learned_critic"]["cost"], rel=1e-3)
     assert exact.cost == pytest.approx(stored["exact_policy"]["cost"], rel=1e-3)
