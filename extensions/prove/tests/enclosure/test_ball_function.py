@@ -68,14 +68,6 @@ def test_enclosures_contain_random_points(dynamics: str) -> None:
         assert escaped(dynamics, radius, points=100) == 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("dynamics", VARIANTS)
-def test_enclosures_contain_a_hundred_thousand_random_points(dynamics: str) -> None:
-    """For five radii, the enclosures contain the exact rates at 10,000 random points each."""
-    for seed, radius in enumerate((1e-10, 1e-6, 1e-4, 1e-3, 1e-2)):
-        assert escaped(dynamics, radius, points=10_000, seed=seed) == 0
-
-
 def _smooth() -> ca.Function:
     """Return a function of two numbers with every smooth operation of balls."""
     y = ca.SX.sym("y", 2)
