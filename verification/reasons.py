@@ -211,11 +211,11 @@ def _factors_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
 
 def _of_gain(game: Game, K: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
     """Yield the mistakes of K: factors, shape, R⁻¹, order, units."""
+    with suppress(np.linalg.LinAlgError):  # a singular R in discrete time
+        yield Mistake("R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(game.R, K))
     yield from _factors("K", "gain", "the policy is u = -K z", K, exact)
     if K.shape[0] == K.shape[1]:
         yield Mistake("K is transposed", K.T)
-    with suppress(np.linalg.LinAlgError):  # a singular R in discrete time
-        yield Mistake("R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(game.R, K))
     says = "K was read row by row, but its entries are stored column by column"
     yield Mistake(says, K.reshape(K.shape[::-1]).T)
     for first, right in (("", K), ("the gain has the wrong sign, and ", -K)):
