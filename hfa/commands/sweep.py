@@ -157,8 +157,8 @@ def _in_memory(request: SweepRequest) -> int:
         varied = [name for name, values in plan.axes.items() if np.ptp(values) > 0]
         if len(varied) > 1:
             raise BadInputError(
-                "--picture requires a sweep in one variable; fix all but one of "
-                f"{', '.join(varied)}"
+                f"--picture draws a sweep in one variable; give one value each of all but one of "
+                f"{', '.join(varied)}, such as --hold {varied[-1]}=VALUE"
             )
     result = run_plan(plan, progress=ProgressLine("sweep"))
     report = result.report()
