@@ -26,6 +26,7 @@ from hfa_prove.check.cover import Boxes, OpenBoxError, RefutedError
 from hfa_prove.check.equilibrium import Equilibrium, check_root, equilibrium_near
 from hfa_prove.check.region_boxes import Decrease, check_region
 from hfa_prove.enclosure.balls import matrix
+from hfa_prove.problem import given_plant
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Subject, digest_of, facts
@@ -529,6 +530,10 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "another nominal value": (_put(2.0, "loop", "model", "nominal", 0), "model: nominal"),
     "another unit": (_put("ft", "loop", "model", "state_units", 0), "model: state_units"),
     "another file": (_put("0" * 64, "loop", "model", "equations"), "with other equations"),
+    "a whole number that no double equals": (
+        _put(2**53 + 1, "loop", "parameters", "inflow"),
+        "parameters: inflow",
+    ),
     "few boxes": (_witness(boxes=3), "undecided after 3 boxes"),
     "a claim beside the statement": (lambda content: content.update(claim=1.0), "unknown entry"),
     "a claim in the witness": (_witness(claim=1.0), "unknown entry"),
@@ -581,6 +586,26 @@ def test_a_certificate_about_a_file_is_not_read_as_one_about_a_variant() -> None
     content["statement"]["loop"]["model"] = facts(aircraft()) | {"equations": "0" * 64}
     with pytest.raises(BadInputError, match="give the aircraft file"):
         read_content(content, Subject())
+
+
+@pytest.mark.parametrize(
+    "own",
+    [
+        {"parameters": {"inflow": 0.6}},
+        {"trim": {"level": 0.1, "heat": 0.0}},
+        {"inputs": {"valve": 0.1}},
+        {"held": {"slope": 0.3}},
+        {"limits": {"valve": (-0.5, 0.5)}},
+        {"policy": Gain(np.array([[2.1, 0.0]]), {})},
+        {"policy": Gain(np.array([[2.0, 0.0]]), {"valve": ((1.0, (2, 0)),)})},
+    ],
+)
+def test_every_entry_of_the_loop_is_compared(own: dict[str, Any]) -> None:
+    """A loop of the user that differs in one entry is refused."""
+    statement, _ = read_content(tank(), Subject(TANK))
+    assert compare(statement, given_plant(statement.loop, "--own", "loop.")) == []
+    with pytest.raises(NoSolutionError, match="differs from the value of --own"):
+        compare(statement, given_plant(replace(statement.loop, **own), "--own", "loop."))
 
 
 @pytest.mark.parametrize("off", [1e-5, -1e-5])

@@ -702,7 +702,8 @@ def test_the_loss_covers_guesses_of_both_signs() -> None:
 def test_slopes_of_either_sign_bound_the_best_inputs() -> None:
     """The bounds of the best inputs are valid for slopes of W of both signs.
 
-    For g = 2 k y u (1 - y) + y² + u² the best u is 0.75 k at y = -0.5 and -0.25 k at y = 0.5.
+    For g = 2 k y u (1 - y) + y² + u² the best u is 0.75 k at y = -0.5 and -0.25 k at y = 0.5. For
+    g = 0.01 y u + y² + 0.02 u² it is 0.125 at y = -0.5.
     """
     uneven = replace(
         SLED, equations=lambda x, u, p, w: ({"position": u.speed * (1.0 - x.position)}, {})
@@ -710,6 +711,8 @@ def test_slopes_of_either_sign_bound_the_best_inputs() -> None:
     box = Boxes(np.zeros((1, 1)), np.ones((1, 1), dtype=int))
     (radius,) = _on_a_line(uneven, 0.5)._best_inputs_within(box)
     assert radius >= 0.375
+    (radius,) = replace(_on_a_line(CART, 0.005), R=0.02 * ONE)._best_inputs_within(box)
+    assert radius >= 0.125
 
 
 def test_the_hessian_covers_all_inputs_within_radii() -> None:

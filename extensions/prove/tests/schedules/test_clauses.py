@@ -191,7 +191,10 @@ def test_the_interval_is_within_the_limits_of_its_variable(
         "kind": "schedule", "statement": statement, "witness": found.witness.content(),
     }  # fmt: skip
     if is_proved:
-        assert check_schedule(*read_content(made, Subject(model))) > 0
+        assert check_schedule(*read_content(copy.deepcopy(made), Subject(model))) > 0
+        statement["flight"]["imposed"]["angle"] = 0.0
+        with pytest.raises(NoSolutionError, match="imposed: unknown entry"):
+            read_content(made, Subject(model))
         return
     with pytest.raises(NoSolutionError, match="angle beyond its limits"):
         check_schedule(*read_content(made, Subject(model)))
@@ -351,6 +354,19 @@ def test_v_decreases_between_the_ends_and_breakpoints(
         return
     with pytest.raises(NoSolutionError, match="motion"):
         check_schedule(statement, witness)
+
+
+@pytest.mark.parametrize(
+    ("ends", "is_proved"), [((-0.1, 0.1), True), ((-0.3, 0.1), False), ((-0.1, 0.3), False)]
+)
+def test_v_decreases_at_both_ends(ends: tuple[float, float], is_proved: bool) -> None:
+    """V = a² + 9 b² decreases under x' = -x + 4 s J x, J a quarter turn, for |s| < 3 / 16 alone."""
+    turn = planar(lambda s: ((-1.0, -4.0 * s), (4.0 * s, -1.0)))
+    low, high = map(math.degrees, ends)
+    statement = ScheduleStatement(turn.flight(low, high), NO_GAIN, 0.9, 0.1)
+    witness = ScheduleWitness(100, np.array([low]), np.diag([1.0, 9.0])[None])
+    with nullcontext() if is_proved else pytest.raises(NoSolutionError, match="motion"):
+        assert check_schedule(statement, witness) > 0
 
 
 @pytest.fixture(scope="module")
