@@ -35,35 +35,37 @@ _FLIGHTS = 24
 _FIT_STEPS = 3000
 _BATCH = 512
 _FIT_RATE = 3e-3
-#: Gradient steps through flights, and their rate. Prices of exceeded limits in half ranges,
-#: relative to z'Pz at the start, and fraction by which their limits are narrowed.
-_FLIGHT_STEPS = 300
-_FLIGHT_RATE = 1e-3
-_PRICES = (0.25, 2.5)
-_MARGIN = 0.05
-#: Share of the starts that are nearer to the trim, and the decades of their distances.
-_NEAR = 0.1
-_DECADES = 2.0
+#: One label flight of so many, and one flight of so many in a gradient step, begins in the box
+#: about the trim, shrunk by up to so many decades.
+_LABELLED = 3
+_STEPPED = 12
+_DECADES = 1.0
+#: Gradient steps through flights, their rate, and flights of a step.
+_FLIGHT_STEPS = 200
+_FLIGHT_RATE = 3e-4
+_STEP_FLIGHTS = 48
+#: Price of exceeded limits in half ranges, relative to z'Pz at the start, and fraction by which the
+#: limits are narrowed.
+_PRICE = 0.25
+_MARGIN = 0.03
 #: Flights of a step that continue earlier ones.
 _CONTINUED = 6
-#: Steps between two judgements of the network, and pieces in a judged flight.
-_JUDGED = 25
-_PIECES = 20
-#: Largest duration of a piece of a flight, in samples.
+#: Duration of a flight in horizons of a plan, and its largest number of samples.
+_HORIZONS = 2.0
 _MOST_SAMPLES = 130
-#: A flight need not be continued below the first fraction of the blending level, has returned to
-#: the trim below the second, and is lost beyond these nominal values.
+#: A flight need not be continued below the first fraction of the blending level, and is lost beyond
+#: the second value, in nominal units. Farther than the third, no state is computed.
 _NEARLY = 0.5
-_RETURNED = 0.05
 _LOST = 50.0
-#: Largest nominal value in the arithmetic of a lost flight.
 _FARTHEST = 1e6
-#: Largest gradient of a cost by the states in a flight, in units of the cost.
-_LARGEST = 10.0
-#: Number of tried blending levels, factor between two of them, and flights from each.
+#: Largest magnitude of the gradient of a mean logarithm of costs by the states of a flight.
+_LARGEST = 2.0
+#: Number of tried blending levels and factor between two of them. Duration of their flights in
+#: taught ones, and fraction of a level below which a flight ends at the trim.
 _LEVELS = 5
 _FACTOR = 10.0
-_TRIED = 64
+_LONGER = 10
+_RETURNED = 0.05
 
 
 class Network:
@@ -176,24 +178,30 @@ class Lesson:
     """What a network is taught, and how. States and inputs are in nominal values.
 
     teacher: predictive policy
+    flights: costs of _STEP_FLIGHTS flights
     center, half_widths: box of initial deviations, (k,) each
     rng: random numbers
     """
 
     teacher: Predictive
+    flights: FlightCosts
     center: np.ndarray
     half_widths: np.ndarray
     rng: np.random.Generator
 
-    def starts(self, count: int) -> np.ndarray:
-        """Return random initial deviations from the box, (count, k)."""
-        signs = self.rng.uniform(-1.0, 1.0, (count, len(self.center)))
-        return self.center + self.half_widths * signs
+    def starts(self, count: int, one_of: int) -> np.ndarray:
+        """Return random initial deviations from the box, one of `one_of` about the trim,
+        (count, k).
+        """
+        is_far = np.arange(count) % one_of > 0
+        y = self.rng.uniform(-1.0, 1.0, (count, len(self.center)))
+        shares = np.where(is_far, 1.0, 10.0 ** -self.rng.uniform(0.0, _DECADES, count))
+        return (self.center * is_far[:, None] + self.half_widths * y) * shares[:, None]
 
     @property
     def samples(self) -> int:
-        """Number of samples of a taught flight, those of a plan, but at most _MOST_SAMPLES."""
-        horizon = self.teacher.controller.planner.grid.horizon
+        """Number of samples of a taught flight."""
+        horizon = _HORIZONS * self.teacher.controller.planner.grid.horizon
         return min(_MOST_SAMPLES, int(np.ceil(horizon / self.teacher.dt)))
 
     def labels(self) -> tuple[np.ndarray, np.ndarray]:
@@ -203,7 +211,7 @@ class Lesson:
         k, n, _ = planner.scaled.sizes
         calm = np.zeros(planner.model.disturbances)
         states, inputs = [], []
-        for start in self.starts(_FLIGHTS):
+        for start in self.starts(_FLIGHTS, _LABELLED):
             controller.reset()
             z = np.pad(start, (0, n - k))
             for _ in range(self.samples):
@@ -217,23 +225,16 @@ class Lesson:
 
         least: first level, from which others follow by factors of _FACTOR
         """
-        y = np.random.default_rng(0).normal(size=(_TRIED, len(P)))
+        y = np.random.default_rng(0).normal(size=(_STEP_FLIGHTS, len(P)))
         y /= np.linalg.norm(y, axis=1)[:, None]
         on_level = np.linalg.solve(np.linalg.cholesky(P).T, y.T).T
-        flights = FlightCosts(self.teacher, _TRIED)
         for level in least * _FACTOR ** np.arange(_LEVELS):
             starts = np.sqrt(_FACTOR * level) * on_level
-            _, z, _ = flights.flown(lambda z: (-z @ K.T, None), starts, _PIECES * self.samples)
+            _, z, _ = self.flights.flown(lambda z: (-z @ K.T, None), starts, _LONGER * self.samples)
             z = z[:, : len(P)]
             if not (np.einsum("ni,ij,nj->n", z, P, z) < _RETURNED * _FACTOR * level).all():
                 break
         return float(level)
-
-    def _near(self, count: int) -> np.ndarray:
-        """Return random starts, of which a share is nearer to the trim, on either side of it."""
-        nearer = 10.0 ** -self.rng.uniform(0.0, _DECADES, count) * self.rng.choice([-1, 1], count)
-        shares = np.where(self.rng.uniform(size=count) < _NEAR, nearer, 1.0)
-        return self.starts(count) * shares[:, None]
 
     def fit(self, network: Network, states: np.ndarray, inputs: np.ndarray) -> None:
         """Fit the network to labels. Beyond a limit, a label is met by any larger command."""
@@ -255,56 +256,35 @@ class Lesson:
         """Change the network by gradient steps through flights of the model.
 
         Some flights of a step continue flights of the step before that have not returned, which
-        teaches the network to return from wherever it leads. Long flights judge the network at
-        every _JUDGED-th step, and the best one remains.
+        teaches the network to return from wherever it leads.
         """
-        flights = FlightCosts(self.teacher, 2 * _FLIGHTS)
         adam = _Adam(network.parameters, _FLIGHT_RATE, _FLIGHT_STEPS)
-        continued = self._near(_CONTINUED)
-        judged = self.starts(_FLIGHTS)
-        best, least = network.parameters, (_FLIGHTS + 1, np.inf)
-        for number in range(_FLIGHT_STEPS + 1):
-            if number % _JUDGED == 0:  # go on from the best network
-                mark = self._mark(network, judged)
-                if mark < least:
-                    best, least = [each.copy() for each in network.parameters], mark
-                for parameter, better in zip(network.parameters, best, strict=True):
-                    parameter[:] = better
-            if number == _FLIGHT_STEPS:
-                break
-            starts = np.vstack([self._near(2 * _FLIGHTS - _CONTINUED), continued])
-            ends, gradients = flights(network, starts, self.samples)
+        continued = self.starts(_CONTINUED, _STEPPED)
+        for number in range(_FLIGHT_STEPS):
+            starts = np.vstack([self.starts(_STEP_FLIGHTS - _CONTINUED, _STEPPED), continued])
+            ends, gradients = self.flights(network, starts, self.samples)
             adam.step(gradients)
             ends = ends[np.abs(ends).max(axis=1) < _LOST]
             away = np.einsum("ni,ij,nj->n", ends, network.P, ends) > _NEARLY * network.level
             going = self.rng.permutation(ends[away])
-            continued = np.vstack([going, self._near(_CONTINUED)])[:_CONTINUED]
+            continued = np.vstack([going, self.starts(_CONTINUED, _STEPPED)])[:_CONTINUED]
             if progress is not None:
                 progress(number + 1, _FLIGHT_STEPS)
 
-    def _mark(self, network: Network, starts: np.ndarray) -> tuple[int, float]:
-        """Return how many long flights do not end at the trim, and the mean logarithm of costs."""
-        flights = FlightCosts(self.teacher, len(starts))
-        costs, z, _ = flights.flown(network, starts, _PIECES * self.samples)
-        z = z[:, : len(network.K.T)]
-        is_back = np.einsum("ni,ij,nj->n", z, network.P, z) < _RETURNED * network.level
-        return int((~is_back).sum()), float(np.log(np.nan_to_num(costs, nan=np.inf)).mean())
-
 
 class FlightCosts:
-    """Mean logarithm of the costs of sampled flights, of which it returns the gradient.
+    """Mean logarithm of the costs of _STEP_FLIGHTS sampled flights, and its gradient.
 
     The price of an exceeded limit grows with z'Pz at the start of a flight.
 
     teacher: policy whose problem, samples and weights the flights have
-    count: number of flights
     """
 
-    def __init__(self, teacher: Predictive, count: int) -> None:
+    def __init__(self, teacher: Predictive) -> None:
         planner = teacher.controller.planner
         self._scaled = planner.scaled
         self._W = planner.grid.at(0).weights[0]
-        self._model = HeldModel(self._scaled, np.full(count, teacher.dt))
+        self._model = HeldModel(self._scaled, np.full(_STEP_FLIGHTS, teacher.dt))
         lowest, highest = self._scaled.state_limits
         self._limits = (1.0 - _MARGIN) * lowest, (1.0 - _MARGIN) * highest
         self._half = np.where(np.isfinite(highest - lowest), 0.5 * (highest - lowest), 1.0)
@@ -321,7 +301,7 @@ class FlightCosts:
         calm = np.zeros(self._model.disturbances)
         z = np.pad(starts, [(0, 0), (0, n - k)])
         costs = np.zeros(len(z))
-        price = np.einsum("ni,ij,nj->n", z, P, z)[:, None]
+        price = _PRICE * np.einsum("ni,ij,nj->n", z, P, z)[:, None]
         flown = []
         for _ in range(samples):
             u, kept = policy(z[:, :k])
@@ -332,8 +312,8 @@ class FlightCosts:
             z, slopes = self._model.moved_along(z, v, calm)
             z = np.clip(z, -_FARTHEST, _FARTHEST)
             beyond = (z - np.clip(z, *self._limits)) / self._half
-            costs += (price * (_PRICES[0] * np.abs(beyond) + 0.5 * _PRICES[1] * beyond**2)).sum(1)
-            push = price * (_PRICES[0] * np.sign(beyond) + _PRICES[1] * beyond) / self._half
+            costs += (price * np.abs(beyond)).sum(1)
+            push = price * np.sign(beyond) / self._half
             flown.append((kept, slopes, pull, push, u == v))
         return costs + np.einsum("ni,ij,nj->n", z, P, z), z, flown
 
@@ -354,7 +334,9 @@ class FlightCosts:
             gradients, by_z = network.gradients(kept, by_both[:, n:] * is_free)
             pull_z = by_both[:, :n]
             pull_z[:, :k] += by_z
-            pull_z = np.clip(np.nan_to_num(pull_z), -_LARGEST, _LARGEST)
+            pull_z = np.clip(np.nan_to_num(pull_z), -_FARTHEST, _FARTHEST)
+            size = np.linalg.norm(pull_z, axis=1, keepdims=True)
+            pull_z *= _LARGEST / np.maximum(size, _LARGEST)
             for each, gradient in zip(total, gradients, strict=True):
                 each += gradient
         return np.where(usable[:, None], z[:, :k], np.inf), total
@@ -370,9 +352,10 @@ def taught(
     """Return a network taught by the predictive policy, and the teacher.
 
     The network is fitted to flights of the teacher. Gradient steps through its own flights follow.
+    They begin in a box about `start`, and some in the same box about the trim.
 
     start: center of the initial deviations, (k,)
-    half_widths: half-widths of their box, (k,)
+    half_widths: half-widths of the box, (k,)
     seed: seed of all random numbers
     """
     from controller.game.linear_game import game
@@ -382,7 +365,8 @@ def taught(
     k = len(problem.states)
     of_states = problem.sizes[0][:k]
     rng = np.random.default_rng(seed)
-    lesson = Lesson(teacher, start / of_states, half_widths / of_states, rng)
+    flights = FlightCosts(teacher)
+    lesson = Lesson(teacher, flights, start / of_states, half_widths / of_states, rng)
     states, inputs = lesson.labels()
     end = teacher.controller.nominal_end
     P = teacher.controller.planner.scaled.P[:k, :k]
