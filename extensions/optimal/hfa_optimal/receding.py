@@ -44,7 +44,8 @@ class Samples:
     first_seconds: processor time of the first plan, s
     seconds: processor time of each later sample with a plan, s
     rise: largest rise of the cost so far plus that of the plan over the least such sum before it,
-        relative to that sum. From the end of a plan, the linear policy flies on if it can
+        relative to that sum. The plan counts with z'Pz at its end, or with the flight of the linear
+        policy from there: the smaller rise of the two
     radius: largest spectral radius of the loop of the trim's held gain, linearized at the estimated
         equilibrium, or None without a disturbance of the model
     """
@@ -82,7 +83,7 @@ class RecedingHorizon:
         self.estimate.clear()
         self._plan: Plan | None = None
         self._near = False
-        self._spent = self._least = 0.0
+        self._spent, self._least, self._rises = 0.0, np.zeros(2), np.zeros(2)
         self._commands.clear()
         self._count = 0
         self._before: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
@@ -128,15 +129,18 @@ class RecedingHorizon:
         self._near = inside and bool(agree)
         return plan.v[0]
 
-    def _value(self, plan: Plan) -> float:
-        """Return the cost of a plan. From its end, the linear policy flies on if it can."""
+    def _values(self, plan: Plan) -> np.ndarray:
+        """Return the cost of a plan with z'Pz at its end, and with the flight of the linear policy
+        from there in place of z'Pz, if that flight keeps the limits.
+        """
         end, target, planner = plan.z[-1], self.estimate.target, self.planner
         away = end - target.z
         at_end = float(away @ planner.P @ away)
         if not at_end > _SMALL_END * plan.cost:
-            return plan.cost
+            return np.full(2, plan.cost)
         linear = planner.cost_of_gain(self._end.K, end, self.estimate.d, target)
-        return plan.cost - at_end + (linear if np.isfinite(linear) else at_end)
+        added = linear - at_end if np.isfinite(linear) else 0.0
+        return np.array([plan.cost, plan.cost + added])
 
     def _time(self, seconds: float) -> None:
         """Add the processor time of a sample with a plan."""
@@ -154,20 +158,22 @@ class RecedingHorizon:
                 planner.improved(guess, d, target, _FIRST)[0]
                 for guess in planner.guesses(z, d, target)
             ]
-            plan = min(plans, key=self._value)
-            self._spent, self._least = 0.0, self._value(plan)
+            plan = min(plans, key=lambda each: each.cost)
+            self._spent, self._least = 0.0, self._values(plan)
+            self._rises = np.zeros(2)
             return plan
         self._spent += planner.cost_of_sample(self._plan, target)
         plan = planner.later(self._plan, z, d, target)
         for _ in range(_LATER):
             before = plan.cost
             plan, refused = planner.improved(plan, d, target, 1)
-            total = self._spent + self._value(plan)
-            if plan.cost > (1.0 - _WORTH) * before or total <= _RISE * self._least:
+            totals = self._spent + self._values(plan)
+            if plan.cost > (1.0 - _WORTH) * before or (totals <= _RISE * self._least).any():
                 break
         self.samples.refused += refused
-        self.samples.rise = max(self.samples.rise, total / self._least - 1.0)
-        self._least = min(total, self._least)
+        self._rises = np.maximum(self._rises, totals / self._least - 1.0)
+        self._least = np.minimum(totals, self._least)
+        self.samples.rise = max(self.samples.rise, float(self._rises.min()))
         return plan
 
     def _remember(self, z: np.ndarray, delay: float) -> None:
