@@ -144,8 +144,8 @@ def test_an_fmu_simulates_the_flight_in_fmpy(
         flight = flown(None, 20.0, commanded=None)
     elif kind == "gain":
         exported("--law", "exact", "-o", "a.fmu")
-        start["reference_speed"] = 0.5
-        reference = Waveform(np.eye(6)[0] * 0.5, np.zeros(6))
+        start["reference_speed"] = 0.9
+        reference = Waveform(np.eye(6)[0] * 0.9, np.zeros(6))
         flight = flown(exact_gain(10.0), 20.0, commanded=None, reference=reference)
     else:
         controller = request.getfixturevalue("controller")
