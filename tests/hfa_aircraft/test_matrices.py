@@ -153,9 +153,3 @@ def test_modes_of_given_matrices_are_printed(suffix: str, folder: Path) -> None:
         (mode,) = json.loads(result.out)["modes"]
         assert mode["frequency"] == pytest.approx(2.0**0.5)
         assert mode["damping"] == pytest.approx(0.15 / 2.0**0.5)
-
-
-def test_a_matrix_that_is_not_square_is_refused(folder: Path) -> None:
-    """A file with only a matrix A that is not square is refused."""
-    np.savez("plant.npz", A=np.ones((2, 3)))
-    cli.assert_refused(cli.hfa("linearize", "--model", "plant.npz"), 2, "plant.npz", "square")

@@ -81,8 +81,17 @@ def test_help_equals_the_stored_text(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("now", "before"), [(1.0, 1.1), ([1.0, 2.0], [1.0, 2.1]), ("a", "b"), (None, 1.0)]
+    ("now", "before", "lines"),
+    [
+        (1.0 + 0.9e-6, 1.0, 0),
+        (1.0 + 1.1e-6, 1.0, 1),
+        ([1.0, 2.0, 3.0], [1.0, 2.00001, 3.00001], 2),
+        ([1.0], [1.0, 1.0], 1),
+        ("a", "b", 1),
+        (None, 1.0, 1),
+        (True, False, 1),
+    ],
 )
-def test_a_planted_difference_is_found(now: Any, before: Any) -> None:
-    """A changed number or text is a difference."""
-    assert difference(now, before, "path") != []
+def test_a_planted_difference_is_found(now: Any, before: Any, lines: int) -> None:
+    """Each number that differs by more than 1e-6, text, length or missing value is a difference."""
+    assert len(difference(now, before, "path")) == lines

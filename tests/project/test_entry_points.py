@@ -218,10 +218,6 @@ for name in ("assess", "fly", "identify", "optimize", "sweep", "verify"):
 
 @pytest.mark.slow
 def test_commands_load_without_packages_of_extras() -> None:
-    """Every command prints its help if no optional package is installed, and the functions that do
-    not prove are available.
-
-    A command that requires an optional package names the package in one line.
-    """
+    """Without optional packages every command and the functions that do not prove are loaded."""
     done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True)
     assert done.stderr == ""

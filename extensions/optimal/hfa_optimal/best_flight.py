@@ -223,11 +223,14 @@ class BestFlight(FoundFlight):
     def title(self) -> str:
         """Return the first lines of the report: cost, ratios of the policies, initial condition."""
         most = "" if self.reason is None else "at most "
-        ratios = [(each.policy, each.over_best) for each in self.policies]
+        outcomes = [
+            (each.policy, each.over_best, "" if each.departure is None else "leaves the envelope")
+            for each in self.policies
+        ]
         begin = f"Best flight: cost {most}{self.cost:.6g}"
         if self.bracket is not None and self.over_bound is not None:
             begin += f", {bracket_sentence([(self.bracket, self.cost)])}"
-        lines = [line_with_ratios(begin, ratios), self.destination(), *self.source_lines()]
+        lines = [line_with_ratios(begin, outcomes), self.destination(), *self.source_lines()]
         if self.reason is None and self.found.spread_of_guesses > MESHES_AGREE:
             lines.append(f"guesses differ by {100 * self.found.spread_of_guesses:.2g} %")
         return "\n".join(lines)

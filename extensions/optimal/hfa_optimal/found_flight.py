@@ -152,20 +152,20 @@ class FoundFlight(OfProblem, StatesAndInputs, Result, Reported):
         return np.array(drawn(figure, self.problem, flights, self.drawn_seconds, self.title()).axes)
 
 
-def line_with_ratios(begin: str, ratios: Sequence[tuple[str, float | None]]) -> str:
+def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str]]) -> str:
     """Return a first line with the cost ratios of policies, in at most `_FIRST_LINE` columns.
 
     The policies given last come first. Those that do not fit are left out.
 
     begin: begin of the line
-    ratios: (name of the policy, ratio or None if it does not converge)
+    outcomes: (name of the policy, ratio or None if it does not converge, what it loses or "")
     """
     line = begin
-    for name, ratio in reversed(ratios):
+    for name, ratio, loss in reversed(outcomes):
         kind = name.partition(" of ")[0].removesuffix(", saturated")
         separator = "; " if line == begin else ", "
         says = "does not converge" if ratio is None else f"{ratio:.4g}x"
-        longer = f"{line}{separator}{kind} {says}"
+        longer = f"{line}{separator}{kind} {says}{loss and f' ({loss})'}"
         line = longer if len(longer) <= _FIRST_LINE else line
     return line
 

@@ -213,14 +213,17 @@ class StartsTable(OfProblem, Result, Reported):
         count = f"{self.found} of {self.starts} found"
         if self.starts < self.asked:
             count += f" (interrupted; {self.asked} requested)"
-        ratios = [(each.policy, each.median) for each in self.policies]
+        outcomes = [
+            (each.policy, each.median, f"{each.lost} lost" if each.lost else "")
+            for each in self.policies
+        ]
         begin = f"Best flights: {count}"
         if self._bounded:
             begin += f", {bracket_sentence((each, each.best) for each in self._bounded)}"
         if not self.found:
             begin += "; no cost ratio without a flight"
         lines = [f"FAIL: {text}" for text in self.failures()]
-        lines.append(line_with_ratios(begin, ratios))
+        lines.append(line_with_ratios(begin, outcomes))
         whose = f"{self.problem.model.title} {self.point.at_scheduled}".strip()
         lines.append(f"to {whose}, from {self.starts} initial conditions")
         if self.upper_bounds:
