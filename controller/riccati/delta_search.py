@@ -25,12 +25,14 @@ class Answer(NamedTuple):
     reason: why not
     condition: name of the violated condition, if several conditions are examined, otherwise ""
     excess: number that passes through 0 at the smallest δ, or nan if none is known
+    is_rounding: whether arithmetic failed, so that existence is not known
     """
 
     exists: bool
     reason: str = ""
     condition: str = ""
     excess: float = math.nan
+    is_rounding: bool = False
 
 
 class Bracket(NamedTuple):
@@ -86,7 +88,32 @@ def smallest_delta(
             progress(min(1.0, tolerance / math.log(high / low)), 1.0)
     if accepted.excess < 0.0:
         high = _zero_of_excess(existence_at, high, tolerance)
+    if answer.is_rounding:
+        low, answer = _largest_refused(existence_at, low, answer, tolerance)
     return Bracket(high, low, answer)
+
+
+def _largest_refused(
+    existence_at: Callable[[float], Answer], undecided: float, answer: Answer, tolerance: float
+) -> tuple[float, Answer]:
+    """Return the largest δ shown to have no solution below an undecided one, and its answer.
+
+    Without one down to half the undecided δ, 0 and the answer at the undecided δ are returned.
+    """
+    high, low = undecided, 0.0
+    for step in CLEAR_STEPS:
+        found = existence_at(undecided / (1.0 + step))
+        if not found.is_rounding:
+            low, answer = undecided / (1.0 + step), found
+            break
+    while low > 0.0 and high > low * (1.0 + tolerance):
+        middle = math.sqrt(low * high)
+        found = existence_at(middle)
+        if found.is_rounding:
+            high = middle
+        else:
+            low, answer = middle, found
+    return low, answer
 
 
 def _zero_of_excess(

@@ -112,6 +112,17 @@ def test_the_closed_loop_gain_is_below_delta() -> None:
     assert gain_of(plant, solve_plant(plant, 1.01 * smallest)) < 1.01 * smallest
 
 
+@pytest.mark.parametrize("seed", [2, 20])
+def test_a_turned_plant_has_the_same_smallest_delta(seed: int) -> None:
+    """Turned states give an overlapping bracket, also where rounding hides the minimum (2) and where
+    a rank-one Y is much larger than X (20).
+    """
+    plant = mixed_sensitivity(seed)
+    smallest, found = bracket_of(plant), bracket_of(turned(plant, seed))
+    assert agree(found, smallest)
+    assert found.value == pytest.approx(smallest.value, rel=1e-4)
+
+
 @pytest.mark.slow
 def test_smallest_deltas_of_171_plants_agree_with_slycot() -> None:
     """For 171 plants, the brackets of delta_min of the plant, turned or not, and of slycot overlap.

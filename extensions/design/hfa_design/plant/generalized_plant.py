@@ -41,7 +41,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shortened,
 )
-from hfa_support.matrices import LARGEST, checked_matrix
+from hfa_support.matrices import LARGEST, checked_matrix, spectral_radius
 from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
@@ -433,7 +433,7 @@ def _output_feedback(
     """Return the central controller for solutions X and Y, with its checks."""
     axes = plant.axes
     apart = plant.apart
-    radius, _ = _radius(X, Y)
+    radius = spectral_radius(X @ Y)
     controller = central_controller(apart, X, Y, delta)
     A, B, C, D = central_controller(apart.transposed(), Y, X, delta)
     difference = _response_difference(controller, (A.T, C.T, B.T, D.T))
@@ -607,16 +607,7 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
     try:
         X, Y = (form.value(form.by_schur()) for form in forms)
     except NoSolutionError as error:
-        return Answer(False, str(error), COUPLING)
-    radius, _ = _radius(X, Y)
+        return Answer(False, str(error), COUPLING, is_rounding=True)
+    radius = spectral_radius(X @ Y)
     reason = f"rho(XY) = {radius / delta**2:.6g} delta^2"
     return Answer(radius < delta**2, reason, COUPLING, 1.0 - radius / delta**2)
-
-
-def _radius(X: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return ρ(XY) for X, Y >= 0, and a vector a with a a' <= Y and a'X a = ρ(XY)."""
-    # The result does not depend on units.
-    half = scaled_root(Y)
-    product = half.T @ X @ half
-    values, vectors = np.linalg.eigh((product + product.T) / 2.0)
-    return max(float(values[-1]), 0.0), half @ vectors[:, -1]
