@@ -34,6 +34,11 @@ class Answer(NamedTuple):
     excess: float = math.nan
     is_rounding: bool = False
 
+    @property
+    def is_refused(self) -> bool:
+        """Whether no solution exists, as a fact of the game and not of the arithmetic."""
+        return not (self.exists or self.is_rounding)
+
 
 class Bracket(NamedTuple):
     """Bounds of the smallest δ with a solution: refused < inf{δ : a solution exists} <= value.
@@ -103,16 +108,16 @@ def _largest_refused(
     high, low = undecided, 0.0
     for step in CLEAR_STEPS:
         found = existence_at(undecided / (1.0 + step))
-        if not found.is_rounding:
+        if found.is_refused:
             low, answer = undecided / (1.0 + step), found
             break
     while low > 0.0 and high > low * (1.0 + tolerance):
         middle = math.sqrt(low * high)
         found = existence_at(middle)
-        if found.is_rounding:
-            high = middle
-        else:
+        if found.is_refused:
             low, answer = middle, found
+        else:
+            high = middle
     return low, answer
 
 
