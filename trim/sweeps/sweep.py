@@ -122,8 +122,8 @@ def slow_note(one_by_one: int, count: int) -> list[str]:
     if one_by_one < _MANY_SLOW:
         return []
     return [
-        f"{one_by_one:,} of {count:,} points were trimmed one by one, which is slower: Newton's "
-        "method on all points at once did not converge for these"
+        f"{one_by_one:,} of {count:,} points were trimmed one by one, which is slower: the "
+        "equations are not square, or Newton's method on all points at once did not converge"
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 from typing import Any
@@ -115,8 +116,9 @@ def test_the_entries_of_a_report_are_the_farthest(game: Game) -> None:
 
 
 def test_no_network_error_exceeds_the_reported_one(game: Game) -> None:
-    """The error of V at the state found is the reported one, and at most this at random states."""
-    z = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 6)) * BOX
+    """The error of V at the state found is the reported one, and at most this in the box."""
+    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=6)))
+    z = np.vstack([np.random.default_rng(0).uniform(-1.0, 1.0, (100, 6)), corners]) * BOX
     layers = {
         "0.weight": np.vstack([np.diag(1.0 / BOX), -np.diag(1.0 / BOX)]),
         "2.weight": np.arange(1.0, 13.0)[None],

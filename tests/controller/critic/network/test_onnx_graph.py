@@ -82,15 +82,16 @@ def test_old_and_new_operator_sets_equal_onnxruntime(opset: int) -> None:
     assert_as_onnx_runtime(onnx_file("a.onnx", nodes, constants, 2, opset=opset), abs=1e-6)
 
 
-def test_integer_division_in_a_graph_is_truncated() -> None:
-    """The quotient of integers in a graph is truncated: 7 / 2 = 3."""
+@pytest.mark.parametrize("seven", [7, -7])
+def test_integer_division_in_a_graph_is_truncated(seven: int) -> None:
+    """The quotient of integers in a graph is truncated: 7 / 2 = 3, and -7 / 2 = -3."""
     nodes = [
         ("Div", "seven two", "three"),
         ("Slice", "x begin three axis", "part"),
         ("ReduceSum", "part axis", "y"),
     ]
     constants = {
-        "seven": np.array([7]),
+        "seven": np.array([seven]),
         "two": np.array([2]),
         "begin": np.array([0]),
         "axis": np.array([1]),
