@@ -300,7 +300,9 @@ class JudgedGame:
             return None
         z = ca.SX.sym("z", len(b)) if critic is None else critic.symbols
         u = -ca.DM(self.exact.K) @ z if critic is None else critic.policy(z)
-        return flow_loop(z, plant.closed(z, u), self.exact, self._duration(), b, is_slow=True)
+        own = [] if critic is None else [self.game.A - self.game.B @ critic.K]
+        seconds = self._duration(*own)
+        return flow_loop(z, plant.closed(z, u), self.exact, seconds, b, is_slow=True)
 
     def _plant(self, more: np.ndarray | float = 0.0) -> np.ndarray:
         """Return A + E (L* + more), (n, n)."""

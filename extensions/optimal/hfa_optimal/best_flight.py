@@ -224,8 +224,8 @@ class BestFlight(FoundFlight):
         """Return the first lines of the report: cost, ratios of the policies, initial condition."""
         most = "" if self.reason is None else "at most "
         outcomes = [
-            (each.policy, each.over_best, "" if each.departure is None else "leaves the envelope")
-            for each in self.policies
+            (each.policy, each.over_best, _loss(flown))
+            for each, flown in zip(self.policies, self.compared, strict=True)
         ]
         begin = f"Best flight: cost {most}{self.cost:.6g}"
         if self.bracket is not None and self.over_bound is not None:
@@ -274,10 +274,17 @@ class BestFlight(FoundFlight):
         """Return the flights of the figure with their labels, the best flight first."""
         flights = [(self.flown, f"best flight found: {self.cost:.5g}")]
         for flown in self.compared:
-            cost = f"{flown.cost:.5g}" if flown.converges else "does not converge"
+            cost = f"{flown.cost:.5g}" if flown.converges else flown.ending
             flights.append((flown, f"{flown.name}: {cost}"))
         return flights
 
 
 def _saturated(flight: str, names: Sequence[str]) -> str:
     return f"{flight}: {', '.join(names) or 'no input'} saturated"
+
+
+def _loss(flown: SimulatedFlight) -> str:
+    """Return how a flight is lost, for the first line, or ""."""
+    if flown.departure is not None:
+        return "leaves the envelope"
+    return "" if flown.converges else f"after {flown.times[-1]:.3g} s"

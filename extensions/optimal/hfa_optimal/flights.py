@@ -34,6 +34,10 @@ _TICKS = 500
 _FASTEST = 0.1
 #: An input is saturated if its distance to a limit is less than this fraction of its nominal value.
 _AT_LIMIT = 1e-3
+#: Number of time constants of the policy's slowest mode after which a flight has converged, and
+#: longest flight that is extended for this reason, s.
+_SETTLES = 6.0
+_LONGEST = 300.0
 
 
 class SimulatedFlight(NamedTuple):
@@ -72,13 +76,15 @@ class SimulatedFlight(NamedTuple):
 
     @property
     def ending(self) -> str:
-        """Short form of the outcome, such as "leaves the envelope, does not converge"."""
+        """Short form of the outcome, such as "leaves the envelope, not at the trim after 9 s"."""
         leaves = "" if self.departure is None else "leaves the envelope, "
         return leaves + self._convergence
 
     @property
     def _convergence(self) -> str:
-        return Outcome.CONVERGED if self.converges else Outcome.UNDECIDED
+        if self.converges:
+            return Outcome.CONVERGED
+        return f"not at the trim after {self.times[-1]:.3g} s"
 
     def outcome(self) -> str:
         """Return the outcome in words, with the state and limit of a departure."""
@@ -212,14 +218,23 @@ class Flights:
     ) -> SimulatedFlight:
         """Return the simulated flight of a closed loop from an initial condition.
 
-        The simulation ends early if a state deviates by more than `FAR` nominal values. It is
-        repeated with half the step until cost and departure hardly change, at most three times. A
-        policy in Python is simulated once.
+        A flight that is not at the trim after `seconds` is repeated until the slowest mode of a
+        sampled policy has decayed, at most for `_LONGEST`. The simulation ends early if a state
+        deviates by more than `FAR` nominal values. It is repeated with half the step until cost and
+        departure hardly change, at most three times. A policy in Python is simulated once.
 
         start: initial deviations z, (k,)
-        seconds: duration of the flight, s
+        seconds: duration of the flight, s, if it is then at the trim
         policy: policy of the loop with other tabulated inputs, or None for the loop's own policy
         """
+        flight = self._flown(loop, start, seconds, policy)
+        longer = 0.0 if flight.converges else settling_time(policy or loop.loop.policy)
+        return self._flown(loop, start, longer, policy) if longer > seconds else flight
+
+    def _flown(
+        self, loop: CompiledLoop, start: np.ndarray, seconds: float, policy: Policy | None
+    ) -> SimulatedFlight:
+        """Return the simulated flight of `fly`, with the given duration."""
         problem = self.problem
         initial = np.zeros(len(problem.model.states))
         initial[problem.places] = start
@@ -279,3 +294,14 @@ class Flights:
         inputs = rows.inputs + np.array(problem.point.inputs)
         flown = rows.times, states, inputs
         return SimulatedFlight(policy.name, *flown, tail, cost, left, saturated)
+
+
+def settling_time(policy: Policy) -> float:
+    """Return the time, s, in which the slowest mode of a sampled policy's loop decays.
+
+    The time is at most `_LONGEST`, and 0 if the loop is not sampled or not stable.
+    """
+    modes = policy.sampled_modes()
+    if modes is None or not len(modes) or not (modes.real < 0.0).all():
+        return 0.0
+    return float(min(_LONGEST, -_SETTLES / modes.real.max()))

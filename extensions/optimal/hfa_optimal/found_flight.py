@@ -158,13 +158,13 @@ def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str
     The policies given last come first. Those that do not fit are left out.
 
     begin: begin of the line
-    outcomes: (name of the policy, ratio or None if it does not converge, what it loses or "")
+    outcomes: (name of the policy, ratio or None if not at the trim, what it loses or "")
     """
     line = begin
     for name, ratio, loss in reversed(outcomes):
         kind = name.partition(" of ")[0].removesuffix(", saturated")
         separator = "; " if line == begin else ", "
-        says = "does not converge" if ratio is None else f"{ratio:.4g}x"
+        says = "not at the trim" if ratio is None else f"{ratio:.4g}x"
         longer = f"{line}{separator}{kind} {says}{loss and f' ({loss})'}"
         line = longer if len(longer) <= _FIRST_LINE else line
     return line

@@ -241,3 +241,29 @@ def test_assess_orders_two_policies_by_their_flights(capsys: pytest.CaptureFixtu
     assert on_time["policy_over_best"]["median"] > late["policy_over_best"]["median"] > 1.0
     assert on_time["offset_rate"] == pytest.approx(0.001, rel=0.1)
     assert late["lqr_over_best"]["worst"] == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_slow_stable_policy_converges_by_every_command(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A policy with the pole -(0.85 - m g l)/(0.98 + b) = -0.106 1/s needs a minute to the trim.
+
+    The exact loop needs a few seconds. `assess`, `optimize` and `verify` agree that it converges.
+    """
+    tables = "timing = {dt = 0.02}\ncost = {Q = {angle = 1.0, rate = 1.0}, R = {torque = 1.0}}\n"
+    file = pendulum_deployment(folder, "")
+    text = file.read_text().replace('"actor.npz"', '"actor.npz"\nactivation = "tanh"')
+    file.write_text(tables + text)
+    weights = {"0.weight": np.array([[-0.085, -0.098]]), "2.weight": np.array([[10.0]])}
+    biases = {"0.bias": np.zeros(1), "2.bias": np.zeros(1)}
+    np.savez("actor.npz", **weights, **biases)
+    plant = ["--aircraft", PENDULUM, "--json", "--quiet"]
+    assert main(["optimize", *plant, "--start", "angle=10", "--policy", str(file)]) == 0
+    slow = json.loads(capsys.readouterr().out)["policies"][-1]
+    assert slow["over_best"] > 2.0
+    main(["assess", str(file), *plant, "--samples", "3", "--best", "0"])
+    (point,) = json.loads(capsys.readouterr().out)["points"]
+    assert point["best"]["not_converged"] == 0
+    main(["verify", *plant, "--weights", str(file)])
+    network = json.loads(capsys.readouterr().out)["network"]
+    assert network["reach_nonlinear"] >= min(network["reach_nonlinear_exact"], 1.0) > 0.0
