@@ -428,6 +428,15 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "another P": (_put([[[1.0, 0.0], [0.0, 1.0]]], "witness", "P"), "motion"),
     "asymmetric P": (_put(_skewed, "witness", "P"), "not symmetric"),
     "no P": (_put([], "witness", "breakpoints"), "breakpoints"),
+    **{
+        f"P at {breakpoints}": (
+            lambda content, breakpoints=breakpoints: content["witness"].update(
+                breakpoints=breakpoints, P=content["witness"]["P"][:1] * len(breakpoints)
+            ),
+            "breakpoints",
+        )
+        for breakpoints in ([1.0, 1.8, 1.5, 2.0], [1.0, 1.0, 2.0])
+    },
     "few pieces": (_put(1, "witness", "pieces"), "open at pull"),
     **{
         f"gains at {breakpoints}": (
