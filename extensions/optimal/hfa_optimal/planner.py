@@ -169,7 +169,7 @@ class Planner:
         both = ca.vertcat(away, v - v_t)
         after = self.model.sample(begin[:n], v, d, self.grid.dt)
         cost = begin[n] + ca.bilin(ca.DM(self.grid.at(0).weights[0]), both, both)
-        soft = after[self.soft.tolist()]
+        soft = ca.vec(after[self.soft.tolist()])
         lows, highs = (ca.DM(room) for room in self._room)
         excess = ca.mmax(ca.vertcat(begin[n + 1], soft - highs, lows - soft))
         step = ca.Function("step", given, [ca.vertcat(after, cost, excess)]).expand()

@@ -149,7 +149,10 @@ def test_weights_of_the_plant_file_are_those_of_the_cost(assessed):
     `--need cost`. A weight of another size and cross weights are refused.
     """
     plant = {"A": [[0.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": [[1.0, 0.1], [0.1, 0.1]]}
-    for weights, marked in (({"R": [[0.05]]}, "R diag(0.05) (file)"), ({}, "R diag(1) (default")):
+    for weights, marked in (
+        ({"R": [[0.05]]}, "R diag(0.05) (file)"),
+        ({}, "R diag(1) (1/nominal^2, as by default)"),
+    ):
         R = weights.get("R", [[1.0]])
         P = solve_continuous_are(plant["A"], plant["B"], plant["Q"], R)
         K = np.linalg.solve(R, np.transpose(plant["B"]) @ P)
