@@ -821,3 +821,11 @@ def test_skewed_coordinates_leave_the_hole_large() -> None:
     W = Polynomial(2, ((0.25, (2, 0)), (-16.0, (1, 1)), (258.0, (0, 2))))
     inequality = inequality_of(W, M, 1.0, (1.0, 0.0078125))
     assert inequality.hole <= 10
+
+
+def test_guesses_stay_with_their_boxes() -> None:
+    """The guesses of some boxes are those of these boxes, in their order."""
+    numbers = np.arange(3.0)
+    part = Guess(numbers[:, None], 10.0 * numbers[:, None, None]).part(np.array([2, 0]))
+    assert part.value.ravel().tolist() == [2.0, 0.0]
+    assert part.slopes.ravel().tolist() == [20.0, 0.0]
