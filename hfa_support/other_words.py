@@ -14,6 +14,7 @@ INSTEAD = {
         for command in ("linearize", "sweep")
         for option in ("class", "category")
     },
+    "hfa assess --law": "laws that plan are compared by hfa optimize --law NAME --starts N",
     "hfa prove region --law": "a region is proved for a gain or a critic (--weights FILE), and for "
     "no policy that plans",
 }
