@@ -132,7 +132,8 @@ class VerifyRequest(GameRequest):
         name needs no weight for the inputs that stay at the trim.
         """
         files = self.paths
-        is_deployed = len(files) == 1 and files[0].suffix.lower() == _DEPLOYMENT
+        is_read = _DEPLOYMENT in critic_suffixes()  # by a package that may not be installed
+        is_deployed = is_read and len(files) == 1 and files[0].suffix.lower() == _DEPLOYMENT
         stated = _stated(files[0], self.model) if is_deployed else Stated()
         weights = self.game.weights
         inputs = self.inputs or stated.inputs
