@@ -159,12 +159,32 @@ def test_a_held_state_may_come_first() -> None:
             assert check_region(*read_content(content, Subject(model))) > 0
 
 
-def test_a_set_too_small_for_the_wind_is_refused() -> None:
-    """A wind of 0.5 leaves level² + heat² <= 0.1: V' = 2 level (0.5 - 1.5 level) > 0 at 0.31."""
-    content = windy(wind=0.5)
+@pytest.mark.parametrize(
+    ("sizes", "name", "ends", "is_proved"),
+    [
+        ({"wind": 0.1}, "valve", [-1.0, 0.26], True),
+        ({"wind": 0.1}, "valve", [-1.0, 0.25], False),
+        ({"wind": 0.1}, "valve", [-0.25, 1.0], False),
+        ({"wind": 0.5}, "valve", [-1.0, 1.0], False),
+        ({"sun": 0.1}, "load", [-0.55, 3.0], True),
+        ({"sun": 0.1}, "load", [-0.54, 3.0], False),
+        ({"sun": 0.1}, "load", [-3.0, 0.54], False),
+    ],
+)
+def test_claims_hold_near_the_trim(
+    sizes: dict[str, float], name: str, ends: list[float], is_proved: bool
+) -> None:
+    """In level² + heat² <= 0.1, within a third of the trim, each claim is tested for each end of
+    the disturbance.
+
+    V' < 0 at the level -0.316 needs a valve above 0.1 + 0.158. The load is at least -0.447 - 0.1. A
+    wind of 0.5 needs a level of 1/3.
+    """
+    content = windy(**sizes)
     content["statement"]["piece"]["c"] = 0.1
-    with pytest.raises(RefutedError):
-        windy_checked(content)
+    content["statement"]["loop"]["limits"][name] = ends
+    with nullcontext() if is_proved else pytest.raises(RefutedError):
+        assert windy_checked(content) > 0
 
 
 def test_limits_hold_under_every_disturbance() -> None:
