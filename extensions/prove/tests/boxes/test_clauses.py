@@ -574,6 +574,105 @@ def test_each_clause_refuses_its_forgery(name: str) -> None:
         checked(made)
 
 
+NAN = float("nan")
+#: Path of an entry, what its message contains, and values that it must not have.
+WRONG: list[tuple[tuple[Any, ...], str, list[Any]]] = [
+    (("kind",), "kind", ["motion", None, ["region"]]),
+    (("statement", "piece", "c"), "piece: c", [0.0, -0.81, NAN, True, "0.81", [0.81], None]),
+    (
+        ("statement", "piece", "M"),
+        "piece: M",
+        [[[1.0]], [[1.0, 0.0], [0.0]], [[1.0, 0.0]] * 3, [[1.0, 0.0, 0.0]] * 2, 1.0, [["1", 0.0]]],
+    ),
+    (("statement", "piece", "W"), "piece: W", [[], {}, None]),
+    (
+        ("statement", "piece", "W", 0),
+        "piece: W 0",
+        [[1.0], [1.0, [2, 0], 1.0], {}]
+        + [[value, [2, 0]] for value in (True, "1", None, NAN, np.inf, -np.inf, 1.1e300, [1.0])]
+        + [[1.0, [2]], [1.0, [2, 0, 0]], [1.0, [3, -1]], [1.0, [2.0, 0]], [1.0, [True, 1]]]
+        + [[1.0, [13, 0]], [1.0, [1, 0]], [1.0, [0, 0]], [1.0, "20"], [1.0, None]],
+    ),
+    (
+        ("statement", "extents", "level"),
+        "extents",
+        [[0.1, 0.91], [-0.91, -0.1], [0.91, -0.91], [-0.91], [-0.91, 0.91, 1.0], None, [NAN, 0.91]],
+    ),
+    (("statement", "extents"), "extents: heat", [{"level": [-0.91, 0.91]}]),
+    (
+        ("statement", "equilibrium"),
+        "equilibrium",
+        [{"level": 0.0}, {"level": 0.0, "heat": 0.0, "slope": 0.0}, {}, [0.0, 0.0]],
+    ),
+    (
+        ("statement", "loop", "limits", "load"),
+        "limits: load",
+        [[-3.0], [-3.0, 3.0, 3.0], [2.0, -2.0], [1.0, 1.0], None, ["-3", 3.0], [-3.0, NAN]],
+    ),
+    (("statement", "loop", "limits"), "limits: wind", [{"wind": [-1.0, 1.0]}]),
+    (("statement", "loop", "disturbances", "wind"), "wind", [0.0, -0.1, True, NAN, None]),
+    (("statement", "loop", "disturbances"), "rain", [{"rain": 0.1}]),
+    (("statement", "loop", "parameters"), "parameters", [{}, {"inflow": 0.5, "outflow": 0.5}]),
+    (("statement", "loop", "held"), "held", [{}, {"slope": 0.25, "level": 0.0}]),
+    (
+        ("statement", "loop", "policy", "K"),
+        "K",
+        [[[2.0]], [[2.0, 0.0]] * 2, [2.0, 0.0], [[NAN, 0.0]], [[True, 0.0]]],
+    ),
+    (("statement", "loop", "policy"), "policy", [1.0, None, [2.0, 0.0]]),
+    (
+        ("statement", "loop", "policy", "terms"),
+        "terms: valve",
+        [{"valve": []}, {"valve": [[1.0, [13, 0]]]}, {"valve": [[1.0, [1, 0]]]}],
+    ),
+    (("statement", "loop", "model", "nominal", 0), "nominal", [True, 2.0, "1"]),
+    *(
+        (("statement", "loop", "model", fact), fact, [value])
+        for fact, value in (
+            ("states", ["heat", "level"]),
+            ("steady", ["level"]),
+            ("schedule", "inflow"),
+            ("schedule_unit", "m"),
+            ("state_units", ["K", "m"]),
+            ("input_units", ["ft/s"]),
+            ("disturbance_units", ["m/s", "m/s"]),
+        )
+    ),
+    (
+        ("witness", "multipliers"),
+        "multipliers",
+        [[[0.55, 0.55]], [[0.55]] * 2, [[0.55, -0.1]] * 2, [[NAN, 0.55]] * 2],
+    ),
+    (("witness", "boxes"), "boxes", [True, -1, 1.5, 10**8 + 1, "2000", None]),
+]
+
+
+@pytest.mark.parametrize(("path", "message", "values"), WRONG)
+def test_wrong_entries_are_refused(path: tuple[Any, ...], message: str, values: list[Any]) -> None:
+    """An entry of another type, shape or range than its own is refused by its name."""
+    for value in values:
+        made = windy(wind=0.1)
+        holder: Any = made
+        for key in path[:-1]:
+            holder = holder[key]
+        holder[path[-1]] = value
+        with pytest.raises(NoSolutionError, match=f"invalid entry: .*{message}"):
+            read_content(made, Subject(WINDY))
+
+
+def test_inputs_saturate_at_each_limit_that_exists() -> None:
+    """The command of a valve with a lower, an upper, both limits or none is that of `np.clip`."""
+    statement, _ = read_content(tank(), Subject(TANK))
+    at = {"level": 0.1, "heat": 0.0}
+    x = ca.SX.sym("x", 2)
+    levels = np.linspace(-2.0, 2.0, 9)
+    for limits in ((-0.5, np.inf), (-np.inf, 0.75), (-0.5, 0.75), (-np.inf, np.inf)):
+        loop = replace(statement.loop, limits={"valve": limits}, trim=at, inputs={"valve": 0.25})
+        command = ca.Function("u", [x], [loop.commands(x)])
+        found = np.array(command(np.vstack([levels, 0.0 * levels])))[0]
+        assert found == pytest.approx(np.clip(0.25 - 2.0 * (levels - 0.1), *limits), abs=1e-15)
+
+
 def test_different_equations_have_different_digests() -> None:
     """Models that differ in an operation, an output or a name have different digests.
 
