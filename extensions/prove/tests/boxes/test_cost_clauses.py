@@ -112,8 +112,12 @@ def test_derivatives_of_smooth_tables_are_refused(method: str) -> None:
 
 
 def test_a_bound_is_at_most_its_level() -> None:
-    """The bound is W = 0.9 y² up to the level 0.5, the level above it, and outside of |y| < 1."""
-    found = cart_bound(0.9).bound(np.array([[0.1], [0.9], [-0.9], [3.0]]))
+    """The bound is W = 0.9 y² up to the level 0.5, the level above it, and outside of |y| < 1.
+
+    The argument is the deviation from the trim, y that from the equilibrium.
+    """
+    moved = replace(cart_bound(0.9), equilibrium={"position": 0.25, "speed": 0.0})
+    found = moved.bound(np.array([[0.35], [1.15], [-0.65], [3.25]]))
     assert found == pytest.approx([0.009, 0.5, 0.5, 0.5])
 
 
@@ -344,6 +348,7 @@ FORGED: dict[str, tuple[Callable[[Any, Any], None], str]] = {
         "outside the state limits",
     ),
     "trim": (lambda s, w: s["plant"]["trim"].update(angle=0.01), "differs from the trim"),
+    "input": (lambda s, w: s["plant"]["inputs"].update(torque=0.01), "torque .*from the trim"),
     "equilibrium": (lambda s, w: s["equilibrium"].update(angle=0.01), "differs from the stated"),
     "model": (lambda s, w: s["plant"]["model"].update(dynamics="van der Pol"), "other equations"),
     "equations": (lambda s, w: s["plant"]["model"].update(equations="0" * 64), "other equations"),
@@ -372,18 +377,29 @@ def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
         (("R",), [[-1.0]]),
         (("plant", "limits"), {"speed": [None, 0.5]}),
         (("plant", "limits"), {"speed": [-0.5, None]}),
+        *((("Q",), value) for value in ([[1.0, 0.0]], [[None]], [[True]], 1.0)),
+        *((("pieces",), value) for value in ([], None, {})),
+        *((("equilibrium",), value) for value in ({"position": 0.0}, {"speed": 0.0})),
+        *((("solved",), value) for value in (["mass"], ["speed", "speed"], "speed", [1])),
+        *((("boxes",), value) for value in ([], [9, 9], [10**9 + 1], [True], [None], 9)),
+        (("claim",), 1.0),
     ],
 )
 def test_entries_that_no_bound_admits_are_refused(path: tuple[str, ...], value: Any) -> None:
-    """Indefinite weights, and limits of an input that are not the model's, are refused."""
-    content = cart_bound(0.5).content()
-    read_statement("cost", copy.deepcopy(content), Subject(CART))
-    entry: Any = content
+    """Indefinite weights, limits of an input that are not the model's, and entries of another
+    type, number or name are refused.
+    """
+    closing = dict.fromkeys(("toolchain", "digest", "provenance", "checksum"), "")
+    statement, witness = cart_bound(0.5).content(), {"solved": ["speed"], "boxes": [9]}
+    content = {**closing, "schema": SCHEMA, "kind": "cost"}
+    content |= {"statement": statement, "witness": witness}
+    assert read_content(copy.deepcopy(content), Subject(CART))[1].boxes == (9,)
+    entry: Any = witness if path[0] in ("solved", "boxes", "claim") else statement
     for name in path[:-1]:
         entry = entry[name]
     entry[path[-1]] = value
-    with pytest.raises(NoSolutionError, match=f"{path[-1]}: "):
-        read_statement("cost", content, Subject(CART))
+    with pytest.raises(NoSolutionError, match=f"invalid entry: .*{path[-1]}"):
+        read_content(content, Subject(CART))
 
 
 def test_a_weight_that_is_not_symmetric_is_refused(proved: CostBound) -> None:

@@ -413,6 +413,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "lift above the trim": (_put([1.5, 4.0], *_FLIGHT, "limits", "lift"), "lift is not proved"),
     "load below the trim": (_put([-9.0, 0.8], *_FLIGHT, "limits", "load"), "load is not proved"),
     "limits wider": (_put([-9.0, 5.0], *_FLIGHT, "limits", "lift"), "beyond the model's"),
+    "limits lower": (_put([-10.0, 4.0], *_FLIGHT, "limits", "lift"), "beyond the model's"),
     "no limits of the load": (
         lambda content: content["statement"]["flight"]["limits"].pop("load"),
         "limits: load",
@@ -463,6 +464,33 @@ def test_each_clause_refuses_its_forgery(name: str, content: Content) -> None:
     change(made)
     with pytest.raises((NoSolutionError, BadInputError), match=message):
         checked(made)
+
+
+#: Path of an entry, and values of another type, number or range than its own.
+WRONG: list[tuple[tuple[str, ...], list[Any]]] = [
+    ((*_FLIGHT, "range"), [[2.0, 1.0], [1.0, 1.0], [1.0], [1.0, math.nan], None]),
+    ((*_FLIGHT, "limits", "lift"), [[4.0, -9.0], [-9.0], None, [-9.0, "4"]]),
+    ((*_FLIGHT, "first"), [{}, {"lift": 1.0, "depth": 1.0}, {"depth": 1.0}]),
+    ((*_FLIGHT, "parameters"), [{}, {"pull": 1.0}, {"pull": 1.0, "drag": 0.1, "wind": 0.0}]),
+    (("statement", "decay_rate"), [-0.1, math.nan, math.inf, True, "1", None]),
+    (("statement", "scheduled_rate"), [0.0, -1.0, math.nan, math.inf, "any", True]),
+    (("statement", "gains", "K"), [[[[1.0]]], [[1.0, 2.9]], [], [[[1.0, math.nan]]]]),
+    (("statement", "gains", "breakpoints"), [[[1.0]], 1.0, ["1"], []]),
+    (("witness", "P"), [[[[1.0]]], [[1.0, 0.0], [0.0, 1.0]], [], None]),
+    (("witness", "pieces"), [True, -1, 1.5, 10**7 + 1, None]),
+]
+
+
+@pytest.mark.parametrize(("path", "values"), WRONG)
+def test_wrong_entries_are_refused(
+    path: tuple[str, ...], values: list[Any], content: Content
+) -> None:
+    """An entry of another type, number or range than its own is refused by its name."""
+    for value in values:
+        made = copy.deepcopy(content)
+        _put(value, *path)(made)
+        with pytest.raises(NoSolutionError, match=f"invalid entry: .*{path[-1]}"):
+            read_content(made, Subject(FLOAT))
 
 
 def test_a_linear_p_must_suit_the_rate(content: Content) -> None:
