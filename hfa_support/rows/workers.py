@@ -6,17 +6,17 @@ import logging
 import os
 import signal
 import threading
-import traceback
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
     CancelledError,
     Executor,
     Future,
-    ThreadPoolExecutor,
+    ProcessPoolExecutor,
     wait,
 )
-from contextlib import contextmanager, suppress
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from functools import partial
 from itertools import islice
 from typing import Any
@@ -87,49 +87,32 @@ def _run_in(
 @contextmanager
 def _processes(count: int) -> Iterator[Run]:
     """Context manager that provides an executor with `count` child processes."""
-    # `ProcessPoolExecutor` is not suitable. This class cannot kill its workers, and its semaphores
-    # are reported as leaked if a signal ends this process.
     import multiprocessing
 
-    # CasADi and NumPy have threads, which would not work in a forked process.
-    context = multiprocessing.get_context("spawn")
-    children: list[Any] = []
-    this_thread = threading.local()  # each thread of the pool has a child process of its own
-
-    def start_child() -> None:
-        """Start the child process of this thread, and connect it."""
-        try:
-            this_thread.connection, child_end = context.Pipe()
-            child = context.Process(target=_serve, args=(child_end,), daemon=True)
-            with _signals_blocked():  # only the parent process responds to Ctrl-C
-                child.start()
-        except OSError as error:  # too many files are open, or too many processes run
-            raise BadInputError(
-                f"no worker can be started ({error.strerror}); use fewer workers"
-            ) from error
-        children.append(child)
-        child_end.close()
-
-    def call(function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return function(*arguments) from the child process of this thread."""
-        if not hasattr(this_thread, "connection"):
-            start_child()
-        try:
-            this_thread.connection.send((function, arguments))
-            result, error = this_thread.connection.recv()
-        except (EOFError, ConnectionError) as lost:
-            raise NoSolutionError(f"a worker process ended unexpectedly; {_ADVICE}") from lost
-        if error is not None:
-            raise error
-        return result
-
-    pool = ThreadPoolExecutor(count)
+    context = multiprocessing.get_context("spawn")  # a fork of a process with threads may deadlock
+    pool = _Processes(count, context, initializer=_end_with_parent)
     try:
-        yield lambda function, tasks: _run_in(pool, count, partial(call, function), tasks)
+        yield partial(_run_in, pool, count)
+    except BrokenProcessPool as lost:
+        raise NoSolutionError(f"a worker process ended unexpectedly; {_ADVICE}") from lost
     finally:
-        for child in children:
+        for child in multiprocessing.active_children():  # a task may take minutes
             child.kill()
         pool.shutdown(cancel_futures=True)
+
+
+class _Processes(ProcessPoolExecutor):
+    """Pool of processes, of which only the parent responds to Ctrl-C."""
+
+    def submit(self, *call: Any, **named: Any) -> Future[Any]:
+        """Submit a call, which may start a child process."""
+        with _signals_blocked():
+            try:
+                return super().submit(*call, **named)
+            except OSError as error:  # too many files are open, or too many processes run
+                raise BadInputError(
+                    f"no worker can be started ({error.strerror}); use fewer workers"
+                ) from error
 
 
 @contextmanager
@@ -152,29 +135,18 @@ def _signals_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _serve(connection: Any) -> None:
-    """Evaluate the calls received from the parent process, and send the results."""
-    # A call is (function, arguments). The answer is (result, None) or (None, error). The process
-    # ends when its parent process ends for any reason.
+def _end_with_parent() -> None:
+    """End this child process with its parent."""
     import multiprocessing
 
     parent = multiprocessing.parent_process()
     assert parent is not None  # this is a child process
 
-    def end_with_parent() -> None:
+    def wait_and_end() -> None:
         parent.join()
         os._exit(1)
 
-    threading.Thread(target=end_with_parent, daemon=True).start()
-    with suppress(EOFError, OSError):  # the other end of the pipe is closed
-        while True:
-            function, arguments = connection.recv()
-            try:
-                answer: tuple[Any, Exception | None] = (function(*arguments), None)
-            except Exception as error:
-                error.add_note(traceback.format_exc())  # a traceback cannot be sent through a pipe
-                answer = (None, error)
-            connection.send(answer)
+    threading.Thread(target=wait_and_end, daemon=True).start()
 
 
 @contextmanager
