@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from hfa_aircraft.model import Model, recognized
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.results import given
 from hfa_support.reporting.text import (
     Cell,
     Table,
@@ -70,118 +69,6 @@ _PERFORMANCE = (
 )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TrimResult(Result):
-    """Trim: every variable with its limits, and each equation; angles in radians.
-
-    dihedral_deg: for the HFA, the dihedral angle, degrees.
-    scheduled: for other models, the scheduling variable.
-    dynamics: published or newton, or the name of another model.
-    operating_point: X0, U0 and residuals.
-    scaled_residuals: residual of each balanced equation divided by its scale.
-    balance_limit: largest scaled residual of a trim.
-    margins: variable with a limit -> distance to the nearer limit. Held states and outputs are
-        omitted.
-    variables: name -> value, unit, role, limits, margin.
-    nearest_limits: variables nearest to a limit.
-    binding: variables at a limit, without held ones.
-    equations: equation -> imposed value, residual, tolerance, unit, verdict.
-    rates_left: rate of each state that the trim does not balance.
-    controls: input with limits -> share of its travel that is used, from 0 or the nearer limit.
-    performance: loads, measures of performance and outputs of the model, name -> value.
-    performance_units: unit of each entry of `performance`.
-    stability: static margin, neutral point and control gradients, name -> value.
-    stability_units: unit of each entry of `stability`.
-    not_in_model: figure -> what the model lacks for it.
-    validity: quantity -> value, lowest, highest and source of the range where the model is valid.
-    modes: modes of the linear model at a trim.
-    levels: level of each quality of a mode by MIL-F-8785C.
-    airplane: class and flight phase category of these levels.
-    configuration: mass, center of gravity, inertia or size -> value and unit.
-    atmosphere: name of the atmosphere of the equations.
-    reference: quantity -> value, value at the condition of the derivatives, difference.
-    stalled: sentences on a trim beyond the largest lift.
-    search: numbers of equations and unknowns, whether effort was minimized, number of the initial
-        point, idle variables, other trims found.
-    status: trimmed or failed; a failed trim contains the nearest point within the limits, and the
-        exit code is 1.
-    reason: why there is no trim.
-    doubts: sentences on data of the aircraft that are probably wrong.
-    warnings: notes on the validity of the result.
-    """
-
-    schema = "hfa.trim/1"
-
-    dihedral_deg: float | None = None
-    scheduled: Mapping[str, float] | None = None
-    dynamics: str
-    operating_point: OperatingPoint
-    scaled_residuals: Mapping[str, float]
-    balance_limit: float
-    margins: Mapping[str, float]
-    variables: Mapping[str, Margin]
-    nearest_limits: Sequence[str]
-    binding: Sequence[str]
-    equations: Mapping[str, Mapping[str, Any]]
-    rates_left: Mapping[str, float]
-    controls: Mapping[str, float]
-    performance: Mapping[str, float]
-    performance_units: Mapping[str, str]
-    stability: Mapping[str, float]
-    stability_units: Mapping[str, str]
-    not_in_model: Mapping[str, str]
-    validity: Mapping[str, Mapping[str, Any]]
-    modes: Sequence[Any]
-    levels: Sequence[Graded]
-    airplane: Airplane
-    configuration: Mapping[str, Quantity]
-    atmosphere: str
-    reference: Mapping[str, Mapping[str, Any]]
-    stalled: Sequence[str]
-    search: Mapping[str, Any]
-    status: str
-    reason: str | None = None
-    doubts: Sequence[str]
-    warnings: Sequence[str]
-
-    def contents(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
-        return {
-            "dynamics": self.dynamics,
-            "operating_point": self.operating_point,
-            "scaled_residuals": self.scaled_residuals,
-            "balance_limit": self.balance_limit,
-            "margins": self.margins,
-            "variables": self.variables,
-            "nearest_limits": self.nearest_limits,
-            "binding": self.binding,
-            "equations": self.equations,
-            "rates_left": self.rates_left,
-            "controls": self.controls,
-            "performance": self.performance,
-            "performance_units": self.performance_units,
-            "stability": self.stability,
-            "stability_units": self.stability_units,
-            "not_in_model": self.not_in_model,
-            "validity": self.validity,
-            "modes": self.modes,
-            "levels": self.levels,
-            "airplane": {"class": self.airplane.class_, "category": self.airplane.category},
-            "configuration": self.configuration,
-            "search": self.search,
-            "status": self.status,
-            "warnings": self.warnings,
-        } | given(
-            dihedral_deg=self.dihedral_deg,
-            scheduled=self.scheduled,
-            reason=self.reason,
-            doubts=self.doubts,
-            atmosphere=self.atmosphere or None,
-            reference=self.reference or None,
-            stalled=self.stalled,
-        )
-
-
 @checks_arguments
 def trim_report(
     model: Model,
@@ -225,46 +112,49 @@ def trim_report(
     unbalanced = {name: rate for name, rate in rates.items() if name not in condition.rates}
     figures = figures_of(point, condition) if point.ok else Figures()
     modes = point.modes if point.ok and not point.fault else ()
-    levels = levels_of(point, airplane or Airplane())
+    of_levels = airplane or Airplane()
+    levels = levels_of(point, of_levels)
     configuration = configuration_of(point)
     reference = reference_of(point)
     validity = {
         name: {"value": point[name], "lowest": low, "highest": high, "source": source}
         for name, (low, high, source) in model.domain.range.items()
     }
-    result = TrimResult(
-        dihedral_deg=point.dihedral_deg,
-        scheduled=point.scheduled,
-        dynamics=point.dynamics,
-        operating_point=point,
-        scaled_residuals=point.scaled_residuals,
-        balance_limit=BALANCE,
-        margins={margin.name: margin.distance for margin in limited},
-        variables=margins,
-        nearest_limits=[margin.name for margin in nearest],
-        binding=[margin.name for margin in nearest if margin.at_limit and margin.role != "held"],
-        equations=equations,
-        rates_left=unbalanced,
-        controls={
+    data = {
+        "schema": "hfa.trim/1",
+        "dynamics": point.dynamics,
+        "operating_point": point,
+        "scaled_residuals": point.scaled_residuals,
+        "balance_limit": BALANCE,
+        "margins": {margin.name: margin.distance for margin in limited},
+        "variables": margins,
+        "nearest_limits": [margin.name for margin in nearest],
+        "binding": [each.name for each in nearest if each.at_limit and each.role != "held"],
+        "equations": equations,
+        "rates_left": unbalanced,
+        "controls": {
             name: margins[name].used for name in model.inputs if math.isfinite(margins[name].used)
         },
-        performance={name: each.value for name, each in figures.performance.items()},
-        performance_units={name: each.unit for name, each in figures.performance.items()},
-        stability={name: each.value for name, each in figures.stability.items()},
-        stability_units={name: each.unit for name, each in figures.stability.items()},
-        not_in_model=figures.not_in_model,
-        validity=validity,
-        modes=modes,
-        levels=levels,
-        airplane=airplane or Airplane(),
-        configuration=configuration,
-        atmosphere=model.about.atmosphere,
-        reference=reference,
-        stalled=figures.stalled,
-        search=search,
-        status=str(point.status),
+        "performance": {name: each.value for name, each in figures.performance.items()},
+        "performance_units": {name: each.unit for name, each in figures.performance.items()},
+        "stability": {name: each.value for name, each in figures.stability.items()},
+        "stability_units": {name: each.unit for name, each in figures.stability.items()},
+        "not_in_model": figures.not_in_model,
+        "validity": validity,
+        "modes": modes,
+        "levels": levels,
+        "airplane": {"class": of_levels.class_, "category": of_levels.category},
+        "configuration": configuration,
+        "search": search,
+        "status": point.status,
+        "warnings": point.warnings,
+    } | given(
+        dihedral_deg=point.dihedral_deg,
+        scheduled=point.scheduled,
         doubts=model.about.doubts,
-        warnings=point.warnings,
+        atmosphere=model.about.atmosphere or None,
+        reference=reference or None,
+        stalled=figures.stalled,
     )
     lines: list[Any] = [
         _nearest_line(nearest) if not full else Table(_NEAR_COLUMNS, _nearest_rows(nearest)),
@@ -279,13 +169,13 @@ def trim_report(
     parts += [*_figure_tables(figures, full), *_validity(model, validity)]
     if modes:
         parts.append(modes_table(modes, model.time_unit, participation=full))
-        parts.append(levels_table(levels, airplane or Airplane(), stated=airplane is not None))
+        parts.append(levels_table(levels, of_levels, stated=airplane is not None))
     elif point.ok:
         parts.append(f"no modes: {point.fault}")
     controls = control_lines(point, margins, _lift_over_drag(figures))
     title = "\n".join(filter(None, [point.title, *figures.stalled, controls]))
     notes = point.warnings if full else without_lines(point.warnings)
-    report = Report(title, parts, notes, result.as_data(), point_records(point))
+    report = Report(title, parts, notes, data, point_records(point))
     described = model.trimming.describe
     return report if described is None else described(point, report)
 
