@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.model import Model
@@ -13,24 +13,11 @@ from hfa_model.declaration import check_in_range, parameters_of, variant_of
 from hfa_model.vectors import INPUTS, STATES, Input, State
 from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, four_decimals
 from hfa_support.units import si_factor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-
-@dataclass(frozen=True)
-class TrimLoads(Result):
-    """Loads of the flexible aircraft at a trim.
-
-    loads: name -> force or moment on the aircraft or one of its panels
-    load_units: name -> unit of the load
-    """
-
-    loads: Mapping[str, float]
-    load_units: Mapping[str, str]
 
 
 @checks_arguments
@@ -83,7 +70,7 @@ def with_loads(point: Any, report: Report) -> Report:
     moment = aircraft.unit("hinge_moment")
     load_units = {name: moment if name.endswith("moment") else force for name in flat}
     parts = (*report.parts, _panels(point, forces, force, moment))
-    return replace(report, parts=parts).with_data(TrimLoads(flat, load_units))
+    return replace(report, parts=parts).with_data(loads=flat, load_units=load_units)
 
 
 def _panels(point: Any, forces: Loads, force: str, moment: str) -> Table:

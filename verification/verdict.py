@@ -511,20 +511,6 @@ def checks_part(checks: Sequence[Check]) -> Part:
     return tuple(lines)
 
 
-@dataclass(frozen=True, eq=False)
-class Verdicts(Result):
-    """Verdicts on several critics of one game.
-
-    ok: True if all critics pass.
-    critics: file -> verdict of `hfa verify` on this critic alone.
-    """
-
-    schema = "hfa.critic-checks/1"
-
-    ok: bool
-    critics: Mapping[str, Any]
-
-
 def verdicts_report(
     verdicts: Mapping[str, Verdict], origin: str, limit_cost: float | None = None
 ) -> Report:
@@ -570,9 +556,10 @@ def verdicts_report(
     return Report(
         title=f"{verdict_text(ok)}: {passed} of {len(verdicts)} critics pass, on {origin}",
         parts=(*parts, Table(header, rows), tuple(reasons)),
-        data=Verdicts(
-            ok,
-            {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
-        ).as_data(),
+        data={
+            "schema": "hfa.critic-checks/1",
+            "ok": ok,
+            "critics": {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
+        },
         records=Table(header, rows),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +17,6 @@ from hfa.options.request import Request, command
 from hfa.options.trim import Trim
 from hfa_aircraft.waveform import Waveform
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.checks import Check
-from hfa_support.reporting.results import Result
 
 if TYPE_CHECKING:
     from controller.critic.training_run import TrainingRun
@@ -176,18 +174,6 @@ def learn(request: LearnRequest) -> int:
     return _show_learned(request, named, run, verify(named.game, run))
 
 
-@dataclass(frozen=True, eq=False)
-class LearnedChecks(Result):
-    """Checks of a learned critic against the exact solution, as written to files.
-
-    certificates: the checks of this comparison
-    converged: True if all checks pass
-    """
-
-    certificates: Sequence[Check]
-    converged: bool
-
-
 def _show_learned(
     request: LearnRequest,
     named: NamedGame,
@@ -197,7 +183,7 @@ def _show_learned(
     """Print and save a learned critic with its checks, and return the exit code."""
     from verification.verdict import checks_part
 
-    judged: list[Any] = [LearnedChecks(verdict.checks, verdict.ok)]
+    judged = {"certificates": verdict.checks, "converged": verdict.ok}
     report = run.report()
     parts = (
         verdict.headline(),
@@ -208,7 +194,7 @@ def _show_learned(
     title = report.title
     if not verdict.ok:
         title = f"{verdict.grade.upper()}: K is off by {100.0 * verdict.K_rel_error:.2g} %\n{title}"
-    report = replace(report, title=title, parts=parts).with_data(named, *judged)
-    whole = run.report(history=True).with_data(*judged).data
+    report = replace(report, title=title, parts=parts).with_data(named, judged)
+    whole = run.report(history=True).with_data(judged).data
     request.show(report, only_in_files=whole, notes=named.warnings)
     return 0 if verdict.ok else 1

@@ -24,7 +24,7 @@ from hfa.options.trim import OF_THE_TRIM, Trim
 from hfa_model.variants import VARIANTS
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import MATRIX_FILES
-from hfa_support.reporting.results import Matrix, Result, given
+from hfa_support.reporting.results import Result, given
 from trim.linear.linear_model import LinearModel
 
 #: Default weights for an aircraft other than the HFA, for notes and helps.
@@ -208,26 +208,6 @@ class GameGiven(Part):
 
 
 @dataclass(frozen=True, eq=False)
-class Weights(Result):
-    """Weights Q, R and N of a game, and where they come from.
-
-    Q: state weight, (n, n)
-    R: input weight, (m, m)
-    N: cross weight, (n, m), or None for 0
-    weights_from: name -> "given", "file", "design" or "default", for Q, R and delta, and N if given
-    """
-
-    Q: Matrix
-    R: Matrix
-    N: Matrix | None
-    weights_from: Mapping[str, str]
-
-    def contents(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
-        return {"Q": self.Q, "R": self.R, "weights_from": self.weights_from} | given(N=self.N)
-
-
-@dataclass(frozen=True, eq=False)
 class NamedGame(Result):
     """A game, its plant, and the sources of its weights.
 
@@ -252,10 +232,11 @@ class NamedGame(Result):
         return dict(self.plant_provenance) or None
 
     @property
-    def weights(self) -> Weights:
-        """Weights Q, R and N of the game, with their sources."""
-        N = self.game.N if self.game.N.any() else None
-        return Weights(self.game.Q, self.game.R, N, self.weights_from)
+    def weights(self) -> dict[str, Any]:
+        """Weights Q, R, and N unless it is 0, of the game, with their sources."""
+        game = self.game
+        weights = {"Q": game.Q, "R": game.R, "weights_from": self.weights_from}
+        return weights | ({"N": game.N} if game.N.any() else {})
 
     def weights_line(self) -> str:
         """Return one line of text with Q, R, delta, N unless it is 0, the source of each, and E."""

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.tracking import Tracking, loop_abscissa, tracked
+from controller.tracking import loop_abscissa, tracked
 from hfa.options.argument_types import linear_state
 from hfa.options.part import OfModel, option
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform, channel, stacked
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result
 
 if TYPE_CHECKING:
     from hfa.options.game import NamedGame
@@ -36,16 +35,6 @@ def reference_option() -> Any:
         named=True,
         rare=True,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Tracked(Result):
-    """Entry that --reference adds to a result.
-
-    tracking: the tracking of the reference
-    """
-
-    tracking: Tracking
 
 
 def with_tracking(
@@ -71,4 +60,4 @@ def with_tracking(
     tracking = tracked(named.linear, named.game, P, K, commands)
     section = tracking.report()
     parts = (*report.parts, section.title, *section.parts)
-    return replace(report, parts=parts).with_data(Tracked(tracking))
+    return replace(report, parts=parts).with_data(tracking=tracking)

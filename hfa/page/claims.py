@@ -8,14 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa.page.results import ClaimsData
 from hfa_support.errors import BadInputError, file_faults
 from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
 from verification.regeneration import Regeneration
 
-SCHEMA = ClaimsData.schema
+SCHEMA = "hfa.claims/1"
 _TONE = {"confirmed": "good", "not confirmed": "bad"}  # others are undecided
 #: The law that most claims concern, and the laws whose numbers are shown for comparison.
 _SUBJECT = "published, modified"

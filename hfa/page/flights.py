@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa.page.results import FlightsData
 from hfa_flight.envelope import limits_text
 from hfa_model import choice
 from hfa_support.errors import BadInputError, file_faults
@@ -16,6 +15,8 @@ from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, shown_unit
 
+#: Schema of best_flights.json.
+SCHEMA = "hfa.paper-flights/2"
 _STUDY = "`python -m studies.best_flights`"
 _TITLE = "Costs of nonlinear flights from the paper's x(0)"
 #: Column of the table -> key in the file.
@@ -92,7 +93,7 @@ def load_flights(path: Path) -> StoredFlights:
     with file_faults(file):
         data = read_json(file)
     try:
-        if data["schema"] != FlightsData.schema:
+        if data["schema"] != SCHEMA:
             raise ValueError(data["schema"])
         models = [
             (float(model["dihedral_deg"]), np.array(model["A"]), np.array(model["B"]))

@@ -20,7 +20,6 @@ from hfa.page.compared_with_print import printed_comparison_tables
 from hfa.page.flights import flights_section
 from hfa.page.main_job import Angle, MainJob
 from hfa.page.plots import front_view, locus_plot
-from hfa.page.results import MainJobData
 from hfa_support.errors import missing_package
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
@@ -80,15 +79,16 @@ def main_report(job: MainJob) -> Report:
             Report("Modes over the dihedral angle", (replace(swept, parts=tables),)),
             Report("The aircraft", (job.parameters.report(),)),
         ),
-        data=MainJobData(
-            ok=job.ok,
-            regeneration=regeneration.data,
-            sweep=swept.data,
-            critics=critics,
-            angles=[report.data for report in angles],
-            claims=claims.data or None,
-            flights=None if job.flights is None else job.flights.data,
-        ).as_data(),
+        data={
+            "schema": "hfa.report/1",
+            "ok": job.ok,
+            "regeneration": regeneration.data,
+            "sweep": swept.data,
+            "critics": critics,
+            "angles": [report.data for report in angles],
+            "claims": claims.data or None,
+            "flights": None if job.flights is None else job.flights.data,
+        },
     )
 
 

@@ -15,7 +15,6 @@ import json
 import os
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal, NamedTuple
@@ -25,24 +24,11 @@ import numpy as np
 from hfa_support.errors import BadInputError, missing_package, on_one_line, shown, warn
 from hfa_support.files import read_json
 from hfa_support.progress import Progress
-from hfa_support.reporting.results import Result
 from hfa_support.rows.workers import open_workers
 from hfa_support.version import VERSION
 
 #: Attributes of a store that do not belong to the job.
 _OF_ONE_RUN = ("toolchain", "provenance")
-
-
-@dataclass(frozen=True)
-class OfAStore(Result):
-    """Attributes common to all stores, in addition to those of the rows.
-
-    toolchain: version that wrote the store.
-    coordinates: arrays that are coordinates, as in the CF conventions.
-    """
-
-    toolchain: str
-    coordinates: str | None = None
 
 
 #: Name of the array of checksums, with one row for each chunk and one column for each computed
@@ -293,7 +279,7 @@ def _template(job: RowJob, provenance: Mapping[str, Any] | None) -> dict[str, An
     )
     names = np.array(job.arrays, dtype=object)
     template = job.template.assign({_CHECKSUM: checksums}).assign_coords({_CHECKED: names})
-    template = template.assign_attrs(**OfAStore(VERSION).as_data())
+    template = template.assign_attrs(toolchain=VERSION)
     if provenance is not None:
         template = template.assign_attrs(provenance=dict(provenance))
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}

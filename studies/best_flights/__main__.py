@@ -16,14 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import hfa
-from hfa.page.flights import flights_table, limits_in_words
-from hfa.page.results import FlightsData
+from hfa.page.flights import SCHEMA, flights_table, limits_in_words
 from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_optimal.best_flight import BestFlight
 from hfa_optimal.predictive import policy_of
 from hfa_optimal.search import AFTER, BestFlights
 from hfa_support.files import write_text
-from hfa_support.reporting.data_files import json_text
+from hfa_support.reporting.data_files import json_text, jsonable
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import shown_unit, shown_values
@@ -113,7 +112,7 @@ def limits_of(problem: FlightProblem) -> dict[str, list[float]]:
     return limits
 
 
-def study() -> tuple[FlightsData, list[BestFlight]]:
+def study() -> tuple[dict[str, Any], list[BestFlight]]:
     """Return the data to store and the flights, for all dihedral angles and sets of limits."""
     aircraft = hfa.aircraft()
     models = [hfa.paper.level_model(aircraft, np.radians(degrees)) for degrees in DEGREES]
@@ -130,7 +129,14 @@ def study() -> tuple[FlightsData, list[BestFlight]]:
         {"dihedral_deg": degrees, "A": linear.A, "B": linear.B}
         for degrees, linear in zip(DEGREES, models, strict=True)
     ]
-    return FlightsData(start=START, limits=within, models=stored, flights=rows), flown
+    data = {
+        "schema": SCHEMA,
+        "start": START,
+        "limits": within,
+        "models": stored,
+        "flights": rows,
+    }
+    return jsonable(data), flown
 
 
 def drawn(flights: Sequence[BestFlight]) -> Figure:
@@ -185,8 +191,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         help="default: %(default)s",
     )
     folder = parser.parse_args(argv).o
-    result, flown = study()
-    data = result.to_dict()
+    data, flown = study()
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "best_flights.json", json_text(data))
     save(drawn(flown[: len(DEGREES)]), folder / "best_flights.png")

@@ -24,12 +24,11 @@ import numpy as np
 from matplotlib.image import imread
 
 from hfa import BadInputError, NoSolutionError
-from hfa.page.claims import claims_table as shown_claims
-from hfa.page.results import ClaimsData
+from hfa.page.claims import SCHEMA, claims_table as shown_claims
 from hfa.paper import default_parameters
 from hfa_support.files import write_text
 from hfa_support.provenance import Provenance, parameter_hash
-from hfa_support.reporting.data_files import json_text
+from hfa_support.reporting.data_files import json_text, jsonable
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table
@@ -236,15 +235,19 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
         if flight["metrics"]["lost_at"] is not None
     ]
     failures = [f"{section}: {flight['name']}" for section, flight in flights if _failed(flight)]
-    return ClaimsData(
-        setting=setting.identity,
-        laws={law: text for law, text in LAWS.items() if law in used},
-        verdicts={verdict: verdicts.count(verdict) for verdict in VERDICTS},
-        lost_flights=lost,
-        own_failures=failures,
-        claims=claims,
-        experiments=[{key: result[key] for key in kept} for result in results],
-    ).to_dict()
+    table: dict[str, Any] = jsonable(
+        {
+            "schema": SCHEMA,
+            "setting": setting.identity,
+            "laws": {law: text for law, text in LAWS.items() if law in used},
+            "verdicts": {verdict: verdicts.count(verdict) for verdict in VERDICTS},
+            "lost_flights": lost,
+            "own_failures": failures,
+            "claims": claims,
+            "experiments": [{key: result[key] for key in kept} for result in results],
+        }
+    )
+    return table
 
 
 def _failed(flight: Mapping[str, Any]) -> bool:

@@ -27,11 +27,11 @@ from hfa_support.errors import BadInputError
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Matrix, Result
+from hfa_support.reporting.results import ByValue, Result
 from hfa_support.reporting.text import Table, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
-from trim.hfa.other_dynamics import ModeDifference, differences_table, mode_differences
+from trim.hfa.other_dynamics import differences_table, mode_differences
 from trim.linear.linear_model import LinearModel, matrices
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
@@ -97,29 +97,6 @@ class EntryRow(Result):
             "percent": self.percent,
             "name": self.name,
         }
-
-
-@dataclass(frozen=True, eq=False)
-class OfTheHfa(Result):
-    """Data of a linear model that only the paper's aircraft has.
-
-    A_band: (n, n) two standard errors of each entry of A from the rounding of the printed matrices
-    B_band: (n, m) two standard errors of each entry of B
-    other_dynamics: dynamics with which the model is compared: newton for a published model,
-        published for a newton model
-    A_difference: (n, n) A with the other dynamics at the same condition minus A
-    B_difference: (n, m) B with the other dynamics at the same condition minus B
-    mode_differences: modes of both dynamics and their differences in percent
-    printed: A and B of the paper, if the trim is one of the paper's
-    """
-
-    A_band: Matrix | None = None
-    B_band: Matrix | None = None
-    other_dynamics: str | None = None
-    A_difference: Matrix | None = None
-    B_difference: Matrix | None = None
-    mode_differences: Sequence[ModeDifference] | None = None
-    printed: Mapping[str, Matrix] | None = None
 
 
 @checks_arguments
@@ -206,9 +183,8 @@ def with_printed_matrices(report: Report, model: LinearModel, published: Publish
 
     published: the printed pair (A, B)
     """
-    printed = OfTheHfa(printed={"A": published.A, "B": published.B})
     beside = replace(report, parts=(*report.parts, comparison_table(model, published)))
-    return beside.with_data(printed)
+    return beside.with_data(printed={"A": published.A, "B": published.B})
 
 
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
@@ -300,22 +276,21 @@ def with_bands(
     tables = len(matrices(model))
     sentence = _trust_in(bands, model, other)
     parts = (*report.parts[:tables], sentence, *report.parts[tables:])
-    found = OfTheHfa()
+    found: dict[str, Any] = {}
     by_matrix: dict[str, np.ndarray] = {}
     if bands is not None:
         by_matrix = {"A": bands.A, "B": bands.B}
-        found = replace(found, A_band=bands.A, B_band=bands.B)
+        found = {"A_band": bands.A, "B_band": bands.B}
     if other is not None:
         differences = mode_differences(model.modes, other.modes)
         own_name, name = model.point.dynamics, other.point.dynamics
         parts = (*parts, differences_table(own_name, name, differences))
-        found = replace(
-            found,
-            other_dynamics=name,
-            A_difference=other.A - model.A,
-            B_difference=other.B - model.B,
-            mode_differences=differences,
-        )
+        found |= {
+            "other_dynamics": name,
+            "A_difference": other.A - model.A,
+            "B_difference": other.B - model.B,
+            "mode_differences": differences,
+        }
     rows = []
     for row in report.records.rows:
         matrix, row_name, column = row[:3]

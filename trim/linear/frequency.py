@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +11,6 @@ from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.modes import spectrum
 from trim.linear.transfer import ROUNDING, StateSpace, System, Transfer, gain_and_roots
@@ -24,18 +22,6 @@ if TYPE_CHECKING:
 _MOST_PANELS = 6
 #: Eigenvalues below this fraction of the largest count as zero, and are not modes to draw.
 _STILL = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Responses(Result):
-    """Transfer functions from the inputs of a linear model to its outputs.
-
-    zeros: transmission zeros, 1/s, with --bode
-    transfers: transfer function from each input to each output, with --bode
-    """
-
-    zeros: Roots
-    transfers: Sequence[Transfer]
 
 
 @checks_arguments
@@ -157,9 +143,9 @@ def with_transfers(report: Report, system: System) -> Report:
 
     Transfer functions that are 0 are omitted from the table.
     """
-    responses = Responses(system.zeros(), transfers(system))
+    zeros, functions = system.zeros(), transfers(system)
     rows = []
-    for transfer in responses.transfers:
+    for transfer in functions:
         if transfer.gain:
             rows.append(
                 (
@@ -172,11 +158,11 @@ def with_transfers(report: Report, system: System) -> Report:
             )
     sentence = (
         f"Transmission zeros from {', '.join(system.inputs)} to {', '.join(system.outputs)}, 1/s: "
-        f"{_pairs_text(responses.zeros)}"
+        f"{_pairs_text(zeros)}"
     )
     table = Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
     report = replace(report, parts=(*report.parts, sentence, table))
-    return report.with_data(responses)
+    return report.with_data(zeros=zeros, transfers=functions)
 
 
 def _pairs_text(roots: np.ndarray) -> str:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_aircraft.model import recognized
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from trim.linear.linear_model import LinearModel
 from trim.point.performance import Quantity, pull_up
@@ -21,17 +20,6 @@ if TYPE_CHECKING:
 
 #: Names that models give to oscillating modes.
 _OSCILLATING = ("short period", "phugoid", "dutch roll")
-
-
-@dataclass(frozen=True)
-class Qualities(Result):
-    """Handling qualities of a linear model.
-
-    handling_qualities: name -> short period, phugoid, n/alpha, CAP and lateral modes, if the model
-        declares them
-    """
-
-    handling_qualities: Mapping[str, Quantity]
 
 
 def handling_qualities(point: OperatingPoint) -> list[Quantity]:
@@ -80,8 +68,9 @@ def with_qualities(report: Report, point: OperatingPoint, states: Sequence[str])
     whole = point.model.linear
     of_all = f", all {len(whole)} states" * (len(states) < len(whole))
     table = Table((f"handling qualities{of_all}", "value", "unit"), rows)
-    found = Qualities(dict(quantities))
-    return replace(report, parts=(*report.parts, table)).with_data(found)
+    return replace(report, parts=(*report.parts, table)).with_data(
+        handling_qualities=dict(quantities)
+    )
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
