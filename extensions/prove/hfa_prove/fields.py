@@ -184,16 +184,11 @@ class Fields:
     def array(self, name: str, *shape: int | None) -> np.ndarray:
         """Return an entry of nested lists of finite numbers as an array.
 
-        shape: length of each level of lists, or None for any length
+        shape: length of each level of lists, or None alone for a list of any length
         """
-        entries = self.value(name)
-        numbers = _walked(self._called(name), entries, list(shape))
-        try:
-            values = np.array(numbers, dtype=float)
-        except ValueError as error:  # rows of any length that differ
-            raise Malformed(f"{self._called(name)} has rows of different lengths") from error
-        sides = [length for length in shape if length is not None]
-        return values.reshape(sides) if len(sides) == len(shape) else values
+        values = np.array(_walked(self._called(name), self.value(name), list(shape)), dtype=float)
+        sides = [len(values) if length is None else length for length in shape]
+        return values.reshape(sides)
 
     def symmetric(self, name: str, n: int) -> np.ndarray:
         """Return an entry that is a matrix (n, n) equal to its transpose."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, arb_mat
 
-from hfa_prove.enclosure.ball_function import BallFunction, Undecided
+from hfa_prove.enclosure.ball_function import BallFunction
 from hfa_prove.enclosure.balls import exact, hull, matrix, norm
 from hfa_prove.enclosure.slopes import Intervals, jacobian
 from hfa_prove.fields import Rejected
@@ -51,7 +51,7 @@ def equilibrium_near(
     x: first values of the variables, (k,), of which the others than the unknowns are kept
     solved: indices of the unknowns, as many as there are states, or None for all variables
 
-    Raises Rejected if no equilibrium is proved.
+    Raises Rejected if no equilibrium is proved, or Undecided if a comparison is not decided at it.
     """
     program = plant.program
     point = np.array(x, dtype=float)
@@ -68,12 +68,8 @@ def equilibrium_near(
             break
         point[unknown] -= step
     exact_point = [exact(value) for value in point.tolist()]
-    try:
-        (rates,) = BallFunction(plant.rate_function, plant.model.name)(exact_point)
-        column = arb_mat([[rate] for rate in rates])
-    except Undecided:  # a comparison at a kink
-        in_doubles = jacobian(program, Intervals(point, still)).values
-        column = hull(in_doubles.low[:, None], in_doubles.high[:, None])
+    (rates,) = BallFunction(plant.rate_function, plant.model.name)(exact_point)
+    column = arb_mat([[rate] for rate in rates])
     sizes = np.abs(point) + plant.nominal[: len(point)]
     radius = np.zeros_like(point)
     radius[unknown] = 2.0 * np.abs(step) + 1e-14 * sizes[unknown]

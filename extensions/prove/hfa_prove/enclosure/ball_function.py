@@ -34,28 +34,19 @@ class BallFunction:
     """
 
     def __init__(self, function: ca.Function, name: str = "") -> None:
-        self._name = name or function.name()
-        self._reading = Reading(function, Balls(), self._name)
+        self._reading = Reading(function, Balls(), name or function.name())
 
     def __call__(self, *arguments: Sequence[Any]) -> list[list[Any]]:
         """Return the outputs, each as a list of its nonzeros in CasADi's order (column by column).
 
         arguments: nonzeros of each input, in CasADi's order
 
-        Raises Undecided if a division, a root or a comparison is not decided on the box. Raises
-        ValueError if an argument has the wrong number of entries.
+        A value that is not defined on the whole box is nan, for which no comparison is true.
+
+        Raises Undecided if a comparison is not decided on the box. Raises ValueError if an argument
+        has the wrong number of entries.
         """
-        if [len(argument) for argument in arguments] != self._reading.inputs:
-            raise ValueError(
-                f"the arguments of {self._name} must have {self._reading.inputs} entries"
-            )
-        try:
-            return self._reading(*arguments)
-        except (ValueError, ZeroDivisionError) as error:
-            # A divisor or a root may be 0 on this box.
-            raise Undecided(
-                f"{self._name} is not proved to be defined on the whole box ({error})"
-            ) from error
+        return self._reading(*arguments)
 
 
 def _method(name: str) -> Callable[[Any, Any], Any]:

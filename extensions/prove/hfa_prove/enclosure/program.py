@@ -598,13 +598,10 @@ class _Rows(Arithmetic):
     def node(self, kind: Kind, *rows: Row) -> Row:
         """Return the affine row of a node with the given kind and arguments.
 
-        If the argument is the constant 0 and the function of 0 is 0, the row is empty. A node with
-        the same kind and arguments is reused.
+        A node with the same kind and arguments is reused.
 
         Raises BadInputError if there are more than `MOST_NODES` nodes.
         """
-        if not rows[0] and kind in ("sin", "tanh", "atan", "relu", "sqrt"):
-            return {}
         key = (kind, *map(_key, rows))
         if key not in self._known:
             if len(self.nodes) == MOST_NODES:
