@@ -366,6 +366,25 @@ def test_a_matrix_is_definite_for_all_of_its_factors(
         assert H.is_definite(left, right) == is_definite
 
 
+def test_products_of_matrices_contain_those_of_all_members() -> None:
+    """For entries that are all positive, left' H right is highest where all parts are largest."""
+    rng = np.random.default_rng(10)
+    for case in range(40):
+        c, radius = rng.uniform(size=(3, 3, 6)), rng.uniform(size=(3, 3))
+        C = rng.uniform(size=(2, 2))
+        left, right = (
+            Factor(*rng.uniform([[[0.0]]], [[[1.0]], [[0.01]]], (2, 3, 2))) for _ in "lr"
+        )
+        for part, noughts in enumerate((radius, left.error, right.error)):
+            noughts *= (case >> part) & 1
+        L, R = ((each.value + each.error) @ C for each in (left, right))
+        most = L.T @ (c.sum(axis=2) + radius) @ R
+        up, down = (ModelMatrix(sign * c, radius, 2)._products(left, right, C) for sign in (1, -1))
+        assert np.all(most <= up.high)
+        assert np.all(up.high <= most * 1.05)
+        assert np.all(-most >= down.low)
+
+
 def test_no_matrix_is_definite_by_rounding() -> None:
     """A matrix with an eigenvalue of 0 within rounding is definite only if it is so exactly."""
     rng = np.random.default_rng(9)

@@ -237,6 +237,34 @@ def test_the_loop_is_enclosed_at_every_point_of_a_piece() -> None:
         assert float(ball.rad()) < 0.01
 
 
+def test_trims_and_loop_of_two_unknowns_are_enclosed() -> None:
+    """For u² + v / 2 = p and v = 0.3 u p, the trims and the loop contain those of the closed form."""
+    inputs = {name: Signal("1", 1.0, -9.0, 9.0) for name in "uv"}
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rate_a = u.u**2 + 0.5 * u.v - p.p - x.a * u.u + x.b * u.v**2
+        return {"a": rate_a, "b": u.v - 0.3 * u.u * p.p - x.b * u.v - x.a * u.u * u.v}, {}
+
+    model = Model(
+        "two", {"a": Signal(), "b": Signal()}, inputs, equations,
+        parameters={"p": Signal(start=1.0)}, schedule="p", trim={"a": 0.0, "b": 0.0},
+    )  # fmt: skip
+    gains = Gains(np.array([1.0]), np.zeros((1, 2, 2)))
+    statement = ScheduleStatement(Family(model).flight(1.0, 1.1), gains, 0.1)
+    proof = ScheduleProof(statement, ScheduleWitness(10**4, np.zeros(0), np.zeros((0, 2, 2))))
+    trims = proof.flight.trims(1.0, 1.1, np.array([0.93, 0.29]))
+    loop = proof.loop(trims)
+    for s in (1.0, 1.02, 1.05, 1.1):
+        p = arb(s)
+        u = (-arb("0.15") * p + (arb("0.0225") * p * p + 4 * p).sqrt()) / 2
+        v = arb("0.3") * u * p
+        found = loop.at(p - trims.middle).entries()
+        exact = (-u, v * v, -u * v, -v)
+        for ball, value in zip((*trims.at(s, trims.offset), *found), (u, v, *exact), strict=True):
+            assert ball.overlaps(value)
+            assert float(ball.rad()) < 2e-3
+
+
 def test_a_jump_to_another_branch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search that continues on the branch u = -√p above p = 0.75 is refused."""
     whole = SteadyFlight.estimate
@@ -422,6 +450,12 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "depth below its limit": (_put([1.5, 9.0], *_FLIGHT, "limits", "depth"), "depth beyond"),
     "another first trim": (_put(1.1, *_FLIGHT, "first", "lift"), "differs from the stated"),
     "another depth": (_put(2.0, *_FLIGHT, "imposed", "depth"), "differs from the stated"),
+    "depth free": (
+        lambda content: content["statement"]["flight"].update(
+            imposed={"heave": 0.0}, first={"depth": 1.0, "lift": 1.0}
+        ),
+        "as many trim equations",
+    ),
     "a moving trim": (_put(0.1, *_FLIGHT, "imposed", "heave"), "no values of the free"),
     "an indefinite P": (_put([[[1.0, 0.0], [0.0, -1.0]]], "witness", "P"), "positive definite"),
     "a singular P": (_put([[[1.0, 1.0], [1.0, 1.0]]], "witness", "P"), "positive definite"),
@@ -464,6 +498,18 @@ def test_each_clause_refuses_its_forgery(name: str, content: Content) -> None:
     change(made)
     with pytest.raises((NoSolutionError, BadInputError), match=message):
         checked(made)
+
+
+def test_distances_of_trims_are_measured_in_nominal_values(content: Content) -> None:
+    """A first lift that is 2e-7 N off is refused for a nominal lift of 0.01 N."""
+    inputs = {"lift": Signal("N", 0.01, -9.0, 4.0)}
+    for off, is_proved in ((2e-9, True), (2e-7, False), (-2e-7, False)):
+        made = copy.deepcopy(content)
+        made["statement"]["flight"]["model"]["nominal"][2] = 0.01
+        made["statement"]["flight"]["first"]["lift"] += off
+        claim = read_content(made, Subject(replace(FLOAT, inputs=inputs)))
+        with nullcontext() if is_proved else pytest.raises(NoSolutionError, match="first trim"):
+            assert check_schedule(*claim) > 0
 
 
 #: Path of an entry, and values of another type, number or range than its own.
