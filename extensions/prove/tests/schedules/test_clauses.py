@@ -363,20 +363,37 @@ def test_a_loop_that_switches_on_a_piece_is_refused(growth: float, is_proved: bo
 
 
 @pytest.mark.parametrize(
-    ("weights", "is_proved"), [((1.0, 1.0), True), ((9.0, 1.0), False), ((1.0, 1.0, 9.0), False)]
+    ("ends", "weights", "is_proved"),
+    [
+        ((0.0, 2.0), (1.0, 1.0), True),
+        ((0.0, 2.0), (9.0, 1.0), False),
+        ((0.0, 2.0), (1.0, 1.0, 9.0), False),
+        ((0.0, 2.0), (9.0, 1.0, 1.0), False),
+        ((0.0, 0.5), (9.5, 1.0), True),
+        ((0.0, 0.5), (10.2, 1.0), False),
+        ((0.0, 0.5), (1.0, 2.5), True),
+        ((0.0, 0.5), (1.0, 2.7), False),
+        ((-0.5, 0.0), (2.5, 1.0), True),
+        ((-0.5, 0.0), (2.7, 1.0), False),
+    ],
 )
 def test_v_decreases_between_the_ends_and_breakpoints(
-    weights: tuple[float, ...], is_proved: bool
+    ends: tuple[float, float], weights: tuple[float, ...], is_proved: bool
 ) -> None:
-    """V = a² + p b², p linear between `weights`, under x' = -x + 4 s J x, J a quarter turn.
+    """V = a² + p b², p linear between `weights`, under x' = -x + 4 s J x, J a quarter turn,
+    decreases at rest where p > 4 s² (p - 1)².
 
-    For p from 9 to 1, V decreases at s = 0 (C = -I) and at s = 2 (p = 1), but not at s = 1 (p = 5).
+    From 9 to 1 it fails at s = 1 (p = 5), from 10.2 to 1 between 0.28 and 0.33 alone, and from 1 to
+    2.7 at the end alone.
     """
     turn = planar(lambda s: ((-1.0, -4.0 * s), (4.0 * s, -1.0)))
-    end = math.degrees(2.0)
-    statement = ScheduleStatement(turn.flight(0.0, end), NO_GAIN, 0.9, 0.1)
+    low, high = map(math.degrees, ends)
+    statement = ScheduleStatement(turn.flight(low, high), NO_GAIN, 0.9, 0.1)
     P = np.array([np.diag([1.0, weight]) for weight in weights])
-    witness = ScheduleWitness(10**3, np.linspace(0.0, end, len(weights)), P)
+    witness = ScheduleWitness(10**3, np.linspace(low, high, len(weights)), P)
+    places = np.linspace(*ends, 1001)
+    p = np.interp(places, np.linspace(*ends, len(weights)), weights)
+    assert bool(np.all(p > 4.0 * places**2 * (p - 1.0) ** 2)) == is_proved
     if is_proved:
         assert check_schedule(statement, witness) > 0
         return
