@@ -517,6 +517,18 @@ def test_each_clause_refuses_its_forgery(name: str, content: Content) -> None:
         checked(made)
 
 
+@pytest.mark.parametrize(("high", "is_proved"), [(1.51, True), (1.49, False)])
+def test_an_output_may_be_imposed(high: float, is_proved: bool, content: Content) -> None:
+    """With the load imposed as 0.5, the lift rises from 1 to 0.5 + 0.5 · 2 = 1.5 N."""
+    made = copy.deepcopy(content)
+    flight = made["statement"]["flight"]
+    flight["imposed"] = {"heave": 0.0, "load": 0.5}
+    flight["first"] = {"depth": 1.0, "lift": 1.0}
+    flight["limits"]["lift"] = [-9.0, high]
+    with nullcontext() if is_proved else pytest.raises(NoSolutionError, match="lift is not proved"):
+        assert checked(made) > 0
+
+
 def test_distances_of_trims_are_measured_in_nominal_values(content: Content) -> None:
     """A first lift that is 2e-7 N off is refused for a nominal lift of 0.01 N."""
     inputs = {"lift": Signal("N", 0.01, -9.0, 4.0)}
