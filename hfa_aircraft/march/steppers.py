@@ -10,9 +10,8 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from hfa_support.native.bound import BoundFunction, RowFunction
+from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
-from hfa_support.native.row_code import row_code
 
 
 def rk4(rate: Callable[[Any, float], Any], x: Any, h: Any) -> Any:
@@ -60,7 +59,7 @@ class Stepper(Protocol):
         """Return the values observed at a time, (N, k)."""
 
 
-class _OneFlight:
+class OneFlight:
     """Stepper of one flight by one compiled function of all steps in a tick."""
 
     def __init__(
@@ -98,47 +97,7 @@ class _OneFlight:
         return np.array(self._observed(time, state[0], held[0])).reshape(1, -1)
 
 
-class RungeKutta(_OneFlight):
-    """Stepper of one flight by the classical Runge-Kutta method.
-
-    rate: (t, x, held) -> x'
-    observed: (t, x, held) -> observed values, (k,)
-    parts: number of substeps in a step
-    is_long: whether compilation to machine code saves time
-    """
-
-    def __init__(
-        self,
-        rate: ca.Function,
-        observed: ca.Function,
-        step: float,
-        steps: int,
-        *,
-        parts: int = 1,
-        is_long: bool = False,
-    ) -> None:
-        one = _step(rate, observed, step, parts)
-        super().__init__(one, observed, step, steps, is_long=is_long)
-        self._rate = rate
-        self._parts = parts
-
-    def over(self, time: float, state: np.ndarray, held: np.ndarray, seconds: float) -> np.ndarray:
-        """Return the state (1, n) after a part of a step, at which held inputs change.
-
-        seconds: duration of the part, s
-        """
-        h = seconds / self._parts
-        x = ca.DM(state[0])
-        for part in range(self._parts):
-
-            def rate(y: Any, c: float, t: float = time + part * h) -> Any:
-                return self._rate(t + c * h, y, held[0])
-
-            x = rk4(rate, x, h)
-        return np.array(x).reshape(1, -1)
-
-
-class Recurrence(_OneFlight):
+class Recurrence(OneFlight):
     """Stepper of one flight x⁺ = F(x) in discrete time. Nothing is observed, and nothing held.
 
     after: x -> x⁺
@@ -216,32 +175,6 @@ class Adaptive:
         return rates
 
 
-class Ticks:
-    """Stepper of many flights by one compiled function, of which a tick is one step.
-
-    after: (state, held) -> state at the end of the tick
-    is_long: whether compilation to machine code saves time
-    """
-
-    steps = 1
-
-    def __init__(self, after: ca.Function, step: float, *, is_long: bool = False) -> None:
-        self.step = step
-        self.sizes = after.numel_out(0), 0
-        self._after = row_code(after) if is_long else RowFunction(after)
-
-    def __call__(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states at the end of the tick, (N, 1, n). Nothing else is observed."""
-        (after,) = self._after(state, held)
-        return after[:, None], self.observed(time, state, held)[:, None]
-
-    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return an array (N, 0)."""
-        return np.empty((len(state), 0))
-
-
 class RowSteps:
     """Stepper of many flights x' = f(x, held) by Runge-Kutta steps, in NumPy.
 
@@ -275,23 +208,3 @@ class RowSteps:
     def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Return an array (N, 0)."""
         return np.empty((len(state), 0))
-
-
-def _step(rate: ca.Function, observed: ca.Function, step: float, parts: int) -> ca.Function:
-    """Return the function ([t; x], held) -> ([t; x] after a step, values observed before it)."""
-    begin = ca.SX.sym("begin", 1 + rate.numel_in(1))
-    held = ca.SX.sym("held", rate.numel_in(2))
-    time, state = begin[0], begin[1:]
-    part = step / parts
-    later = rk4(lambda x, c: rate(time + c * part, x, held), state, part)
-    end = ca.densify(ca.vertcat(time + part, later))
-    if parts == 1:
-        seen = ca.densify(observed(time, state, held))
-        return ca.Function("step", [begin, held], [end, seen], {"cse": True})
-    # `fold` repeats a function of a single column, which therefore carries the held inputs.
-    carried = ca.vertcat(begin, held)
-    one_part = ca.Function("part", [carried], [ca.vertcat(end, held)], {"cse": True})
-    first = ca.MX.sym("first", begin.numel())
-    inputs = ca.MX.sym("held", held.numel())
-    last = one_part.fold(parts)(ca.vertcat(first, inputs))[: begin.numel()]
-    return ca.Function("step", [first, inputs], [last, observed(first[0], first[1:], inputs)])

@@ -12,12 +12,13 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.march.march import History, march
-from hfa_aircraft.march.steppers import RungeKutta, Stepper
+from hfa_aircraft.march.steppers import Stepper
 from hfa_flight.actuators import LONGEST_STEP
 from hfa_flight.air.names import ALPHA
 from hfa_flight.closed_loop import ClosedLoop
 from hfa_flight.history import Deviations
 from hfa_flight.policies.policy import SAME_TIME, Policy
+from hfa_flight.runge_kutta import RungeKutta
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.native.bound import BoundFunction

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.network.row_network import RowNetwork
-from hfa_aircraft.march.steppers import Stepper, Ticks
+from hfa_aircraft.march.steppers import Stepper
 from hfa_flight.held_step import held_step
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
@@ -36,6 +36,32 @@ WINDOW = 1.0
 _WHOLE = 1e-9
 #: Largest number of stored values of the flights that one thread simulates together.
 _STORED = 10_000_000
+
+
+class Ticks:
+    """Stepper of many flights by one compiled function, of which a tick is one step.
+
+    after: (state, held) -> state at the end of the tick
+    is_long: whether compilation to machine code saves time
+    """
+
+    steps = 1
+
+    def __init__(self, after: ca.Function, step: float, *, is_long: bool = False) -> None:
+        self.step = step
+        self.sizes = after.numel_out(0), 0
+        self._after = row_code(after) if is_long else RowFunction(after)
+
+    def __call__(
+        self, time: float, state: np.ndarray, held: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states at the end of the tick, (N, 1, n). Nothing else is observed."""
+        (after,) = self._after(state, held)
+        return after[:, None], self.observed(time, state, held)[:, None]
+
+    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return an array (N, 0)."""
+        return np.empty((len(state), 0))
 
 
 @dataclass(frozen=True, eq=False)

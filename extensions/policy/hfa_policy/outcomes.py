@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.march.ending import (
-    BALL,
-    PATIENCE,
-    STILL,
-    Endings,
-    Motion,
-    Outcome,
-    Patience,
-    settled,
-)
+from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.march.march import History, Loop, march
 from hfa_flight.envelope import Departure, departure, flight_envelope
 from hfa_flight.history import Deviations
 from hfa_flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_flight.policies.deployment.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
+from hfa_policy.endings import (
+    BALL,
+    PATIENCE,
+    STILL,
+    Endings,
+    Motion,
+    Patience,
+    settled,
+)
 from hfa_policy.flights import CompiledSamples, SampledFlight, SampledRows, in_threads
 from hfa_policy.reach import HORIZON, Reach
 from hfa_support.errors import BadInputError
