@@ -159,7 +159,7 @@ def _model(builder: ca.DaeBuilder, title: str, source: Source) -> Model:
     places = [builder.y().index(name) for name in outputs]
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        columns = [ca.vertcat(ca.SX(0, 1), *vector) for vector in (x, u, p)]
+        columns = [ca.vertcat(ca.DM(0, 1), *vector) for vector in (x, u, p)]  # DM of numbers
         rates, seen = function(*columns)
         return (
             dict(zip(signals[0], ca.vertsplit(rates), strict=True)),

@@ -134,16 +134,18 @@ def test_wrong_derivatives_of_an_fmu_are_doubted() -> None:
 
 
 def test_the_exported_aircraft_is_the_aircraft() -> None:
-    """Trim, A and B of the FMU that `hfa export` writes are those of the flexible aircraft."""
+    """Trim, outputs, A and B of the FMU that `hfa export` writes are those of the aircraft."""
     assert run("export", "--dihedral", "10", "-o", "aircraft.fmu").code == 0
     aircraft = hfa.aircraft()
     of_model = hfa.trim(aircraft, dihedral=math.radians(10.0))
-    held = {name: of_model[name] for name in ("speed", "alpha", "altitude", "dihedral")}
+    held = {name: of_model[name] for name in ("speed", "gamma", "altitude", "dihedral")}
     held["aileron_center"] = of_model["aileron_center"]
     model = hfa.load_model("aircraft.fmu")
     free = ["throttle", "aileron_outer", "elevator_center", "elevator_outer"]
     of_fmu = hfa.trim(model, hold=held, free=free)
-    for name in (*aircraft.states, *aircraft.inputs):
+    assert list(model.outputs) == list(aircraft.outputs)
+    for name in of_model:
+        assert model.unit(name) == aircraft.unit(name)
         assert of_fmu[name] == pytest.approx(of_model[name], rel=1e-9, abs=1e-9), name
     ours, theirs = of_model.linearize(), of_fmu.linearize()
     rows = [theirs.states.index(name) for name in ours.states]

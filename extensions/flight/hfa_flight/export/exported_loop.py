@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.actuators import ActuatorBank
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
@@ -120,10 +121,11 @@ def following_a_reference(model: Model, policy: Policy) -> Steering:
 
 @dataclass(frozen=True, eq=False)
 class ExportedLoop:
-    """Loop y' = f(y, v) in absolute values, with the inputs u = g(y, v) of the aircraft.
+    """Loop y' = f(y, v) in absolute values, with the outputs h(y, v).
 
-    function: (y, v) -> (f, g). g is empty if u is part of v
-    states, outputs, inputs: channels of y, u and v
+    function: (y, v) -> (f, h)
+    states, outputs, inputs: channels of y, h and v. The outputs are the inputs of the aircraft that
+        a policy sets, then the outputs of the model
     flown: number of aircraft states. They are the first of `states`
     longest_step: largest Runge-Kutta step, s
     """
@@ -164,18 +166,21 @@ def exported_loop(
     offsets = np.zeros(Y.numel())
     offsets[: len(point.states)] = point.states
     now = loop.at(t, Y - ca.DM(offsets), ca.SX(ca.DM(values)))
-    U = ca.SX(0, 1)
-    outputs: list[Channel] = []
+    U = now.inputs + ca.DM(point.u)
+    X = ca.vertsplit(Y[: len(point.states)])
+    vectors = X, components(U), model.p.tolist()
+    _, h = model.layout.expressions(vectors, tuple(model.outputs), components(w))
+    outputs = [Channel(name, signal.unit) for name, signal in model.outputs.items()]
     if steering.sets_inputs:
-        U = ca.densify(now.inputs + ca.DM(point.u))
-        outputs = _channels(model, model.inputs, point.inputs)
+        h = ca.vertcat(U, h)
+        outputs = [*_channels(model, model.inputs, point.inputs), *outputs]
     rates = ca.densify(ca.vertcat(now.rate, steering.filtered_rate))
     arguments = [ca.vertcat(Y, steering.filtered), ca.vertcat(w, steering.v)]
     states = _channels(model, model.states, point.states, rates=True)
     states += _actuator_channels(model, actuators) + list(steering.states)
     winds = [Channel(name, model.unit(name)) for name in model.disturbances]
     return ExportedLoop(
-        function=ca.Function("loop", arguments, [rates, U], {"cse": True}),
+        function=ca.Function("loop", arguments, [rates, ca.densify(h)], {"cse": True}),
         states=tuple(states),
         outputs=tuple(outputs),
         inputs=(*winds, *steering.arguments),

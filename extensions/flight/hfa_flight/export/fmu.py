@@ -119,8 +119,8 @@ def _heading(origin: Provenance) -> str:
 def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
     """Return the text of modelDescription.xml.
 
-    The variables are the states, the rates of the states, the inputs that a policy sets, and the
-    inputs of the loop. The outputs are the aircraft states and the inputs that a policy sets.
+    The variables are the states, their rates, the outputs of the loop, and its inputs. The outputs
+    of the FMU are the aircraft states and the outputs of the loop.
 
     origin: provenance
     guid: identifier of the FMU
