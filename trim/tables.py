@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import missing_package
 from hfa_support.reporting.figure import pyplot_figure
-from hfa_support.reporting.text import shown_unit, shown_values
+from hfa_support.reporting.text import beside_unit, shown_values
 
 if TYPE_CHECKING:
     import xarray
@@ -54,12 +54,7 @@ def draw_curves(
         shown = shown_values(values, unit)
         for line in lines:
             panel.plot(places[line], shown[line])
-        panel.set_ylabel(_label(name, unit))
+        panel.set_ylabel(beside_unit(name, unit, ", "))
         panel.grid(alpha=0.3)
-    panel.set_xlabel(_label(x, x_unit))
+    panel.set_xlabel(beside_unit(x, x_unit, ", "))
     return np.ravel(axes)
-
-
-def _label(name: str, unit: str) -> str:
-    """Return the label of an axis: the name with its unit, or the name alone if the unit is 1."""
-    return name if unit == "1" else f"{name}, {shown_unit(unit)}"

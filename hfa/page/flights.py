@@ -13,7 +13,7 @@ from hfa_model import choice
 from hfa_support.errors import BadInputError, file_faults
 from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Cell, Table, shown_unit
+from hfa_support.reporting.text import Cell, Table, beside_unit
 
 #: Schema of best_flights.json.
 SCHEMA = "hfa.paper-flights/2"
@@ -155,5 +155,4 @@ def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
 
 def _limit(name: str, lowest: float, highest: float) -> str:
     unit = choice.aircraft().unit(name)
-    text = f"{name} {limits_text(lowest, highest, unit)}"
-    return text if unit == "1" else f"{text} {shown_unit(unit)}"
+    return beside_unit(f"{name} {limits_text(lowest, highest, unit)}", unit)

@@ -170,6 +170,11 @@ def shown_unit(unit: str) -> str:
     return unit.replace("rad", "deg") if unit.startswith("rad") else unit
 
 
+def beside_unit(text: str, unit: str, between: str = " ") -> str:
+    """Return a text followed by the unit that reports print, or the text alone if the unit is 1."""
+    return text if unit in ("", "1") else f"{text}{between}{shown_unit(unit)}"
+
+
 def shown_values(values: Any, unit: str) -> Any:
     """Return a number or an array in the unit that reports print (`shown_unit`)."""
     return np.degrees(values) if unit.startswith("rad") else values
@@ -189,7 +194,7 @@ def with_unit(value: float, unit: str) -> str:
     An angle in radians above a full turn may have been meant in degrees. Such an angle is therefore
     also printed in radians: "859.437 deg (15 rad)".
     """
-    text = f"{shown_value(value, unit)} {shown_unit(unit)}".removesuffix(" 1")
+    text = beside_unit(shown_value(value, unit), unit)
     is_large = unit == "rad" and abs(value) > 2.0 * math.pi
     return f"{text} ({value:g} rad)" if is_large else text
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.model import recognized
-from hfa_support.reporting.text import Table, digits, shown_unit, shown_value
+from hfa_support.reporting.text import Table, beside_unit, digits, shown_unit, shown_value
 from hfa_support.units import conversion, si_factor, si_unit
 from trim.point.performance import Quantity
 
@@ -135,9 +135,9 @@ def reference_line(point: OperatingPoint, compared: Mapping[str, Mapping[str, An
         if abs(apart) <= _SAME * max(abs(here), 1.0):
             same.append(name)
             continue
-        shown = "" if unit == "1" else f" {shown_unit(unit)}"
+        shown = beside_unit(digits(here, 4), unit)
         side = "above" if apart > 0.0 else "below"
-        words.append(f"{name} {digits(here, 4)}{shown}, {digits(abs(apart), 4)} {side} the table's")
+        words.append(f"{name} {shown}, {digits(abs(apart), 4)} {side} the table's")
     if same:
         words.append(f"{', '.join(same)} as in the table")
     return f"condition of the derivatives: {'; '.join(words)}" if words else ""

@@ -79,7 +79,7 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
     for row, residual in by_size:
         if abs(residual) > least:
             unit = model.rate_unit(row.name) if row.is_rate else model.unit(row.name)
-            words.append(f"{row.name} by {residual * row.scale:.3g} {unit}")
+            words.append(f"{row.name} by {residual * row.scale:.3g} {unit}".removesuffix(" 1"))
     return words
 
 

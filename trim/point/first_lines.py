@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from hfa_aircraft.model import Model, recognized
-from hfa_support.reporting.text import ROUNDING, WIDTH, digits, shown_unit, shown_value, wrapped
+from hfa_support.reporting.text import ROUNDING, WIDTH, beside_unit, digits, shown_value, wrapped
 
 if TYPE_CHECKING:
     from trim.linear.modes import Mode
@@ -123,9 +123,8 @@ def _named(point: OperatingPoint, name: str) -> str:
 
 def _number(model: Model, name: str, value: float) -> str:
     """Return a value with its unit as text, "40,000 ft"."""
-    unit = shown_unit(model.unit(name))
-    text = digits(float(shown_value(value, model.unit(name), ".12g")), 5)
-    return text if unit == "1" else f"{text} {unit}"
+    unit = model.unit(name)
+    return beside_unit(digits(float(shown_value(value, unit, ".12g")), 5), unit)
 
 
 def control_lines(
@@ -151,7 +150,7 @@ def control_lines(
 
 def _short(model: Model, name: str, value: float) -> str:
     unit = model.unit(name)
-    return f"{digits(float(shown_value(value, unit, '.12g')))} {shown_unit(unit)}"
+    return beside_unit(digits(float(shown_value(value, unit, ".12g"))), unit)
 
 
 def _of_limits(margin: Margin) -> str:
@@ -166,8 +165,7 @@ def _of_limits(margin: Margin) -> str:
         limits = f" of {digits(high)}"
     else:
         limits = f" of {digits(low)} to {digits(high)}"
-    unit = shown_unit(margin.unit)
-    return f"{margin.name} {digits(value)}{limits}" + f" {unit}" * (unit != "1")
+    return beside_unit(f"{margin.name} {digits(value)}{limits}", margin.unit)
 
 
 def mode_lines(modes: Sequence[Mode], model: Model) -> str:

@@ -16,6 +16,7 @@ from hfa_support.reporting.results import given
 from hfa_support.reporting.text import (
     Cell,
     Table,
+    beside_unit,
     degrees,
     digits,
     short_number,
@@ -225,8 +226,7 @@ def _nearest_line(nearest: Sequence[Margin]) -> str:
     lines = []
     for margin in at_limit or nearest[:1]:
         limit = f"{margin.name} {margin.nearer} {shown_value(margin.nearer_limit, margin.unit)}"
-        unit = shown_unit(margin.unit)
-        where = limit + f" {unit}" * (unit != "1") + " (assumed)" * margin.assumed
+        where = beside_unit(limit, margin.unit) + " (assumed)" * margin.assumed
         if margin.at_limit:
             verdict = "held there" if margin.role == "held" else "BINDS"
             lines.append(f"At its limit: {where}, {verdict}")

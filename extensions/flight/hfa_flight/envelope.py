@@ -16,7 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, limited_names
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
-from hfa_support.reporting.text import short_number, shown_unit, with_unit
+from hfa_support.reporting.text import beside_unit, short_number, with_unit
 from trim.point.operating_point import OperatingPoint
 
 
@@ -66,8 +66,7 @@ class ControlExcess(NamedTuple):
 
 def _beyond(value: float, limit: float, unit: str) -> str:
     """Return text such as "21 deg beyond 20" for a value and its limit, with angles in degrees."""
-    suffix = "" if unit == "1" else f" {shown_unit(unit)}"
-    return f"{short_number(value, unit)}{suffix} beyond {short_number(limit, unit)}"
+    return f"{beside_unit(short_number(value, unit), unit)} beyond {short_number(limit, unit)}"
 
 
 def limits_text(lowest: float, highest: float, unit: str, assumed: bool = False) -> str:

@@ -11,7 +11,7 @@ from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, has_angle_of_a
 from hfa_flight.envelope import limits_text
 from hfa_support.errors import refuse_unknown
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.text import shown_unit, shown_values
+from hfa_support.reporting.text import beside_unit, shown_unit, shown_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -118,7 +118,7 @@ def _draw_state(axes: Axes, result: Flight, index: int) -> None:
     if np.isfinite(limits).any():
         axes.set_title(f"envelope: {_limits_with_unit(limits, unit)}", **_SMALL)
     _widened(axes, model.states[name].nominal, unit)
-    _finish(axes, f"{label}, {shown_unit(unit)}" if unit != "1" else label)
+    _finish(axes, beside_unit(label, unit, ", "))
 
 
 def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
@@ -136,13 +136,12 @@ def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
     else:
         label = "deflections" if unit == "rad" else "inputs"
         axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
-    _finish(axes, f"{label}, {shown_unit(unit)}" if unit != "1" else label)
+    _finish(axes, beside_unit(label, unit, ", "))
 
 
 def _limits_with_unit(limits: tuple[float, float], unit: str) -> str:
     """Return limits with their unit, such as "-20 to 20 deg"."""
-    text = limits_text(*limits, unit)
-    return text if unit == "1" else f"{text} {shown_unit(unit)}"
+    return beside_unit(limits_text(*limits, unit), unit)
 
 
 def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:

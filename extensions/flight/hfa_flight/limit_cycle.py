@@ -8,7 +8,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.history import Deviations
-from hfa_support.reporting.text import short_number, shown_unit
+from hfa_support.reporting.text import beside_unit, short_number
 
 #: A variable oscillates if it crosses its least-squares line at least this often in each of the
 #: last two quarters of the flight ...
@@ -50,9 +50,7 @@ class LimitCycle(NamedTuple):
 
     def motion(self) -> str:
         """Return text such as "pitch_rate ±7.2 deg/s at 157 rad/s", with angles in degrees."""
-        size = short_number(self.amplitude, self.unit)
-        if self.unit != "1":
-            size += f" {shown_unit(self.unit)}"
+        size = beside_unit(short_number(self.amplitude, self.unit), self.unit)
         return f"{self.name} ±{size} at {self.frequency:.3g} rad/s"
 
     def text(self) -> str:

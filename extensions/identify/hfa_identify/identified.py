@@ -19,7 +19,7 @@ from hfa_support.errors import NoSolutionError, refuse_unknown
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result
-from hfa_support.reporting.text import WIDTH, Table, shown_unit, shown_value, wrapped
+from hfa_support.reporting.text import WIDTH, Table, beside_unit, shown_unit, shown_value, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -172,11 +172,10 @@ class Identified(Result, Reported):
     def _parted(self, each: Parting) -> str:
         """Return the finding on a quantity whose record parts from the model."""
         where = f" in {each.record}" if len(self.records) > 1 else ""
-        far = f"{shown_value(each.difference, each.unit, '.3g')} {shown_unit(each.unit)}"
+        far = beside_unit(shown_value(each.difference, each.unit, ".3g"), each.unit)
         why = "as the inputs move"
         if each.samples:
             why = f"in {each.samples} sample{'s' * (each.samples > 1)}"
-        far = far.removesuffix(" 1")
         return f"{each.quantity}{where} is off the model by {far} at {each.time:.4g} s, {why}"
 
     def _not_determined(self) -> str:
@@ -314,7 +313,7 @@ class Identified(Result, Reported):
         rows = []
         for name, each in self.quantities.items():
             theil = "-" if each.theil is None else f"{each.theil:.3f}"
-            noise = f"{shown_value(each.noise, each.unit)} {shown_unit(each.unit)}"
+            noise = beside_unit(shown_value(each.noise, each.unit), each.unit)
             white = f"{100.0 * each.white:.0f} %"
             rows.append((name, f"{100.0 * each.fit:.2f} %", noise, white, theil))
         return Table(("measured", "explained", "noise", "white lags", "Theil"), tuple(rows))

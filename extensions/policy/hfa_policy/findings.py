@@ -13,7 +13,7 @@ from hfa_flight.needs import is_enough
 from hfa_policy.assessed_point import AssessedPoint, scheduled_value
 from hfa_policy.outcomes import Outcomes, departure_text
 from hfa_policy.weights import weights_at
-from hfa_support.reporting.text import short_number, shown_unit
+from hfa_support.reporting.text import beside_unit, short_number, shown_unit
 
 #: A policy with a smaller nonlinearity counts as linear.
 _LINEAR = 0.01
@@ -243,8 +243,8 @@ def _steady_state_error(point: AssessedPoint) -> list[_Found]:
     name = model.linear[index]
     unit = model.unit(name)
     sign = "+" if point.offset[index] > 0.0 else "-"
-    size = f"{sign}{short_number(abs(float(point.offset[index])), unit)} {shown_unit(unit)}"
-    text = f"steady-state {name} error {size}"
+    size = beside_unit(short_number(abs(float(point.offset[index])), unit), unit)
+    text = f"steady-state {name} error {sign}{size}"
     rate = 0.0 if point.best is None else point.best.offset_rate or 0.0
     if rate > 0.0:
         text += f", which costs {rate:.2g} per second"

@@ -30,7 +30,7 @@ from hfa_policy.reach import HORIZON, Reach
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
-from hfa_support.reporting.text import short_number, shown_unit
+from hfa_support.reporting.text import beside_unit, short_number
 from trim.point.operating_point import OperatingPoint
 
 
@@ -39,10 +39,9 @@ def departure_text(left: Departure) -> str:
     when = f"at {left.time:.4g} s"
     if not math.isfinite(left.value):
         return f"{left.state} is not a number {when}"
-    suffix = "" if left.unit == "1" else f" {shown_unit(left.unit)}"
     side = "below" if left.value < left.limit else "above"
-    limit = f"{short_number(left.limit, left.unit)}{suffix}" + " (assumed)" * left.assumed
-    return f"{left.state} {side} {limit} {when}"
+    limit = beside_unit(short_number(left.limit, left.unit), left.unit)
+    return f"{left.state} {side} {limit}{' (assumed)' * left.assumed} {when}"
 
 
 def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:

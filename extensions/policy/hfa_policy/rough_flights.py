@@ -18,7 +18,7 @@ from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
-from hfa_support.reporting.text import Table, short_number, shown_unit
+from hfa_support.reporting.text import Table, beside_unit, short_number
 from trim.point.operating_point import OperatingPoint
 
 #: Largest number of flights at a trim.
@@ -166,10 +166,7 @@ def rough_table(found: Sequence[RoughFlights], trims: Sequence[str], units: Sequ
     trims: description of each trim
     units: unit of each entry of `rms`
     """
-    names = [
-        name if unit == "1" else f"{name} {shown_unit(unit)}"
-        for name, unit in zip(found[0].rms, units, strict=True)
-    ]
+    names = [beside_unit(name, unit) for name, unit in zip(found[0].rms, units, strict=True)]
     rows = []
     for trim, flown in zip(trims, found, strict=True):
         inside = f"{flown.inside} of {flown.flights}"

@@ -24,7 +24,7 @@ from hfa_prove.statements.region import RegionStatement
 from hfa_prove.statements.schedule import ScheduleStatement
 from hfa_prove.words import at_least, at_most, polynomial_in_words
 from hfa_support.reporting.report import Part, Report
-from hfa_support.reporting.text import Table, shown_unit, shown_values
+from hfa_support.reporting.text import Table, beside_unit, shown_values
 
 SCHEMA = "hfa.proof/1"
 #: Longest list of numbers that a table of a statement's entries shows.
@@ -325,7 +325,7 @@ def _outward(model: Model, name: str, value: float) -> str:
     """Return an end of a range, rounded outward."""
     unit = model.unit(name)
     shown = float(shown_values(value, unit))
-    return f"{(at_least if shown < 0.0 else at_most)(shown, 4)} {shown_unit(unit)}".rstrip()
+    return beside_unit((at_least if shown < 0.0 else at_most)(shown, 4), unit)
 
 
 def _piece(name: str, level: str, piece: Piece) -> str:
