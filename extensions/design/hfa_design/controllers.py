@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -136,7 +136,11 @@ def design_controller(
         dynamics=model.name,
         parameters=identity(model),
         command_filter=command_filter,
-        about={"delta": finite_or_none(design.delta), "angles": rows},
+        about={
+            "delta": finite_or_none(design.delta),
+            "angles": rows,
+            "actuators": {name: asdict(acting) for name, acting in design.actuators.items()},
+        },
         model=model,
     )
 

@@ -323,7 +323,7 @@ def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
         integrals=tuple(entries.get("integrals", ())),
         disturbances=checked(name, entering, _WEIGHTS, "disturbance"),
         delta=entries.get("delta", math.inf),
-        actuators=_actuators_of(name, entries),
+        actuators=actuators_of(name, entries),
         state_weights=weights.get("states", {}),
         input_weights=input_weights,
         sensors=sensors,
@@ -355,7 +355,7 @@ def _shaping_of(
     return Shaping(**table)
 
 
-def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
+def actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
     """Return the actuators in [actuators.INPUT], by input."""
     actuators = {}
     for key, numbers in entries.get("actuators", {}).items():

@@ -18,7 +18,7 @@ from controller.riccati.loop_margins import (
 )
 from controller.riccati.margins import closed_at
 from hfa_aircraft.model import Model
-from hfa_design.design import Design
+from hfa_design.design import Design, actuators_of
 from hfa_design.design_models import DesignModel, design_model
 from hfa_flight.actuators import Actuator
 from hfa_flight.schedule.scheduled_controller import ScheduledController
@@ -231,12 +231,13 @@ class MarginTable(Checked, Result, Reported):
         model = self.controller.model
         by_loop: dict[tuple[str, ...], list[_Cell]] = {}
         by_value: dict[tuple[str, ...], list[_Cell]] = {}
+        has_several = len({row.text for row in self.rows}) > 1
         for row in self.rows:
             value = shown_value(row.scheduled_at, model.unit(model.schedule))
             for name, margin in row.loops.items():
                 by_loop.setdefault((row.text, name), []).append(_Cell(margin, self._where(row)))
                 if name != TOGETHER:
-                    cell = _Cell(margin, f"{name}, {row.text}")
+                    cell = _Cell(margin, f"{name}, {row.text}" if has_several else name)
                     by_value.setdefault((value,), []).append(cell)
         tables = []
         if by_loop:
@@ -300,7 +301,7 @@ def check_margins(
     model: Model,
     controller: ScheduledController,
     scheduling_values: np.ndarray,
-    bandwidths: Sequence[float],
+    bandwidths: Sequence[float] = (),
     *,
     progress: Progress | None = None,
 ) -> MarginTable:
@@ -310,7 +311,8 @@ def check_margins(
     controller measures the rate of an actuator.
 
     scheduling_values: (N,)
-    bandwidths: bandwidths of the actuators, rad/s, equal at all inputs; empty for no actuators
+    bandwidths: bandwidths of the actuators, rad/s, equal at all inputs; empty for the actuators of
+        the controller's design
 
     Raises BadInputError if the controller was made for another model or does not cover the
     scheduling values.
@@ -328,7 +330,7 @@ def check_margins(
     rows = []
     for value in with_progress(scheduling_values.tolist(), progress):
         linear = level_model(model, value)
-        for actuators in banks or [{}]:
+        for actuators in banks or [actuators_of(controller.name, controller.about)]:
             loop = servo_loop(servo_plant(model, linear, controller, actuators), controller)
             margins = servo_margins(loop, inputs, measured) if loop.abscissa < 0.0 else {}
             rows.append(LoopRow(value, tuple(actuators.values()), loop.abscissa, margins))

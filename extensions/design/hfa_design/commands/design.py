@@ -29,8 +29,6 @@ from hfa_support.errors import BadInputError
 #: Largest number of scheduling values. Each takes one or two seconds.
 _MOST_POINTS = 1000
 _RANGE = "0:20:1"
-#: Default bandwidths of the actuators for which margins are computed, rad/s.
-_BANDWIDTHS = (2.0, 10.0)
 
 
 def _bandwidths(text: str) -> tuple[float, ...]:
@@ -65,7 +63,8 @@ class DesignRequest(Request):
         lambda model: f"default {_RANGE}" if model.about.names_schedule else "",
     )
     bandwidth: tuple[float, ...] | None = option(
-        "actuator bandwidths for which margins are computed, rad/s; default 2:10, two values",
+        "actuator bandwidths for which margins are computed, rad/s, such as 2:10, two values; "
+        "default: the actuators of the design",
         "A[:B...]",
         _bandwidths,
     )
@@ -101,8 +100,9 @@ def design(request: DesignRequest) -> int:
     file.
 
     With --aircraft, the controller is scheduled over the scheduling variable of the model.
-    Margins are computed for each input and sensor, with all other loops closed, for actuators of
-    orders 1 and 2 with the bandwidths of --bandwidth. Exit code 1 if a loop is unstable.
+    Margins are computed for each input and sensor, with all other loops closed, for the actuators
+    of the design, or those of orders 1 and 2 with the bandwidths of --bandwidth. Exit code 1 if a
+    loop is unstable.
     """
     from hfa_design.controllers import design_controller
     from hfa_design.servo_loops import check_margins
@@ -138,9 +138,7 @@ def design(request: DesignRequest) -> int:
         knots = np.degrees(knots).round(10)
         between = np.arange(np.ceil(knots[0]), np.floor(knots[-1]) + 1.0)
     places = np.unique([*knots, *between])
-    bandwidths = request.bandwidth or _BANDWIDTHS
-    if request.bandwidth is None and design is not None and not design.actuators:
-        bandwidths = ()
+    bandwidths = request.bandwidth or ()
     seen = np.radians(places) if in_degrees else places
     margins = check_margins(model, controller, seen, bandwidths, progress=ProgressLine("margins"))
     report = controller.report()

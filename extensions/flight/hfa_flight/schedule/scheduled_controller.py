@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import in_si, signal_unit
+from hfa_flight.actuators import Actuator
 from hfa_flight.schedule.gain_schedule import GainSchedule, load_gain_schedule
 from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
@@ -72,7 +73,8 @@ class ScheduledController(ByValue, Reported):
     dynamics: name of the model of the design, by default that of `model`
     parameters: hash of the parameter values of the design (`identity`), by default of `model`
     command_filter: bandwidth (rad/s) and damping of the controller's command filter, or ()
-    about: "delta" of the game, "angles" with limit and checks at each breakpoint, "provenance"
+    about: "delta" and "actuators" of the design, "angles" with limit and checks at each breakpoint,
+        "provenance"
     model: the model whose names are used
 
     Raises BadInputError if a shape, an order, a number or a name is wrong.
@@ -448,5 +450,7 @@ def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledControl
         "gamma_min": NUMBER,
         "checks*": [{"ok*": None, ...: None}],
     }
-    about = checked("its content", about, {"delta": POSITIVE, "angles": [row], ...: None})
+    actuators = {str: {each.name: NUMBER for each in fields(Actuator)}}
+    form = {"delta": POSITIVE, "angles": [row], "actuators": actuators, ...: None}
+    about = checked("its content", about, form)
     return ScheduledController(**texts, **names, **arrays, about=about, model=model)
