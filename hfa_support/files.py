@@ -161,8 +161,8 @@ def _toml_value(value: Any) -> str:
         return "{" + ", ".join(_toml_entry(*entry) for entry in value.items()) + "}"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(_toml_value, value)) + "]"
-    if isinstance(value, float):
-        return repr(float(value))
+    if isinstance(value, float):  # in 15 digits: without the rounding errors of a conversion
+        return repr(float(f"{value:.15g}"))
     return json.dumps(str(value) if isinstance(value, Path) else value)
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.util import find_spec
 from itertools import chain, product
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from hfa_support.attributes import Advised
-from hfa_support.errors import refuse_unknown
+from hfa_support.errors import BadInputError, refuse_unknown
 
 if TYPE_CHECKING:
     import pandas
@@ -72,12 +74,19 @@ Named = TypeVar("Named", covariant=True)
 
 
 class ByName(Advised, tuple[Named, ...]):
-    """Tuple whose entries are found by number or by their `name`, as in modes["phugoid"]."""
+    """Tuple whose entries are found by number or by their `name`, as in modes["phugoid"].
+
+    lacking: name of a missing entry -> why it is missing
+    """
+
+    lacking: Mapping[str, str] = MappingProxyType({})
 
     def __getitem__(self, index: Any) -> Any:
         """Return the entry with this number or name. Raises BadInputError for an unknown name."""
         if not isinstance(index, str):
             return super().__getitem__(index)
+        if index in self.lacking:
+            raise BadInputError(f"there is no {index}: {self.lacking[index]}")
         refuse_unknown("unknown name", index, self.keys())
         return self[self.keys().index(index)]
 

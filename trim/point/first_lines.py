@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from trim.point.margins import Margin
     from trim.point.operating_point import OperatingPoint
 
+#: Growth of a mode relative to the fastest mode that rounding and the tolerance of a trim cause.
+_NEUTRAL = 1e-8
 #: Smaller flight-path angles and turn rates, rad and rad/s, are those of level, straight flight.
 _LEVEL = 1e-7
 #: Largest usual angle of attack, deg, and least negative drag that is doubted, per lift.
@@ -64,10 +66,17 @@ def doubts_at(point: OperatingPoint) -> Iterator[str]:
 
 
 def _unstable(modes: Sequence[Mode], time: str) -> str:
-    """Return a line with the unstable modes and their times to double."""
-    unstable = [mode for mode in modes if math.isfinite(mode.time_to_double)]
-    timed = [f"{mode.name} (2x in {mode.time_to_double:.3g} {time})" for mode in unstable]
-    return f"unstable: {', '.join(timed) or 'none'}"
+    """Return a line with the unstable modes and their times to double, and with the modes that are
+    neutral within the accuracy of A."""
+    least = _NEUTRAL * max((abs(mode.eigenvalue) for mode in modes), default=0.0)
+    timed, neutral = [], []
+    for mode in modes:
+        growth = mode.eigenvalue.real
+        if growth > least:
+            timed.append(f"{mode.name} (2x in {mode.time_to_double:.3g} {time})")
+        elif growth > 0.0:
+            neutral.append(f"; neutral: {mode.name} ({growth:.1e} 1/{time})")
+    return f"unstable: {', '.join(timed) or 'none'}{''.join(neutral)}"
 
 
 def condition_words(point: OperatingPoint) -> Iterator[str]:

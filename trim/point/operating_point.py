@@ -363,7 +363,11 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         from hfa_support.reporting.named import ByName
         from trim.linear.handling_qualities import handling_qualities
 
-        return ByName(handling_qualities(self))
+        found = ByName(handling_qualities(self))
+        if "load_factor" not in self.model.outputs:
+            reason = "the model has no output load_factor; declare this output"
+            found.lacking = dict.fromkeys(("CAP", "n/alpha"), reason)
+        return found
 
     @cached_property
     def fault(self) -> str:

@@ -55,7 +55,7 @@ class MeanCost(NamedTuple):
 
     def text(self) -> str:
         """Return the mean and the standard deviation as text."""
-        return f"{self.mean:.4g} ± {self.deviation:.3g}"
+        return f"{self.mean:.4g}" + (f" ± {self.deviation:.3g}" if self.deviation else "")
 
 
 @dataclass(frozen=True, eq=False)
