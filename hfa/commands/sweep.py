@@ -153,13 +153,6 @@ def _in_memory(request: SweepRequest) -> int:
     """Run a sweep whose results are printed, and return 1 if no point has a trim, otherwise 0."""
     plan = request.trim.plan(stored=False)
     picture = request.output.picture
-    if picture is not None:
-        varied = [name for name, values in plan.axes.items() if np.ptp(values) > 0]
-        if len(varied) > 1:
-            raise BadInputError(
-                f"--picture draws a sweep in one variable; give one value each of all but one of "
-                f"{', '.join(varied)}, such as --hold {varied[-1]}=VALUE"
-            )
     result = run_plan(plan, progress=ProgressLine("sweep"))
     report = result.report()
     figure: Callable[[], Figure] | None = result.figure

@@ -18,7 +18,14 @@ from hfa_support.reporting.named import ByName, with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack
-from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
+from hfa_support.reporting.text import (
+    RowsMade,
+    Table,
+    beside_unit,
+    eigenvalue_text,
+    shown_unit,
+    shown_value,
+)
 from trim.linear.kinks import one_sided_at_kinks
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import fastest_first, modes_of
@@ -277,7 +284,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return figure
 
     def _draw(self, axes: Axes, columns: np.ndarray) -> None:
-        """Draw the paths of some eigenvalues, and mark their first and last values.
+        """Draw the paths of some eigenvalues along the last variable, and mark their ends.
 
         columns: mask of the eigenvalues, (n,)
         """
@@ -285,14 +292,19 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         for column in np.flatnonzero(columns).tolist():
             name = self.mode_names[column]
             number = names.index(name)
-            roots = self.eigenvalues[:, column]
             style = ("-", "--", "-.", ":")[number % 4]
-            label = name if column == self.mode_names.index(name) else None
-            axes.plot(roots.real, roots.imag, style, color=f"C{number}", label=label)
+            for line in self._lines():
+                roots = self.eigenvalues[line, column]
+                (path,) = axes.plot(roots.real, roots.imag, style, color=f"C{number}")
+            if column == self.mode_names.index(name):
+                path.set_label(name)
         unit = self.plan.units[-1]
-        for end, marker in zip(np.flatnonzero(self.trimmed)[[0, -1]], "os", strict=True):
-            roots = self.eigenvalues[end, columns]
-            value = shown_value(self.values[end, -1], unit, ".4g")
+        places = np.arange(len(self))
+        trimmed = [places[line][self.trimmed[line]] for line in self._lines()]
+        for end, marker in ((0, "o"), (-1, "s")):
+            ends = [each[end] for each in trimmed if each.size]
+            roots = self.eigenvalues[ends][:, columns].ravel()
+            values = dict.fromkeys(shown_value(self.values[i, -1], unit, ".4g") for i in ends)
             axes.plot(
                 roots.real,
                 roots.imag,
@@ -300,7 +312,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 color="black",
                 fillstyle="none",
                 markersize=5,
-                label=f"{self.variables[-1]} {value} {shown_unit(unit)}",
+                label=beside_unit(f"{self.variables[-1]} {' or '.join(values)}", unit),
             )
         axes.axvline(0.0, color="gray", linewidth=0.8)
         axes.margins(0.05, 0.12)
@@ -346,8 +358,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             parts.append(
                 f"{len(failed) - _SHOWN:,} more points have no trim; -o FILE.csv writes all"
             )
-        moving = np.ptp(self.values, axis=0) > 0
-        if self.mode_names and moving.sum() == 1 and moving[-1]:
+        if self.mode_names and count > 1:
             text = f"Eigenvalues over {self.variables[-1]}"
             parts.append(Picture("root_locus.png", text, self.figure))
         return Report(
