@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.critic.critic import Critic, from_parts, from_q_function, polynomial_policy
 from controller.critic.features import is_list
-from controller.critic.reading import DIMENSIONS, CriticReader, Reading, in_plant_units
+from controller.critic.reading import DIMENSIONS, CriticReader, Reading, Stated, in_plant_units
 from controller.game.basis import Basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
@@ -29,6 +29,7 @@ from hfa_support.files import MATRIX_FILES
 from hfa_support.matrices import checked_matrix
 
 if TYPE_CHECKING:
+    from hfa_aircraft.model import Model
     from trim.linear.linear_model import LinearModel
 
 #: Suffixes of critic files that the project reads. Arrays may contain a network.
@@ -219,6 +220,16 @@ def _network_reader(suffix: str) -> CriticReader:
         return networks.read_critic
     reader: CriticReader = loaded(offered(CRITICS, OWN_FILES)[suffix])
     return reader
+
+
+def stated_in(path: Path, model: Callable[[], Model]) -> Stated:
+    """Return what a critic file states of its game: nothing, if its reader has no `stated`.
+
+    model: function that returns the aircraft
+    """
+    entry = offered(CRITICS, OWN_FILES).get(path.suffix.lower())
+    stated = None if entry is None else getattr(loaded(entry), "stated", None)
+    return Stated() if stated is None else stated(path, model())
 
 
 def entries_in(path: str | Path) -> dict[str, Any]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -45,9 +46,23 @@ class Reading:
         return basis_of(self.basis or "quadratic", len(game.A), game.names.states)
 
 
+class Stated(NamedTuple):
+    """What a critic file states of its game.
+
+    inputs: the inputs that its policy moves, () for all
+    cost: "Q" and "R" -> name -> weight, empty without a cost of states and inputs
+    """
+
+    inputs: tuple[str, ...] = ()
+    cost: Mapping[str, Mapping[str, float]] = {}
+
+
 class CriticReader(Protocol):
     """Function that reads critic files of one format, registered as an entry point of
     `hfa.critics`.
+
+    It may have an attribute `stated`, a function of the path and the aircraft that returns what the
+    file states of its game (`Stated`).
     """
 
     def __call__(self, game: Game, path: str | Path, reading: Reading) -> Critic:

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from controller.critic.critic_file import critic_suffixes, critics_in, is_network
+from controller.critic.critic_file import critic_suffixes, critics_in, is_network, stated_in
+from controller.critic.reading import Stated
 from controller.game.zero_sum import Game
 from hfa.commands.game import GameRequest
 from hfa.options.argument_types import positive, whole
@@ -132,9 +133,7 @@ class VerifyRequest(GameRequest):
         name needs no weight for the inputs that stay at the trim.
         """
         files = self.paths
-        is_read = _DEPLOYMENT in critic_suffixes()  # by a package that may not be installed
-        is_deployed = is_read and len(files) == 1 and files[0].suffix.lower() == _DEPLOYMENT
-        stated = _stated(files[0], self.model) if is_deployed else Stated()
+        stated = stated_in(files[0], lambda: self.model) if len(files) == 1 else Stated()
         weights = self.game.weights
         inputs = self.inputs or stated.inputs
         of_file: dict[str, Any] = {
@@ -156,29 +155,6 @@ class VerifyRequest(GameRequest):
             named = replace(named, warnings=(*named.warnings, note))
         with prefix_errors("--inputs"):
             return named.select(inputs)
-
-
-class Stated(NamedTuple):
-    """What a deployment file states of its game.
-
-    inputs: the inputs that its policy moves, () for all
-    cost: "Q" and "R" -> name -> weight, empty without a cost, or for a cost of outputs
-    """
-
-    inputs: tuple[str, ...] = ()
-    cost: Mapping[str, Mapping[str, float]] = {}
-
-
-def _stated(path: Path, model: Model) -> Stated:
-    """Return what a deployment file states of its game on an aircraft."""
-    from hfa_flight.policies.deployment.deployment import Deployment
-
-    deployment = Deployment.load(path)
-    moved = tuple(deployment.action)
-    cost = deployment.cost or {}
-    if not set(cost.get("Q", ())) <= set(model.linear):
-        cost = {}
-    return Stated(() if set(moved) == set(model.inputs) else moved, cost)
 
 
 def _of_moved(

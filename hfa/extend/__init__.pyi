@@ -1,6 +1,10 @@
 """Names for a package that adds an aircraft format or a command."""
 
-from controller.critic.reading import CriticReader as CriticReader, Reading as Reading
+from controller.critic.reading import (
+    CriticReader as CriticReader,
+    Reading as Reading,
+    Stated as Stated,
+)
 from hfa.entry_points import CommandEntry as CommandEntry
 from hfa.options.aircraft import Aircraft as Aircraft
 from hfa.options.argument_types import (

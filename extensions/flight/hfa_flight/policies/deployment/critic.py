@@ -8,9 +8,10 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic, from_functions
-from controller.critic.reading import Reading
+from controller.critic.reading import Reading, Stated
 from controller.critic.symbols import symbols_for
 from controller.game.zero_sum import Game
+from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_support.errors import BadInputError
@@ -58,6 +59,19 @@ def read_deployment(game: Game, path: str | Path, reading: Reading) -> Critic:
         f"with its action boxes, without sample time ({deployment.dt:g} s), delay and input limits"
     )
     return from_functions(game, z, {"policy": u}, ", ".join(parts))
+
+
+def _stated(path: Path, model: Model) -> Stated:
+    """Return what a deployment file states of its game on an aircraft."""
+    deployment = Deployment.load(path)
+    moved = tuple(deployment.action)
+    cost = deployment.cost or {}
+    if not set(cost.get("Q", ())) <= set(model.linear):
+        cost = {}
+    return Stated(() if set(moved) == set(model.inputs) else moved, cost)
+
+
+read_deployment.stated = _stated  # type: ignore[attr-defined]  # `CriticReader` may have it
 
 
 def _refuse_other_inputs(deployed: Deployed, game: Game) -> None:
