@@ -8,10 +8,9 @@ from __future__ import annotations
 import errno
 import json
 import os
-import re
 import shutil
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -23,8 +22,6 @@ LARGEST = 2**28
 #: Suffixes of the files that `hfa_support/arrays/read.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
-#: Largest number of dots in a key of a TOML file.
-_MOST_DOTS = 100
 #: Inside `inputs_kept`: real paths of the files that were read.
 _INPUTS: set[str] | None = None
 
@@ -133,44 +130,12 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     Raises OSError if the file cannot be read, and BadInputError if it is not valid TOML.
     """
     text = regular_file(path).read_bytes()
-    _refuse_deep_keys(path, text)
     try:
         return tomllib.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise BadInputError(
             f"{path} is not a TOML file ({_reason(error)}); correct the file"
         ) from error
-
-
-def toml_text(tables: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return tables of texts, numbers, paths, lists and mappings as TOML, name -> entries."""
-    lines = []
-    for table, entries in tables.items():
-        lines.append(f"[{table}]")
-        lines += [_toml_entry(*entry) for entry in entries.items()]
-    return "\n".join([*lines, ""])
-
-
-def _toml_entry(name: str, value: Any) -> str:
-    key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
-    return f"{key} = {_toml_value(value)}"
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(_toml_entry(*entry) for entry in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_toml_value, value)) + "]"
-    if isinstance(value, float):  # in 15 digits: without the rounding errors of a conversion
-        return repr(float(f"{value:.15g}"))
-    return json.dumps(str(value) if isinstance(value, Path) else value)
-
-
-def _refuse_deep_keys(path: str | Path, text: bytes) -> None:
-    """Raise BadInputError for a dotted key of many parts, for which tomllib needs gigabytes."""
-    for word in re.split(rb"[\r\n,=\[\]{}]", text.replace(b" ", b"").replace(b"\t", b"")):
-        if word.count(b".") > _MOST_DOTS and sum(map(bool, word.split(b"."))) > _MOST_DOTS:
-            raise BadInputError(f"{path}: a key has more than {_MOST_DOTS} dots; correct the file")
 
 
 def _reason(error: Exception) -> str:

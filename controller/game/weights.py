@@ -81,27 +81,6 @@ def disturbance_text(game: Game) -> str:
     return f"E {', '.join(game.names.disturbances) or matrix_text(game.E)}"
 
 
-def cost_text(
-    model: Model,
-    names: Sequence[str],
-    Q: np.ndarray,
-    R: np.ndarray,
-) -> str:
-    """Return Q and R as one line of text, marked where they are the default, with its source.
-
-    The text is, for example, "Q diag(1, 2) (file), R diag(1) (1/nominal^2, as by default)".
-
-    names: states of Q, then inputs of R
-    """
-    parts = []
-    for name, weight in (("Q", Q), ("R", R)):
-        usual = default_weight(name, model, names[: len(Q)], names[len(Q) :])
-        source = "file" if name in model.about.weights else "1/nominal^2, as by default"
-        is_usual = np.allclose(weight, usual, rtol=1e-12, atol=0.0)
-        parts.append(f"{name} {matrix_text(weight)}" + f" ({source})" * is_usual)
-    return ", ".join(parts)
-
-
 def matrix_text(matrix: np.ndarray) -> str:
     """Return a weight matrix as one line of text: "diag(1, 2)" or "[1 0; 3 2]".
 

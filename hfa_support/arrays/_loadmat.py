@@ -67,12 +67,6 @@ def main(path: str, largest: int) -> None:
     Raises ValueError if the entries need more than `largest` bytes.
     """
     warnings.simplefilter("ignore")
-    try:
-        import resource  # a small file can request any amount of memory
-
-        resource.setrlimit(resource.RLIMIT_AS, (24 * largest, 24 * largest))
-    except (ImportError, ValueError, OSError):  # unsupported by the system, or above its limit
-        pass
     declared = [_BYTES.get(kind, 0) * math.prod(shape) for _, shape, kind in whosmat(path)]
     if sum(declared) > largest:  # before any number is read
         raise ValueError(f"the file unpacks to more than {largest >> 20} MiB")
@@ -95,7 +89,5 @@ if __name__ == "__main__":
         main(sys.argv[1], int(sys.argv[2]))
     except NotImplementedError:
         sys.exit("MATLAB 7.3 files cannot be read; save with the option -v7")
-    except MemoryError:
-        sys.exit("it asks for too much memory")
     except Exception as error:  # a damaged file makes SciPy raise nearly anything
         sys.exit(f"{error}" or type(error).__name__)

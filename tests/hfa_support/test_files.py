@@ -32,11 +32,6 @@ UNREADABLE: dict[str, tuple[Any, str, str]] = {
     "missing": (lambda path: None, NO_FILE, "no such file"),
     "nested": (lambda path: Path(path).write_bytes(b"[" * 100_000), *NO_TEXT),
     "long number": (lambda path: Path(path).write_bytes(b"9" * 5000), *NO_TEXT),
-    "many dots": (
-        lambda path: Path(path).write_bytes(b"a" + b".a" * 40_000 + b" = 1"),
-        "a key has more than 100 dots",
-        "is not JSON",
-    ),
     "a device": (lambda path: os.symlink("/dev/zero", path), NO_FILE, "not a regular file"),
     "not UTF-8": (lambda path: Path(path).write_bytes(b"\xff\xfe\xff"), *NO_TEXT),
 }

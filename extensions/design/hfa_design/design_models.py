@@ -11,9 +11,9 @@ import numpy as np
 from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
-from hfa_aircraft.units import signal_unit
 from hfa_design.design import Design
 from hfa_flight.policies.controller import watched_outputs
+from hfa_flight.schedule.signal_units import signal_unit
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Reported

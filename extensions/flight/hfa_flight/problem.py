@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from controller.game.linear_game import game
-from controller.game.weights import cost_text
+from controller.game.weights import default_weight, matrix_text
 from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
@@ -351,3 +351,24 @@ def flight_problem(
     solution = unconfirmed_solution(lqr)
     envelope = flight_envelope(model, point, limits)
     return FlightProblem(linear, lqr.Q, lqr.R, solution.P, solution.K, envelope)
+
+
+def cost_text(
+    model: Model,
+    names: Sequence[str],
+    Q: np.ndarray,
+    R: np.ndarray,
+) -> str:
+    """Return Q and R as one line of text, marked where they are the default, with its source.
+
+    The text is, for example, "Q diag(1, 2) (file), R diag(1) (1/nominal^2, as by default)".
+
+    names: states of Q, then inputs of R
+    """
+    parts = []
+    for name, weight in (("Q", Q), ("R", R)):
+        usual = default_weight(name, model, names[: len(Q)], names[len(Q) :])
+        source = "file" if name in model.about.weights else "1/nominal^2, as by default"
+        is_usual = np.allclose(weight, usual, rtol=1e-12, atol=0.0)
+        parts.append(f"{name} {matrix_text(weight)}" + f" ({source})" * is_usual)
+    return ", ".join(parts)

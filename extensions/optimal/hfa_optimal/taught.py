@@ -18,11 +18,12 @@ from typing import Any
 
 import numpy as np
 
+from hfa_flight.policies.deployment.toml_text import toml_text
 from hfa_flight.problem import FlightProblem
 from hfa_optimal.held_model import HeldModel
 from hfa_optimal.predictive import Predictive, policy_of
 from hfa_support.errors import missing_package
-from hfa_support.files import toml_text, write_text
+from hfa_support.files import write_text
 from hfa_support.progress import Progress
 
 #: Fraction by which the teacher's envelope is narrowed.

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.weights import cost_text
 from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.problem import cost_text
 from hfa_policy.assessed_point import AssessedPoint, scheduled_value
 from hfa_policy.evidence import ActionEffect, ObservationRange
 from hfa_policy.findings import where_text

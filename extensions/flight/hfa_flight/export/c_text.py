@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.units import signal_unit
+from hfa_flight.schedule.signal_units import signal_unit
 from hfa_support.files import write_text
 
 

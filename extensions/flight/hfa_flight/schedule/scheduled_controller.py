@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.units import in_si, signal_unit
+from hfa_aircraft.units import in_si
 from hfa_flight.actuators import Actuator
 from hfa_flight.schedule.gain_schedule import GainSchedule, load_gain_schedule
+from hfa_flight.schedule.signal_units import signal_unit
 from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shown

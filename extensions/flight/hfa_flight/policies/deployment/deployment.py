@@ -22,9 +22,10 @@ from hfa_flight.policies.deployment.actor import (
     stored_gain,
 )
 from hfa_flight.policies.deployment.normalizer import Normalizer, read_normalizer
+from hfa_flight.policies.deployment.toml_text import toml_text
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown
-from hfa_support.files import read_toml, toml_text, write_text
+from hfa_support.files import read_toml, write_text
 from hfa_support.reporting.report import Reported
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked
 
