@@ -438,8 +438,14 @@ def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:
 def test_points_trimmed_alone_are_counted(tmp_path: Path) -> None:
     """A note states how many points were trimmed one by one, in memory and in a store.
 
-    With more unknowns than equations, all points are trimmed one by one.
+    These are the points without a trim, and all if there are more unknowns than equations.
     """
-    words = ("sweep", "--dihedral", "5", "--hold", "speed=64:68:0.1", "--free", "alpha")
-    for output in ((), ("-o", str(tmp_path / "a.zarr"))):
-        assert "41 of 41 points were trimmed one by one" in hfa(*words, *output).err
+    free = ("sweep", "--dihedral", "5", "--free", "alpha")
+    square = (*free, "--hold", "aileron_outer=0", "--hold", "speed=17:68:1")
+    answer = hfa(*square, "--json")
+    alone = sum(map(bool, json.loads(answer.out)["reasons"]))
+    assert 20 <= alone < 30
+    answers = [answer.err, hfa(*square, "-o", str(tmp_path / "a.zarr")).err]
+    assert all(f"{alone} of 52 points were trimmed one by one" in said for said in answers)
+    answer = hfa(*free, "--hold", "speed=64:68:0.2")
+    assert "21 of 21 points were trimmed one by one" in answer.err
