@@ -1,8 +1,7 @@
 """Results of many rows in a Zarr store, computed in chunks of rows.
 
-A chunk is complete when all arrays contain it and its checksum is written. A run that is killed
-loses only the chunks that are being computed. The checksum covers the request, the array, the
-chunk's number and its values, so --resume accepts no chunk of another store.
+A chunk is complete when all arrays contain it. A run that is killed loses only the chunks that are
+being computed. Zarr notices a damaged chunk by its CRC-32C.
 
 A store may come from an untrusted source. Before --resume opens it, its metadata are compared as
 JSON with the metadata of a new store for the same request.
@@ -10,7 +9,6 @@ JSON with the metadata of a new store for the same request.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import tempfile
@@ -29,13 +27,6 @@ from hfa_support.version import VERSION
 
 #: Attributes of a store that do not belong to the job.
 _OF_ONE_RUN = ("toolchain", "provenance")
-
-
-#: Name of the array of checksums, with one row for each chunk and one column for each computed
-#: array, and names of its axes.
-_CHECKSUM = "checksum"
-_CHUNKS = "chunk"
-_CHECKED = "checked_array"
 _METADATA = "zarr.json"
 
 
@@ -77,11 +68,6 @@ class RowJob(NamedTuple):
     def chunks(self) -> int:
         """Number of chunks."""
         return -(-self.rows // self.chunk)
-
-    @property
-    def identity(self) -> str:
-        """SHA-256 of the attributes that determine the results."""
-        return hashlib.sha256(_deciding(self.template.attrs).encode()).hexdigest()
 
     def rows_of(self, number: int) -> slice:
         """Return the slice of row numbers in the chunk with this number."""
@@ -149,11 +135,10 @@ def fill_store(
             progress(done, chunks)  # the first chunk takes longer, because code is compiled
         # Processes on this machine write their chunks. A cluster returns the rows.
         target = None if isinstance(workers, str) else store
-        identity = job.identity
-        tasks = ((number, _task(job, Place(number, target, identity))) for number in missing)
+        tasks = ((number, _task(job, number, target)) for number in missing)
         for number, results in run(_compute_chunk, tasks):
             if results is not None:
-                _write(Place(number, store, identity), job.rows_of(number), results)
+                _write(store, job.rows_of(number), results)
             done += 1
             if progress is not None:
                 progress(done, chunks)
@@ -168,55 +153,35 @@ def open_store(path: Any) -> Any:
     return xarray.open_zarr(path, consolidated=False, chunks=None, zarr_format=3)
 
 
-class Place(NamedTuple):
-    """Destination of a chunk.
-
-    number: number of the chunk
-    path: path of the store, or None if the rows are returned instead of written
-    identity: identity of the job
-    """
-
-    number: int
-    path: Path | None
-    identity: str
-
-
-def _task(job: RowJob, place: Place) -> tuple[Any, ...]:
+def _task(job: RowJob, number: int, path: Path | None) -> tuple[Any, ...]:
     """Return the arguments of `_compute_chunk` for a chunk."""
-    rows = job.rows_of(place.number)
-    return place, rows, job.arrays, job.function, job.arguments(rows.start, rows.stop)
+    rows = job.rows_of(number)
+    return path, rows, job.arrays, job.function, job.arguments(rows.start, rows.stop)
 
 
 def _compute_chunk(
-    place: Place,
+    path: Path | None,
     rows: slice,
     names: list[str],
     function: Callable[..., Mapping[str, Any]],
     arguments: tuple[Any, ...],
 ) -> Mapping[str, Any] | None:
-    """Compute the rows of a chunk in a worker process and write them into the store."""
-    # If `place` has no path, the rows are returned by name of the array instead. Otherwise None is
-    # returned.
+    """Compute the rows of a chunk, and write them into a store or, without a path, return them."""
     computed = function(*arguments)
     results = {name: computed[name] for name in names}
-    if place.path is None:
+    if path is None:
         return results
-    _write(place, rows, results)
+    _write(path, rows, results)
     return None
 
 
-def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
-    """Write the rows of a chunk, then its checksums."""
-    # Other processes may write other chunks at the same time.
-    group = _opened(place.path, "r+")
-    checksums = []
+def _write(path: Path, rows: slice, results: Mapping[str, Any]) -> None:
+    """Write the rows of a chunk, while other processes may write other chunks."""
+    group = _opened(path, "r+")
     for name, values in results.items():
         # A chunk of fill values is written too. Without a file it would count as missing.
         array = group[name].with_config({"write_empty_chunks": True})
-        written = np.ascontiguousarray(values, array.dtype)
-        array[rows] = written
-        checksums.append(_checksum(place, name, written))
-    group[_CHECKSUM][place.number] = np.array(checksums, dtype=np.uint64)
+        array[rows] = np.ascontiguousarray(values, array.dtype)
 
 
 def _zarr() -> ModuleType:
@@ -229,18 +194,8 @@ def _zarr() -> ModuleType:
     return zarr
 
 
-def _opened(path: Path | None, mode: Literal["r", "r+"]) -> Any:
+def _opened(path: Path, mode: Literal["r", "r+"]) -> Any:
     return _zarr().open_group(str(path), mode=mode, zarr_format=3)
-
-
-def _checksum(place: Place, name: str, values: np.ndarray) -> int:
-    """Return the first 8 bytes of a SHA-256 as an integer."""
-    # The hash covers the job, the array's name, the chunk's number and its values in little-endian
-    # order.
-    subject = [place.identity, name, place.number, values.dtype.name, values.shape]
-    digest = hashlib.sha256(json.dumps(subject).encode())
-    digest.update(values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes())
-    return int.from_bytes(digest.digest()[:8], "little")
 
 
 def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
@@ -269,17 +224,7 @@ def _template(job: RowJob, provenance: Mapping[str, Any] | None) -> dict[str, An
     from zarr.codecs import Crc32cCodec, ZstdCodec
     from zarr.storage import MemoryStore
 
-    meaning = "first 8 bytes of a SHA-256 of the request, the array, the chunk's number and values"
-    checksums = array_of_rows(
-        (_CHUNKS, _CHECKED),
-        (job.chunks, len(job.arrays)),
-        np.uint64(0),
-        1,
-        {"long_name": meaning},
-    )
-    names = np.array(job.arrays, dtype=object)
-    template = job.template.assign({_CHECKSUM: checksums}).assign_coords({_CHECKED: names})
-    template = template.assign_attrs(toolchain=VERSION)
+    template = job.template.assign_attrs(toolchain=VERSION)
     if provenance is not None:
         template = template.assign_attrs(provenance=dict(provenance))
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
@@ -375,12 +320,12 @@ def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
 
 
 def _labels(store: Any, row: str) -> dict[str, list[Any]]:
-    """Return the names or units in each array without an axis of rows or chunks."""
+    """Return the names or units in each array without an axis of rows."""
     stored = open_store(store)
     return {
         str(name): variable.values.tolist()
         for name, variable in stored.variables.items()
-        if variable.dims[0] not in (row, _CHUNKS)
+        if variable.dims[0] != row
     }
 
 
@@ -398,10 +343,9 @@ def _missing_chunks(path: Path, job: RowJob) -> list[int]:
     missing = []
     damaged = 0
     for number in range(job.chunks):
-        names = (*job.arrays, _CHECKSUM)
-        if not all(_is_written(path / name, group[name], number) for name in names):
+        if not all(_is_written(path / name, group[name], number) for name in job.arrays):
             missing.append(number)
-        elif not _is_intact(group, job, Place(number, path, job.identity)):
+        elif not _is_intact(group, job.arrays, job.rows_of(number)):
             missing.append(number)
             damaged += 1
     if damaged:
@@ -409,15 +353,14 @@ def _missing_chunks(path: Path, job: RowJob) -> list[int]:
     return missing
 
 
-def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
-    """Return whether the stored chunk of each array has the stored checksum."""
-    rows = job.rows_of(place.number)
+def _is_intact(group: Any, names: list[str], rows: slice) -> bool:
+    """Return whether the stored chunk of each array has its CRC-32C and can be read."""
     try:
-        stored = group[_CHECKSUM][place.number].tolist()
-        found = [_checksum(place, name, group[name][rows]) for name in job.arrays]
+        for name in names:
+            group[name][rows]
     except (OSError, ValueError, RuntimeError, MemoryError):  # not the bytes of a chunk
         return False
-    return found == stored
+    return True
 
 
 def _is_written(folder: Path, array: Any, number: int) -> bool:
