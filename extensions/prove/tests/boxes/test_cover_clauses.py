@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
+from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 
 from hfa_aircraft.model import Model, Signal
+from hfa_prove.check.cost import check_cost
 from hfa_prove.check.cover import (
     Boxes,
     OpenBoxError,
@@ -25,8 +28,10 @@ from hfa_prove.check.equilibrium import equilibrium_near
 from hfa_prove.check.region_boxes import check_region
 from hfa_prove.enclosure.program import Program
 from hfa_prove.enclosure.taylor import TaylorProgram, lowest
+from hfa_prove.statements.cost import CostStatement, CostWitness
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece, Polynomial
+from hfa_prove.statements.plant import Plant
 from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_support.errors import NoSolutionError
 
@@ -202,25 +207,81 @@ def test_every_coordinate_of_an_equilibrium_is_enclosed() -> None:
         equilibrium_near(plant, np.array([0.9, 0.7]))
 
 
-def test_increase_within_the_hole_is_refused() -> None:
-    """A region is refused if V increases in a part of the hole around the equilibrium.
+def _bump(x: Any) -> Any:
+    """Return an odd function: 0 to 0.13, up to 0.28 at 0.2, and below 0 from 0.2175 on."""
+    parts = [4.0 * ca.fmax(t - 0.13, 0.0) - 20.0 * ca.fmax(t - 0.2, 0.0) for t in (x, -x)]
+    return parts[0] - parts[1]
 
-    x' = -x (x² - 0.04) (x² - 0.16) increases |x| between 0.2 and 0.4.
+
+@pytest.mark.parametrize(
+    ("rate", "reach", "is_proved"),
+    [
+        (lambda x: -x * (x**2 - 0.04) * (x**2 - 0.16), 0.19, True),
+        (lambda x: -x * (x**2 - 0.04) * (x**2 - 0.16), 1.0, False),
+        (lambda x: -x + 0.2 * _bump(x), 1.0, True),
+        (lambda x: -x + _bump(x), 1.0, False),
+    ],
+)
+def test_increase_within_the_hole_is_refused(
+    rate: Callable[[Any], Any], reach: float, is_proved: bool
+) -> None:
+    """A region is refused if V increases in a part of the hole around the equilibrium, or beside it.
+
+    The first rate increases |x| between 0.2 and 0.4, the last between 0.18 and 0.21, beyond its hole
+    |x| <= 1/8.
     """
-
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
-        square = x.angle**2
-        return {"angle": -x.angle * (square - 0.04) * (square - 0.16)}, {}
-
-    model = Model("rings", {"angle": Signal("rad")}, {}, equations, trim={})
+    model = Model(
+        "rings",
+        {"angle": Signal("rad")},
+        {},
+        lambda x, u, p, w: ({"angle": rate(x.angle)}, {}),
+        trim={},
+    )
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(model, {}, {"angle": 0.0}, {}, {}, {}, none)
-    for reach, rho in ((0.19, 0.03), (1.0, 0.9)):
-        piece = Piece(np.eye(1) / reach, Polynomial(1, ((reach**2, (2,)),)), rho)
-        statement = RegionStatement(loop, {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
-        witness = RegionWitness(np.zeros((1, 2)), 10**4)
-        if rho == 0.9:
-            with pytest.raises(RefutedError):
-                check_region(statement, witness)
-        else:
-            assert check_region(statement, witness) > 0
+    piece = Piece(np.eye(1) / reach, Polynomial(1, ((reach**2, (2,)),)), 0.9 * reach**2)
+    statement = RegionStatement(loop, {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
+    with nullcontext() if is_proved else pytest.raises(RefutedError):
+        assert check_region(statement, RegionWitness(np.zeros((1, 2)), 10**4)) > 0
+
+
+@pytest.mark.parametrize("share", [0.1, 1.0])
+def test_a_bound_that_fails_beside_the_hole_is_refused(share: float) -> None:
+    """For x' = -x - share bump, g = 0.2 x² - 0.8 x share bump is negative at 0.2, beyond 1/8."""
+    model = Model(
+        "rings", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x - share * _bump(x.x)}, {})
+    )
+    plant = Plant(model, {}, {"x": 0.0}, {}, {}, {})
+    piece = Piece(np.eye(1), Polynomial(1, ((0.4, (2,)),)), 0.3)
+    claim = CostStatement(plant, {"x": 0.0}, np.eye(1), np.zeros((0, 0)), (piece,))
+    with nullcontext() if share < 1.0 else pytest.raises(RefutedError):
+        assert check_cost(claim, CostWitness(("x",), (10**4,)))[0] > 0
+
+
+@pytest.mark.parametrize(("factor", "is_proved"), [(1.0 - 1e-6, True), (1.0 + 1e-10, False)])
+def test_a_bound_ends_where_its_inequality_fails(factor: float, is_proved: bool) -> None:
+    """For x' = u, W = 0.9 x² + 0.2 x⁴ is a lower bound of x² while W' <= 2 x, to x = 1/2."""
+    model = Model("cart", {"x": Signal()}, {"u": Signal()}, lambda x, u, p, w: ({"x": u.u}, {}))
+    plant = Plant(model, {}, {"x": 0.0}, {"u": 0.0}, {}, {})
+    piece = Piece(np.eye(1), Polynomial(1, ((0.9, (2,)), (0.2, (4,)))), 0.2375 * factor)
+    one = np.eye(1)
+    claim = CostStatement(plant, {"x": 0.0, "u": 0.0}, one, one, (piece,))
+    with nullcontext() if is_proved else pytest.raises(OpenBoxError):
+        assert check_cost(claim, CostWitness(("u",), (10**4,)))[0] > 0
+
+
+def test_the_lowest_value_in_the_set_is_told() -> None:
+    """Of the points where a function is negative, the lowest in the set is returned."""
+    centres, values = np.arange(4.0)[:, None], np.array([-3.0, -1.0, -2.0, 4.0])
+    with pytest.raises(RefutedError) as found:
+        refute(centres, values, lambda places: places[:, 0] > 0.5)
+    assert found.value.place == [2.0]
+
+
+def test_the_exact_equilibrium_is_enclosed() -> None:
+    """Rounding displaces the computed root of 1.5 x = 0.1 by up to 1e-8, and its box contains 1/15."""
+    x = ca.SX.sym("x")
+    rate = ca.sqrt((x + 1e8) ** 2) - 1e8 + 0.5 * x - 0.1
+    found = equilibrium_near(_still(ca.Function("f", [x], [rate])), np.array([0.3]))
+    off = abs(Fraction(float(found.x[0])) - Fraction(0.1) / Fraction(1.5))
+    assert 0 < off <= Fraction(float(found.radius[0])) < 1e-7
