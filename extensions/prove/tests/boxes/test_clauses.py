@@ -627,7 +627,7 @@ WRONG: list[tuple[tuple[Any, ...], str, list[Any]]] = [
     ),
     (("statement", "loop", "model", "nominal", 0), "nominal", [True, 2.0, "1"]),
     *(
-        (("statement", "loop", "model", fact), fact, [value])
+        (("statement", "loop", "model", fact), f"model: {fact} ", [value])
         for fact, value in (
             ("states", ["heat", "level"]),
             ("steady", ["level"]),
@@ -660,6 +660,18 @@ def test_wrong_entries_are_refused(path: tuple[Any, ...], message: str, values: 
             read_content(made, Subject(WINDY))
 
 
+def test_a_policy_receives_the_whole_trim() -> None:
+    """The second argument of a policy contains all states, the inputs and the parameters in order."""
+    z, at = ca.SX.sym("z", 2), ca.SX.sym("trim", 5)
+    statement, _ = read_content(tank(), Subject(TANK))
+    policy = ca.Function("u", [z, at], [ca.dot(10.0 ** np.arange(5), at)])
+    numbers: Any = {"trim": {"level": 1.0, "heat": 2.0}, "inputs": {"valve": 4.0}}
+    numbers |= {"held": {"slope": 3.0}, "parameters": {"inflow": 5.0}}
+    loop = replace(statement.loop, policy=policy, **numbers)
+    found = ca.Function("u", [z], [loop.deviations(z)])
+    assert float(found(np.zeros(2))) == 54321.0
+
+
 def test_inputs_saturate_at_each_limit_that_exists() -> None:
     """The command of a valve with a lower, an upper, both limits or none is that of `np.clip`."""
     statement, _ = read_content(tank(), Subject(TANK))
@@ -674,7 +686,8 @@ def test_inputs_saturate_at_each_limit_that_exists() -> None:
 
 
 def test_different_equations_have_different_digests() -> None:
-    """Models that differ in an operation, an output or a name have different digests.
+    """Models that differ in an operation, an output, a disturbance, a name or a trim variable have
+    different digests.
 
     The name of a built-in aircraft is no digest.
     """
@@ -693,9 +706,16 @@ def test_different_equations_have_different_digests() -> None:
 
     models = [replace(TANK, equations=equations) for equations in (_tank, added, loaded)]
     models += [replace(TANK, equations=renamed, inputs={"tap": TANK.inputs["valve"]})]
+
+    def gusty(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rates, outputs = _windy(x, u, p, w)
+        return rates | {"level": rates["level"] + w.wind}, outputs
+
+    models += [WINDY, replace(WINDY, equations=gusty)]
+    models += [replace(TANK, replaced={"heat": "load"}, trim={"level": 0.0, "load": 0.0})]
     models += [replace(TANK, equations=added, name="published")]
     digests = [facts(model)["equations"] for model in models]
-    assert len(set(digests[:-1])) == 4
+    assert len(set(digests[:-1])) == 7
     assert digests[-1] == digests[1]
 
 

@@ -288,7 +288,7 @@ def planar(loop: Callable[[Any], Any], unit: str = "rad") -> Family:
         rates = {"a": aa * x.a + ab * x.b + u.u, "b": ba * x.a + bb * x.b}
         return {**rates, "c": u.u - x.c}, {}
 
-    states = {name: Signal() for name in "abc"}
+    states = {name: Signal() for name in "acb"}
     inputs = {"u": Signal("1", 1.0, -1.0, 1.0)}
     trim = dict.fromkeys("abc", 0.0)
     angle = Signal(unit, start=0.0)
@@ -472,6 +472,12 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
             imposed={"heave": 0.0}, first={"depth": 1.0, "lift": 1.0}
         ),
         "as many trim equations",
+    ),
+    "nothing free": (
+        lambda content: content["statement"]["flight"].update(
+            imposed={"depth": 1.0, "heave": 0.0, "lift": 1.0}, first={}
+        ),
+        "invalid entry: imposed",
     ),
     "a moving trim": (_put(0.1, *_FLIGHT, "imposed", "heave"), "no values of the free"),
     "an indefinite P": (_put([[[1.0, 0.0], [0.0, -1.0]]], "witness", "P"), "positive definite"),
