@@ -10,10 +10,9 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from hfa.options.parser import unknown
 from hfa.options.part import is_installed
 from hfa_support.entry_points import COMMANDS as GROUP, loaded, offered, package_of
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, choice_of, shortened
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -277,8 +276,8 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
         )
     known = words_after(first)
     if known and len(words) > 1 and not words[1].startswith("-"):
-        what = f"word {shortened(words[1])!r} after `hfa {first}`"
-        raise BadInputError(unknown(what, words[1].lower(), known, f"hfa {first}"))
+        what = f"unknown word {shortened(words[1])!r} after `hfa {first}`"
+        raise BadInputError(f"{what}; {choice_of(words[1].lower(), known)}")
     if first in names:
         return first, words[1:]
     if known:

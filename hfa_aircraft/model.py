@@ -140,6 +140,10 @@ class Model(Reported):
 
     _instead: ClassVar[Mapping[str, str]] = {
         "linearize": "hfa.linearize(model, hfa.trim(model))",
+        **dict.fromkeys(
+            ("changed", "replace", "copy", "set", "with_parameters"),
+            "model.with_parameters(NAME=VALUE)",
+        ),
         "sweep": "hfa.sweep(model, speed=[...])",
         "optimize": "hfa.optimize(model, point, {STATE: DEVIATION})",
         "fly": "hfa.fly(model, point, policy)",
@@ -479,6 +483,7 @@ class Model(Reported):
 
     # Parameters.
 
+    @checks_arguments
     def with_parameters(self, **values: float) -> Model:
         """Return a copy of the model with other values of parameters.
 

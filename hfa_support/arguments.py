@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable
 from functools import wraps
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -83,9 +84,19 @@ def _mismatch(
         calls = getattr(first, "_instead", {})
         how = how or calls.get(f"{name}({unknown})") or calls.get(name, "")
         instead = f"; write {how}" if how else _main_argument(function, first)
+        instead = instead or _description_of(function, str(wrong))
         arguments_are = f"the arguments are {', '.join(known) or 'none'}"
         return BadInputError(f"{name}: {wrong}{near}; {arguments_are}{instead}")
     return error
+
+
+def _description_of(function: Callable[..., Any], wrong: str) -> str:
+    """Return the text of the docstring on the argument that is missing, "" without one."""
+    missing = re.search(r"^missing .*'(\w+)'$", wrong)
+    text = inspect.getdoc(function) or ""
+    words = rf"^(?:\w+, )*{missing[1]}(?:, \w+)*: (.+(?:\n +\S.*)*)" if missing else "^$.^"
+    found = re.search(words, text, re.MULTILINE)
+    return f"; {missing[1]}: {' '.join(found[1].split())}" if missing and found else ""
 
 
 def _main_argument(function: Callable[..., Any], first: type | None) -> str:

@@ -51,9 +51,14 @@ def _remedy(value: Any, name: str) -> str:
         value[name]  # an error if the class has no values by name
         return f"; write its [{name!r}]"
     known = [each for each in dir(value) if each[0] != "_"]
+    named = fields(value) if is_dataclass(value) else ()
+    for field in named:
+        inner = vars(value).get(field.name)
+        if isinstance(inner, Mapping) and name in inner:
+            return f"; write its {field.name}[{name!r}]"
     if {*MEANINGS.get(name.lower(), ())} & {each.lower() for each in known}:
         return advice(name, known)
-    for field in fields(value) if is_dataclass(value) else ():
+    for field in named:
         inner = vars(value).get(field.name)
         if field.name not in known or not isinstance(inner, Advised):
             continue

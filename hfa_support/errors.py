@@ -231,6 +231,8 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
         raise BadInputError(
             f"{what} has labels; give {what}.to_numpy() in the order of the states and inputs"
         )
+    if isinstance(values, str):
+        raise BadInputError(f"{what} is {shown(values)}; give numbers, as in [1.0, 2.0]")
     try:
         array = np.asarray(values)
     except ValueError:  # rows that differ in length

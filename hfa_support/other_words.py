@@ -14,6 +14,8 @@ INSTEAD = {
         for command in ("linearize", "sweep")
         for option in ("class", "category")
     },
+    "hfa assess --policy": "give the deployment file alone: hfa assess FILE.toml",
+    "hfa verify --policy": "give the policy by --weights FILE",
     "hfa assess --law": "laws that plan are compared by hfa optimize --law NAME --starts N",
     "hfa prove region --law": "a region is proved for a gain or a critic (--weights FILE), and for "
     "no policy that plans",
@@ -24,6 +26,17 @@ _TABLE = """
 --step: --command
 --doublet: --command
 --time: --duration
+--format: --output
+--save: --output
+--csv: --output
+--si: --units
+--set: --hold
+--fix: --hold
+--param: --hold
+--range: --hold
+--wind: --gust --turbulence
+--episodes: --samples
+--verbose: --full
 --seconds: --duration
 --x0: --initial --start
 --initial: --start
@@ -107,10 +120,25 @@ nz: load_factor
 n_z: load_factor
 find_operating_point: trim
 findop: trim
-solve_game: solve
-check_critic: verify
-best_flight: optimize
-quickest_flight: optimize
+describe: report
+summary: report
+info: report
+print: report
+head: to_pandas
+to_json: save
+passed: ok
+result: ok
+errors: checks
+damping: modes
+step_response: step
+f: rates_at
+x: states
+statespace: linearmodel
+load: load_model
+make: environment
+gym: environment
+lower: min
+upper: max
 load_critic: read_critic
 gain: k
 functions: basis

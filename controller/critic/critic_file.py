@@ -127,7 +127,8 @@ def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> No
         steps = "discrete time" if stored is True else f"steps of {stored:g} s"
         raise BadInputError(
             f"the file has a policy in {steps}, but the game is in {own}; give a policy of this "
-            "game, or a sampled gain to hfa assess FILE --sample-time S"
+            "game, --dt and --discount to hfa verify, or a sampled gain to hfa assess FILE "
+            "--sample-time S"
         )
 
 

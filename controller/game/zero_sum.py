@@ -73,6 +73,7 @@ class Game(ByValue, Reported):
         "solve": "hfa.solve(game)",
         "verify": "hfa.verify(game, hfa.from_gain(game, K))",
         "solve(delta)": "hfa.solve(game.with_delta(delta))",
+        **dict.fromkeys(("changed", "replace"), "dataclasses.replace(game, delta=delta)"),
         **{name: f"hfa.solve(game).{name}" for name in ("K", "P")},
     }
     _how_to_make: ClassVar[str] = (

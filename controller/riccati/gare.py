@@ -59,6 +59,9 @@ class Solution(Result, Reported):
     _instead: ClassVar[Mapping[str, str]] = {
         "value": "solution.cost(z)",
         "gamma": "solution.delta",
+        **dict.fromkeys(("changed", "replace"), "hfa.solve(game.with_delta(delta))"),
+        **dict.fromkeys(("u", "policy", "predict", "act"), "-solution.K @ z"),
+        "A_cl": "solution.closed_loop.A",
         "simulate": "control.initial_response(solution.closed_loop, T, z0)",
         **dict.fromkeys(("S", "X"), "solution.P"),
     }

@@ -169,7 +169,9 @@ class GameGiven(Part):
                 )
             return named
         if not aircraft.is_given and aircraft.dynamics in VARIANTS and trim.at is None:
-            raise BadInputError("no plant is given; add --dihedral DEG or --model FILE")
+            raise BadInputError(
+                "no plant is given; add --dihedral DEG, --aircraft FILE or --model FILE"
+            )
         return self.game_at(trim.point().linearize(), aircraft)
 
     def game_at(self, linear: LinearModel, aircraft: Aircraft) -> NamedGame:

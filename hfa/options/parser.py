@@ -8,11 +8,15 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from itertools import pairwise
 from typing import Any, NoReturn
 
 from hfa.options.part import Option, is_installed
 from hfa_support.errors import BadInputError, advice, shortened
 from hfa_support.other_words import INSTEAD
+
+#: Options of an input file, by which a stray file may be given.
+_INPUTS = ("--aircraft", "--model", "--weights", "--policy", "--controller")
 
 
 class Parser(argparse.ArgumentParser):
@@ -99,7 +103,9 @@ class Parser(argparse.ArgumentParser):
             if "=" in strays[0]:
                 advised = "; separate several values of an option by commas, NAME=VALUE,NAME=VALUE"
             elif re.search(r"[.:]", strays[0]):
-                files = [each for each in ("--aircraft", "--model", "--weights") if each in actions]
+                files = [each for each in _INPUTS if each in actions]
+                if ["--json", strays[0]] in map(list, pairwise(words)):
+                    files = ["--output"]
                 advised = f"; give a file by its option, {' or '.join(files)}" * bool(files)
             self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}{advised}")
         typed = self.typed(parsed)

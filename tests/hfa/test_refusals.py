@@ -111,7 +111,7 @@ REFUSED = {
         ),
     ],
     "solve": [
-        ("", "no plant is given; add --dihedral DEG or --model FILE"),
+        ("", "no plant is given; add --dihedral DEG, --aircraft FILE or --model FILE"),
         ("--dihedral 15 --delta 0", "delta is 0.0; give a number from"),
         (
             "--dihedral 15 --R 100,400,400,400,0",

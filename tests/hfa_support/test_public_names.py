@@ -105,7 +105,20 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "solution.gain": (lambda: plant()["solution"].gain, "did you mean K?"),
     "linear.zeta": (lambda: plant()["linear"].zeta, "LinearModel has no attribute 'zeta'"),
     "mode.zeta": (lambda: plant()["linear"].modes[0].zeta, "did you mean damping?"),
-    "linear.dare": (lambda: plant()["linear"].dare, "LinearModel has no attribute 'dare'"),
+    "linear.dcgain": (lambda: plant()["linear"].dcgain(), "write linear.to_control().dcgain"),
+    "game.changed": (lambda: plant()["game"].changed(delta=1.0), "write dataclasses.replace(game"),
+    "model.elevator_center": (
+        lambda: plant()["model"].elevator_center,
+        "its inputs['elevator_center']",
+    ),
+    "model.with_parameters({})": (
+        lambda: plant()["model"].with_parameters({}),
+        "write model.with_parameters(NAME=VALUE)",
+    ),
+    "track(linear, solution)": (
+        lambda: hfa.track(plant()["linear"], plant()["solution"]),
+        "reference: state -> deviation from the trim",
+    ),
     "linear.margins": (lambda: plant()["linear"].margins, "write its point.margins"),
     "solution.A": (lambda: plant()["solution"].A, "write its game.A"),
     "point.alpha": (lambda: plant()["point"].alpha, "write its ['alpha']"),

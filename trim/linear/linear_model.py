@@ -72,6 +72,14 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         **dict.fromkeys(("lqr", "solve"), "hfa.solve(hfa.game(linear, Q, R))"),
         "K": "hfa.solve(hfa.game(linear, Q, R)).K",
         "eigenvalues": "linear.poles()",
+        **dict.fromkeys(("ss", "to_ss", "sys"), "linear.to_control()"),
+        **{
+            name: f"linear.to_control().{name}"
+            for name in ("damp", "dcgain", "feedback", "minreal", "nstates", "sample")
+        },
+        **dict.fromkeys(("c2d", "discretize"), "linear.to_control().sample(dt)"),
+        "tf": "linear.transfer_function(input, output)",
+        **dict.fromkeys(("changed", "replace"), "dataclasses.replace(linear, A=A)"),
     }
     _how_to_make: ClassVar[str] = (
         "hfa.linearize(model, point), or of matrices hfa.LinearModel.of(A, B, C, D)"

@@ -71,6 +71,9 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     _instead: ClassVar[Mapping[str, str]] = {
         **{name: f"point.linearize().{name}" for name in ("A", "B", "C", "D", "E", "poles")},
         "eigenvalues": "point.linearize().poles()",
+        "linearize": "point.linearize()",
+        **dict.fromkeys(("outputs", "y", "controls"), "point[NAME]"),
+        **dict.fromkeys(("changed", "replace"), "hfa.trim(model, NAME=VALUE)"),
         "levels": _LEVELS,
         "report": f"point.report(), or for levels {_LEVELS}",
     }

@@ -180,6 +180,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     _instead: ClassVar[Mapping[str, str]] = {
         "linear": "sweep.at(speed=...) or sweep[0]",
         "points": "sweep[0].point",
+        "at": "sweep.at(NAME=VALUE)",
+        "loc": "sweep.at(NAME=VALUE)",
         "poles": "sweep.eigenvalues",
     }
     schema = "hfa.sweep/1"
@@ -515,6 +517,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         size = self.plan.sizes[-1]
         return [slice(first, first + size) for first in range(0, len(self), size)]
 
+    @checks_arguments
     def at(self, **values: float) -> LinearModel:
         """Return the linear model at one value of each swept variable, as in sweep.at(speed=46.0).
 
