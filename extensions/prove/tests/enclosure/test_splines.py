@@ -32,7 +32,7 @@ def table(method: str, arguments: int, outputs: int = 1, degree: int | None = No
 
 CASES = {
     "linear": table("linear", 1),
-    "linear in 2": table("linear", 2),
+    "linear in 2, two outputs": table("linear", 2, 2),
     "linear in 3, two outputs": table("linear", 3, 2),
     "cubic": table("bspline", 1),
     "quadratic": table("bspline", 1, degree=2),
@@ -114,7 +114,7 @@ def test_slopes_of_tables_contain_their_differences(name: str) -> None:
         assert np.all((first >= found.values.low - 1e-14) & (first <= found.values.high + 1e-14))
 
 
-@pytest.mark.parametrize("name", ["linear", "linear in 2"])
+@pytest.mark.parametrize("name", ["linear", "linear in 2, two outputs"])
 def test_derivatives_of_linear_tables_are_enclosed(name: str) -> None:
     """The derivatives of a linear table that CasADi computes are tables too."""
     function = CASES[name]
@@ -154,7 +154,9 @@ def test_balls_of_tables_are_decided_between_breakpoints(name: str) -> None:
 
 
 def test_splines_know_their_smoothness() -> None:
-    """A cubic table has two continuous derivatives at inner knots, and jumps to 0 at its ends."""
+    """A cubic table has two continuous derivatives at inner knots, and jumps to 0 at its ends. A
+    kink is one however small.
+    """
     smoothness = {
         name: tables_of(CASES[name])[0].spline().smoothness.tolist()
         for name in ("linear", "cubic", "quadratic")
@@ -163,6 +165,11 @@ def test_splines_know_their_smoothness() -> None:
     assert set(smoothness["cubic"][1:-1]) == {2}
     assert set(smoothness["quadratic"][1:-1]) == {1}
     assert smoothness["cubic"][0] == smoothness["cubic"][-1] == -1
+    bend = 2.0**-30
+    slight = ca.interpolant(
+        "slight", "linear", [[0.0, 1.0, 2.0, 3.0]], [0, 1, 2 + bend, 3 + 2 * bend]
+    )
+    assert tables_of(slight)[0].spline().smoothness.tolist() == [HIGHEST, 0, HIGHEST, HIGHEST]
 
 
 @pytest.mark.parametrize("planted", ["Interpolant::values", "BSpline::coeffs"])
