@@ -126,11 +126,10 @@ def aircraft_loads(
     density: slug/ft^3
     p: parameters
     variant: variant of the equations
-    winds: winds at the panels. With `winds.ground_drag`, the drag of a panel depends on the speed
-        over ground instead of the airspeed.
+    winds: winds at the panels; the drag of a panel depends on the airspeed
     """
-    center_speed = x.speed if winds.ground_drag else airspeed(x, winds.center)
-    outer_speed = x.speed if winds.ground_drag else airspeed(x, winds.outer)
+    center_speed = airspeed(x, winds.center)
+    outer_speed = airspeed(x, winds.outer)
     center_air = center_flow(x, p, winds)
     outer_air = outer_flow(x, p, winds)
     center = panel_loads(center_air, center_speed, u.aileron_center, u.elevator_center, density, p)

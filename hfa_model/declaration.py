@@ -37,11 +37,9 @@ class Equations:
     """Equations of motion of a variant, as the function (x, u, p, w) that `Model` requires.
 
     variant: variant of the equations
-    ground_drag: whether the drag in wind depends on the speed over ground instead of the airspeed
     """
 
     variant: Variant
-    ground_drag: bool = False
 
     def __call__(
         self, x: Any, u: Any, p: Any, w: Any
@@ -53,7 +51,7 @@ class Equations:
         p: parameters
         w: disturbances, in the order of `DISTURBANCES`
         """
-        winds = winds_named(w._fields, w, ground_drag=self.ground_drag)
+        winds = winds_named(w._fields, w)
         moment = moment_of(x, u, p, self.variant, winds)
         return moment.rates._asdict(), outputs_of(moment)
 

@@ -44,13 +44,10 @@ class Winds(NamedTuple):
 
     center: wind at the center panel
     outer: wind at each outer panel
-    ground_drag: whether the drag depends on the speed over ground, as in the simulation released
-        with Gibson et al. 2011, instead of the airspeed
     """
 
     center: Wind
     outer: Wind
-    ground_drag: bool = False
 
 
 STILL_AIR = Winds(Wind(), Wind())
@@ -62,14 +59,11 @@ DISTURBANCES = (
 )
 
 
-def winds_named(
-    names: Sequence[str], values: Sequence[Quantity], *, ground_drag: bool = False
-) -> Winds:
+def winds_named(names: Sequence[str], values: Sequence[Quantity]) -> Winds:
     """Return the winds at the panels, each the sum of the disturbances that act on the panel.
 
     names: names in `DISTURBANCES`; a name without a panel acts on all panels
     values: one value for each name, ft/s
-    ground_drag: as in `Winds`
     """
     sums: dict[str, dict[str, Quantity]] = {"center": {}, "outer": {}}
     for name, value in zip(names, values, strict=True):
@@ -77,7 +71,7 @@ def winds_named(
         panels = (panel,) if panel else tuple(sums)
         for reached in panels:
             sums[reached][component] = sums[reached].get(component, 0.0) + value
-    return Winds(Wind(**sums["center"]), Wind(**sums["outer"]), ground_drag)
+    return Winds(Wind(**sums["center"]), Wind(**sums["outer"]))
 
 
 #: Velocity of a panel relative to the air in panel axes, ft/s: forward, toward the center,

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -140,46 +140,37 @@ class _CarriedAir(NamedTuple):
     mass: Any  # M_a, (3, 3)
 
 
-@dataclass(frozen=True)
-class UnsteadyEquations:
-    """Equations of the `unsteady` dynamics, callable as `Model.equations`.
+def unsteady_equations(
+    x: Any, u: Any, p: Any, w: Any
+) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    """Return the rates of the states and the outputs of the `unsteady` dynamics, name -> value.
 
-    ground_drag: whether the drag in wind uses the speed over ground in place of the airspeed
+    x: the states of `newton`, then `LAG_STATES`
+    u: inputs
+    p: the parameters of `newton`, `EFFECTS` and `tail_aspect_ratio`
+    w: disturbances, a subset of `DISTURBANCES`
     """
-
-    ground_drag: bool = False
-
-    def __call__(
-        self, x: Any, u: Any, p: Any, w: Any
-    ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Return the rates of the states and the outputs, each as name -> value.
-
-        x: the states of `newton`, then `LAG_STATES`
-        u: inputs
-        p: the parameters of `newton`, `EFFECTS` and `tail_aspect_ratio`
-        w: disturbances, a subset of `DISTURBANCES`
-        """
-        winds = winds_named(w._fields, w, ground_drag=self.ground_drag)
-        air = density(x.altitude)
-        center_motion = _panel_motion("center", x, p, winds)
-        outer_motion = _panel_motion("outer", x, p, winds)
-        center = _lagged_panel(center_motion, x, u, p, air, self.ground_drag)
-        outer = _lagged_panel(outer_motion, x, u, p, air, self.ground_drag)
-        loads = sum_of_panels(x, u, center.loads, outer.loads, p, NEWTON)
-        tip_moment, tip_rates = _tip_moment(x, p, flow_of(*outer_motion.calm).speed, air)
-        loads = loads._replace(hinge_moment=loads.hinge_moment + tip_moment)
-        of_flow = loads
-        loads = _with_apparent_mass(x, of_flow, (center_motion, outer_motion), p, air)
-        rates = rates_from_loads(x, loads, p, NEWTON)
-        lift_coefficient = (center.lift_coefficient + 2 * outer.lift_coefficient) / 3
-        downwash = 2 * lift_coefficient / (math.pi * _aspect_ratio(p))
-        downwash_rate = x.speed / p.boom_length * (downwash - x.downwash)
-        lag_state_rates = {**center.rates, **outer.rates, **tip_rates, "downwash": downwash_rate}
-        outputs = outputs_of(Moment(x, u, p, winds, loads, rates))
-        # The reaction of the apparent mass to accelerations is inertia, not lift.
-        outputs["lift"] = of_flow.lift
-        outputs["pitching_moment"] = of_flow.pitching_moment
-        return {**rates._asdict(), **lag_state_rates}, outputs
+    winds = winds_named(w._fields, w)
+    air = density(x.altitude)
+    center_motion = _panel_motion("center", x, p, winds)
+    outer_motion = _panel_motion("outer", x, p, winds)
+    center = _lagged_panel(center_motion, x, u, p, air)
+    outer = _lagged_panel(outer_motion, x, u, p, air)
+    loads = sum_of_panels(x, u, center.loads, outer.loads, p, NEWTON)
+    tip_moment, tip_rates = _tip_moment(x, p, flow_of(*outer_motion.calm).speed, air)
+    loads = loads._replace(hinge_moment=loads.hinge_moment + tip_moment)
+    of_flow = loads
+    loads = _with_apparent_mass(x, of_flow, (center_motion, outer_motion), p, air)
+    rates = rates_from_loads(x, loads, p, NEWTON)
+    lift_coefficient = (center.lift_coefficient + 2 * outer.lift_coefficient) / 3
+    downwash = 2 * lift_coefficient / (math.pi * _aspect_ratio(p))
+    downwash_rate = x.speed / p.boom_length * (downwash - x.downwash)
+    lag_state_rates = {**center.rates, **outer.rates, **tip_rates, "downwash": downwash_rate}
+    outputs = outputs_of(Moment(x, u, p, winds, loads, rates))
+    # The reaction of the apparent mass to accelerations is inertia, not lift.
+    outputs["lift"] = of_flow.lift
+    outputs["pitching_moment"] = of_flow.pitching_moment
+    return {**rates._asdict(), **lag_state_rates}, outputs
 
 
 def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
@@ -253,9 +244,7 @@ def lag_rates(
     }
 
 
-def _lagged_panel(
-    motion: _PanelMotion, x: Any, u: Any, p: Any, air: Quantity, ground_drag: bool
-) -> _LaggedPanel:
+def _lagged_panel(motion: _PanelMotion, x: Any, u: Any, p: Any, air: Quantity) -> _LaggedPanel:
     """Return the loads on a panel with lagged lift, and the rates of the panel's lag states."""
     # The lift lags behind motion, controls and gusts. The lift is perpendicular to the flow at the
     # lagged angle of attack, because the induced velocity of the wake is part of the flow.
@@ -279,7 +268,7 @@ def _lagged_panel(
     wing_alpha, wing_rates = _lagged_alpha(wing_strip, motion, x, p)
     tail_alpha, tail_rates = _lagged_alpha(tail_strip, motion, x, p)
     flow = flow_of(*motion.moving)
-    speed = x.speed if ground_drag else airspeed(x, motion.wind)
+    speed = airspeed(x, motion.wind)
     wing_factor = _slope_factor(p, _aspect_ratio(p))
     tail_factor = _slope_factor(p, p.tail_aspect_ratio)
     of_wing = p._replace(
@@ -508,7 +497,7 @@ UNSTEADY = replace(
     _RIGID,
     name="unsteady",
     states={**STATE_SIGNALS._asdict(), **dict.fromkeys(LAG_STATES, Signal("rad", 0.1))},
-    equations=UnsteadyEquations(),
+    equations=unsteady_equations,
     parameters=_signals(),
     steady=tuple(name for name in (*STATES, *LAG_STATES) if name != "altitude"),
     # Only wind changes the gust states. No input reaches them, so critics cannot be learned for

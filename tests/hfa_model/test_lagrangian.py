@@ -8,7 +8,6 @@ from functools import cache
 
 import casadi as ca
 import numpy as np
-import pytest
 from lagrangian import lagrangian_rates, winds_of
 from random_points import (
     RATE_SCALES,
@@ -35,10 +34,10 @@ def function_of(rates: Callable[..., State], moving: bool) -> ca.Function:
 
 
 @cache
-def euler_lagrange_rates(moving: bool, **drag: bool) -> ca.Function:
+def euler_lagrange_rates(moving: bool) -> ca.Function:
     """Return the CasADi Function (x, u, p, w) -> dX/dt of the Euler-Lagrange equations."""
     return function_of(
-        lambda x, u, p, w: lagrangian_rates(x, u, density(x.altitude), p, winds_of(w), **drag),
+        lambda x, u, p, w: lagrangian_rates(x, u, density(x.altitude), p, winds_of(w)),
         moving,
     )
 
@@ -49,14 +48,13 @@ def disagreement(
     parameters: Parameters,
     count: int,
     moving: bool,
-    **drag: bool,
 ) -> State:
     """Return the largest difference of each rate between a variant and the Euler-Lagrange equations.
 
     Each difference is divided by the rate or, near zero, by the scale of the rate. Random states,
     inputs, winds and parameters (20 % standard deviation) are used.
     """
-    closed_form = function_of(lambda x, u, p, w: rates(x, u, p, dynamics, w, **drag), moving)
+    closed_form = function_of(lambda x, u, p, w: rates(x, u, p, dynamics, w), moving)
     random = np.random.default_rng(5)
     spread = random.normal(size=(count, len(parameters))) * 0.2
     winds = random.uniform(-15, 15, (count, len(WINDS)))
@@ -79,29 +77,10 @@ def test_newton_equals_the_euler_lagrange_equations(parameters: Parameters) -> N
     assert max(worst) <= 1e-12, worst
 
 
-@pytest.mark.parametrize("ground_drag", [False, True])
-def test_newton_in_wind_equals_the_euler_lagrange_equations(
-    parameters: Parameters, ground_drag: bool
-) -> None:
-    """In wind, the rates of "newton" equal the Euler-Lagrange equations to 1e-11.
-
-    With the other definition of drag in wind the rates differ.
-    """
-    reference = euler_lagrange_rates(True, ground_drag=ground_drag)
-    assert (
-        max(
-            disagreement(reference, "newton", parameters, 100, moving=True, ground_drag=ground_drag)
-        )
-        <= 1e-11
-    )
-    assert (
-        max(
-            disagreement(
-                reference, "newton", parameters, 20, moving=True, ground_drag=not ground_drag
-            )
-        )
-        > 1e-3
-    )
+def test_newton_in_wind_equals_the_euler_lagrange_equations(parameters: Parameters) -> None:
+    """In wind, the rates of "newton" equal the Euler-Lagrange equations to 1e-11."""
+    reference = euler_lagrange_rates(True)
+    assert max(disagreement(reference, "newton", parameters, 100, moving=True)) <= 1e-11
 
 
 def test_published_differs_from_newton_in_two_equations_only(parameters: Parameters) -> None:

@@ -115,14 +115,11 @@ def lagrangian_rates(
     density: Any,
     p: Parameters,
     winds: Any = STILL,
-    *,
-    ground_drag: bool = False,
 ) -> State:
     """Return dX/dt of the aircraft by the Euler-Lagrange equations, as CasADi expressions.
 
     density: slug/ft^3, or 0 for flight without air
     winds: velocity of the air at each panel, ft/s (`winds_of`)
-    ground_drag: whether the drag depends on the speed over ground
 
     The airflow at a panel is its inertial velocity minus the velocity of the air. Source:
     Goldstein, Classical Mechanics, Section 1.4.
@@ -131,7 +128,7 @@ def lagrangian_rates(
     v = ca.SX.sym("v", 4)
     panels = panels_at(r, v, p)
     kinetic = sum(kinetic_energy(panel, r, v, p) for panel in panels)
-    force = _generalized_force(panels, r, v, u, density, p, winds, ground_drag)
+    force = _generalized_force(panels, r, v, u, density, p, winds)
     return euler_lagrange(x, kinetic, force, panels, r, v, p)
 
 
@@ -230,7 +227,6 @@ def _generalized_force(
     density: Any,
     p: Parameters,
     winds: Any,
-    ground_drag: bool,
 ) -> ca.SX:
     # The drag depends on the speed of the common center of mass relative to the air at a panel.
     velocity = ca.jtimes(sum(panel.position for panel in panels) / 3, r, v)
@@ -239,7 +235,7 @@ def _generalized_force(
     places = ((winds.center, 0), (winds.outer, 1), (winds.outer, -1))
     for panel, (aileron, elevator), (wind, side) in zip(panels, controls, places, strict=True):
         air = ca.vertcat(-wind.headwind, side * wind.outward, -wind.updraft)
-        speed = ca.norm_2(velocity if ground_drag else velocity - air)
+        speed = ca.norm_2(velocity - air)
         loads = panel_loads(_flow(panel, r, v, air), speed, aileron, elevator, density, p)
         force += virtual_work(panel, loads, p.thrust_per_throttle * u.throttle / 3, r, v, p)
     return force

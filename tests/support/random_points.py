@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -50,21 +49,15 @@ def wind_of(values: Sequence[Any] = (), **named: Any) -> Any:
 
 
 def equations(
-    x: State, u: Input, p: Parameters, dynamics: Any, wind: Any = None, **drag: bool
+    x: State, u: Input, p: Parameters, dynamics: Any, wind: Any = None
 ) -> tuple[Any, Any]:
-    """Return the rates and outputs of these dynamics, each by name.
-
-    drag: `ground_drag`, whether the drag in wind depends on the speed over ground
-    """
-    of_model = replace(hfa.aircraft(dynamics).equations, **drag)
-    return of_model(x, u, p, wind_of() if wind is None else wind)
+    """Return the rates and outputs of these dynamics, each by name."""
+    return hfa.aircraft(dynamics).equations(x, u, p, wind_of() if wind is None else wind)
 
 
-def rates(
-    x: State, u: Input, p: Parameters, dynamics: Any, wind: Any = None, **drag: bool
-) -> State:
+def rates(x: State, u: Input, p: Parameters, dynamics: Any, wind: Any = None) -> State:
     """Return dX/dt of these dynamics as a named tuple."""
-    found = equations(x, u, p, dynamics, wind, **drag)[0]
+    found = equations(x, u, p, dynamics, wind)[0]
     return State(*(found[name] for name in STATES))
 
 
