@@ -11,6 +11,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.reference import Feedforward, feedforward, particular
+from controller.riccati.balancing import abscissa_of
 from controller.riccati.gare import Solution
 from hfa_aircraft.waveform import Waveform, channel, constant, stacked
 from hfa_support.arguments import checks_arguments, need
@@ -283,20 +284,12 @@ def tracked(
     Raises BadInputError unless A - B K is Hurwitz.
     """
     exact = feedforward(game, P, reference)
-    abscissa = loop_abscissa(game, K)
+    abscissa = abscissa_of(game.A - game.B @ K)
     if abscissa >= 0.0:
         raise BadInputError(
             f"tracking: A - B K has abscissa {abscissa:+.4g} 1/s; give a K that stabilizes the game"
         )
     return Tracking(exact, K, duration, _commanded_trims(linear, reference, duration))
-
-
-def loop_abscissa(game: Game, K: np.ndarray) -> float:
-    """Return the largest real part of the eigenvalues of A - B K, 1/s.
-
-    K: (m, n)
-    """
-    return float(np.linalg.eigvals(game.A - game.B @ K).real.max())
 
 
 def _steady(states: Sequence[str], reference: Waveform, duration: float) -> dict[str, float]:

@@ -10,9 +10,8 @@ import casadi as ca
 import numpy as np
 
 from controller.expansion.expansion import Expansion
+from controller.expansion.flights import TESTED, flown_until_decayed, scales_of_time
 from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.ending import FAR_OF_EXPANSION, OF_EXPANSION, has_decayed
-from hfa_aircraft.march.march import History, Rows, march
 from hfa_aircraft.march.refinement import Figures, ReportedFigure, resolved
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.row_code import row_code
@@ -26,12 +25,6 @@ SHARE = 0.05
 _ROUNDING = 1e-9
 #: The parts of the box are 1, 1/2, 1/4, ..., at least this.
 _SMALLEST = 2.0**-12
-#: Step times the magnitude of the fastest eigenvalue of the exact loop.
-_STEP = 0.2
-#: A flight that has not ended after this many time constants of the slowest mode does not converge.
-_LONGEST = 6.0
-#: Number of steps between two tests of the end.
-_TESTED = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +102,8 @@ def box_flights(
     count: number of initial states
     """
     b = box.half_widths
-    loop = np.linalg.eigvals(expansion.game.A - expansion.game.B @ expansion.solution.K)
-    step = _STEP / float(np.abs(loop).max())
-    seconds = _LONGEST / float(-loop.real.max())
+    loop = expansion.game.A - expansion.game.B @ expansion.solution.K
+    step, seconds = scales_of_time(loop)
     exact = _Flights(expansion, exact_policy, plant, seconds)
     flown = _Flights(expansion, policy, plant, seconds)
     starts = starts_in(b, count)
@@ -174,20 +166,7 @@ class _Flights:
 
         starts: (N, n)
         """
-        initial = quadratic_forms(starts, self._P)
-
-        def over(flown: History) -> np.ndarray:
-            value = quadratic_forms(flown.states[:, -1, :-1], self._P)
-            first = initial[flown.flights]
-            mask = np.zeros(flown.states.shape[:2], dtype=bool)
-            is_near = value <= FAR_OF_EXPANSION * first
-            mask[:, -1] = has_decayed(value, first, OF_EXPANSION) | ~is_near
-            return mask
-
-        begin = np.column_stack([starts, np.zeros(len(starts))])
-        loop = Rows(lambda w, _: self._rates(w[:, :-1])[0], begin, step, steps=_TESTED)
-        with np.errstate(all="ignore"):
-            flown, _ = march(loop, 1 + int(self._seconds / (step * _TESTED)), over=over, keep=False)
-            final = flown.states[:, 0]
-            left = quadratic_forms(final[:, :-1], self._P)
-        return np.where(has_decayed(left, initial, OF_EXPANSION), final[:, -1] + left, math.inf)
+        ticks = 1 + int(self._seconds / (step * TESTED))
+        final, ended = flown_until_decayed(self._rates, starts, self._P, step, ticks)
+        left = quadratic_forms(final[:, :-1], self._P)
+        return np.where(ended, final[:, -1] + left, math.inf)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -10,6 +11,7 @@ import numpy as np
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.ending import FAR_OF_EXPANSION, OF_EXPANSION, has_decayed
 from hfa_aircraft.march.march import History, Rows, march
+from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.machine_code import machine_code
 
@@ -21,7 +23,9 @@ _STEP = 0.2
 #: A flight that has not ended after this many time constants of the slowest mode does not converge.
 _LONGEST = 6.0
 #: Number of steps between two tests of the end.
-_TESTED = 10
+TESTED = 10
+#: Function of rows, with a list of one array of rows.
+RateOfRows = Callable[[np.ndarray], list[np.ndarray]]
 
 
 class Flights:
@@ -39,10 +43,8 @@ class Flights:
         expansion: value and policies of both players
         """
         game = expansion.game
-        loop = np.linalg.eigvals(game.worst_case_loop(expansion.solution.P))
         self.expansion = expansion
-        self.step = _STEP / float(np.abs(loop).max())
-        self.longest = _LONGEST / float(-loop.real.max())
+        self.step, self.longest = scales_of_time(game.worst_case_loop(expansion.solution.P))
         z = ca.SX.sym("z", expansion.states)
         u = expansion.policy(z)
         rates = expansion.rates(z, u)
@@ -60,32 +62,47 @@ class Flights:
 
         z0: (N, n), initial deviations from the trim
         """
+        ticks = (1 + int(self.longest / self.step)) // TESTED
         P = self.expansion.solution.P
-        initial = _quadratic(P, z0)
-
-        def over(flown: History) -> np.ndarray:
-            value = _quadratic(P, flown.states[:, -1, :-1])
-            first = initial[flown.flights]
-            mask = np.zeros(flown.states.shape[:2], dtype=bool)
-            is_near = value <= FAR_OF_EXPANSION * first
-            mask[:, -1] = has_decayed(value, first, OF_EXPANSION) | ~is_near
-            return mask
-
-        starts = np.column_stack([z0, np.zeros(len(z0))])
-        loop = Rows(lambda w, _: self._rates(w[:, :-1])[0], starts, self.step, steps=_TESTED)
-        ticks = (1 + int(self.longest / self.step)) // _TESTED
-        with np.errstate(over="ignore", invalid="ignore"):
-            flown, _ = march(loop, ticks, over=over, keep=False)
-            final = flown.states[:, 0]
-            ended = has_decayed(_quadratic(P, final[:, :-1]), initial, OF_EXPANSION)
+        final, ended = flown_until_decayed(self._rates, z0, P, self.step, ticks)
         costs = np.full(len(z0), np.inf)
         if ended.any():
-            final_states, cost_so_far = final[ended, :-1], final[ended, -1]
-            cost_after_end = self._V(final_states)[0][:, 0]
-            costs[ended] = cost_so_far + cost_after_end
+            cost_after_end = self._V(final[ended, :-1])[0][:, 0]
+            costs[ended] = final[ended, -1] + cost_after_end
         return costs
 
 
-def _quadratic(P: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Return z'Pz of each row of z, (N,)."""
-    return np.einsum("ri,ij,rj->r", z, P, z)
+def scales_of_time(loop: np.ndarray) -> tuple[float, float]:
+    """Return the step and the longest duration of flights about a stable loop z' = loop z, s."""
+    eigenvalues = np.linalg.eigvals(loop)
+    return _STEP / float(np.abs(eigenvalues).max()), _LONGEST / float(-eigenvalues.real.max())
+
+
+def flown_until_decayed(
+    rates: RateOfRows, z0: np.ndarray, P: np.ndarray, step: float, ticks: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the last states and costs of flights, (N, n + 1), and whether z'Pz has decayed, (N,).
+
+    rates: rows (N, n) of states -> rows (N, n + 1) of their rates and of the rate of the cost
+    z0: initial states, (N, n)
+    P: (n, n)
+    step: step of the integration, s
+    ticks: largest number of intervals of `TESTED` steps
+    """
+    initial = quadratic_forms(z0, P)
+
+    def over(flown: History) -> np.ndarray:
+        value = quadratic_forms(flown.states[:, -1, :-1], P)
+        first = initial[flown.flights]
+        mask = np.zeros(flown.states.shape[:2], dtype=bool)
+        # A nan is not near.
+        is_near = value <= FAR_OF_EXPANSION * first
+        mask[:, -1] = has_decayed(value, first, OF_EXPANSION) | ~is_near
+        return mask
+
+    starts = np.column_stack([z0, np.zeros(len(z0))])
+    loop = Rows(lambda w, _: rates(w[:, :-1])[0], starts, step, steps=TESTED)
+    with np.errstate(all="ignore"):
+        flown, _ = march(loop, ticks, over=over, keep=False)
+        final = flown.states[:, 0]
+        return final, has_decayed(quadratic_forms(final[:, :-1], P), initial, OF_EXPANSION)

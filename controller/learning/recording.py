@@ -164,15 +164,6 @@ def unit_rows(matrix: np.ndarray) -> np.ndarray:
     return matrix / np.where(lengths > 0.0, lengths, 1.0)
 
 
-def rank(rows: np.ndarray) -> int:
-    """Return the numerical rank of a matrix.
-
-    Singular values up to `RANK_TOLERANCE` times the largest one count as 0.
-    """
-    values = np.linalg.svd(rows, compute_uv=False)
-    return int(np.sum(values > RANK_TOLERANCE * values[0]))
-
-
 def excitation(samples: np.ndarray) -> Excitation:
     """Return the rank and the condition of recorded samples.
 

@@ -78,18 +78,15 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     """
     infinite = math.inf, math.inf
     is_moderate = bool(np.all(np.abs(K) <= LARGEST_CRITIC_ENTRY))
-    loop = game.A - game.B @ K
-    stable, bounded = (
-        is_moderate and stability(each, is_discrete=game.is_discrete).is_stable
-        for each in (loop, math.sqrt(game.discount) * loop)
-    )
-    worst, mean = cost_above_optimum(game, exact, K) if bounded else infinite
+    discounted = math.sqrt(game.discount) * (game.A - game.B @ K)
+    is_bounded = is_moderate and stability(discounted, is_discrete=game.is_discrete).is_stable
+    worst, mean = cost_above_optimum(game, exact, K) if is_bounded else infinite
     return FlightCost(
         worst=100.0 * worst,
         mean=100.0 * mean,
         gain=bounded_real_gain(game, K) if is_moderate else math.inf,
         exact_gain=bounded_real_gain(game, exact.K),
-        distance=_distance(game, K) if stable else 0.0,
+        distance=_distance(game, K) if is_moderate else 0.0,
         exact_distance=_distance(game, exact.K),
     )
 

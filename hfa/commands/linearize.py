@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,17 +15,16 @@ from hfa.options.output import Output, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import command
 from hfa_aircraft.model import Model
-from hfa_model.choice import aircraft
 from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
+from trim.hfa.other_dynamics import with_other_dynamics
 from trim.hfa.printed import entry_bands, has_bands, printed_at, with_bands, with_printed_matrices
 from trim.linear.handling_qualities import with_qualities
 from trim.linear.linear_model import LinearModel, linear_model_report
 from trim.linear.reduction import reduction_note
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import trim
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -155,17 +153,14 @@ def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
     - a comparison with the linear model of other dynamics, if they have a trim at this condition
     - error bands of the entries, if they are known for the parameters
     """
-    parameters = request.aircraft.parameter_set
-    condition = request.trim.condition
     bands = None
-    comparison = None
+    other = None
     if _is_printed(model):
-        bands = entry_bands(parameters, condition, model) if has_bands(parameters) else None
-        name = next((variant for variant in VARIANTS if variant != request.aircraft.dynamics), "")
-        changed = aircraft(name, parameters.values)
-        with suppress(BadInputError, NoSolutionError):  # the other dynamics have no trim there
-            comparison = trim(changed, condition, model.point).linearize()
-    return with_bands(linear_model_report(model), model, bands, comparison)
+        parameters = request.aircraft.parameter_set
+        if has_bands(parameters):
+            bands = entry_bands(parameters, request.trim.condition, model)
+        other = with_other_dynamics(model.point)
+    return with_bands(linear_model_report(model), model, bands, other)
 
 
 def _is_printed(model: LinearModel) -> bool:

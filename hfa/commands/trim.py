@@ -46,12 +46,17 @@ class OneTrimRequest(Request):
 
         Raises TrimError if no trim is found.
         """
-        try:
-            return self.trim.point()
-        except TrimError as error:
-            if self.output.json:
-                self.print(_failed(self.trim, error))
-            raise
+        return _trimmed(self, self.trim)
+
+
+def _trimmed(request: Request, one: Trim) -> OperatingPoint:
+    """Return a trim. Prints the nearest point with --json before TrimError is raised."""
+    try:
+        return one.point()
+    except TrimError as error:
+        if request.output.json:
+            request.print(_failed(one, error))
+        raise
 
 
 def _failed(trim: Trim, error: TrimError) -> Report:
@@ -188,13 +193,7 @@ def trim(request: TrimRequest) -> int:
 
 
 def _one(request: TrimRequest, one: Trim) -> int:
-    try:
-        point = one.point()
-    except TrimError as error:
-        if request.output.json:
-            request.print(_failed(one, error))
-        raise
-    sheet = _sheet(request, one, point)
+    sheet = _sheet(request, one, _trimmed(request, one))
     (picture,) = sheet.pictures()
     request.show(sheet, figure=lambda: picture.figure)
     return 0

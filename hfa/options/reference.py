@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.tracking import loop_abscissa, tracked
+from controller.riccati.balancing import abscissa_of
+from controller.tracking import tracked
 from hfa.options.argument_types import linear_state
 from hfa.options.part import OfModel, option
 from hfa_aircraft.model import Model
@@ -52,7 +53,7 @@ def with_tracking(
     if named.linear is None:
         raise BadInputError("--reference requires an aircraft; remove --model and --design")
     named.game.refuse_steps("--reference")
-    abscissa = loop_abscissa(named.game, K)
+    abscissa = abscissa_of(named.game.A - named.game.B @ K)
     if abscissa >= 0.0:
         said = f"Tracking: no late errors, A - B K has abscissa {abscissa:+.4g} 1/s"
         return replace(report, parts=(*report.parts, said))

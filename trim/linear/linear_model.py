@@ -71,7 +71,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     _instead: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(("lqr", "solve"), "hfa.solve(hfa.game(linear, Q, R))"),
         "K": "hfa.solve(hfa.game(linear, Q, R)).K",
-        "eigenvalues": "linear.poles()",
         **dict.fromkeys(("ss", "to_ss", "sys"), "linear.to_control()"),
         **{
             name: f"linear.to_control().{name}"

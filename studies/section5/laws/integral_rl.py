@@ -19,7 +19,6 @@ from controller.learning.recording import (
     Stack,
     excitation,
     natural_spread,
-    rank,
     record,
     refuse_poor,
     unit_rows,
@@ -28,6 +27,7 @@ from controller.learning.ticks import Run
 from hfa_support.errors import BadInputError, NoSolutionError
 from studies.section5.laws.bellman_equations import StackEquations
 from studies.section5.laws.certified import enough_for, initial_weights
+from studies.section5.laws.recording import rank
 from studies.section5.laws.training import training_run
 
 #: The baseline gain, used before any gain is certified, is the LQR for the game's Q and this

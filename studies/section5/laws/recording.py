@@ -5,12 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from controller.game.basis import Basis
-from controller.learning.recording import Stack, rank, refuse_poor, unit_rows
+from controller.learning.recording import RANK_TOLERANCE, Stack, refuse_poor, unit_rows
 from hfa_support.errors import BadInputError
 
 #: Relative excess length of the row that begins a round: far above rounding, and far below real
 #: differences.
 _AHEAD = 1e-6
+
+
+def rank(rows: np.ndarray) -> int:
+    """Return the numerical rank of a matrix.
+
+    Singular values up to `RANK_TOLERANCE` times the largest one count as 0.
+    """
+    values = np.linalg.svd(rows, compute_uv=False)
+    return int(np.sum(values > RANK_TOLERANCE * values[0]))
 
 
 def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
