@@ -570,14 +570,20 @@ def test_the_loss_covers_varying_guesses() -> None:
     At the center of the box, the cost of the input -0.1 is compared with the cost of the optimal
     input, which is the limit -0.3.
     """
-    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-0.3, 0.3)})
     k = 0.75
-    equilibrium = Equilibrium(np.zeros(2), np.zeros(2))
-    W = Polynomial(1, ((k, (2,)),))
-    inequality = CostInequality(plant, equilibrium, Piece(ONE, W, 1.0), ONE, ONE)
+    two = Model(
+        "two",
+        {"a": Signal(), "b": Signal()},
+        {"speed": Signal()},
+        lambda x, u, p, w: ({"a": u.speed, "b": -x.b}, {}),
+    )
+    plant = Plant(two, {}, {"a": 0.0, "b": 0.0}, {"speed": 0.0}, {}, {"speed": (-0.3, 0.3)})
+    piece = Piece(np.eye(2), Polynomial(2, ((k, (2, 0)), (k, (0, 2)))), 1.0)
+    equilibrium = Equilibrium(np.zeros(3), np.zeros(3))
+    inequality = CostInequality(plant, equilibrium, piece, np.eye(2), ONE)
     y = 0.5
-    box = Boxes(np.array([[y]]), np.array([[40]]))
-    loss = inequality._loss(box, Guess(np.array([[-0.2]]), np.array([[[0.1]]])))[0]
+    box = Boxes(np.array([[y, 0.0]]), np.full((1, 2), 40))
+    loss = inequality._loss(box, Guess(np.array([[-0.2]]), np.array([[[0.04, -0.06]]])))[0]
 
     def g(u: float) -> float:
         return 2.0 * k * y * u + y**2 + u**2
@@ -603,6 +609,13 @@ def test_bounds_of_inputs_contain_one_of_zero_slope() -> None:
     best = -np.linalg.solve([[2.0, 1.35 * y], [1.35 * y, 2.0]], [1.5 * y, 0.0])
     assert radii is not None
     assert np.all(np.abs(best) <= radii)
+    # inputs of different effect and curvature, which act against each other
+    uneven = replace(WAGON, equations=lambda x, u, p, w: ({"position": u.pull + 0.5 * u.push}, {}))
+    R = np.array([[5.5, -5.0], [-5.0, 5.125]])
+    coupled = replace(inequality, plant=replace(plant, model=uneven), R=R)
+    radii = coupled._best_inputs_within(Boxes(np.zeros((1, 1)), np.ones((1, 1), dtype=int)))
+    assert radii is not None
+    assert np.all(np.abs(np.linalg.solve(2.0 * R, [1.5 * y, 0.75 * y])) <= radii)
 
 
 def test_curvature_of_three_inputs_bounds_all_directions() -> None:

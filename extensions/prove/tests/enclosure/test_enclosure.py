@@ -366,6 +366,14 @@ def test_a_matrix_is_definite_for_all_of_its_factors(
         assert H.is_definite(left, right) == is_definite
 
 
+def test_entries_of_a_matrix_are_listed_by_column() -> None:
+    """The second model of a list is the entry of the second row and the first column."""
+    c, radius = np.arange(8.0).reshape(4, 2, 1), np.arange(4.0)[:, None]
+    H = ModelMatrix.of(Models(c, radius, radius), 2, 1)
+    assert H.radius.tolist() == [[0.0, 2.0], [1.0, 3.0]]
+    assert H.c[:, :, 1].tolist() == [[1.0, 5.0], [3.0, 7.0]]
+
+
 def test_products_of_matrices_contain_those_of_all_members() -> None:
     """For entries that are all positive, left' H right is highest where all parts are largest."""
     rng = np.random.default_rng(10)

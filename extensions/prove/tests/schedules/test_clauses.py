@@ -201,11 +201,12 @@ def test_the_interval_is_within_the_limits_of_its_variable(
 
 
 def folded(rate: Callable[[Any, Any], Any], least: float) -> Model:
-    """Return x' = u² - p - rate(x, u), with the trims u = ±√p, u >= least."""
+    """Return x' = u² - p - rate(x, u), y' = v - p - y, with the trims u = ±√p, u >= least, v = p."""
+    inputs = {"u": Signal("1", 1.0, least, 9.0), "v": Signal("1", 1.0, -9.0, 9.0)}
     return Model(
-        "fold", {"x": Signal()}, {"u": Signal("1", 1.0, least, 9.0)},
-        lambda x, u, p, w: ({"x": u.u * u.u - p.p - rate(x.x, u.u)}, {}),
-        parameters={"p": Signal(start=1.0)}, schedule="p", trim={"x": 0.0},
+        "fold", {"x": Signal(), "y": Signal()}, inputs,
+        lambda x, u, p, w: ({"x": u.u * u.u - p.p - rate(x.x, u.u), "y": u.v - p.p - x.y}, {}),
+        parameters={"p": Signal(start=1.0)}, schedule="p", trim={"x": 0.0, "y": 0.0},
     )  # fmt: skip
 
 
@@ -214,25 +215,25 @@ BOTH = folded(lambda x, u: x, -9.0)
 
 
 def fold(low: float, high: float, model: Model = FOLD) -> ScheduleProof:
-    """Return the proof for x' = u² - p - x u, with the trims u = √p and the loop C = -√p."""
+    """Return the proof for x' = u² - p - x u, with the trims u = √p and C = -√p of x."""
     flight = Family(model).flight(low, high)
-    statement = ScheduleStatement(flight, Gains(np.array([1.0]), np.zeros((1, 1, 1))), 0.5)
-    return ScheduleProof(statement, ScheduleWitness(10**4, np.zeros(0), np.zeros((0, 1, 1))))
+    statement = ScheduleStatement(flight, Gains(np.array([1.0]), np.zeros((1, 2, 2))), 0.5)
+    return ScheduleProof(statement, ScheduleWitness(10**4, np.zeros(0), np.zeros((0, 2, 2))))
 
 
 def test_a_trim_is_claimed_only_where_krawczyks_test_holds() -> None:
     """√p is proved from 0.5 to 0.6 in one piece, but not from 0.01 to 1."""
-    assert fold(0.5, 0.6).flight.trims(0.5, 0.6, np.array([0.7])).low == 0.5
+    assert fold(0.5, 0.6).flight.trims(0.5, 0.6, np.array([0.7, 0.5])).low == 0.5
     with pytest.raises(NoSolutionError, match="not proved to exist"):
-        fold(0.01, 1.0).flight.trims(0.01, 1.0, np.array([0.7]))
+        fold(0.01, 1.0).flight.trims(0.01, 1.0, np.array([0.7, 0.5]))
 
 
 def test_the_loop_is_enclosed_at_every_point_of_a_piece() -> None:
     """C0 + C1 t + R contains -√p, whose second derivative is that of the trim alone."""
     proof = fold(0.5, 0.6)
-    trims = proof.flight.trims(0.5, 0.6, np.array([0.7]))
+    trims = proof.flight.trims(0.5, 0.6, np.array([0.7, 0.5]))
     for t in np.linspace(-0.05, 0.05, 11).tolist():
-        (ball,) = proof.loop(trims).at(arb(t)).entries()
+        ball, *_ = proof.loop(trims).at(arb(t)).entries()
         assert ball.contains(-((trims.middle + arb(t)).sqrt()).mid())
         assert float(ball.rad()) < 0.01
 
@@ -270,7 +271,8 @@ def test_a_jump_to_another_branch_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     whole = SteadyFlight.estimate
 
     def jumping(flight: SteadyFlight, guess: np.ndarray, s: float) -> Any:
-        return whole(flight, np.copysign(guess, guess if s < 0.75 else -first), s)
+        u, v = guess
+        return whole(flight, np.array([np.copysign(u, u if s < 0.75 else -first), v]), s)
 
     proof = fold(0.5, 1.0, BOTH)
     first = proof.statement.flight.first["u"]
@@ -637,6 +639,8 @@ def test_decimals_of_the_file_are_covered() -> None:
     """The proof holds for the decimal 0.1 of the drag, not only for the double nearest to it."""
     flight = SteadyFlight(proved(1.0, 1.5).statement.flight)
     assert flight.numbers[-2].contains(arb("0.1"))
+    held = replace(flight.flight, imposed={"depth": 0.1, "heave": 0.0})
+    assert SteadyFlight(held).numbers[0].contains(arb("0.1"))
     angle = SteadyFlight(planar(lambda s: ((-1.0, 0.0), (0.0, -1.0))).flight(0.0, 1.0))
     assert (180 * angle.numbers[-1]).overlaps(arb.pi())
     assert not flight.numbers[-2].contains(arb("0.1000000000000002"))
