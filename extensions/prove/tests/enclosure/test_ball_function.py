@@ -75,7 +75,16 @@ def _smooth() -> ca.Function:
     expressions = [
         *(a * b, b / a, 1 / a, a**-3, a**1.5, ca.sqrt(a), ca.exp(b), ca.log(a), ca.expm1(b)),
         *(ca.log1p(b), ca.sin(a), ca.cos(b), ca.tan(b), ca.asin(b), ca.acos(b), ca.atan(b)),
-        *(ca.atan2(b, a), ca.tanh(b), b**2 - a, ca.fmax(a, b), ca.fmin(a, b), ca.fabs(-a)),
+        *(
+            b + b,
+            a**b,
+            ca.atan2(b, a),
+            ca.tanh(b),
+            b**2 - a,
+            ca.fmax(a, b),
+            ca.fmin(a, b),
+            ca.fabs(-a),
+        ),
     ]
     return ca.Function("smooth", [y], [ca.vertcat(*expressions)])
 

@@ -35,7 +35,7 @@ def every_operation() -> ca.Function:
         *(ca.atan2(b, a), ca.atan2(a, b), ca.atan2(-a, b - a), ca.asin(0.7 * b)),
         *(ca.fabs(b) * a, ca.expm1(ca.fmin(b, 0)) + ca.log1p(a), y[0] * y[1] * y[2] ** 3),
         *(ca.acos(0.7 * b), a**-3, ca.exp(-(((b - 9) / 0.2) ** 2)), ca.sin(1e3 * b) * 1e-3),
-        ca.fmax(b, b + 0.1) - ca.fmin(a + 0.1, a),
+        *(ca.fmax(b, b + 0.1) - ca.fmin(a + 0.1, a), (b + b) * a, a**b),
         *(f(0.5 * (a + b) - 0.5 * a - 0.5 * b) for f in (ca.cos, ca.exp, ca.sin, ca.atan)),
         *(b - ca.fmax(0, ca.fabs(b) - 0.1), TABLE(b) * a, SMOOTH(b) - SURFACE(ca.vertcat(b, a))),
     ]

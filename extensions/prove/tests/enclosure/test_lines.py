@@ -141,6 +141,14 @@ def test_slopes_at_the_end_of_a_range_are_those_of_both_sides(low: float, high: 
     sides = sorted(float(piece[1]) for piece in _table("linear").pieces[3:5])
     assert at_knot.low[0] <= sides[0] * (1.0 + 1e-12)
     assert at_knot.high[0] >= sides[1] * (1.0 - 1e-12)
+    smooth = enclosed(TABLES["cubic"])
+    for jump in (TABLES["cubic"].knots[0], TABLES["cubic"].knots[-1]):
+        moved = np.array([jump + low]), np.array([jump + high])
+        assert np.array(smooth.slopes(*moved)).ravel().tolist() == [-np.inf, np.inf]
+        with np.errstate(invalid="ignore"):
+            line = smooth.line((moved[0], *moved))
+        for value in (float(TABLES["cubic"].at(np.array(jump + side))) for side in (-1e-12, 1e-12)):
+            assert abs(value - line.value[0]) <= line.rest[0] + 1e-9
 
 
 @pytest.mark.parametrize("kind", ["log", "sqrt", "inverse"])
