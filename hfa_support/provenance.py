@@ -103,17 +103,9 @@ class Provenance(Result):
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
-        return {
-            "command": self.command,
-            "dynamics": self.dynamics,
-            "parameters": self.parameters,
-            "parameter_hash": self.parameter_hash,
-            "changed": self.changed,
-            "condition": self.condition,
-            "model": self.model,
-            "version": self.version,
-            "date": self.date,
-        }
+        entries = super().contents()
+        del entries["flight"]  # the condition in words
+        return entries
 
 
 def parameter_hash(values: Any) -> str:

@@ -6,22 +6,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from hfa_support.errors import BadInputError, file_faults
-from hfa_support.files import read_json
+from hfa.page.stored import Models, are_those, models_in, read_study
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
 from verification.regeneration import Regeneration
 
 SCHEMA = "hfa.claims/1"
+_STUDY = "`python -m studies.section5`"
 _TONE = {"confirmed": "good", "not confirmed": "bad"}  # others are undecided
 #: The law that most claims concern, and the laws whose numbers are shown for comparison.
 _SUBJECT = "published, modified"
 _BESIDE = ("certified", "certified + feed-forward", "exact + feed-forward")
 _TITLE = "Claims of Section 5 of the paper"
-#: Largest difference between equal entries of the flown matrices and of the page.
-_SAME = 1e-9
 
 
 class Claims(NamedTuple):
@@ -36,7 +32,7 @@ class Claims(NamedTuple):
     data: dict[str, Any]
     about: str
     rows: Table
-    models: list[tuple[float, np.ndarray, np.ndarray]]
+    models: Models
 
     @property
     def not_confirmed(self) -> str:
@@ -54,17 +50,11 @@ class Claims(NamedTuple):
         return ", ".join(words)
 
     def matches(self, regeneration: Regeneration) -> bool:
-        """Return whether the stored flights used the same A and B as a regeneration.
-
-        Returns False if claims.json contains no linear model, or a model at an angle that the
-        regeneration omits.
-        """
-        regenerated = {pair.published.dihedral_deg: pair.model for pair in regeneration.pairs}
-        return bool(self.models) and all(
-            angle in regenerated
-            and _same(A, regenerated[angle].A)
-            and _same(B, regenerated[angle].B)
-            for angle, A, B in self.models
+        """Return whether the stored flights used the same A and B as a regeneration."""
+        pairs = regeneration.pairs
+        return are_those(
+            self.models,
+            {pair.published.dihedral_deg: (pair.model.A, pair.model.B) for pair in pairs},
         )
 
 
@@ -93,30 +83,19 @@ def load_claims(path: Path) -> Claims:
 
     Raises BadInputError if the file cannot be read, has another schema or lacks an entry.
     """
-    file = path / "claims.json" if path.is_dir() else path
-    study = "`python -m studies.section5`"
-    with file_faults(file):
-        data = read_json(file)
-    try:
-        if data["schema"] != SCHEMA:
-            raise ValueError(data["schema"])
-        verdicts = ", ".join(f"{count} {verdict}" for verdict, count in data["verdicts"].items())
-        setting = data["setting"]
-        lost = len(data["lost_flights"])
-        about = (
-            f"Read from {file}, which {study} wrote. A green number meets the criterion of its"
-            f" claim. {verdicts}; flights that left the envelope: {lost}; {setting['matrices']} "
-            "matrices"
-        )
-        models = [
-            (model["dihedral_deg"], np.array(model["A"]), np.array(model["B"]))
-            for model in setting["models"]
-        ]
-        return Claims(data, about, claims_table(data["claims"]), models)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise BadInputError(
-            f"{file} is damaged ({error!r}); write the file again with {study}"
-        ) from error
+    return read_study(path, "claims.json", SCHEMA, _STUDY, _claims)
+
+
+def _claims(file: Path, data: dict[str, Any]) -> Claims:
+    verdicts = ", ".join(f"{count} {verdict}" for verdict, count in data["verdicts"].items())
+    setting = data["setting"]
+    lost = len(data["lost_flights"])
+    about = (
+        f"Read from {file}, which {_STUDY} wrote. A green number meets the criterion of its"
+        f" claim. {verdicts}; flights that left the envelope: {lost}; {setting['matrices']} "
+        "matrices"
+    )
+    return Claims(data, about, claims_table(data["claims"]), models_in(setting["models"]))
 
 
 def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
@@ -147,7 +126,3 @@ def _cell(finding: dict[str, Any], before: str = "") -> str:
     if finding["value"] is None:
         return before + ("lost" if finding["note"] else "∞")
     return Cell(f"{before}{finding['value']:.3g}", "good" if finding["holds"] else "")
-
-
-def _same(A: np.ndarray, B: np.ndarray) -> bool:
-    return A.shape == B.shape and bool(np.allclose(A, B, rtol=_SAME, atol=_SAME))

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfa.page.stored import Models, are_those, models_in, read_study
 from hfa_flight.envelope import limits_text
 from hfa_model import choice
-from hfa_support.errors import BadInputError, file_faults
-from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, beside_unit
 
@@ -26,8 +25,6 @@ _POLICIES = {
     "learned critic": "learned_critic",
     "predictive policy": "predictive",
 }
-#: Relative and absolute tolerance for equal entries of linear models.
-_SAME = 1e-9
 
 
 class StoredFlights(NamedTuple):
@@ -42,21 +39,7 @@ class StoredFlights(NamedTuple):
     data: dict[str, Any]
     table: Table
     limits: str
-    models: list[tuple[float, np.ndarray, np.ndarray]]
-
-    def matches(self, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
-        """Return whether the stored linear models equal the given ones at all common angles.
-
-        Returns False if there is no common angle.
-
-        A_and_B: dihedral angle, deg -> (A, B)
-        """
-        shared = [model for model in self.models if model[0] in A_and_B]
-        return bool(shared) and all(
-            np.allclose(mine, theirs, rtol=_SAME, atol=_SAME)
-            for degrees, *pair in shared
-            for mine, theirs in zip(A_and_B[degrees], pair, strict=True)
-        )
+    models: Models
 
 
 def flights_section(
@@ -70,7 +53,9 @@ def flights_section(
     A_and_B: dihedral angle, deg -> (A, B) on this page
     """
     same = (
-        "this page's aircraft" if flights.matches(A_and_B) else "ANOTHER aircraft than this page's"
+        "this page's aircraft"
+        if are_those(flights.models, A_and_B)
+        else "ANOTHER aircraft than this page's"
     )
     about = (
         "Costs are integrals of x'Qx + u'Ru with the paper's Q and R. The first three policies are "
@@ -89,22 +74,12 @@ def load_flights(path: Path) -> StoredFlights:
 
     Raises BadInputError if the file cannot be read, has another schema or lacks an entry.
     """
-    file = path / "best_flights.json" if path.is_dir() else path
-    with file_faults(file):
-        data = read_json(file)
-    try:
-        if data["schema"] != SCHEMA:
-            raise ValueError(data["schema"])
-        models = [
-            (float(model["dihedral_deg"]), np.array(model["A"]), np.array(model["B"]))
-            for model in data["models"]
-        ]
-        table = flights_table(data["flights"])
-        return StoredFlights(data, table, limits_in_words(data["limits"]), models)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise BadInputError(
-            f"{file} is damaged ({error!r}); write the file again with {_STUDY}"
-        ) from error
+    return read_study(path, "best_flights.json", SCHEMA, _STUDY, _flights)
+
+
+def _flights(_: Path, data: dict[str, Any]) -> StoredFlights:
+    table = flights_table(data["flights"])
+    return StoredFlights(data, table, limits_in_words(data["limits"]), models_in(data["models"]))
 
 
 def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:

@@ -161,23 +161,6 @@ class RowCode(threading.local):
         return partial(self._call, ctypes.c_longlong(count), *addresses)
 
 
-def bound_rows(
-    code: RowCode | RowFunction, tables: Sequence[np.ndarray], results: Sequence[np.ndarray]
-) -> Callable[[], Any]:
-    """Return a function without arguments that evaluates all rows of the tables into `results`.
-
-    A result may be one of the tables.
-    """
-    if isinstance(code, RowCode):
-        return code.bound(tables, results)
-
-    def evaluate() -> None:
-        for result, values in zip(results, code(*tables), strict=True):
-            result[:] = values
-
-    return evaluate
-
-
 def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunction:
     """Return a CasADi Function compiled for many rows.
 

@@ -8,7 +8,7 @@ trim keeps its status and the reason.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -196,25 +196,17 @@ def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) 
     return constants
 
 
-#: Arguments and result of the last call of `_system`.
-_last_system: tuple[tuple[Any, ...], TrimSystem] | None = None
-
-
-def _system(*request: Any) -> TrimSystem:
+def _system(
+    model: Model,
+    condition: TrimCondition,
+    variables: tuple[str, ...],
+    start: OperatingPoint | None,
+) -> TrimSystem:
     """Return the equations of a trim at many points."""
-    # The last result is returned again for identical arguments, such as in many calls with one
-    # point each.
-    global _last_system
-    last = _last_system
-    if last is not None and all(a is b for a, b in zip(request, last[0], strict=True)):
-        return last[1]
-    model, condition, variables, start = request
     for name in variables:
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     begin = None if start is None else start.values
-    system = TrimSystem(model, condition.freed_for(variables), variables, begin)
-    _last_system = (request, system)
-    return system
+    return TrimSystem(model, condition.freed_for(variables), variables, begin)
 
 
 def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_flight.interruption import interruption
 from hfa_flight.needs import is_enough, need_text
 from hfa_flight.problem import FlightProblem, OfProblem
 from hfa_flight.simulation import CompiledLoop
@@ -16,7 +17,6 @@ from hfa_optimal.bracket import Bracket, bracket_of, bracket_sentence, bracket_t
 from hfa_optimal.found_flight import limits_table, line_with_ratios
 from hfa_optimal.search import AFTER, MESHES_AGREE, BestFlights
 from hfa_support.errors import NoSolutionError
-from hfa_support.interruption import interruption
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result

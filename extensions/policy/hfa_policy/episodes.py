@@ -32,7 +32,8 @@ from hfa_support.errors import (
     refuse_unknown,
     shown,
 )
-from hfa_support.native.row_code import bound_rows, row_code
+from hfa_support.native.bound import RowFunction
+from hfa_support.native.row_code import RowCode, row_code
 from trim.point.operating_point import OperatingPoint
 
 #: From this number of episodes on, several threads are faster.
@@ -304,7 +305,7 @@ class Episodes:
         parts = 1 if count < _MANY else os.cpu_count() or 1
         split = zip(*(np.array_split(table, parts) for table in tables), strict=True)
         bound = [
-            bound_rows(code, (state, held), (state, outcomes, observed))
+            _bound(code, (state, held), (state, outcomes, observed))
             for state, held, outcomes, observed in split
         ]
         if parts == 1:
@@ -476,3 +477,20 @@ def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> 
     within = saturated(action, ca.DM(low), ca.DM(high))
     commanded = deployed.inputs(within, *arguments)
     return ca.Function("moves", [action, *arguments], [ca.densify(commanded)])
+
+
+def _bound(
+    code: RowCode | RowFunction, tables: Sequence[np.ndarray], results: Sequence[np.ndarray]
+) -> Callable[[], Any]:
+    """Return a function without arguments that evaluates all rows of the tables into `results`.
+
+    A result may be one of the tables.
+    """
+    if isinstance(code, RowCode):
+        return code.bound(tables, results)
+
+    def evaluate() -> None:
+        for result, values in zip(results, code(*tables), strict=True):
+            result[:] = values
+
+    return evaluate

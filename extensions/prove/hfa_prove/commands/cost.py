@@ -32,10 +32,10 @@ def cost(request: CostRequest) -> int:
 
 
 def _prove(request: CostRequest) -> int:
+    from hfa_flight.interruption import interruptible
     from hfa_prove.certificate import write_certificate
     from hfa_prove.report_search import bound_report
     from hfa_prove.search.cost import bound_search
-    from hfa_support.interruption import interruptible
 
     problem = request.problem()
     origin = request.provenance.to_dict()

@@ -38,11 +38,11 @@ def region(request: RegionRequest) -> int:
 
 
 def _prove(request: RegionRequest) -> int:
+    from hfa_flight.interruption import interruptible
     from hfa_prove.certificate import write_certificate
     from hfa_prove.commands.policies import given_policy
     from hfa_prove.report_search import region_report
     from hfa_prove.search.region import proved_region
-    from hfa_support.interruption import interruptible
 
     given = given_policy(request)
     problem = given.problem(request.trim.limit)

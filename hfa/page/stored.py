@@ -1,0 +1,64 @@
+"""Files that studies store for the page, with the linear models on which they are based."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, file_faults
+from hfa_support.files import read_json
+
+#: (dihedral angle in deg, A, B) of linear models.
+Models = list[tuple[float, np.ndarray, np.ndarray]]
+Content = TypeVar("Content")
+#: Relative and absolute tolerance for equal entries of linear models.
+_SAME = 1e-9
+
+
+def read_study(
+    path: Path, name: str, schema: str, study: str, read: Callable[[Path, Any], Content]
+) -> Content:
+    """Return the content of the file of a study.
+
+    path: the file, or the folder that contains the file `name`
+    schema: schema of the file
+    study: command that writes the file, for messages
+    read: function from the file and its data to the content
+
+    Raises BadInputError if the file cannot be read, has another schema or lacks an entry.
+    """
+    file = path / name if path.is_dir() else path
+    with file_faults(file):
+        data = read_json(file)
+    try:
+        if data["schema"] != schema:
+            raise ValueError(data["schema"])
+        return read(file, data)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise BadInputError(
+            f"{file} is damaged ({error!r}); write the file again with {study}"
+        ) from error
+
+
+def models_in(stored: Sequence[Mapping[str, Any]]) -> Models:
+    """Return the linear models that a file contains."""
+    return [
+        (float(model["dihedral_deg"]), np.array(model["A"]), np.array(model["B"]))
+        for model in stored
+    ]
+
+
+def are_those(models: Models, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
+    """Return whether models equal the given ones at all common angles, of which there is one.
+
+    A_and_B: dihedral angle, deg -> (A, B)
+    """
+    shared = [model for model in models if model[0] in A_and_B]
+    return bool(shared) and all(
+        mine.shape == theirs.shape and np.allclose(mine, theirs, rtol=_SAME, atol=_SAME)
+        for degrees, *pair in shared
+        for mine, theirs in zip(pair, A_and_B[degrees], strict=True)
+    )
