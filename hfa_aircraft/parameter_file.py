@@ -18,9 +18,17 @@ from hfa_support.errors import (
     shown,
 )
 from hfa_support.files import read_toml
+from hfa_support.schema import NUMBER, checked
 
-#: Permitted entries of such a file. [covariance] is used by other readers.
-_KNOWN = ("aircraft", "sha256", "parameters", "bands", "covariance", "sensors")
+#: Entries of such a file. Other readers use [covariance]; [bands] is checked with an aircraft.
+_FILE: dict[str, Any] = {
+    "aircraft": str,
+    "sha256": str,
+    "parameters": {str: NUMBER},
+    "bands": {str: None},
+    "covariance": None,
+    "sensors": {str: None},
+}
 
 
 @dataclass(frozen=True)
@@ -52,23 +60,12 @@ class ParameterFile:
         file = str(path)
         with file_faults(file):
             data = read_toml(file)
-        unknown = [name for name in data if name not in _KNOWN]
-        if unknown:
-            raise BadInputError(
-                f"{file}: unknown entry {shown(unknown[0])}; use {', '.join(_KNOWN)}"
-            )
-        texts = {name: data.get(name, "") for name in ("aircraft", "sha256")}
-        for name, text in texts.items():
-            if not isinstance(text, str) or (name in data and not text):
-                raise BadInputError(f"{file}: the entry {name} is {shown(text)}; give text")
-        values = _table(file, data, "parameters")
-        for name, value in values.items():
-            if not is_finite(value):
-                raise BadInputError(
-                    f"{file}: parameter {name} is {shown(value)}; give a finite number"
-                )
-        bands = _table(file, data, "bands")
-        return cls(file, **texts, values=values, bands=bands, sensors=_table(file, data, "sensors"))
+        found = checked(file, data, _FILE)
+        texts = {name: found.get(name, "") for name in ("aircraft", "sha256")}
+        values, bands, sensors = (
+            found.get(name, {}) for name in ("parameters", "bands", "sensors")
+        )
+        return cls(file, **texts, values=values, bands=bands, sensors=sensors)
 
     def applied_to(self, model: Model) -> Model:
         """Return an aircraft with the values of this file.
@@ -118,11 +115,3 @@ class ParameterFile:
                     f"{self.path}: {name} is {shown(values[name])}, outside the band "
                     f"{shown(band)}; correct the value or the band"
                 )
-
-
-def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return the table with the given name from the data of a TOML file, or {} if it is missing."""
-    table = data.get(name, {})
-    if not isinstance(table, dict):
-        raise BadInputError(f"{path}: {name} is {shown(table)}; give a table [{name}]")
-    return table

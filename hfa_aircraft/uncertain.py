@@ -48,6 +48,8 @@ class ParameterSpread:
         return [model.with_parameters(**dict(zip(self.values, row, strict=True))) for row in rows]
 
 
+#: Size of a negative eigenvalue of correlations that is rounding.
+_ROUNDING = 1e-8
 _ADVICE = "give the file that `hfa identify -o FILE.toml` writes"
 
 
@@ -69,7 +71,7 @@ def spread_of_file(path: str, model: Model) -> ParameterSpread:
             f"name; {_ADVICE}"
         )
     matrix = np.array(rows, dtype=float)
-    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(_scaled(matrix)).min() < -1e-8:
+    if not is_covariance(matrix):
         raise BadInputError(f"{path}: [covariance] is not a covariance matrix; {_ADVICE}")
     values = {name: model.parameters[name].start for name in names}
     return ParameterSpread(values, matrix)
@@ -132,7 +134,12 @@ def _is_square(rows: Any, size: int) -> bool:
     )
 
 
-def _scaled(covariance: np.ndarray) -> np.ndarray:
-    """Return the correlation matrix of a covariance matrix, both (n, n)."""
-    sizes = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    return np.asarray(covariance / sizes[:, None] / sizes)
+def is_covariance(matrix: np.ndarray) -> bool:
+    """Return whether a matrix (n, n) can be a covariance: symmetric, no negative eigenvalue."""
+    variances = np.diag(matrix)
+    sizes = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+    with np.errstate(over="ignore"):
+        correlations = matrix / sizes[:, None] / sizes
+    if not np.isfinite(correlations).all() or not np.allclose(correlations, correlations.T):
+        return False
+    return bool((variances >= 0.0).all() and np.linalg.eigvalsh(correlations).min() >= -_ROUNDING)

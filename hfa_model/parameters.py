@@ -10,6 +10,7 @@ from typing import Any, Generic, NamedTuple
 
 import numpy as np
 
+from hfa_aircraft.uncertain import is_covariance, spread_of_set
 from hfa_model.vectors import T
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_whole
@@ -95,8 +96,6 @@ FIELDS = Parameters(
     thrust_per_throttle=Field("lbf", "total thrust per unit of throttle"),
     gravity=Field("ft/s^2", "acceleration of gravity"),
 )
-#: Magnitude of a negative eigenvalue of a correlation matrix that counts as rounding.
-_ROUNDING = 1e-10
 #: Possible sources of a value.
 SOURCES = ("identified", "assumed", "print", "released")
 _FILE: dict[str, Any] = {
@@ -211,7 +210,8 @@ def _read(name: str) -> ParameterSet:
     identified = parameters.identified
     one_length = len({len(row) for row in rows}) == 1
     covariance = np.array(rows if one_length else [[]])
-    if table["names"] != list(identified) or not _is_covariance(covariance, len(identified)):
+    is_square = covariance.shape == (len(identified),) * 2
+    if table["names"] != list(identified) or not (is_square and is_covariance(covariance)):
         raise BadInputError(
             f"{name}: [covariance] must list the identified parameters and be symmetric,"
             " without a negative eigenvalue; remove [covariance], or run"
@@ -221,23 +221,6 @@ def _read(name: str) -> ParameterSet:
 
 
 _packaged = cache(_read)  # read once, because the files do not change
-
-
-def _is_covariance(matrix: np.ndarray, size: int) -> bool:
-    """Return whether a matrix can be the covariance matrix of `size` parameters."""
-    # A covariance matrix is symmetric and finite, and the matrix of its correlations has no
-    # negative eigenvalue beyond rounding.
-    if matrix.shape != (size, size) or not np.array_equal(matrix, matrix.T):
-        return False
-    if not np.all(np.diag(matrix) >= 0):
-        return False
-    deviations = np.sqrt(np.diag(matrix))
-    deviations[deviations == 0.0] = 1.0
-    with np.errstate(over="ignore"):
-        correlations = matrix / deviations[:, None] / deviations
-    return bool(
-        np.isfinite(correlations).all() and np.linalg.eigvalsh(correlations).min() >= -_ROUNDING
-    )
 
 
 def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
@@ -302,8 +285,6 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     Raises BadInputError if there is no covariance, an identified parameter is zero, or count or
     seed is out of range.
     """
-    from hfa_aircraft.uncertain import spread_of_set
-
     if not parameters.covariance.size:
         raise BadInputError(
             "the parameters have no covariance, which random samples require; use the "
