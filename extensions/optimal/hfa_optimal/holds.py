@@ -12,9 +12,11 @@ from hfa_flight.hold import Hold, hold_of
 from hfa_optimal.scaled import ScaledProblem
 from hfa_support.errors import BadInputError, NoSolutionError, shown
 
-#: Number of holds of a plan. With samples of at least _SLOW seconds, it is twice this number.
+#: Number of holds of a plan. With samples of at least _SLOW seconds, it is twice this number, and
+#: the longest hold is longer by the factor _LONGER.
 HOLDS = 36
 _SLOW = 0.02
+_LONGER = 2.0
 #: Largest product of the sample time and the fastest pole of the aircraft.
 _FASTEST = 0.7
 #: Largest relative increase of the least linear cost over the usual box: by holding the inputs for
@@ -145,9 +147,9 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     - dt is the longest of 1, 2, 5, 10, ... ms for which the product with the aircraft's fastest
       pole is at most 0.7, and the linear optimum with held inputs costs at most 0.5 % more than
       the optimum, over the usual box.
-    - The first 8 holds are samples. Later ones last at most 0.4 time constants of the fastest pole.
-      The linear optimum of a plan costs at most 1 % more than the optimum, or all holds are
-      samples. There are 36 holds, or 72 if dt is at least 20 ms.
+    - The first 8 holds are samples. Later ones last at most 0.4 time constants of the fastest pole,
+      or 0.8 if dt is at least 20 ms. The linear optimum of a plan costs at most 1 % more than the
+      optimum, or all holds are samples. There are 36 holds, or 72 if dt is at least 20 ms.
     - The horizon is at most 4 time constants of the slowest pole of the linear loop and 10 of the
       fastest growing pole of the aircraft.
 
@@ -168,9 +170,11 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     most = _GROWING / growing if growing > 0.0 else math.inf
     slowest = float(np.abs(scaled.loop_poles.real).min())
     wanted = min(most, _LONG / slowest if horizon is None else horizon)
-    longest = int(np.clip(_LAST / (scaled.fastest * dt), 1, _MOST_SAMPLES))
+    is_slow = dt >= _SLOW
+    last = _LAST * (_LONGER if is_slow else 1.0)
+    longest = int(np.clip(last / (scaled.fastest * dt), 1, _MOST_SAMPLES))
     longest = 1 << (longest.bit_length() - 1)
-    count = HOLDS * (1 + (dt >= _SLOW))
+    count = HOLDS * (1 + is_slow)
     grids = [Grid(scaled, dt, fine, count, longest) for fine in (*_FINE, count)]
     if horizon is not None:
         long_enough = [grid for grid in grids if grid.horizon >= wanted * (1.0 - 1e-9)]

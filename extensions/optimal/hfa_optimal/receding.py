@@ -25,7 +25,8 @@ _FIRST = 30
 _LATER = 6
 _RISE = 1.01
 _WORTH = 0.01
-#: The linear policy takes over where z'Pz is within this fraction of the plan's cost.
+#: The linear policy takes over where the costs of the plan and of its own flight are within this
+#: fraction of z'Pz.
 _LINEAR = 0.01
 #: Share of a plan's cost above which z'Pz at its end is replaced by a flight of the linear policy.
 _SMALL_END = 0.002
@@ -44,8 +45,8 @@ class Samples:
     first_seconds: processor time of the first plan, s
     seconds: processor time of each later sample with a plan, s
     rise: largest rise of the cost so far plus that of the plan over the least such sum before it,
-        relative to that sum. The plan counts with z'Pz at its end, or with the flight of the linear
-        policy from there: the smaller rise of the two
+        relative to that sum. The plan counts with the flight of the linear policy after its end, or
+        with z'Pz where that flight leaves the limits
     radius: largest spectral radius of the loop of the trim's held gain, linearized at the estimated
         equilibrium, or None without a disturbance of the model
     """
@@ -83,7 +84,7 @@ class RecedingHorizon:
         self.estimate.clear()
         self._plan: Plan | None = None
         self._near = False
-        self._spent, self._least, self._rises = 0.0, np.zeros(2), np.zeros(2)
+        self._spent, self._least = 0.0, 0.0
         self._commands.clear()
         self._count = 0
         self._before: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
@@ -121,26 +122,28 @@ class RecedingHorizon:
             self.samples.linear += 1
             self._plan = None
             return self._end.inputs(z, target)
-        plan = self._planned(z)
-        self._plan = plan
+        self._plan = self._planned(z)
         self.samples.planned += 1
         away = z - target.z
-        agree = abs(away @ self.planner.P @ away - plan.cost) <= _LINEAR * plan.cost
-        self._near = inside and bool(agree)
-        return plan.v[0]
+        value = away @ self.planner.P @ away
+        agree = abs(self._plan.cost - value) <= _LINEAR * value
+        self._near = bool(inside and agree and abs(self._linear_cost(z) - value) <= _LINEAR * value)
+        return self._plan.v[0]
 
-    def _values(self, plan: Plan) -> np.ndarray:
-        """Return the cost of a plan with z'Pz at its end, and with the flight of the linear policy
-        from there in place of z'Pz, if that flight keeps the limits.
+    def _linear_cost(self, z: np.ndarray) -> float:
+        """Return the cost of the flight of the linear policy from z, inf beyond the limits."""
+        return self.planner.cost_of_gain(self._end.K, z, self.estimate.d, self.estimate.target)
+
+    def _value(self, plan: Plan) -> float:
+        """Return the cost of a plan with the flight of the linear policy after its end, or with
+        z'Pz where that flight leaves the limits.
         """
-        end, target, planner = plan.z[-1], self.estimate.target, self.planner
-        away = end - target.z
-        at_end = float(away @ planner.P @ away)
-        if not at_end > _SMALL_END * plan.cost:
-            return np.full(2, plan.cost)
-        linear = planner.cost_of_gain(self._end.K, end, self.estimate.d, target)
-        added = linear - at_end if np.isfinite(linear) else 0.0
-        return np.array([plan.cost, plan.cost + added])
+        away = plan.z[-1] - self.estimate.target.z
+        at_end = float(away @ self.planner.P @ away)
+        if at_end <= _SMALL_END * plan.cost:
+            return plan.cost
+        linear = self._linear_cost(plan.z[-1])
+        return plan.cost - at_end + linear if np.isfinite(linear) else plan.cost
 
     def _time(self, seconds: float) -> None:
         """Add the processor time of a sample with a plan."""
@@ -159,21 +162,19 @@ class RecedingHorizon:
                 for guess in planner.guesses(z, d, target)
             ]
             plan = min(plans, key=lambda each: each.cost)
-            self._spent, self._least = 0.0, self._values(plan)
-            self._rises = np.zeros(2)
+            self._spent, self._least = 0.0, self._value(plan)
             return plan
         self._spent += planner.cost_of_sample(self._plan, target)
         plan = planner.later(self._plan, z, d, target)
         for _ in range(_LATER):
             before = plan.cost
             plan, refused = planner.improved(plan, d, target, 1)
-            totals = self._spent + self._values(plan)
-            if plan.cost > (1.0 - _WORTH) * before or (totals <= _RISE * self._least).any():
+            total = self._spent + self._value(plan)
+            if plan.cost > (1.0 - _WORTH) * before or total <= _RISE * self._least:
                 break
         self.samples.refused += refused
-        self._rises = np.maximum(self._rises, totals / self._least - 1.0)
-        self._least = np.minimum(totals, self._least)
-        self.samples.rise = max(self.samples.rise, float(self._rises.min()))
+        self.samples.rise = max(self.samples.rise, total / self._least - 1.0)
+        self._least = min(total, self._least)
         return plan
 
     def _remember(self, z: np.ndarray, delay: float) -> None:

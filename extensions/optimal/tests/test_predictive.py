@@ -288,6 +288,25 @@ def test_a_constant_disturbance_leaves_the_cheapest_equilibrium() -> None:
     assert abs(ends["nothing"] - cheapest) > 0.02
 
 
+def test_the_policy_rests_at_the_cheapest_equilibrium_of_a_cheap_state() -> None:
+    """The weight of the speed is 1e-6 of that of the roll, which the force does not move. The rest
+    speed s minimizes s² + v² with v = s - push: weights that only make it unique must not move it.
+    """
+    push = 0.4
+    boat = hfa.Model(
+        "boat",
+        {"speed": hfa.Signal("m/s"), "roll": hfa.Signal("rad")},
+        {"force": hfa.Signal("N", min=-2.0, max=2.0)},
+        lambda x, u, p, w: ({"speed": u.force - x.speed + w.push, "roll": -x.roll}, {}),
+        disturbances={"push": hfa.Signal("N")},
+    )
+    point = hfa.trim(boat)
+    policy = hfa.predictive(boat, point, np.diag([1.0, 1e6]), np.eye(1))
+    air = {"push": Waveform(np.array([push]), np.zeros(1))}
+    flight = hfa.fly(boat, point, policy, scenario=Scenario(duration=15.0, air=air), predict=False)
+    assert flight.states[-1][0] == pytest.approx(0.5 * push, rel=2e-3)
+
+
 def test_the_game_of_a_finite_delta_is_at_the_end() -> None:
     """Near the trim, K is that of the game with held inputs, by value iteration; it acts harder
     than the LQR.
