@@ -103,7 +103,7 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
 def _policy(flight: Mapping[str, Any]) -> Cell:
     """Return the table cell for a policy's flight."""
     if flight["cost"] is None:
-        return Cell("does not converge", "bad")
+        return Cell("not at the trim at its end", "bad")
     cost = f"{flight['cost']:,.0f} ({flight['over_best']:.3g}x)"
     if flight["departure"] is not None:
         return Cell(f"{cost}, outside", "bad")

@@ -32,6 +32,7 @@ class PolicyFlight(Result):
     departure: first departure from the envelope (state, time, value, limit), or None if the flight
         stays within.
     saturated: names of saturated inputs.
+    seconds: duration of the simulation, s.
     resolved: whether cost and departure hardly change with half the integration step.
     """
 
@@ -41,6 +42,7 @@ class PolicyFlight(Result):
     over_best: float | None
     departure: Any
     saturated: Sequence[str]
+    seconds: float
     resolved: bool = True
 
     @property
@@ -58,10 +60,8 @@ class PolicyFlight(Result):
         cost = flown.cost if flown.converges else None
         ratio = None if cost is None or best is None else cost / best
         is_resolved = flown.integration is None or flown.integration.is_resolved
-        saturated = list(flown.saturated)
-        return PolicyFlight(
-            flown.name, flown.converges, cost, ratio, flown.departure, saturated, is_resolved
-        )
+        ends = list(flown.saturated), float(flown.times[-1]), is_resolved
+        return PolicyFlight(flown.name, flown.converges, cost, ratio, flown.departure, *ends)
 
 
 @checks_arguments
@@ -224,7 +224,7 @@ class BestFlight(FoundFlight):
         """Return the first lines of the report: cost, ratios of the policies, initial condition."""
         most = "" if self.reason is None else "at most "
         outcomes = [
-            (each.policy, each.over_best, _loss(flown))
+            (each.policy, each.over_best, flown.ending.partition(", ")[0] if flown.lost else "")
             for each, flown in zip(self.policies, self.compared, strict=True)
         ]
         begin = f"Best flight: cost {most}{self.cost:.6g}"
@@ -281,10 +281,3 @@ class BestFlight(FoundFlight):
 
 def _saturated(flight: str, names: Sequence[str]) -> str:
     return f"{flight}: {', '.join(names) or 'no input'} saturated"
-
-
-def _loss(flown: SimulatedFlight) -> str:
-    """Return how a flight is lost, for the first line, or ""."""
-    if flown.departure is not None:
-        return "leaves the envelope"
-    return "" if flown.converges else f"after {flown.times[-1]:.3g} s"

@@ -158,15 +158,15 @@ def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str
     The policies given last come first. Those that do not fit are left out.
 
     begin: begin of the line
-    outcomes: (name of the policy, ratio or None if not at the trim, what it loses or "")
+    outcomes: (name of the policy, ratio or None, how it is lost or "")
     """
     line = begin
     for name, ratio, loss in reversed(outcomes):
         kind = name.partition(" of ")[0].removesuffix(", saturated")
         separator = "; " if line == begin else ", "
-        says = "not at the trim" if ratio is None else f"{ratio:.4g}x"
-        longer = f"{line}{separator}{kind} {says}{loss and f' ({loss})'}"
-        line = longer if len(longer) <= _FIRST_LINE else line
+        says = loss if ratio is None else f"{ratio:.4g}x{loss and f' ({loss})'}"
+        longer = f"{line}{separator}{kind} {says}"
+        line = longer if says and len(longer) <= _FIRST_LINE else line
     return line
 
 

@@ -70,8 +70,9 @@ class FlightCosts(Result):
     found: number of initial conditions with a best flight.
     refused: number of initial conditions for which a search found no flight, or for which the
         simulation did not confirm the flight.
-    lost: number of the policy's flights that leave the envelope or do not end at the trim, from the
-        initial conditions that are compared. The others are held.
+    lost: number of the policy's flights that leave the envelope or are not at the trim at the end,
+        from the initial conditions that are compared. The others are held.
+    seconds: duration of the longest of the policy's flights, s.
     lqr_lost: the same of the LQR's flights.
     both: number of initial conditions from which the flights of both are held.
     unresolved: number of held flights whose cost changes with half the integration step.
@@ -90,6 +91,7 @@ class FlightCosts(Result):
     found: int
     refused: int
     lost: int
+    seconds: float
     lqr_lost: int
     both: int
     unresolved: int
@@ -118,14 +120,17 @@ class FlightCosts(Result):
     def ratio_texts(self) -> list[str]:
         """Return the median of `ratios` as phrases that name the comparison, longest first.
 
-        If most flights of the policy, or all of the LQR, do not end at the trim, the phrases say
-        this instead.
+        If most flights of the policy, or all of the LQR, are lost, the phrases say this instead.
         """
         best = "" if self.found else f", no best {'found' if self.searched else 'searched'}"
         if 2 * self.lost > self.compared:
             lost = f"{self.lost} of {self.compared}"
-            end = f"do not end at the trim{best}"
-            return [f"{lost} flights {end}", f"{lost} {end}", f"{lost} fail{best}"]
+            end = f"not at the trim after {self.seconds:.3g} s{best}"
+            return [
+                f"{lost} flights leave or are {end}",
+                f"{lost} leave or {end}",
+                f"{lost} fail{best}",
+            ]
         if self.ratios is None:
             fails = "no flight of the exact gain ends at the trim"
             return [f"{fails}{best}", f"the exact gain fails{best}"]
@@ -154,7 +159,8 @@ class FlightCosts(Result):
             refused = f" (no best flight found from {self.refused})" if self.refused else ""
             sentences.append(
                 f"costs are of flights from {count} other initial conditions{refused}, of which "
-                f"{self.lost} leave or do not end at the trim, of the LQR {self.lqr_lost}"
+                f"{self.lost} leave or are not at the trim after at most {self.seconds:.3g} s, of "
+                f"the LQR {self.lqr_lost}"
             )
         if self.unresolved:
             sentences.append(f"{self.unresolved} flights are not resolved by the integration step")
@@ -168,6 +174,7 @@ class FlightCosts(Result):
             "found": self.found,
             "refused": self.refused,
             "not_converged": self.lost,
+            "seconds": self.seconds,
             "policy_over_best": self.policy_over_best,
             "lqr_over_best": self.lqr_over_best,
             "policy_over_lqr": self.policy_over_lqr,
@@ -246,6 +253,7 @@ def flight_costs(
         found=table.found,
         refused=table.refused if searched else 0,
         lost=sum(each.lost for each in flown),
+        seconds=max((each.seconds for each in flown), default=0.0),
         lqr_lost=sum(each.lost for each in linear),
         both=len(both),
         unresolved=sum(not each.resolved for each in (*held, *lqr_held)),
