@@ -149,15 +149,13 @@ def is_slow(path: Path) -> bool:
 
 
 #: Documents whose blocks run in the fast tests; those of the others take longer.
-FIRST = ("README", "aircraft", "python")
+FIRST = ("README", "python")
 CASES = [
-    *(
-        pytest.param(path, False, id=path.stem, marks=[pytest.mark.slow] * (path.stem not in FIRST))
-        for path in RUN_HERE
-    ),
+    *(pytest.param(path, False, id=path.stem) for path in RUN_HERE if path.stem in FIRST),
     *(
         pytest.param(path, True, id=f"{path.stem} whole", marks=pytest.mark.slow)
-        for path in filter(is_slow, RUN_HERE)
+        for path in RUN_HERE
+        if path.stem not in FIRST or is_slow(path)
     ),
 ]
 
