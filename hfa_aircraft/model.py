@@ -483,7 +483,6 @@ class Model(Reported):
 
     # Parameters.
 
-    @checks_arguments
     def with_parameters(self, **values: float) -> Model:
         """Return a copy of the model with other values of parameters.
 

@@ -40,12 +40,18 @@ def checks_arguments(public: Public) -> Public:
     """Return a function or class whose missing and unknown arguments raise BadInputError.
 
     The message names the arguments, the nearest one to an unknown name, and for a class with the
-    attribute `_how_to_make` what to write instead.
+    attribute `_how_to_make` what to write instead. The public methods of a class are checked too.
     """
     if isinstance(public, type):
         maker = "__new__" if issubclass(public, tuple) else "__init__"
         how = getattr(public, "_how_to_make", "")
         setattr(public, maker, _named(getattr(public, maker), public.__name__, how))
+        for name, member in list(vars(public).items()):
+            method = getattr(member, "__func__", member)
+            if name[0] != "_" and inspect.isfunction(method):
+                checked: Any = _named(method, f"{public.__name__}.{name}")
+                kind = type(member) if method is not member else None
+                setattr(public, name, kind(checked) if kind else checked)
         return public
     return cast(Public, _named(public, public.__name__))
 
@@ -77,12 +83,13 @@ def _mismatch(
     try:
         signature.bind(*arguments, **named)
     except TypeError as wrong:
-        known = [each for each in signature.parameters if each not in ("self", "_cls")]
+        known = [each for each in signature.parameters if each not in ("self", "cls", "_cls")]
         unknown = next((word for word in named if word not in known), "")
         near = advice(unknown, known) if unknown else ""
         first = type(arguments[0]) if arguments else None
         calls = getattr(first, "_instead", {})
-        how = how or calls.get(f"{name}({unknown})") or calls.get(name, "")
+        word = name.rpartition(".")[2]
+        how = calls.get(f"{word}({unknown})") or how or calls.get(word, "")
         instead = f"; write {how}" if how else _main_argument(function, first)
         instead = instead or _description_of(function, str(wrong))
         arguments_are = f"the arguments are {', '.join(known) or 'none'}"

@@ -237,6 +237,8 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
         array = np.asarray(values)
     except ValueError:  # rows that differ in length
         array = np.empty(0, dtype=object)
+    if array.dtype.kind not in "iuf" and hasattr(values, what):
+        raise BadInputError(f"{what} is a {type(values).__name__}; give its {what}")
     if array.dtype.kind not in "iuf":
         rule = f"{what} does not consist of rows of real numbers, all of equal length"
         raise BadInputError(rule + _faulty_row(values))

@@ -127,6 +127,11 @@ print: report
 head: to_pandas
 to_json: save
 passed: ok
+predict: u
+act: u
+c2d: sampled
+discretize: sampled
+excess: cost_lost
 result: ok
 errors: checks
 damping: modes
@@ -173,7 +178,7 @@ vt: speed
 zeta: damping modes
 wn: frequency modes
 success: ok
-converged: ok
+converged: ok settled
 """
 #: Name -> what it means here, where it is mistaken for something else.
 NOTES = {"initial": "deviation from the trim", "--hold": "such as --hold speed=70"}

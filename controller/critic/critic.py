@@ -62,6 +62,7 @@ class Critic(Reported):
     (True, [[2.5]])
     """
 
+    _instead: ClassVar[Mapping[str, str]] = {"V": "critic.value"}
     _how_to_make: ClassVar[str] = (
         "from_gain(game, K), from_value(game, P), from_weights(game, W), from_network, run.critic"
     )

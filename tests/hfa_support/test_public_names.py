@@ -115,6 +115,11 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: plant()["model"].with_parameters({}),
         "write model.with_parameters(NAME=VALUE)",
     ),
+    "OperatingPoint.load(FILE)": (lambda: hfa.OperatingPoint.load("a.json"), "model of the point"),
+    "margins(linear, solution)": (
+        lambda: hfa.margins(plant()["linear"], plant()["solution"]),
+        "K is a Solution; give its K",
+    ),
     "track(linear, solution)": (
         lambda: hfa.track(plant()["linear"], plant()["solution"]),
         "reference: state -> deviation from the trim",

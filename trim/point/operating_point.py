@@ -321,7 +321,6 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             "dynamics": self.dynamics,
         }
 
-    @checks_arguments
     def report(self) -> Report:
         """Return the report of the trim that `hfa trim` prints.
 

@@ -517,7 +517,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         size = self.plan.sizes[-1]
         return [slice(first, first + size) for first in range(0, len(self), size)]
 
-    @checks_arguments
     def at(self, **values: float) -> LinearModel:
         """Return the linear model at one value of each swept variable, as in sweep.at(speed=46.0).
 

@@ -57,6 +57,11 @@ class Assessment(Result, Reported):
     """
 
     _how_to_make: ClassVar[str] = "hfa.assess(model, deployment)"
+    _instead: ClassVar[Mapping[str, str]] = {
+        **{name: f"assessment.points[0].{name}" for name in ("flights", "share")},
+        **dict.fromkeys(("cost", "costs"), "assessment.points[0].best.cost"),
+        "success_rate": "assessment.points[0].share",
+    }
 
     schema = "hfa.assessment/1"
 

@@ -97,6 +97,14 @@ class Deployment(Reported):
     (0.02, 0.0)
     """
 
+    _instead: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("act", "predict"), "hfa.fly(model, point, deployment)"),
+        "sample_time": "deployment.dt",
+        **dict.fromkeys(
+            ("Deployment(delay)", "Deployment(dt)"),
+            "deployment.changed(timing={**deployment.timing, NAME: SECONDS})",
+        ),
+    }
     _how_to_make: ClassVar[str] = (
         "hfa.Deployment.load(FILE) or hfa.Deployment(policy, observation, action, timing)"
     )
@@ -134,7 +142,6 @@ class Deployment(Reported):
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @staticmethod
-    @checks_arguments
     def load(path: str | Path) -> Deployment:
         """Load the deployment in the TOML file `path`.
 
@@ -168,7 +175,6 @@ class Deployment(Reported):
         return given if isinstance(given, Deployment) else Deployment.load(given)
 
     @staticmethod
-    @checks_arguments
     def usual(model: Model, dt: float = 0.02) -> Deployment:
         """Return a default deployment of a model, for training.
 
