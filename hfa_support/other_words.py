@@ -48,12 +48,9 @@ _TABLE = """
 --critic: --weights
 --model: --aircraft
 --plant: --model --aircraft
---class_: --class
 --file: --aircraft
---out: --output
 --plot: --picture
 --figure: --picture
-aileron: aileron_center aileron_outer
 s: wing_area
 sref: wing_area
 b: span
@@ -83,7 +80,6 @@ check: verify
 evaluate: verify assess
 dare: solve
 hinfsyn: solve
-linearise: linearize
 linmod: linearize
 lqr: solve
 modes: linearize
@@ -94,7 +90,6 @@ rollout: fly
 root_locus: sweep
 step: fly
 train: learn
-alt: altitude
 angle: dihedral
 --alpha: --hold
 --alt: --hold
@@ -109,8 +104,6 @@ bank: phi roll
 derivatives: rates_at
 dynamics: rates_at
 eig: eigenvalues linearize
-elev: elevator elevator_center
-elevator: elevator_center elevator_outer
 fpa: path_angle gamma
 gamma: path_angle flight_path_angle delta discount
 h: altitude
@@ -139,12 +132,10 @@ step_response: step
 f: rates_at
 x: states
 statespace: linearmodel
-load: load_model
 make: environment
 gym: environment
 lower: min
 upper: max
-load_critic: read_critic
 gain: k
 functions: basis
 interp: at
@@ -160,7 +151,6 @@ reduce: select
 residual: residuals certificate
 reward: cost
 sel: at
-set_parameters: with_parameters
 simulate: fly
 ss: linearmodel
 t: time
