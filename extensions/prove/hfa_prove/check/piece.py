@@ -17,7 +17,7 @@ import numpy as np
 
 from hfa_prove.check.cover import Boxes, Question, cover
 from hfa_prove.check.equilibrium import Equilibrium
-from hfa_prove.enclosure.balls import matrix
+from hfa_prove.enclosure.balls import doubles, matrix
 from hfa_prove.enclosure.program import Program
 from hfa_prove.enclosure.taylor import TaylorProgram, amounts_by_edge, lowest
 from hfa_prove.fields import Rejected
@@ -94,9 +94,8 @@ class OnPiece(Question):
             exact = matrix(self.piece.M).inv()
         except ZeroDivisionError as error:
             raise Rejected("the matrix M of the coordinates y = M z is singular") from error
-        entries = [[exact[i, j] for j in range(self.n)] for i in range(self.n)]
-        N = np.array([[float(entry.mid()) for entry in row] for row in entries])
-        radius = np.array([[float(entry.rad()) for entry in row] for row in entries])
+        N = doubles(exact)
+        radius = np.array([[float(entry.rad()) for entry in row] for row in exact.tolist()])
         return N, (radius + 1e-15 * np.abs(N)) * (1.0 + ROUNDING)
 
     def within(self, places: np.ndarray) -> np.ndarray:

@@ -27,7 +27,13 @@ from flint import arb, arb_mat, ctx
 
 from hfa_prove.check.trims import SteadyFlight, TrimPiece
 from hfa_prove.enclosure.ball_function import BallFunction, Undecided
-from hfa_prove.enclosure.balls import exact, is_positive_definite, matrix, symmetric
+from hfa_prove.enclosure.balls import (
+    doubles,
+    exact,
+    is_positive_definite,
+    matrix,
+    symmetric,
+)
 from hfa_prove.enclosure.precision import PRECISION
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.plant import SAME_TRIM
@@ -166,7 +172,7 @@ class ScheduleProof:
     def loop_at(self, w: np.ndarray, s: float) -> np.ndarray:
         """Return the closed loop C (n, n) at a trim w (f,) in doubles."""
         K = self._gain(s)
-        value, slope = (_mid(entries).ravel(order="F") for entries in (K.value, K.slope))
+        value, slope = (doubles(entries).ravel(order="F") for entries in (K.value, K.slope))
         values = self._loops[0](w, s, self.flight.doubles, value, slope, K.origin)
         n = K.value.ncols()
         return np.array(values).reshape(n, n, order="F")
@@ -226,7 +232,7 @@ class ScheduleProof:
         bend = loop.slope.transpose() * slope
         bend = (bend + bend.transpose()) * arb(0).union(half * half)
         try:
-            T = matrix(np.linalg.inv(np.linalg.cholesky(_mid(P))).T)
+            T = matrix(np.linalg.inv(np.linalg.cholesky(doubles(P))).T)
         except np.linalg.LinAlgError as error:
             raise Rejected("P of the motion is not positive definite") from error
         for t in (-half, half):
@@ -283,11 +289,7 @@ class LinearInPosition:
 
     def in_doubles(self) -> np.ndarray:
         """Return C0 in doubles."""
-        return _mid(self.centre)
-
-
-def _mid(values: arb_mat) -> np.ndarray:
-    return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
+        return doubles(self.centre)
 
 
 def real_basis(values: np.ndarray, vectors: np.ndarray) -> np.ndarray:

@@ -49,7 +49,7 @@ def hull(low: np.ndarray, high: np.ndarray) -> arb_mat:
 
 
 def doubles(values: arb_mat) -> np.ndarray:
-    """Return the midpoints of a matrix of balls as doubles. No proof uses them."""
+    """Return the midpoints of a matrix of balls as doubles, rounded to nearest."""
     return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
 
 
