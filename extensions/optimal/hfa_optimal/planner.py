@@ -88,6 +88,7 @@ class Planner:
         self.scaled = scaled
         self.grid = grid
         self.P = P
+        self.margin = margin
         lowest, highest = scaled.state_limits
         self.soft = np.flatnonzero(np.isfinite(lowest) | np.isfinite(highest))
         self._room = (1.0 - margin) * lowest[self.soft], (1.0 - margin) * highest[self.soft]

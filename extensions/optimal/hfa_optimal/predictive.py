@@ -97,6 +97,8 @@ class Predictive(SampledPolicy):
             compared(self.name),
             f"Plans of {self.holds.sum():.3g} s in {len(self.holds)} holds, one every "
             f"{self.dt:g} s; not proved to converge or to stay inside.",
+            f"Limits of states narrowed by {100 * self.controller.planner.margin:.3g} % of their "
+            "distance from the trim (margin).",
             f"{done.planned} samples with a plan, {done.linear} with the exact held gain; "
             f"{done.refused} steps of the quadratic program refused.",
             f"The cost so far plus that of the plan rose by at most {100 * done.rise:.2g} %.",
