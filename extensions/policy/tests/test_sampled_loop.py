@@ -206,17 +206,20 @@ def test_delays_are_searched_upward(case):
 
 
 def test_limits_passed_between_two_samples_count(folder):
-    """An oscillator swings beyond its limit only between the samples, every half period."""
+    """An oscillator swings beyond a limit only between the samples, every half period.
+
+    Its amplitudes are up to 1.44 m with speeds of 9 m/s, and .96 m with 6 m/s.
+    """
     w = 2.0 * np.pi
-    model = hfa.Model(
-        "oscillator",
-        {"x": hfa.Signal("m", min=-1.0, max=1.0), "v": hfa.Signal("m/s", nominal=6.0)},
-        {"force": hfa.Signal("N", min=-1.0, max=1.0)},
-        lambda x, u, p, _: ({"x": x.v, "v": -w * w * x.x - 0.01 * x.v + u.force}, {}),
-    )
     np.savez("K.npz", K=np.zeros((1, 2)))
     deployment = hfa.Deployment({"file": "K.npz"}, {"x": {}, "v": {}}, {"force": {}}, {"dt": 0.5})
-    for fastest, some_leave in ((9.0, True), (6.0, False)):  # amplitudes up to 1.44 and 0.96 m
+    for low, high, fastest in ((-1.0, 9.0, 9.0), (-9.0, 1.0, 9.0), (-1.0, 1.0, 6.0)):
+        model = hfa.Model(
+            "oscillator",
+            {"x": hfa.Signal("m", min=low, max=high), "v": hfa.Signal("m/s", nominal=6.0)},
+            {"force": hfa.Signal("N", min=-1.0, max=1.0)},
+            lambda x, u, p, _: ({"x": x.v, "v": -w * w * x.x - 0.01 * x.v + u.force}, {}),
+        )
         box = {"x": 0.1, "v": fastest}
         result = assess(model, deployment, samples=8, box=box, best=0)
-        assert (result.points[0].flights.lost > 0) is some_leave
+        assert (result.points[0].flights.lost > 0) is (fastest == 9.0)
