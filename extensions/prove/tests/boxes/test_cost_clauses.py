@@ -688,6 +688,14 @@ def test_the_error_of_the_equilibrium_is_included() -> None:
     assert _on_a_line(CART, 0.75, c=0.5).proved(10**4) > 0
     with pytest.raises(OpenBoxError, match="undecided"):
         _on_a_line(CART, 0.75, 0.3, c=0.5).proved(10**4)
+    falling = replace(
+        CART, equations=lambda x, u, p, w: ({"position": u.speed + x.position}, {})
+    )  # g = 1.5 y (u + y + e) + y² + u²
+    exact = _on_a_line(falling, 0.75, c=0.5)
+    assert exact.proved(10**4) > 0
+    known = Equilibrium(np.zeros(2), np.array([0.9, 0.0]))
+    with pytest.raises(OpenBoxError, match="undecided"):
+        replace(exact, equilibrium=known).proved(10**4)
 
 
 def _of_two_states(W: Polynomial, c: float, Q: np.ndarray, R: np.ndarray) -> CostInequality:
