@@ -100,10 +100,12 @@ def _mismatch(
 def _description_of(function: Callable[..., Any], wrong: str) -> str:
     """Return the text of the docstring on the argument that is missing, "" without one."""
     missing = re.search(r"^missing .*'(\w+)'$", wrong)
-    text = inspect.getdoc(function) or ""
-    words = rf"^(?:\w+, )*{missing[1]}(?:, \w+)*: (.+(?:\n +\S.*)*)" if missing else "^$.^"
-    found = re.search(words, text, re.MULTILINE)
-    return f"; {missing[1]}: {' '.join(found[1].split())}" if missing and found else ""
+    if missing is None:
+        return ""
+    name = missing[1]
+    paragraph = rf"^(?:\w+, )*{name}(?:, \w+)*: (.+(?:\n +\S.*)*)"
+    found = re.search(paragraph, inspect.getdoc(function) or "", re.MULTILINE)
+    return f"; {name}: {' '.join(found[1].split())}" if found else ""
 
 
 def _main_argument(function: Callable[..., Any], first: type | None) -> str:

@@ -79,8 +79,9 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
     for row, residual in by_size:
         if abs(residual) > least:
             unit = model.rate_unit(row.name) if row.is_rate else model.unit(row.name)
-            words.append(f"{row.name} by {residual * row.scale:.3g} {unit}")
-    return [word.removesuffix(" 1") for word in words]
+            word = f"{row.name} by {residual * row.scale:.3g} {unit}"
+            words.append(word.removesuffix(" 1"))
+    return words
 
 
 def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:

@@ -60,8 +60,16 @@ class PolicyFlight(Result):
         cost = flown.cost if flown.converges else None
         ratio = None if cost is None or best is None else cost / best
         is_resolved = flown.integration is None or flown.integration.is_resolved
-        ends = list(flown.saturated), float(flown.times[-1]), is_resolved
-        return PolicyFlight(flown.name, flown.converges, cost, ratio, flown.departure, *ends)
+        return PolicyFlight(
+            policy=flown.name,
+            converges=flown.converges,
+            cost=cost,
+            over_best=ratio,
+            departure=flown.departure,
+            saturated=list(flown.saturated),
+            seconds=float(flown.times[-1]),
+            resolved=is_resolved,
+        )
 
 
 @checks_arguments
@@ -224,7 +232,7 @@ class BestFlight(FoundFlight):
         """Return the first lines of the report: cost, ratios of the policies, initial condition."""
         most = "" if self.reason is None else "at most "
         outcomes = [
-            (each.policy, each.over_best, flown.ending.partition(", ")[0] if flown.lost else "")
+            (each.policy, each.over_best, flown.loss)
             for each, flown in zip(self.policies, self.compared, strict=True)
         ]
         begin = f"Best flight: cost {most}{self.cost:.6g}"

@@ -72,7 +72,14 @@ class SimulatedFlight(NamedTuple):
     @property
     def lost(self) -> bool:
         """True if the flight left the envelope or does not converge to the trim."""
-        return self.departure is not None or not self.converges
+        return bool(self.loss)
+
+    @property
+    def loss(self) -> str:
+        """How the flight is lost, or "" if it converges inside the envelope."""
+        if self.departure is not None:
+            return "leaves the envelope"
+        return "" if self.converges else self._convergence
 
     @property
     def ending(self) -> str:
