@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 
 from hfa_support.native.bound import BoundFunction
-from hfa_support.native.machine_code import machine_code
 
 
 def rk4(rate: Callable[[Any, float], Any], x: Any, h: Any) -> Any:
@@ -59,63 +58,39 @@ class Stepper(Protocol):
         """Return the values observed at a time, (N, k)."""
 
 
-class OneFlight:
-    """Stepper of one flight by one compiled function of all steps in a tick."""
-
-    def __init__(
-        self, one: ca.Function, observed: ca.Function, step: float, steps: int, *, is_long: bool
-    ) -> None:
-        """Compile the steps of a tick.
-
-        one: ([t; x], held) -> [t; x] after a step, and the values observed before it
-        """
-        self.step = step
-        self.steps = steps
-        self.sizes = one.numel_in(0) - 1, observed.numel_out(0)
-        self._observed = observed
-        begin = ca.MX.sym("begin", one.numel_in(0))
-        held = ca.MX.sym("held", one.numel_in(1))
-        after, before = one.mapaccum("steps", steps)(begin, ca.repmat(held, 1, steps))
-        tick = ca.Function("tick", [begin, held], [after, before])
-        self._tick = BoundFunction(machine_code(tick) if is_long else tick)
-
-    def __call__(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after each step, and the values observed before it."""
-        begin, held_inputs = self._tick.inputs
-        begin[0] = time
-        begin[1:] = state[0]
-        held_inputs[:] = held
-        self._tick()
-        after, before = self._tick.results
-        times_and_states = after.reshape(1, self.steps, -1)
-        return times_and_states[:, :, 1:], before.reshape(1, self.steps, -1)
+class Unobserved:
+    """Base class of steppers that observe nothing."""
 
     def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return the values observed at a time, (1, k)."""
-        return np.array(self._observed(time, state[0], held[0])).reshape(1, -1)
+        """Return an array (N, 0)."""
+        return np.empty((len(state), 0))
 
 
-class Recurrence(OneFlight):
-    """Stepper of one flight x⁺ = F(x) in discrete time. Nothing is observed, and nothing held.
+class Recurrence(Unobserved):
+    """Stepper of one flight x⁺ = F(x) in discrete time. Nothing is held.
 
     after: x -> x⁺
     steps: number of steps in a tick
     """
 
+    step = 1.0
+
     def __init__(self, after: ca.Function, steps: int) -> None:
-        n = after.numel_in(0)
-        nothing = ca.DM(0, 1)
-        number, state, held = ca.MX.sym("k"), ca.MX.sym("x", n), ca.MX.sym("held", 0)
-        observed = ca.Function("observed", [number, state, held], [nothing])
-        begin = ca.MX.sym("begin", 1 + n)  # number of the step, which is its time, and state
-        end = ca.vertcat(begin[0] + 1.0, after(begin[1:]))
-        one = ca.Function("step", [begin, held], [ca.densify(end), nothing])
-        super().__init__(one, observed, 1.0, steps, is_long=False)
+        self.steps = steps
+        self.sizes = after.numel_in(0), 0
+        x = ca.MX.sym("x", after.numel_in(0))
+        one = ca.Function("step", [x], [ca.densify(after(x))])
+        self._tick = BoundFunction(one.mapaccum("steps", steps))
+
+    def __call__(
+        self, time: float, state: np.ndarray, held: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states after each step, (1, steps, n), and nothing observed, (1, steps, 0)."""
+        (after,) = self._tick.at(state[0])
+        return after.reshape(1, self.steps, -1), np.empty((1, self.steps, 0))
 
 
-class Adaptive:
+class Adaptive(Unobserved):
     """Stepper of one flight x' = f(x) by LSODA with error control, in one step a tick.
 
     The states are not numbers where the flight diverges or the integration fails.
@@ -161,10 +136,6 @@ class Adaptive:
                 end = reached
         return end[None, None], np.empty((1, 1, 0))
 
-    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return an array (1, 0)."""
-        return np.empty((1, 0))
-
     def _rates(self, x: np.ndarray, _: float) -> np.ndarray:
         """Return x'. Raises FloatingPointError where the flight diverges."""
         self._rate.inputs[0][:] = x
@@ -175,7 +146,7 @@ class Adaptive:
         return rates
 
 
-class RowSteps:
+class RowSteps(Unobserved):
     """Stepper of many flights x' = f(x, held) by Runge-Kutta steps, in NumPy.
 
     rate: (states (N, n), held inputs (N, h)) -> x', (N, n)
@@ -204,7 +175,3 @@ class RowSteps:
             state = rk4(lambda x, _: self._rate(x, held), state, self.step)
             after[:, number] = state
         return after, np.empty((len(state), self.steps, 0))
-
-    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return an array (N, 0)."""
-        return np.empty((len(state), 0))

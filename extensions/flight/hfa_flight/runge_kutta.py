@@ -7,11 +7,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.march.steppers import OneFlight, rk4
+from hfa_aircraft.march.steppers import rk4
+from hfa_support.native.bound import BoundFunction
+from hfa_support.native.machine_code import machine_code
 
 
-class RungeKutta(OneFlight):
-    """Stepper of one flight by the classical Runge-Kutta method.
+class RungeKutta:
+    """Stepper of one flight by the classical Runge-Kutta method, all steps of a tick at once.
 
     rate: (t, x, held) -> x'
     observed: (t, x, held) -> observed values, (k,)
@@ -29,10 +31,35 @@ class RungeKutta(OneFlight):
         parts: int = 1,
         is_long: bool = False,
     ) -> None:
-        one = _step(rate, observed, step, parts)
-        super().__init__(one, observed, step, steps, is_long=is_long)
+        self.step = step
+        self.steps = steps
+        self.sizes = rate.numel_in(1), observed.numel_out(0)
         self._rate = rate
+        self._observed = observed
         self._parts = parts
+        one = _step(rate, observed, step, parts)
+        begin = ca.MX.sym("begin", one.numel_in(0))
+        held = ca.MX.sym("held", one.numel_in(1))
+        after, before = one.mapaccum("steps", steps)(begin, ca.repmat(held, 1, steps))
+        tick = ca.Function("tick", [begin, held], [after, before])
+        self._tick = BoundFunction(machine_code(tick) if is_long else tick)
+
+    def __call__(
+        self, time: float, state: np.ndarray, held: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states after each step, and the values observed before it."""
+        begin, held_inputs = self._tick.inputs
+        begin[0] = time
+        begin[1:] = state[0]
+        held_inputs[:] = held
+        self._tick()
+        after, before = self._tick.results
+        times_and_states = after.reshape(1, self.steps, -1)
+        return times_and_states[:, :, 1:], before.reshape(1, self.steps, -1)
+
+    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return the values observed at a time, (1, k)."""
+        return np.array(self._observed(time, state[0], held[0])).reshape(1, -1)
 
     def over(self, time: float, state: np.ndarray, held: np.ndarray, seconds: float) -> np.ndarray:
         """Return the state (1, n) after a part of a step, at which held inputs change.

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.network.row_network import RowNetwork
-from hfa_aircraft.march.steppers import Stepper
+from hfa_aircraft.march.steppers import Stepper, Unobserved
 from hfa_flight.held_step import held_step
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
@@ -38,7 +38,7 @@ _WHOLE = 1e-9
 _STORED = 10_000_000
 
 
-class Ticks:
+class Ticks(Unobserved):
     """Stepper of many flights by one compiled function, of which a tick is one step.
 
     after: (state, held) -> state at the end of the tick
@@ -58,10 +58,6 @@ class Ticks:
         """Return the states at the end of the tick, (N, 1, n). Nothing else is observed."""
         (after,) = self._after(state, held)
         return after[:, None], self.observed(time, state, held)[:, None]
-
-    def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return an array (N, 0)."""
-        return np.empty((len(state), 0))
 
 
 @dataclass(frozen=True, eq=False)
