@@ -304,7 +304,7 @@ class Planner:
         return over, begins
 
     def guesses(self, z: np.ndarray, d: np.ndarray, target: Target) -> list[Plan]:
-        """Return two first plans: inputs of the target, and the saturated linear optimum."""
+        """Return two first plans: the saturated linear optimum, and the inputs of the target."""
         holds = self.grid.at(0)
         constant = np.tile(target.v, (len(holds.samples), 1))
         linear = []
@@ -314,7 +314,7 @@ class Planner:
             linear.append(np.clip(v, *self.scaled.input_limits))
             for _ in range(samples):
                 moved = self.model.after(moved, linear[-1], d, self.grid.dt)
-        return [self.flown(z, v, d, target) for v in (constant, np.array(linear))]
+        return [self.flown(z, v, d, target) for v in (np.array(linear), constant)]
 
     def later(self, plan: Plan, z: np.ndarray, d: np.ndarray, target: Target) -> Plan:
         """Return the plan one sample later: the same inputs at the same times.

@@ -25,6 +25,9 @@ _FIRST = 30
 _LATER = 6
 _RISE = 1.01
 _WORTH = 0.01
+#: Factor by which a plan may cost more than the plan one sample earlier, with the cost so far.
+#: Beyond it, new first plans are tried: an open-loop flight of an unstable aircraft may get lost.
+_LOST = 1.05
 #: The linear policy takes over where the costs of the plan and of its own flight are within this
 #: fraction of z'Pz.
 _LINEAR = 0.01
@@ -164,8 +167,11 @@ class RecedingHorizon:
             plan = min(plans, key=lambda each: each.cost)
             self._spent, self._least = 0.0, self._value(plan)
             return plan
+        promised = self._spent + self._plan.cost
         self._spent += planner.cost_of_sample(self._plan, target)
         plan = planner.later(self._plan, z, d, target)
+        if not np.isfinite(plan.cost) or self._spent + plan.cost > _LOST * promised:
+            plan = min(*planner.guesses(z, d, target), plan, key=lambda each: each.cost)
         for _ in range(_LATER):
             before = plan.cost
             plan, refused = planner.improved(plan, d, target, 1)

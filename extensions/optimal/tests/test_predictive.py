@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_are, solve_discrete_are
 from scipy.optimize import lsq_linear
 
@@ -168,6 +169,44 @@ def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs(
     )
     assert policy.samples.first.cost == pytest.approx(2.0 * found.cost, rel=2e-4)
     assert np.abs(found.x).max() > 1.99
+
+
+def unstable(square: float, cube: float) -> hfa.Model:
+    """Return x' = x + square x² + cube x³ + u, whose linear optimum costs (1 + √2) x²."""
+    return hfa.Model(
+        "unstable",
+        {"x": hfa.Signal("1")},
+        {"u": hfa.Signal("1", min=-10.0, max=10.0)},
+        lambda x, u, p, w: ({"x": x.x + square * x.x**2 + cube * x.x**3 + u.u}, {}),
+    )
+
+
+@pytest.mark.parametrize("kick", [0.3, 0.9])
+def test_a_plan_that_is_lost_begins_anew(kick: float) -> None:
+    """The inputs of the last plan lead to infinity after a kick, in which case feedback returns."""
+    model = unstable(0.0, 1.0)
+    policy = hfa.predictive(model, hfa.trim(model), [[1.0]], [[1.0]])
+    x = np.array([1.0])
+    for number in range(80):
+        x = x + kick * (number == 5)
+        u = policy(number * policy.dt, x)
+        x = solve_ivp(lambda _, x, u=u: x + x**3 + u, (0.0, policy.dt), x, rtol=1e-8).y[:, -1]
+    assert abs(x[0]) < 1e-3
+
+
+def test_the_exact_gain_waits_until_its_own_flight_costs_the_value() -> None:
+    """At x = 1 the plan costs the linear value, although the gain's own flight costs 16 % more."""
+    model = unstable(-3.0, 3.91)
+    point = hfa.trim(model)
+    policy = hfa.predictive(model, point, [[1.0]], [[1.0]], estimate="nothing")
+    flight = hfa.fly(
+        model, point, policy, scenario=Scenario(duration=8.0), initial=[1.0], predict=False,
+        weights=([[1.0]], [[1.0]]),
+    )  # fmt: skip
+    plan = policy.samples.first
+    assert plan is not None and flight.cost is not None
+    assert plan.cost == pytest.approx(1.0 + np.sqrt(2.0), rel=0.01)
+    assert flight.cost < 1.01 * plan.cost
 
 
 @pytest.mark.parametrize("garbage", [np.nan, 1e3, -1e3])
