@@ -201,10 +201,11 @@ def test_the_exact_gain_waits_until_its_own_flight_costs_the_value() -> None:
     policy = hfa.predictive(model, point, [[1.0]], [[1.0]], estimate="nothing")
     flight = hfa.fly(
         model, point, policy, scenario=Scenario(duration=8.0), initial=[1.0], predict=False,
-        weights=([[1.0]], [[1.0]]),
+        weights=(np.eye(1), np.eye(1)),
     )  # fmt: skip
     plan = policy.samples.first
-    assert plan is not None and flight.cost is not None
+    assert plan is not None
+    assert flight.cost is not None
     assert plan.cost == pytest.approx(1.0 + np.sqrt(2.0), rel=0.01)
     assert flight.cost < 1.01 * plan.cost
 
