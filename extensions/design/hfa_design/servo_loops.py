@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import abscissa_of
+from controller.riccati.balancing import Stability, abscissa_of
 from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.loop_margins import (
     LoopMargin,
@@ -25,6 +25,7 @@ from hfa_flight.schedule.scheduled_controller import ScheduledController
 from hfa_support.arguments import checks_arguments
 from hfa_support.attributes import Advised
 from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import spectral_radius
 from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.checks import Check, Checked, below, checks_block
 from hfa_support.reporting.report import Report, Reported
@@ -40,6 +41,8 @@ PER_DECADE = 200
 #: Modes slower than this, rad/s, do not extend the frequency grid.
 SLOWEST = 1e-3
 TOGETHER = "all inputs"
+#: Real part, relative to the fastest pole, at which a slow pole is 0 within rounding.
+_ROUNDING = -1e-10
 
 
 @checks_arguments
@@ -80,9 +83,10 @@ class ServoLoop(Advised):
         return matrix
 
     @property
-    def abscissa(self) -> float:
-        """Largest real part of the poles of the closed loop, 1/s."""
-        return abscissa_of(self.closed)
+    def stability(self) -> Stability:
+        """Largest real part of the poles of the closed loop, 1/s, and that of a stable loop."""
+        closed = self.closed
+        return Stability(abscissa_of(closed), _ROUNDING * spectral_radius(closed))
 
 
 @checks_arguments
@@ -164,13 +168,13 @@ class LoopRow(NamedTuple):
 
     scheduled_at: the scheduling value
     actuators: actuator of each input
-    abscissa: largest real part of the poles, 1/s
+    stability: largest real part of the poles, 1/s, and that of a stable loop
     loops: name of the loop -> its margins; empty if the loop is unstable
     """
 
     scheduled_at: float
     actuators: tuple[Actuator, ...]
-    abscissa: float
+    stability: Stability
     loops: dict[str, LoopMargin]
 
     @property
@@ -207,13 +211,18 @@ class MarginTable(Checked, Result, Reported):
     @property
     def checks(self) -> tuple[Check, ...]:
         """The check that every loop is stable."""
-        worst = max(self.rows, key=lambda row: row.abscissa)
-        unstable = sum(row.abscissa >= 0.0 for row in self.rows)
+        worst = max(self.rows, key=lambda row: row.stability.value - row.stability.limit)
+        unstable = len(self.rows) - self._stable
         reason = (
-            f"unstable in {unstable} of {len(self.rows)} loops, worst at {self._where(worst)},"
+            f"not stable in {unstable} of {len(self.rows)} loops, worst at {self._where(worst)},"
             f" {worst.text}"
         )
-        return (below("largest_abscissa", worst.abscissa, 0.0, reason),)
+        return (below("largest_abscissa", *worst.stability, reason),)
+
+    @property
+    def _stable(self) -> int:
+        """Number of stable loops."""
+        return sum(row.stability.is_stable for row in self.rows)
 
     def _where(self, row: LoopRow) -> str:
         """Return the scheduling value of a row as text, such as "5 deg"."""
@@ -244,8 +253,8 @@ class MarginTable(Checked, Result, Reported):
             tables.append(_smallest_table(("actuators", "loop"), by_loop))
         if by_value:
             tables.append(_smallest_table((model.schedule,), by_value))
-        stable = sum(row.abscissa < 0.0 for row in self.rows)
-        verdict = f"{'PASS' if self.ok else 'FAIL'}, {stable} of {len(self.rows)} loops stable"
+        stable = f"{self._stable} of {len(self.rows)} loops stable"
+        verdict = f"{'PASS' if self.ok else 'FAIL'}, {stable}"
         title = f"Margins of controller {self.controller.name}, {self.controller.called}: {verdict}"
         return Report(title, (*tables, checks_block(self.checks)), data=self.as_data())
 
@@ -273,7 +282,7 @@ class MarginTable(Checked, Result, Reported):
             rows.append(
                 {
                     by: row.scheduled_at,
-                    "abscissa": row.abscissa,
+                    "abscissa": row.stability.value,
                     "actuators": actuators,
                     "loops": loops,
                 }
@@ -332,6 +341,7 @@ def check_margins(
         linear = level_model(model, value)
         for actuators in banks or [actuators_of(controller.name, controller.about)]:
             loop = servo_loop(servo_plant(model, linear, controller, actuators), controller)
-            margins = servo_margins(loop, inputs, measured) if loop.abscissa < 0.0 else {}
-            rows.append(LoopRow(value, tuple(actuators.values()), loop.abscissa, margins))
+            stability = loop.stability
+            margins = servo_margins(loop, inputs, measured) if stability.is_stable else {}
+            rows.append(LoopRow(value, tuple(actuators.values()), stability, margins))
     return MarginTable(controller, tuple(rows))

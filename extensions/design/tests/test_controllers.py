@@ -208,7 +208,15 @@ def test_a_loop_whose_numbers_overflow_is_refused() -> None:
     one = np.ones((1, 1))
     loop = ServoLoop(-one, 1e308 * one, one, -one, one, -4.0 * one, -10.0 * one)
     with pytest.raises(NoSolutionError, match="the closed loop overflows"):
-        _ = loop.abscissa
+        _ = loop.stability
+
+
+@pytest.mark.parametrize(("gain", "is_stable"), [(0.0, False), (1e-15, False), (1e-3, True)])
+def test_an_integral_without_feedback_is_not_stable(gain: float, is_stable: bool) -> None:
+    """A loop x' = -x + u, u = -gain ∫x dt has a pole at -gain: stable only beyond rounding."""
+    one = np.ones((1, 1))
+    loop = ServoLoop(-one, one, one, 0.0 * one, one, -gain * one, 0.0 * one)
+    assert loop.stability.is_stable is is_stable
 
 
 def test_a_direct_path_gives_correct_rates(
@@ -278,14 +286,14 @@ def test_an_unstable_controller_fails_with_worst_actuator(
     """
     table = gentle(published_aircraft, 0.3)
     found = check_margins(published_aircraft, table, np.radians([5.0]), (0.05, 2.0))
-    unstable = [row for row in found.rows if row.abscissa >= 0.0]
+    unstable = [row for row in found.rows if not row.stability.is_stable]
     assert not found.ok
     assert 0 < len(unstable) < len(found.rows)
-    worst = max(unstable, key=lambda row: row.abscissa)
+    worst = max(unstable, key=lambda row: row.stability.value)
     (actuator,) = worst.actuators
     plant = servo_plant(published_aircraft, model_at(5.0), table, {"aileron_outer": actuator})
-    assert servo_loop(plant, table).abscissa == pytest.approx(worst.abscissa)
+    assert servo_loop(plant, table).stability == pytest.approx(worst.stability)
     where = f"worst at 5 deg, order {actuator.order}, {actuator.bandwidth:g} rad/s"
-    assert f"unstable in {len(unstable)} of 4 loops, {where}" in " ".join(repr(found).split())
+    assert f"not stable in {len(unstable)} of 4 loops, {where}" in " ".join(repr(found).split())
     assert found.to_dict()["checks"][0]["ok"] is False
     assert not worst.loops

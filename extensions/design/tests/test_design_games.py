@@ -193,8 +193,8 @@ def test_controllers_in_si_and_english_units_agree() -> None:
         )
     flight = ("fly", *AT_11, "--controller", "feet.npz", "--actuators", "0.5:60", "--duration", "1")
     ends = [
-        answer(*flight, "--command", "dihedral=0.2:0.5", "--units", units)["final"]
-        for units in ("english", "si")
+        answer(*flight, "--command", "dihedral=0.2:0.5", *units)["final"]
+        for units in ((), ("--units", "si"))
     ]
     assert ends[1]["speed"] == pytest.approx(0.3048 * ends[0]["speed"], rel=SAME_FORMULA)
     assert ends[1]["alpha"] == pytest.approx(ends[0]["alpha"], rel=1e-9)
