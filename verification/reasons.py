@@ -73,7 +73,7 @@ def reason_for(judged: JudgedGame, critic: Critic, limit: float) -> str:
         return _first_mistake("K", critic.K, exact.K, mistakes) or _lqr(game, critic)
     if all(check.ok for check in matrix_errors(game, "P", critic.P, exact, limit)):
         return _reason_for_policy(judged, critic, critic.P)
-    mistakes_of_P = itertools.chain(_of_value(critic.P, exact.P), _of_weights(critic))
+    mistakes_of_P = itertools.chain(_of_value(game, critic.P, exact.P), _of_weights(critic))
     return (
         _first_mistake("P", critic.P, exact.P, mistakes_of_P)
         or _lqr(game, critic)
@@ -164,7 +164,7 @@ def _lqr(game: Game, critic: Critic) -> str:
     return ""
 
 
-def _of_value(P: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
+def _of_value(game: Game, P: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
     """Yield the mistakes of P: a missing triangle, factors, weights for entries, order, units."""
     for half in (np.triu(P), np.tril(P)):
         says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
@@ -172,6 +172,9 @@ def _of_value(P: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
     P = (P + P.T) / 2.0
     says = "the value has the wrong sign: it is of rewards; V is z'Pz, of costs, and positive"
     yield Mistake(says, -P)
+    if game.dt not in (None, True):
+        says = "every entry of P is 1/dt times the exact one: the cost of a step is that of dt s"
+        yield Mistake(says, float(game.dt) * P)
     yield from _factors("P", "value", "V is z'Pz, without a factor 1/2", P, exact)
     halves = np.where(np.eye(len(P), dtype=bool), 1.0, 0.5)
     says = "the entries of P off the diagonal are twice too large: they must be W / 2"
@@ -249,7 +252,7 @@ def _of_rows(
 def _factors(
     kind: str, noun: str, meant: str, given: np.ndarray, exact: np.ndarray
 ) -> Iterator[Mistake]:
-    """Yield that all entries have a wrong sign, half or twice the size, or a power of ten.
+    """Yield that all entries have a wrong sign, half or twice the size, or another common factor.
 
     kind: P or K
     noun: what the matrix stands for, the value or the gain
@@ -257,10 +260,9 @@ def _factors(
     """
     for factor, wrong in FACTORS.items():
         yield Mistake(f"the {noun} {wrong}: {meant}", given / factor)
-    power = _power_of_ten(float(np.sum(given * exact)) / (float(np.sum(exact**2)) or 1.0))
-    if power:
-        says = f"every entry of {kind} is {10.0**power:g} times the exact one"
-        yield Mistake(says, given / 10.0**power)
+    ratio = float(np.sum(given * exact)) / (float(np.sum(exact**2)) or 1.0)
+    if ratio and math.isfinite(ratio) and np.count_nonzero(exact) > 1:
+        yield Mistake(f"every entry of {kind} is {ratio:.4g} times the exact one", given / ratio)
 
 
 def _power_of_ten(ratio: float) -> int:

@@ -69,6 +69,11 @@ ORDER = [0, 2, 1, 3, 5, 4]
 
 #: Name -> (kind of critic, function from the game to the critic, words of the reason).
 NAMED: dict[str, tuple[str, Plant, str]] = {
+    "another factor": (
+        "K",
+        lambda game: 0.913 * gain(game),
+        "every entry of K is 0.913 times the exact one",
+    ),
     "LQR value": (
         "P",
         lqr,
@@ -243,7 +248,6 @@ UNNAMED: dict[str, tuple[str, Plant]] = {
         lambda game: np.vectorize(lambda entry: float(f"{entry:.3g}"))(gain(game)),
     ),
     "another delta": ("P", lambda game: value(game.with_delta(4e4))),
-    "another factor": ("K", lambda game: 0.913 * gain(game)),
     "no gain": ("K", lambda game: np.zeros_like(game.B.T)),
     "no value": ("P", lambda game: np.zeros_like(game.A)),
 }

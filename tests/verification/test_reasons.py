@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 from cli import answer
@@ -10,7 +11,7 @@ from game_samples import failed_names, game_models
 from planted_critics import gain, value, weights_of
 from planted_mistakes import NAMED, OF_ANY_GAME, UNNAMED, candidate_of, random_game
 
-from hfa import Critic, Game, from_gain, from_value, verify
+from hfa import Critic, Game, from_gain, from_network, from_value, verify
 from hfa.main import DONE, FAILED
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -85,6 +86,24 @@ def test_a_transposed_gain_is_named() -> None:
         [[-1.0, 0.4], [0.1, -2.0]], np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 3.0]), 5.0
     )
     assert verify(plant, from_gain(plant, gain(plant).T)).reason == "K is transposed"
+
+
+def test_a_value_read_as_a_policy_is_named() -> None:
+    """The one output of a network on a plant with one input is read as u, without --network."""
+    plant = Game([[-1.0, 0.4], [0.1, -2.0]], [[1.0], [0.5]], Q=np.eye(2), R=[[1.0]])
+    z = ca.SX.sym("z", 2)
+    V = ca.Function("f", [z], [ca.bilin(ca.DM(value(plant)), z, z)])
+    assert "if it is V: --network V=NAME" in verify(plant, from_network(plant, V)).reason
+
+
+def test_a_value_per_second_of_a_step_is_named() -> None:
+    """The value of a training whose costs were not multiplied by dt = 0.05 is 20 times too large,
+    with the right gain.
+    """
+    continuous = Game([[-1.0, 0.4], [0.1, -2.0]], [[1.0], [0.5]], Q=np.eye(2), R=[[1.0]])
+    sampled = continuous.sampled(0.05, 0.99)
+    verdict = verify(sampled, Critic(gain(sampled), 20.0 * value(sampled), "P and K"))
+    assert "every entry of P is 1/dt times" in verdict.reason
 
 
 # A file that holds more than one of W, P and K: each is judged, none hides another.

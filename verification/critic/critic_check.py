@@ -48,6 +48,8 @@ _CRITICS = (
     "a critic: write hfa.from_gain(game, K), hfa.from_value(game, P), hfa.from_weights(game, W, "
     "basis=...), hfa.from_network(game, NETWORK) or hfa.read_critic(FILE, game)"
 )
+#: Slope of a policy, relative to the exact gain, below which it is the value that has none.
+_FLAT = 1e-6
 
 
 @checks_arguments
@@ -292,6 +294,9 @@ def _reason(judged: JudgedGame, critic: Critic, box: np.ndarray, limit: float) -
     if not critic.finite:
         return ""
     if critic.network and critic.weights is None:
+        size = np.abs(judged.exact.K).max()
+        if len(critic.K) == 1 and np.abs(critic.K).max() <= _FLAT * size:
+            return "the output, read as u, has no slope at the trim; if it is V: --network V=NAME"
         mistake = mistake_of_policy(critic, judged.exact, box, limit)
         if mistake or relative_error(critic.K, judged.exact.K) <= limit:
             return mistake

@@ -36,7 +36,7 @@ def test_exact_discounted_critic_passes_and_mistakes_are_named(game: Game) -> No
     by_worst = H[:size, size:] @ np.linalg.solve(H[size:, size:], H[size:, :size])
     assert verify(problem, critic_in(stored("H.npz", H=H[:size, :size] - by_worst), problem)).ok
     for wrong, message in (
-        (from_value(problem, exact.P / DT), "every entry of P is 100 times the exact one"),
+        (from_value(problem, exact.P / DT), "every entry of P is 1/dt times the exact one"),
         (from_value(problem, -exact.P), "the value has the wrong sign"),
         (from_gain(problem, -exact.K), "the gain has the wrong sign"),
     ):

@@ -121,7 +121,7 @@ WRONG: dict[str, tuple[Callable[[Case], Critic], tuple[str, ...]]] = {
     "without factor 2": (lambda case: read(case, W=case.P[np.triu_indices(3)]), ("factor 2",)),
     "permuted P": (lambda case: read(case, P=case.P[np.ix_(ORDER, ORDER)]), ("in the order",)),
     "permuted K": (lambda case: read(case, K=case.K[:, ORDER]), ("in the order",)),
-    "scaled": (lambda case: read(case, P=1.7 * case.P), ()),
+    "scaled": (lambda case: read(case, P=1.7 * case.P), ("1.7 times",)),
     "transposed": (
         lambda case: read(case, K=case.K.T.reshape(2, 3)),
         ("column by column", "in the order"),
