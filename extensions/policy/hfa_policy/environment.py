@@ -196,7 +196,7 @@ def _made(library: str, package: str, module: str, name: str) -> Callable[..., A
     try:
         import_module(library)
     except ImportError:
-        raise missing_package("environments require", package) from None
+        raise missing_package(f"an {name} requires", package) from None
     found: Callable[..., Any] = getattr(import_module(module), name)
     return found
 

@@ -125,10 +125,10 @@ class FlightCosts(Result):
         best = "" if self.found else f", no best {'found' if self.searched else 'searched'}"
         if 2 * self.lost > self.compared:
             lost = f"{self.lost} of {self.compared}"
-            end = f"not at the trim after {self.seconds:.3g} s{best}"
+            end = f"leave or are not at the trim after {self.seconds:.3g} s{best}"
             return [
-                f"{lost} flights leave or are {end}",
-                f"{lost} leave or {end}",
+                f"{lost} flights {end}",
+                f"{lost} {end}",
                 f"{lost} fail{best}",
             ]
         if self.ratios is None:

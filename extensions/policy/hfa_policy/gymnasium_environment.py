@@ -51,6 +51,7 @@ class AircraftEnvironment(Advised, gymnasium.Env):
         self.observation_space = observation_space(episodes.deployed.deployment.width)
         self.action_space = action_space(episodes)
         self._flown: list[tuple[np.ndarray, np.ndarray]] = []
+        self._under_way = False
         self._trim = 0
         self._drawn: dict[str, float] = {}
         self._X = episodes.states[0]
@@ -111,6 +112,7 @@ class AircraftEnvironment(Advised, gymnasium.Env):
             observations = self.episodes.begin_at(_FIRST, owners, starts, self.np_random)
         else:
             observations = self.episodes.begin(_FIRST, self.np_random)
+        self._under_way = True
         self._trim = int(self.episodes.owners[0])
         values = dict(zip(self.model.parameters, self.episodes.parameters[0], strict=True))
         self._drawn = {name: float(values[name]) for name in self.episodes.varied}
@@ -149,12 +151,15 @@ class AircraftEnvironment(Advised, gymnasium.Env):
         action: (m,), clipped to the box
 
         Raises BadInputError if the action has another shape, contains NaN, or does not consist of
-        numbers.
+        numbers, and if no episode is under way.
         """
+        if not self._under_way:
+            raise BadInputError("step: no episode is under way; call reset() first")
         if type(action) is not np.ndarray or action.dtype.kind != "f":
             action = numbers_in("an action", action)
         self.episodes.advance(action[None])
         reward, lost, over = self._outcome.tolist()
+        self._under_way = not (lost or over)
         info = self._info()
         if self.render_mode is not None:
             self._flown.append((info["X"], info["U"]))

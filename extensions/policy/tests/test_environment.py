@@ -108,11 +108,15 @@ def test_a_sample_time_excludes_a_deployment() -> None:
     env.reset(seed=1)
     still = np.zeros(env.action_space.shape, np.float32)
     assert [env.step(still)[3] for _ in range(4)] == [False, False, False, True]
+    with pytest.raises(BadInputError, match="no episode is under way"):
+        env.step(still)
 
 
 def test_a_wrong_action_is_refused() -> None:
     """An action of a wrong size or type, or with NaN, is refused."""
     env = environment(aircraft("ppo_gtm"), stored_deployment("ppo_gtm"), trims("ppo_gtm")[:1])
+    with pytest.raises(BadInputError, match="call reset"):
+        env.step([0.0, 0.0])
     env.reset(seed=1)
     for wrong in ([np.nan, 0.0], [0.0], ["full", 0.0], None):
         with pytest.raises(BadInputError, match=r"the actions are|an action"):

@@ -1,6 +1,7 @@
 """Policies on a linear plant in a file."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -138,6 +139,9 @@ def test_a_gain_alone_is_assessed(folder, capsys):
     )
     assert main(["assess", "K.npz", *words]) == 2
     assert "add --sample-time" in capsys.readouterr().err
+    Path("policy.onnx").touch()
+    assert main(["assess", "policy.onnx", *words]) == 2
+    assert "a network requires a deployment file" in capsys.readouterr().err
     assert main(["assess", "deployment.toml", *SAMPLED, *words]) == 2
     assert "--sample-time applies only to a file with a gain" in capsys.readouterr().err
 

@@ -8,7 +8,7 @@ from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from controller.critic.critic_file import critic_suffixes
+from controller.critic.critic_file import critic_suffixes, is_network
 from hfa.options.aircraft import Aircraft, aircraft_help
 from hfa.options.argument_types import input_file, linear_state, number, span, whole
 from hfa.options.output import Output, ProgressLine, picture_option
@@ -171,6 +171,11 @@ class AssessRequest(Request):
 
         gains = [file for file in self.files if file.suffix.lower() != ".toml"]
         if gains and self.sample_time is None:
+            if is_network(gains[0]):
+                raise BadInputError(
+                    f"{gains[0]}: a network requires a deployment file, with the network as its "
+                    "[policy]; give the file FILE.toml"
+                )
             raise BadInputError(f"{gains[0]}: a gain K requires a sample time; add --sample-time S")
         if self.sample_time is not None and not gains:
             raise BadInputError(
