@@ -18,6 +18,7 @@ from hfa.options.trim import Trim, scheduled
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
 from trim.linear.levels import CATEGORIES, CLASSES, Airplane
 from trim.point.solve import TrimError
 from trim.point.trim_report import point_figure, trim_report
@@ -188,7 +189,10 @@ def trim(request: TrimRequest) -> int:
     title = f"{len(sheets) - len(failed)} of {len(sheets)} conditions are trimmed"
     failure = f"{len(failed)} of {len(sheets)} conditions have no trim" if failed else ""
     data = {"schema": "hfa.trims/1", "sheets": [sheet.data for sheet in sheets]}
-    request.show(Report(title, sheets, data=data, failure=failure))
+    header = next((sheet.records.header for sheet in sheets if not sheet.failure), ())
+    rows = [(k, *row) for k, sheet in enumerate(sheets, 1) for row in sheet.records.rows]
+    records = Table(("sheet", *header), rows)
+    request.show(Report(title, sheets, data=data, records=records, failure=failure))
     return 0
 
 

@@ -14,7 +14,6 @@ from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_support.errors import BadInputError
-from hfa_support.units import SYSTEMS
 
 if TYPE_CHECKING:
     from hfa_aircraft.uncertain import ParameterSpread
@@ -38,6 +37,8 @@ def aircraft_help(_: Model | None) -> str:
 
 def _parameters(model: Model | None, text: str) -> ParameterSet | Path:
     """Return the parameters of the HFA, or the file while the model is unknown."""
+    if "=" in text and not Path(text).exists():
+        raise BadInputError(f"is {text}, not a file; a parameter is set by --hold {text}")
     return Path(text) if model is None or is_own(model) else load_parameters(text)
 
 
@@ -45,12 +46,11 @@ def _parameters(model: Model | None, text: str) -> ParameterSet | Path:
 class Aircraft(Part):
     """The aircraft: the HFA with its dynamics and parameters, or an aircraft of the user."""
 
-    units: str = option(
+    units: str | None = option(
         "units of input and output: si (m, kg, N); default: units of the aircraft, of the HFA "
-        "english (ft, slug, lbf)",
-        "UNITS",
-        one_of(*SYSTEMS),
-        default="english",
+        "ft, slug and lbf",
+        "si",
+        one_of("si"),
         rare=True,
     )
     source: str | None = option(aircraft_help, "FILE.py:NAME", names="--aircraft")

@@ -65,7 +65,7 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
     - .csv: `records`, with a last column that contains schema and provenance as JSON in its first
       row
 
-    Raises ValueError for any other suffix.
+    Raises BadInputError for any other suffix, and for a .csv of a result without records.
     """
     suffix = target.suffix.lower()
     if suffix == ".json":
@@ -77,6 +77,10 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
         with written_whole(target) as stream:
             stream.write(_mat(data))
     elif suffix == ".csv":
+        if not records.header:
+            raise BadInputError(
+                f"{target}: this result is not a table; use .json, .npz, .mat, .html or .md"
+            )
         origin = {name: data[name] for name in ("schema", "provenance") if name in data}
         write_text(target, _csv(records, json.dumps(jsonable(origin))))
     else:
