@@ -6,6 +6,8 @@ INSTEAD = {
     "hfa solve --dt": "dt is an entry of the plant file (--model FILE)",
     "hfa learn --discount": "discount is an entry of the plant file (--model FILE)",
     "hfa learn --dt": "dt is an entry of the plant file (--model FILE)",
+    "hfa design --actuators": "actuators are the table [actuators] of the design file; "
+    "--bandwidth tests others",
     "hfa fly --model": "give the plant by --aircraft FILE",
     "hfa optimize --model": "give the plant by --aircraft FILE",
     "hfa trim --model": "give the plant by --aircraft FILE",
@@ -14,6 +16,8 @@ INSTEAD = {
         for command in ("linearize", "sweep")
         for option in ("class", "category")
     },
+    "hfa regenerate --dihedral": "matrices of other angles are those of hfa linearize --dihedral "
+    "DEG",
     "hfa assess --policy": "give the deployment file alone: hfa assess FILE.toml",
     "hfa verify --policy": "give the policy by --weights FILE",
     "hfa assess --law": "laws that plan are compared by hfa optimize --law NAME --starts N",
@@ -140,6 +144,7 @@ gain: k
 functions: basis
 interp: at
 load_aircraft: load_model
+from_matrix: from_value
 make_env: environment
 p: roll_rate
 phi: roll bank

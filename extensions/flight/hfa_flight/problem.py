@@ -270,6 +270,11 @@ class FlightProblem:
                 )
         return off[self.places]
 
+    def weights_text(self) -> str:
+        """Return Q and R as text, marked where they are the default."""
+        signals = (*self.states, *self.inputs)
+        return f"cost: {cost_text(self.model, signals, self.Q, self.R)}"
+
     def refuse_outside(self, z: np.ndarray) -> None:
         """Raise BadInputError if an initial condition is outside the limits.
 
@@ -300,9 +305,7 @@ class OfProblem:
 
     def weights_text(self) -> str:
         """Return Q and R as text, marked where they are the default."""
-        problem = self.problem
-        signals = (*problem.states, *problem.inputs)
-        return f"cost: {cost_text(self.model, signals, self.Q, self.R)}"
+        return self.problem.weights_text()
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Return the values of a state, an input or an output during the flight, (N,), not as

@@ -95,6 +95,7 @@ class Predictive(SampledPolicy):
         done = self.samples
         lines = [
             compared(self.name),
+            f"Plans minimize the {self.problem.weights_text()}.",
             f"Plans of {self.holds.sum():.3g} s in {len(self.holds)} holds, one every "
             f"{self.dt:g} s; not proved to converge or to stay inside.",
             f"Limits of states narrowed by {100 * self.controller.planner.margin:.3g} % of their "

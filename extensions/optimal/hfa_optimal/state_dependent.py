@@ -89,6 +89,7 @@ class StateDependent(SampledPolicy):
         kept = ", ".join(self.law.filter.states) or "no state"
         lines = [
             compared(self.name),
+            f"The game has the {self.problem.weights_text()}.",
             f"One Riccati equation every {self.dt:g} s; kept inside: {kept}.",
         ]
         if self.unsolved:

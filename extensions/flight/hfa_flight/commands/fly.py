@@ -126,6 +126,16 @@ class FlyRequest(Request):
         """Number of flights with random differences, or None for a single flight."""
         return self.samples if self.draws is None else self.draws
 
+    def _refuse_late_commands(self, duration: float) -> None:
+        """Raise BadInputError for a command that begins at the end of the flight or later."""
+        for name, steps in self.command.items():
+            begin = min(time for time, _ in steps)
+            if begin >= duration:
+                raise BadInputError(
+                    f"--command {name} begins at {begin:g} s, not before the end of the flight at "
+                    f"{duration:g} s; give {_COMMAND} with an earlier time, or a longer --duration"
+                )
+
     def flight(self) -> PlannedFlight:
         """Return the flight to be simulated, as specified by the options.
 
@@ -155,6 +165,7 @@ class FlyRequest(Request):
         model = self.trim.aircraft
         point = self.trim.point()
         scenario = self.scenario.scenario(point, self.trim.hold, drawn=self.members is not None)
+        self._refuse_late_commands(scenario.duration)
         steps = command_steps(self.command)
         reference: Any = None
         policy: Policy

@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
@@ -24,6 +25,7 @@ from controller.critic.critic_file import (
     read_critic,
     refuse_other_step,
 )
+from controller.expansion.expansion import Expansion
 from controller.game.linear_game import names_of_linear
 from controller.riccati.gare import Solution
 from controller.tracking import Tracking
@@ -48,9 +50,9 @@ from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
 
 _FORMS = (
-    "give a gain K, a critic, a solution, hfa.track(...), a Deployment, a scheduled controller, "
-    "a file that contains one of these, input steps {name: [(time, value), ...]} or a function of "
-    "(t, X)"
+    "give a gain K, a critic, a solution, hfa.expand(...), hfa.track(...), a Deployment, a "
+    "scheduled controller, a file that contains one of these, input steps {name: [(time, value), "
+    "...]} or a function of (t, X)"
 )
 #: Law of `hfa fly --law` -> policy in Python.
 _LAWS = {
@@ -94,6 +96,10 @@ def policy_and_scenario(
         given.game.refuse_steps("hfa.fly")
     if hasattr(given, "K"):
         return GainPolicy(getattr(given, "origin", "exact"), given.K), scenario
+    if isinstance(given, Expansion):
+        given = given.policy
+    if isinstance(given, ca.Function) and given.n_in() == 1:
+        return function_policy(given.name(), _of_states(given, point), point), scenario
     if callable(given):
         return _python_policy(given, point, scenario.tick), scenario
     if isinstance(given, Deployment):
@@ -102,6 +108,18 @@ def policy_and_scenario(
         return GainPolicy("gain", numbers_in("policy", given)), scenario
     except BadInputError as error:
         raise BadInputError(f"policy is {shown(given)}; {_FORMS}") from error
+
+
+def _of_states(policy: ca.Function, point: OperatingPoint) -> ca.Function:
+    """Return a policy u = π(z), if it has the sizes of the linear model's states and the inputs."""
+    wanted = (len(point.model.linear), len(point.model.inputs))
+    given = (policy.numel_in(0), policy.numel_out(0))
+    if given != wanted:
+        raise BadInputError(
+            f"the policy has {given[0]} arguments and {given[1]} results; give a function of the "
+            f"{wanted[0]} states with {wanted[1]} inputs, or of (t, X)"
+        )
+    return policy
 
 
 def controller_policy(
