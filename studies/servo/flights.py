@@ -177,7 +177,7 @@ def slowest_delayed(
         for acting, share in itertools.product(REAL, (0.5, 1.0)):
             actuators = dict.fromkeys(controller.inputs, replace(acting, effectiveness=share))
             loop = servo_loop(servo_plant(aircraft, model, controller, actuators), controller)
-            found.append(delayed(loop, DELAY).abscissa)
+            found.append(delayed(loop, DELAY).stability.value)
     return max(found)
 
 
