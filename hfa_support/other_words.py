@@ -27,6 +27,8 @@ INSTEAD = {
 #: Each row: a word in lower case, and names in this project that it may mean, with _ for -.
 _TABLE = """
 --input: --command
+--lateral: --states
+--longitudinal: --states
 --step: --command
 --doublet: --command
 --time: --duration
@@ -119,6 +121,7 @@ find_operating_point: trim
 findop: trim
 describe: report
 summary: report
+sheet: report
 info: report
 print: report
 head: to_pandas

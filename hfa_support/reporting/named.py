@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas
 
 
-class NamedArray(np.ndarray):
+class NamedArray(Advised, np.ndarray):
     """Array with names for the entries of each axis.
 
     names: for each axis, the names of its entries, or () for an axis without names
@@ -27,6 +27,9 @@ class NamedArray(np.ndarray):
     """
 
     names: tuple[tuple[str, ...], ...] = ()
+    _instead = MappingProxyType(
+        {"to_numpy": "np.array(array)", "loc": "array[NAME]", "iloc": "array[NUMBER]"}
+    )
 
     def __getitem__(self, index: Any) -> Any:
         """Return entries by name, or by any index of a NumPy array.
@@ -58,6 +61,12 @@ class NamedArray(np.ndarray):
 
     def __reduce__(self) -> Any:
         return with_names, (np.asarray(self), *self.names)
+
+    def __copy__(self) -> NamedArray:
+        return with_names(np.array(self), *self.names)
+
+    def __deepcopy__(self, _: Any) -> NamedArray:
+        return self.__copy__()
 
 
 def with_names(values: np.ndarray, *names: tuple[str, ...]) -> NamedArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import pickle
 import re
@@ -49,8 +50,10 @@ def test_names_index_matrices() -> None:
     assert np.array_equal(linear.B["pitch_rate", :], linear.B[3])
     assert np.array_equal(linear.B["throttle"], linear.B[:, 0])
     assert json.loads(json.dumps(linear.A.sum())) == float(np.sum(np.array(linear.A)))
-    again = pickle.loads(pickle.dumps(linear.A))
-    assert again["pitch_rate", "alpha"] == linear.A[3, 1]
+    for again in (pickle.loads(pickle.dumps(linear.A)), copy.deepcopy(linear).A):
+        assert again["pitch_rate", "alpha"] == linear.A[3, 1]
+    with pytest.raises(AttributeError, match=r"write np\.array\(array\)"):
+        linear.A.to_numpy()
     with pytest.raises(BadInputError, match="'theta'; did you mean pitch"):
         linear.A["pitch_rate", "theta"]
     for name in ("alpha", "theta"):
