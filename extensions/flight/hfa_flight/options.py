@@ -133,7 +133,7 @@ class PolicyGiven(Part):
     )
     margin: float | None = option(
         f"fraction of the distance to a limit by which --law {PREDICTIVE} narrows the envelope; "
-        "default 0.03",
+        "default 0.01",
         "SHARE",
         number,
         rare=True,

@@ -27,7 +27,7 @@ from hfa_support.errors import BadInputError, refuse_unless_positive, shown
 from trim.point.operating_point import OperatingPoint
 
 #: Default fraction of the distances from trim to limits by which a plan's envelope is narrowed.
-MARGIN = 0.03
+MARGIN = 0.01
 #: Estimate of one constant disturbance for each rate, and no estimate.
 RATES = "rates"
 NOTHING = "nothing"
