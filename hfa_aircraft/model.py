@@ -147,6 +147,8 @@ class Model(Reported):
         "sweep": "hfa.sweep(model, speed=[...])",
         "optimize": "hfa.optimize(model, point, {STATE: DEVIATION})",
         "fly": "hfa.fly(model, point, policy)",
+        "fly(law)": "hfa.fly(model, point, hfa.predictive(model, point, Q, R))",
+        "predictive": "hfa.predictive(model, point, Q, R)",
         **{name: f"hfa.trim(model).linearize().{name}" for name in ("A", "B", "poles")},
         **{
             name: f"hfa.{name}(model, deployment, points) with the trims as points, and "

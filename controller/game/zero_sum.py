@@ -72,6 +72,7 @@ class Game(ByValue, Reported):
     _instead: ClassVar[Mapping[str, str]] = {
         "solve": "hfa.solve(game)",
         "verify": "hfa.verify(game, hfa.from_gain(game, K))",
+        "track": 'hfa.track(linear, solution, {"STATE": "0.5sin(t)"})',
         "solve(delta)": "hfa.solve(game.with_delta(delta))",
         **dict.fromkeys(("changed", "replace"), "dataclasses.replace(game, delta=delta)"),
         **{name: f"hfa.solve(game).{name}" for name in ("K", "P")},

@@ -58,6 +58,8 @@ class Solution(Result, Reported):
 
     _instead: ClassVar[Mapping[str, str]] = {
         "value": "solution.cost(z)",
+        "track": 'hfa.track(linear, solution, {"STATE": "0.5sin(t)"})',
+        "expand": "hfa.expand(linear, solution, 4)",
         "gamma": "solution.delta",
         **dict.fromkeys(("changed", "replace"), "hfa.solve(game.with_delta(delta))"),
         **dict.fromkeys(("u", "policy", "predict", "act"), "-solution.K @ z"),

@@ -122,8 +122,9 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "track(linear, solution)": (
         lambda: hfa.track(plant()["linear"], plant()["solution"]),
-        "reference: state -> deviation from the trim",
+        'write hfa.track(linear, solution, {"STATE": ',
     ),
+    "keep_inside(policy)": (lambda: hfa.keep_inside(None), "model: the aircraft and its trim"),
     "linear.margins": (lambda: plant()["linear"].margins, "write its point.margins"),
     "solution.A": (lambda: plant()["solution"].A, "write its game.A"),
     "point.alpha": (lambda: plant()["point"].alpha, "write its ['alpha']"),

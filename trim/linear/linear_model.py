@@ -71,6 +71,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     _instead: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(("lqr", "solve"), "hfa.solve(hfa.game(linear, Q, R))"),
         "K": "hfa.solve(hfa.game(linear, Q, R)).K",
+        "track": 'hfa.track(linear, solution, {"STATE": "0.5sin(t)"})',
+        "expand": "hfa.expand(linear, solution, 4)",
         **dict.fromkeys(("ss", "to_ss", "sys"), "linear.to_control()"),
         **{
             name: f"linear.to_control().{name}"
