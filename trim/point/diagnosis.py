@@ -18,6 +18,8 @@ _NOTHING = 1e-12
 _DEPENDENT = 1e-9
 #: Residuals below this fraction of the largest are not named.
 _MINOR = 1e-3
+#: Largest number of held inputs that are named.
+_MOST_HELD = 4
 
 
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
@@ -41,7 +43,9 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
     notes = [f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"]
     equations, unknowns = problem.count
     if equations > unknowns and not can_balance:
-        notes.append(f"{equations} equations for {unknowns} unknowns; free more variables")
+        held = [name for name in problem.model.inputs if name not in problem.free]
+        inputs = f", such as --free {' --free '.join(held[:_MOST_HELD])}" if held else ""
+        notes.append(f"{equations} equations for {unknowns} unknowns; free more variables{inputs}")
     idle = [name for name in _without_effect(problem, z) if name not in binding]
     if idle:
         notes.append(f"no effect of {' and '.join(idle)}; free another variable")
