@@ -417,9 +417,11 @@ def _derivative_at(expression: ca.SX, z: ca.SX, point: np.ndarray) -> np.ndarray
     return np.array(each_row).T
 
 
-#: Size of the deviations beside a kink, and relative change of K there that is a kink.
-_BESIDE = 1e-9
+#: Sizes of the deviations beside a kink, relative change of K there that is a kink, and least part
+#: of this change that is left at the smaller deviations; of a smooth u, a thousandth is left.
+_BESIDE = 1e-9, 1e-12
 _KINK = 1e-3
+_LEFT = 0.5
 
 
 def _gain_at_0(u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
@@ -428,10 +430,13 @@ def _gain_at_0(u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
     At a kink, where CasADi returns the mean of both slopes, K is that of positive deviations.
     """
     K = -_derivative_at_0(u, z)
-    beside = _BESIDE * (1.0 + np.arange(z.numel()) * 0.618 % 1.0)  # on no common switching plane
-    after, before = (-_derivative_at(u, z, side * beside) for side in (1.0, -1.0))
+    beside = 1.0 + np.arange(z.numel()) * 0.618 % 1.0  # on no common switching plane
+    (after, before), near = (
+        [-_derivative_at(u, z, side * size * beside) for side in (1.0, -1.0)] for size in _BESIDE
+    )
     largest = float(np.abs([after, before]).max(initial=0.0))
-    if np.isfinite(largest) and np.abs(after - before).max(initial=0.0) > _KINK * largest:
+    change, left = (float(np.abs(a - b).max(initial=0.0)) for a, b in ((after, before), near))
+    if np.isfinite(largest) and change > _KINK * largest and left > _LEFT * change:
         return after, True
     return K, False
 

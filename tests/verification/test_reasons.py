@@ -93,7 +93,9 @@ def test_a_value_read_as_a_policy_is_named() -> None:
     plant = Game([[-1.0, 0.4], [0.1, -2.0]], [[1.0], [0.5]], Q=np.eye(2), R=[[1.0]])
     z = ca.SX.sym("z", 2)
     V = ca.Function("f", [z], [ca.bilin(ca.DM(value(plant)), z, z)])
-    assert "if it is V: --network V=NAME" in verify(plant, from_network(plant, V)).reason
+    critic = from_network(plant, V)
+    assert "kink" not in critic.origin
+    assert "if it is V: --network V=NAME" in verify(plant, critic).reason
 
 
 def test_a_value_per_second_of_a_step_is_named() -> None:
