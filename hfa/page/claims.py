@@ -1,4 +1,4 @@
-"""Claims of Section 5 of the paper, as checked and stored by `python -m studies.section5`."""
+"""Claims of Section 5 of the paper, as stored in studies/section5/results."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hfa_support.reporting.text import Cell, Table
 from verification.regeneration import Regeneration
 
 SCHEMA = "hfa.claims/1"
-_STUDY = "`python -m studies.section5`"
+_STORED = "studies/section5/results"
 _TONE = {"confirmed": "good", "not confirmed": "bad"}  # others are undecided
 #: The law that most claims concern, and the laws whose numbers are shown for comparison.
 _SUBJECT = "published, modified"
@@ -62,13 +62,10 @@ def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
     """Return the section of the page on the paper's claims.
 
     A sentence states whether the claims were checked with the A and B of this page. Without claims,
-    the section states how to compute them.
+    the section states how to show them.
     """
     if claims is None:
-        how = (
-            "Not on this page. `python -m studies.section5 -o out` computes it, "
-            "`hfa report --claims out` shows it."
-        )
+        how = f"Not on this page. `hfa report --claims {_STORED}` shows the stored results."
         return Report(_TITLE, (how,))
     same = "the same matrices as" if claims.matches(regeneration) else "OTHER matrices than"
     return Report(
@@ -83,7 +80,7 @@ def load_claims(path: Path) -> Claims:
 
     Raises BadInputError if the file cannot be read, has another schema or lacks an entry.
     """
-    return read_study(path, "claims.json", SCHEMA, _STUDY, _claims)
+    return read_study(path, "claims.json", SCHEMA, _STORED, _claims)
 
 
 def _claims(file: Path, data: dict[str, Any]) -> Claims:
@@ -91,7 +88,7 @@ def _claims(file: Path, data: dict[str, Any]) -> Claims:
     setting = data["setting"]
     lost = len(data["lost_flights"])
     about = (
-        f"Read from {file}, which {_STUDY} wrote. A green number meets the criterion of its"
+        f"Read from {file}, stored results. A green number meets the criterion of its"
         f" claim. {verdicts}; flights that left the envelope: {lost}; {setting['matrices']} "
         "matrices"
     )

@@ -84,13 +84,13 @@ class ReportRequest(Request):
         "outputs for which C and D are added to the page", "a,b,...", some_of(*STATES, *OUTPUTS)
     )
     claims: Any = option(
-        "claims.json written by `python -m studies.section5`, or the folder that contains the "
+        "claims.json of studies/section5/results, or the folder that contains the "
         "file; adds the paper's claims to the page",
         "FILE",
         _claims,
     )
     flights: Any = option(
-        "best_flights.json written by `python -m studies.best_flights`, or the folder that "
+        "best_flights.json of studies/best_flights/results, or the folder that "
         "contains the file; adds flights from the paper's x(0)",
         "FILE",
         _flights,

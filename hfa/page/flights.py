@@ -1,4 +1,4 @@
-"""Flights from the paper's x(0), as stored by `python -m studies.best_flights`."""
+"""Flights from the paper's x(0), as stored in studies/best_flights/results."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hfa_support.reporting.text import Cell, Table, beside_unit
 
 #: Schema of best_flights.json.
 SCHEMA = "hfa.paper-flights/2"
-_STUDY = "`python -m studies.best_flights`"
+_STORED = "studies/best_flights/results"
 _TITLE = "Costs of nonlinear flights from the paper's x(0)"
 #: Column of the table -> key in the file.
 _POLICIES = {
@@ -62,7 +62,7 @@ def flights_section(
         "linear, and their inputs are saturated. The predictive policy plans on the nonlinear "
         "model. Outside: the flight leaves the limits. "
         f"{flights.limits} "
-        f"Computed by {_STUDY} for {same}."
+        f"Stored results, computed for {same}."
     )
     return Report(_TITLE, (flights.table, about), data=flights.data)
 
@@ -74,7 +74,7 @@ def load_flights(path: Path) -> StoredFlights:
 
     Raises BadInputError if the file cannot be read, has another schema or lacks an entry.
     """
-    return read_study(path, "best_flights.json", SCHEMA, _STUDY, _flights)
+    return read_study(path, "best_flights.json", SCHEMA, _STORED, _flights)
 
 
 def _flights(_: Path, data: dict[str, Any]) -> StoredFlights:

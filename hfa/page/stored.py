@@ -19,13 +19,13 @@ _SAME = 1e-9
 
 
 def read_study(
-    path: Path, name: str, schema: str, study: str, read: Callable[[Path, Any], Content]
+    path: Path, name: str, schema: str, stored: str, read: Callable[[Path, Any], Content]
 ) -> Content:
-    """Return the content of the file of a study.
+    """Return the content of a file with stored results.
 
     path: the file, or the folder that contains the file `name`
     schema: schema of the file
-    study: command that writes the file, for messages
+    stored: folder of the repository that has the file, for messages
     read: function from the file and its data to the content
 
     Raises BadInputError if the file cannot be read, has another schema or lacks an entry.
@@ -38,9 +38,7 @@ def read_study(
             raise ValueError(data["schema"])
         return read(file, data)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise BadInputError(
-            f"{file} is damaged ({error!r}); write the file again with {study}"
-        ) from error
+        raise BadInputError(f"{file} is damaged ({error!r}); take the file of {stored}") from error
 
 
 def models_in(stored: Sequence[Mapping[str, Any]]) -> Models:

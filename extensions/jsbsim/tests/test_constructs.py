@@ -6,10 +6,10 @@ Either the model agrees with JSBSim, a note reports the difference, or the file 
 import importlib.util
 
 import pytest
+from constructs import judge as judging
+from constructs.judge import ALL, compare_constructs
 
 import hfa
-from studies.jsbsim.constructs import judge as judging
-from studies.jsbsim.constructs.judge import ALL, compare_constructs
 
 needs_jsbsim = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"

@@ -5,13 +5,13 @@ import math
 
 import numpy as np
 import pytest
+from constructs.airframe import driven
+from constructs.jet import SLOTS, jet
+from jsbsim_flights import difference, drawn, trimmed
+from jsbsim_reference import responses
 from small_aircraft import written
 
 from hfa import linearize, load_model, trim
-from studies.jsbsim.constructs.airframe import driven
-from studies.jsbsim.constructs.jet import SLOTS, jet
-from studies.jsbsim.flights import difference, drawn, trimmed
-from studies.jsbsim.reference import responses
 
 needs_jsbsim = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"

@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
+from constructs.jet import slope
 from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, written
 
 from hfa import BadInputError, load_model, trim
-from studies.jsbsim.constructs.jet import slope
 
 TABLE = "<table> <independentVar>aero/alpha-rad</independentVar> <tableData>{}</tableData> </table>"
 

@@ -3,9 +3,9 @@
 import importlib.util
 
 import pytest
+from jsbsim_reference import GRAVITY, RADIUS, measured
 
 from hfa import linearize, load_model, trim
-from studies.jsbsim.reference import GRAVITY, RADIUS, measured
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"

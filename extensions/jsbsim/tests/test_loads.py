@@ -4,12 +4,12 @@ import importlib.util
 
 import numpy as np
 import pytest
+from constructs.jet import coefficient, jet, slope
+from jsbsim_flights import positions
+from jsbsim_reference import AXES, GRAVITY, RADIUS, responses
 from small_aircraft import CONTROL, LIFT, REST, force, glider, written
 
 from hfa import BadInputError, linearize, load_model, trim
-from studies.jsbsim.constructs.jet import coefficient, jet, slope
-from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, responses
-from studies.jsbsim.study import positions
 
 needs_jsbsim = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"

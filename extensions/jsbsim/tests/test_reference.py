@@ -4,9 +4,9 @@ import importlib.util
 
 import numpy as np
 import pytest
+from jsbsim_reference import measured
 
 from hfa import load_model
-from studies.jsbsim.reference import measured
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"

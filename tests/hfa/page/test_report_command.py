@@ -122,7 +122,7 @@ def test_pictures_of_the_documents_are_current() -> None:
 
     folder = ROOT / "docs" / "pictures"
     drawn = ["regeneration.png", "root_locus.png"]
-    # A browser draws page.png, and studies.best_flights best_flights.png.
+    # A browser draws page.png, and best_flights.png is a stored picture.
     others = ["best_flights.png", "page.png"]
     assert sorted(path.name for path in folder.glob("*.png")) == sorted([*drawn, *others])
     for name in drawn:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from studies.jsbsim.constructs.jet import AIR, SURFACES, coefficient, slope
+from constructs.jet import AIR, SURFACES, coefficient, slope
 
 METRICS = """<metrics>
  <wingarea unit="FT2"> 150 </wingarea> <wingspan unit="FT"> 30 </wingspan> <chord unit="FT"> 5 </chord>

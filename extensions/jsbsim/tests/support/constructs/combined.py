@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from studies.jsbsim.constructs.airframe import CONSTRUCTS as AIRFRAME
-from studies.jsbsim.constructs.jet import coefficient, component, function, pitching, slope
+from constructs.airframe import CONSTRUCTS as AIRFRAME
+from constructs.jet import coefficient, component, function, pitching, slope
 
 _ELEVATOR = "fcs/elevator-cmd-norm"
 _AILERON = "fcs/aileron-cmd-norm"

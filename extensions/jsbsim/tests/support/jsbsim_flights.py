@@ -1,20 +1,20 @@
-"""Flights of 30 s from random states, compared with JSBSim at three of JSBSim's time steps.
+"""Flights of 30 s from random states, for comparison with JSBSim.
 
 Throttle, elevator, aileron and rudder are moved in steps. Lags of engines and filters are states of
-the model. The command `python -m studies.jsbsim.flights [NAME ...]` prints the table of README.md,
-with one row for each aircraft. JSBSim's earth is replaced by a sphere without rotation that is
-large enough to be flat.
+the model. JSBSim's earth is replaced by a sphere without rotation that is large enough to be flat.
 """
 
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from jsbsim_reference import GRAVITY
 from scipy.optimize import root
 
 from hfa import trim
@@ -22,11 +22,10 @@ from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
-from studies.jsbsim.__main__ import RESULTS
-from studies.jsbsim.reference import GRAVITY, responses
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 
+RESULTS = Path(__file__).parents[4] / "studies" / "jsbsim" / "results.json"
 #: Aircraft -> calibrated airspeed, kt, and altitude, ft.
 CONDITIONS = {
     "737": (250.0, 10000.0),
@@ -42,8 +41,6 @@ CONDITIONS = {
     "pc7": (130.0, 5000.0),
     "DHC6": (110.0, 3000.0),
 }
-#: JSBSim's time steps, s. Each is a quarter of the previous one.
-STEPS = (1.0 / 120.0, 1.0 / 480.0, 1.0 / 1920.0)
 #: Radius of the sphere, ft. The flights cover less than 1e-6 rad of it.
 RADIUS = 1e10
 _SECONDS = 30
@@ -51,57 +48,6 @@ _REST = 6.0
 #: Number of integration steps in a second.
 _OURS = 480
 _COMPARED = ("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch")
-
-
-def main(names: Sequence[str]) -> int:
-    """Print a row for each named aircraft, or for all aircraft if no name is given. Return 0.
-
-    `--states N` sets the number of random states for each aircraft.
-    """
-    words = list(names)
-    count = 13
-    if "--states" in words:
-        index = words.index("--states")
-        count = int(words[index + 1])
-        del words[index : index + 2]
-    heads = [f"JSBSim at 1/{round(1.0 / step)} s" for step in STEPS]
-    print("| aircraft | states |", " | ".join(heads), "| ratios | engines at once |")
-    print("| --- |", " | ".join(["---"] * (len(STEPS) + 3)), "|")
-    for name in words or CONDITIONS:
-        print(line(name, count), flush=True)
-    return 0
-
-
-def line(name: str, count: int, seed: int = 2) -> str:
-    """Return the table row of one aircraft.
-
-    The row contains the largest difference from JSBSim at each time step, divided by the nominal
-    value of the state, and the ratios of these differences. The last cell is the difference at the
-    shortest step for a model whose engines follow their throttles without lag. All numbers are
-    medians over random states. States at which JSBSim fails are left out.
-
-    name: name of the aircraft
-    count: number of random states
-    """
-    model, point = trimmed(f"jsbsim:{name}?filters=states&engines=states")
-    at_once, _ = trimmed(f"jsbsim:{name}?filters=states")
-    flights = drawn(point, count, seed)
-    items = [
-        {"aircraft": name, "point": flight | {"step": step}} for flight in flights for step in STEPS
-    ]
-    answers = responses(items, 6000.0)
-    rows = []
-    for number, flight in enumerate(flights):
-        theirs = answers[number * len(STEPS) : (number + 1) * len(STEPS)]
-        if any(answer is None or "error" in answer for answer in theirs):
-            continue
-        row = [difference(model, flight, answer) for answer in theirs]
-        rows.append([*row, difference(at_once, flight, theirs[-1])])
-    medians = np.median(rows, axis=0)
-    ratios = np.median(np.divide(np.array(rows)[:, :2], np.array(rows)[:, 1:3]), axis=0)
-    cells = [name, str(len(rows)), *(f"{value:.1e}" for value in medians[:-1])]
-    cells += [", ".join(f"{ratio:.1f}" for ratio in ratios), f"{medians[-1]:.1e}"]
-    return f"| {' | '.join(cells)} |"
 
 
 def trimmed(name: str) -> tuple[Model, OperatingPoint]:
@@ -231,8 +177,24 @@ def _second(model: Model) -> ca.Function:
     return ca.Function("step", [x, u], [after], {"cse": True}).mapaccum("second", _OURS)
 
 
-if __name__ == "__main__":
-    try:
-        raise SystemExit(main(sys.argv[1:]))
-    except BadInputError as error:
-        raise SystemExit(f"studies.jsbsim.flights: {error}") from None
+def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
+    """Return the values of JSBSim properties for the inputs of a model that are positions.
+
+    JSBSim normally computes these positions from the pilot's commands.
+
+    inputs: name of an input -> value
+    """
+    held = {}
+    for name, signal in model.inputs.items():
+        if signal.unit == "rad":
+            sides = {"left-": 1.0, "right-": -1.0} if name == "aileron" else {"": 1.0}
+            for side, sign in sides.items():
+                held[f"fcs/{side}{name}-pos-rad"] = sign * inputs[name]
+    for note in model.about.notes:
+        if not note.startswith("the input is the throttle position"):
+            continue
+        for number in re.findall(r"engine (\d+)", note):
+            index = "" if number == "0" else f"[{number}]"
+            held[f"fcs/throttle-cmd-norm{index}"] = inputs["throttle"]
+            held[f"fcs/throttle-pos-norm{index}"] = inputs["throttle"]
+    return held

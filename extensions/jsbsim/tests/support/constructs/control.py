@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from studies.jsbsim.constructs.jet import component, pitching
+from constructs.jet import component, pitching
 
 _Q = "velocities/q-rad_sec"
 _STICK = "fcs/elevator-cmd-norm"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from studies.jsbsim.constructs.jet import SLOTS, coefficient, component, reading, writing
+from constructs.jet import SLOTS, coefficient, component, reading, writing
 
 #: Property that is read -> its typical magnitude.
 _READ = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from studies.jsbsim.constructs.jet import SLOTS, pitching, writing
+from constructs.jet import SLOTS, pitching, writing
 
 _EMPTY = SLOTS["mass"]
 _TURBINE = SLOTS["turbine"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from studies.jsbsim.constructs.jet import coefficient, function, pitching, slope
+from constructs.jet import coefficient, function, pitching, slope
 
 _A = "<p>aero/alpha-rad</p>"
 _B = "<p>aero/beta-rad</p>"

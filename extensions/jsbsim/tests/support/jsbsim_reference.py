@@ -1,6 +1,6 @@
 """Evaluation of aircraft by JSBSim in a child process, because JSBSim can terminate Python.
 
-`python -m studies.jsbsim.reference` reads requests [{"aircraft": NAME, "point": {...}}, ...] as
+This file as a program reads requests [{"aircraft": NAME, "point": {...}}, ...] as
 JSON. It writes each of JSBSim's responses on its own line. Responses written before JSBSim
 terminates the process are kept. The package jsbsim is required.
 """
@@ -103,6 +103,9 @@ _STEADY = 1e-9
 _LONG = 6
 #: Number of steps after which earlier forces have no effect.
 _STEPS = 10
+#: Number of requests to one child process, and its time limit, s.
+_BATCH = 10
+_SECONDS_OF_CHILD = 20.0
 #: Number of attempts for each request.
 _TRIES = 5
 _MOST_TANKS = 20
@@ -112,52 +115,50 @@ _FINE = 1e-3
 _MISSING = 200
 
 
-def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
+def measured(name: str, points: Sequence[Mapping[str, Any]]) -> list[Any]:
     """Return JSBSim's response at each point, or None for a point at which JSBSim fails.
 
     name: name of an aircraft of JSBSim
     points: {"state": {...}, "commands": {...}} with the names of a `Model`, or {"trim": {"kcas",
       "altitude"}}. "linear": true adds A and B. "held" is {property: constant value}.
-    seconds: time limit of each child process, s
     """
     items = [{"aircraft": name, "point": point} for point in points]
-    answers = responses(items, seconds)
+    answers = responses(items)
     return [None if answer is None or "error" in answer else answer for answer in answers]
 
 
-def responses(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
+def responses(items: Sequence[Mapping[str, Any]]) -> list[Any]:
     """Return JSBSim's response to each request, computed in child processes.
 
-    The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated. In
+    The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated or did not
+    end. In
     a request, "root" and "earth" are optional. "root" is a folder that contains the folder
     "aircraft", by default JSBSim's. With "earth", JSBSim's earth replaces a sphere without
     rotation.
 
     items: requests {"aircraft": NAME, "point": {...}, "root": FOLDER, "earth": "own"}
-    seconds: time limit of each child process, s
     """
     answers: list[Any] = []
     while len(answers) < len(items):
-        waiting = list(items)[len(answers) :]
-        new_answers = _request(waiting, seconds)
+        waiting = list(items)[len(answers) : len(answers) + _BATCH]
+        new_answers = _request(waiting)
         answers += new_answers
         if len(new_answers) < len(waiting):
             answers.append(None)  # the request at which JSBSim terminated
     return answers
 
 
-def _request(items: Sequence[Mapping[str, Any]], seconds: float) -> list[Any]:
+def _request(items: Sequence[Mapping[str, Any]]) -> list[Any]:
     """Return the responses that one child process writes within the time limit."""
-    command = [sys.executable, "-m", "studies.jsbsim.reference"]
+    command = [sys.executable, __file__]
     try:
         process = subprocess.run(
             command,
             input=json.dumps(items),
             capture_output=True,
             text=True,
-            timeout=seconds,
+            timeout=_SECONDS_OF_CHILD,
             check=False,
-            cwd=Path(__file__).parents[2],
         )
         output: Any = process.stdout
     except subprocess.TimeoutExpired as late:

@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jsbsim_reference import responses
 
+from constructs.airframe import CONSTRUCTS as AIRFRAME
+from constructs.combined import CONSTRUCTS as COMBINED
+from constructs.control import CONSTRUCTS as CONTROL
+from constructs.functions import CONSTRUCTS as FUNCTIONS
+from constructs.jet import jet
+from constructs.named import CONSTRUCTS as NAMED
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
-from studies.jsbsim.constructs.airframe import CONSTRUCTS as AIRFRAME
-from studies.jsbsim.constructs.combined import CONSTRUCTS as COMBINED
-from studies.jsbsim.constructs.control import CONSTRUCTS as CONTROL
-from studies.jsbsim.constructs.functions import CONSTRUCTS as FUNCTIONS
-from studies.jsbsim.constructs.jet import jet
-from studies.jsbsim.constructs.named import CONSTRUCTS as NAMED
-from studies.jsbsim.reference import responses
 
 ALL: dict[str, dict[str, str]] = {
     f"{kind}: {name}": slots
@@ -38,8 +38,6 @@ TOLERANCE = 1e-9
 _BURNING = 1e-6
 #: Seconds in which JSBSim settles.
 _SECONDS = 8
-#: Largest number of seconds for a random construct. Many of these never settle.
-_LONGEST_DRAWN = 20
 
 
 @dataclass(frozen=True)
@@ -56,44 +54,44 @@ class Judgement:
     why: str
 
 
-def compare_constructs(
-    names: list[str], folder: Path, constructs: Mapping[str, dict[str, str]] = ALL
-) -> list[Judgement]:
+def compare_constructs(names: list[str], folder: Path) -> list[Judgement]:
     """Return the results of comparing constructs with JSBSim, each at two random states.
+
+    JSBSim does not evaluate a construct that is refused: it may never end.
 
     names: names of the constructs
     folder: folder into which the files of the constructs are written
-    constructs: name -> slots, by default all constructs
     """
-    models: dict[str, Model | str] = {}
-    items = []
-    for number, name in enumerate(names):
-        key = f"c{number}"
-        try:
-            models[name] = _model(folder, key, constructs[name])
-        except BadInputError as error:
-            models[name] = str(error)
-        except Exception as error:  # a bug of the reader is a verdict here
-            models[name] = f"TRACEBACK {type(error).__name__}: {error}"
-        rng = np.random.default_rng(number)
-        for _ in range(2):
-            point = _point(rng) | {"burn": "rocket" in name}
-            if name.startswith("drawn"):
-                point["longest"] = _LONGEST_DRAWN
-            items.append({"aircraft": key, "root": str(folder), "point": point})
-    answers = responses(items)
-    judgements = []
-    for number, name in enumerate(names):
-        pairs = [(items[i]["point"], answers[i]) for i in (2 * number, 2 * number + 1)]
-        judgements.append(_comparison(name, models[name], pairs))
-    return judgements
+    models = {name: _model(folder, f"c{i}", ALL[name]) for i, name in enumerate(names)}
+    read = [name for name, model in models.items() if isinstance(model, Model)]
+    points = {name: _points(name, names.index(name)) for name in read}
+    items = [
+        {"aircraft": f"c{names.index(name)}", "root": str(folder), "point": point}
+        for name in read
+        for point in points[name]
+    ]
+    answers = iter(responses(items))
+    pairs = {name: [(point, next(answers)) for point in points[name]] for name in read}
+    return [_comparison(name, models[name], pairs.get(name, [])) for name in names]
 
 
-def _model(folder: Path, key: str, slots: Mapping[str, str]) -> Model:
+def _points(name: str, seed: int) -> list[dict[str, Any]]:
+    """Return two requests to JSBSim for a construct."""
+    rng = np.random.default_rng(seed)
+    return [_point(rng) | {"burn": "rocket" in name} for _ in range(2)]
+
+
+def _model(folder: Path, key: str, slots: Mapping[str, str]) -> Model | str:
+    """Return the model of a construct, or the reason why the file is not read."""
     path = folder / "aircraft" / key / f"{key}.xml"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(jet(slots))
-    return read_model(str(path))
+    try:
+        return read_model(str(path))
+    except BadInputError as error:
+        return str(error)
+    except Exception as error:  # a bug of the reader is a verdict here
+        return f"TRACEBACK {type(error).__name__}: {error}"
 
 
 def _point(rng: np.random.Generator) -> dict[str, Any]:

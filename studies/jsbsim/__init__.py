@@ -1,1 +1,0 @@
-"""Trims of JSBSim's 60 aircraft by JSBSim and by this project, evaluated in JSBSim."""

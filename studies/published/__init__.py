@@ -1,1 +1,0 @@
-"""Published solutions of games, checked digit by digit."""

@@ -1,1 +1,0 @@
-"""New simulations of Section 5 of the paper, compared with its claims."""

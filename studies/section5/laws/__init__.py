@@ -1,1 +1,0 @@
-"""Learning laws of Section 5 of the paper, which learn while an aircraft flies."""
