@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from hfa_flight.problem import FlightProblem
-from hfa_optimal.bracket import Bracket, bracket_sentence
 from hfa_optimal.collocation import Proposal
 from hfa_optimal.flights import SimulatedFlight
 from hfa_optimal.found_flight import FoundFlight, limits_table, line_with_ratios
@@ -83,7 +82,6 @@ class BestFlight(FoundFlight):
     problem: aircraft, trim, weights and limits.
     found: the flight, and the optimizer's proposal that the flight follows, if it was confirmed.
     others: flights of policies from the same initial condition.
-    bracket: bounds of the least cost, or None without a certificate.
 
     >>> import hfa
     >>> force = hfa.Signal("N", min=-1.0, max=1.0)
@@ -102,12 +100,6 @@ class BestFlight(FoundFlight):
     problem: FlightProblem
     found: Found
     others: tuple[SimulatedFlight, ...] = field(default=(), repr=False)
-    bracket: Bracket | None = None
-
-    @property
-    def lower_bound(self) -> float | None:
-        """Proved lower bound of the least cost, or None without a certificate."""
-        return None if self.bracket is None else self.bracket.lower_bound
 
     @property
     def cost(self) -> float:
@@ -173,16 +165,6 @@ class BestFlight(FoundFlight):
         return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
 
     @property
-    def over_bound(self) -> float | None:
-        """Cost divided by its proved lower bound, or None without a positive bound.
-
-        This is an upper bound of the cost divided by the least cost.
-        """
-        if self.lower_bound is None or self.lower_bound <= 0.0:
-            return None
-        return self.cost / self.lower_bound
-
-    @property
     def compared(self) -> tuple[SimulatedFlight, ...]:
         """Simulated flights of the policies in `policies`, in the same order."""
         return (self.found.linear, *self.others)
@@ -193,18 +175,16 @@ class BestFlight(FoundFlight):
             "Q": self.problem.Q,
             "R": self.problem.R,
             **super().contents(),
-            "lower_bound": self.lower_bound,
             "cost": self.cost,
             "proposed_cost": self.proposed_cost,
             "spread": self.spread,
             "linear_cost": self.linear_cost,
             "seconds": self.seconds,
             "policies": self.policies,
-            "over_bound": self.over_bound,
         }
 
     def report(self) -> Report:
-        """Return the report: costs and outcomes of all flights, bounds and limits."""
+        """Return the report: costs and outcomes of all flights, and limits."""
         name = "best flight found" if self.reason is None else "cheapest simulated flight"
         rows = [(name, f"{self.cost:.6g}", "1", "converges")]
         lines = [_saturated(name, self.saturated)]
@@ -222,8 +202,9 @@ class BestFlight(FoundFlight):
             tuple(lines),
             self.weights_text(),
             limits_table(self.problem),
-            f"{self._bracket()} The linear model without limits gives {self.linear_cost:.6g}, "
-            "which is not a cost of the aircraft.",
+            "No cheaper flight from this initial condition was found. This does not prove that "
+            f"none exists. The linear model without limits gives {self.linear_cost:.6g}, which is "
+            "not a cost of the aircraft.",
             Picture("flight", "The best flight found and the policies", self.figure),
         )
         return Report(self.title(), parts, data=self.as_data(), records=self.records())
@@ -236,26 +217,10 @@ class BestFlight(FoundFlight):
             for each, flown in zip(self.policies, self.compared, strict=True)
         ]
         begin = f"Best flight: cost {most}{self.cost:.6g}"
-        if self.bracket is not None and self.over_bound is not None:
-            begin += f", {bracket_sentence([(self.bracket, self.cost)])}"
         lines = [line_with_ratios(begin, outcomes), self.destination(), *self.source_lines()]
         if self.reason is None and self.found.spread_of_guesses > MESHES_AGREE:
             lines.append(f"guesses differ by {100 * self.found.spread_of_guesses:.2g} %")
         return "\n".join(lines)
-
-    def _bracket(self) -> str:
-        """Return sentences on the least cost."""
-        if self.bracket is None:
-            return (
-                "No cheaper flight from this initial condition was found. This does not prove that "
-                "none exists."
-            )
-        bound = f"{self.bracket.lower_bound:.6g}"
-        level = ", the level of the certificate, which W exceeds here" * self.bracket.beyond
-        return (
-            f"The least cost is in [{bound}, {self.cost:.6g}]: every flight within the limits from "
-            f"this initial condition to the trim is proved to cost at least {bound}{level}."
-        )
 
     def _checked(self) -> str:
         found = self.found

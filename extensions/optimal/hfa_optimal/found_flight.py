@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.envelope import limits_text
 from hfa_flight.problem import FlightProblem, OfProblem
-from hfa_optimal.bracket import deviations_in_words
 from hfa_optimal.collocation import Proposal
 from hfa_optimal.flights import SimulatedFlight
 from hfa_optimal.picture import drawn
@@ -119,7 +119,7 @@ class FoundFlight(OfProblem, StatesAndInputs, Result, Reported):
     def destination(self) -> str:
         """Return "to AIRCRAFT at TRIM, from the initial condition", for the report."""
         whose = f"{self.model.title} {self.point.at_scheduled}".strip()
-        return f"to {whose}, from {deviations_in_words(self.model, self.start)}"
+        return f"to {whose}, from {_deviations_in_words(self.model, self.start)}"
 
     def source_lines(self) -> list[str]:
         """Return the source and the reason of an upper bound, or []."""
@@ -190,3 +190,13 @@ def limits_table(problem: FlightProblem) -> Table:
         text = limits_text(float(lowest), float(highest), unit, is_assumed)
         rows.append((name, text, shown_unit(unit)))
     return Table(("limits of flights", "from, to", "unit"), rows)
+
+
+def _deviations_in_words(model: Model, start: Mapping[str, float]) -> str:
+    """Return the deviations from the trim, state -> deviation, as printed in reports."""
+    return ", ".join(_off(model, name, value) for name, value in start.items()) or "the trim"
+
+
+def _off(model: Model, name: str, value: float) -> str:
+    text = model.describe(name, value)
+    return f"{name} {text}" if text.startswith("-") else f"{name} +{text}"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from hfa_flight.needs import is_enough, need_text
 from hfa_flight.problem import FlightProblem, OfProblem
 from hfa_flight.simulation import CompiledLoop
 from hfa_optimal.best_flight import PolicyFlight
-from hfa_optimal.bracket import Bracket, bracket_of, bracket_sentence, bracket_table
 from hfa_optimal.found_flight import limits_table, line_with_ratios
 from hfa_optimal.search import AFTER, MESHES_AGREE, BestFlights
 from hfa_support.errors import NoSolutionError
@@ -21,9 +20,6 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
-
-if TYPE_CHECKING:
-    from hfa_prove.statements.cost import CostStatement
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +34,6 @@ class StartFlights(Result):
         reason.
     linear_cost: cost z'Pz of the linear model without limits.
     policies: flights of the policies, the saturated linear optimum first.
-    bracket: bounds of the least cost, or None without a certificate.
     """
 
     start: Mapping[str, float]
@@ -47,24 +42,6 @@ class StartFlights(Result):
     spread: float | None
     linear_cost: float
     policies: Sequence[PolicyFlight]
-    bracket: Bracket | None = None
-
-    @property
-    def lower_bound(self) -> float | None:
-        """Proved lower bound of the least cost, or None without a certificate."""
-        return None if self.bracket is None else self.bracket.lower_bound
-
-    def contents(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
-        return {
-            "start": self.start,
-            "cost": self.cost,
-            "reason": self.reason,
-            "spread": self.spread,
-            "linear_cost": self.linear_cost,
-            "policies": self.policies,
-            "lower_bound": self.lower_bound,
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,17 +135,6 @@ class StartsTable(OfProblem, Result, Reported):
         rows = [each.policies for each in self.flights if each.cost is not None]
         return [_summary(column) for column in zip(*rows, strict=True)]
 
-    @property
-    def over_bound(self) -> Sequence[float]:
-        """Cost of each best flight divided by its proved lower bound. Bounds of 0 are left out."""
-        return [each.best / each.lower_bound for each in self._bounded if each.best is not None]
-
-    @property
-    def _bounded(self) -> list[Bracket]:
-        """Bounds of the least cost that are positive and belong to a best flight."""
-        brackets = [each.bracket for each in self.flights if each.bracket is not None]
-        return [each for each in brackets if each.best is not None and each.lower_bound > 0.0]
-
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
@@ -180,12 +146,10 @@ class StartsTable(OfProblem, Result, Reported):
             "found": self.found,
             "refused": self.refused,
             "policies": self.policies,
-            "over_bound": self.over_bound,
         }
 
     def report(self) -> Report:
         """Return the report: flights found, cost ratios of policies, refused flights, limits."""
-        brackets = self._bounded
         rows = []
         for each in self.policies:
             numbers = [_number(value) for value in (each.median, each.high, each.worst)]
@@ -194,16 +158,10 @@ class StartsTable(OfProblem, Result, Reported):
         header = ("cost ratio", "leave", "converge", "median", "90 %", "worst")
         reasons = [each.reason for each in self.flights if each.reason is not None]
         refused = [(reason, str(reasons.count(reason))) for reason in dict.fromkeys(reasons)]
-        if brackets:
-            median, high = (f"{np.quantile(self.over_bound, q):.4g}" for q in (0.5, 0.9))
-            worst = f"{max(self.over_bound):.4g}"
-            rows.append(("best found over the proved bound", "", "", median, high, worst))
         parts: list[Any] = [Table(header, rows)]
         if refused:
             parts.append(Table(("no proposal confirmed", "initial conditions"), refused))
         parts += [self.weights_text(), limits_table(self.problem)]
-        if brackets:
-            parts.append(bracket_table(self.problem.model, self._bounded))
         return Report(
             "\n".join(self._title_lines()), parts, data=self.as_data(), records=self._records()
         )
@@ -218,8 +176,6 @@ class StartsTable(OfProblem, Result, Reported):
             for each in self.policies
         ]
         begin = f"Best flights: {count}"
-        if self._bounded:
-            begin += f", {bracket_sentence((each, each.best) for each in self._bounded)}"
         if not self.found:
             begin += "; no cost ratio without a flight"
         lines = [f"FAIL: {text}" for text in self.failures()]
@@ -236,14 +192,12 @@ class StartsTable(OfProblem, Result, Reported):
     def _records(self) -> Table:
         states = self.problem.states
         policies = [each.policy for each in self.policies]
-        bound = ("lower_bound",) if self._bounded else ()
         rows = []
         for each in self.flights:
             costs = [policy.cost for policy in each.policies] or [None] * len(policies)
             found = (each.cost, each.linear_cost, *costs)
-            bounds = (each.lower_bound,) if bound else ()
-            rows.append((*(each.start[name] for name in states), *found, *bounds))
-        return Table((*states, "best", "linear_model", *policies, *bound), rows)
+            rows.append((*(each.start[name] for name in states), *found))
+        return Table((*states, "best", "linear_model", *policies), rows)
 
 
 def _summary(column: Sequence[PolicyFlight]) -> PolicySummary:
@@ -267,7 +221,6 @@ def starts_table(
     starts: np.ndarray,
     loops: Sequence[CompiledLoop] = (),
     progress: Progress | None = None,
-    bound: CostStatement | None = None,
     *,
     searched: bool = True,
 ) -> StartsTable:
@@ -277,17 +230,12 @@ def starts_table(
 
     starts: initial deviations, (N, k)
     loops: loops of the policies that are compared with the linear optimum and the best flight
-    bound: lower bound of the cost, or None
     searched: False to simulate only the policies, without a search for best flights
     """
     done: list[StartFlights] = []
     with interruption() as asked:
         for start in starts:
-            flights = flights_from(search, start, loops, searched)
-            if bound is not None:
-                bracket = bracket_of(bound, start, flights.start, flights.cost)
-                flights = replace(flights, bracket=bracket)
-            done.append(flights)
+            done.append(flights_from(search, start, loops, searched))
             if progress is not None:
                 progress(len(done), len(starts))
             if asked.is_set():

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
 from typing import Any, Literal, overload
 
 from hfa_aircraft.model import Model
 from hfa_flight.problem import flight_problem
 from hfa_optimal.best_flight import BestFlight
-from hfa_optimal.bracket import bracket_of
 from hfa_optimal.quickest import QuickestFlight, quickest_to
 from hfa_optimal.search import BestFlights
 from hfa_support.arguments import ArrayLike, checks_arguments, need
@@ -29,7 +26,6 @@ def optimize(
     minimize: Literal["cost"] = "cost",
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
-    bound: str | Path | None = None,
 ) -> BestFlight: ...
 @overload
 def optimize(
@@ -54,7 +50,6 @@ def optimize(
     minimize: Literal["cost", "time"] = "cost",
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
-    bound: str | Path | None = None,
 ) -> BestFlight | QuickestFlight:
     """Return the cheapest or the quickest flight found from an initial condition to a trim.
 
@@ -72,12 +67,10 @@ def optimize(
         follows the proposal.
     inputs: inputs that move, by default all. The others are constant.
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
-    bound: certificate of `hfa prove cost` about the cost, or None. The certificate is verified, and
-        its bound is ``lower_bound`` of the result.
 
-    Raises BadInputError for unknown names, an initial condition outside the limits, and a
-    certificate about other flights. Raises NoSolutionError if no simulated flight within the limits
-    converges, if no quickest flight was found, or if the certificate does not prove its bound.
+    Raises BadInputError for unknown names and an initial condition outside the limits. Raises
+    NoSolutionError if no simulated flight within the limits converges, or if no quickest flight was
+    found.
 
     >>> import hfa
     >>> cart = hfa.Model(
@@ -101,16 +94,5 @@ def optimize(
         raise BadInputError(f"minimize is {shown(minimize)}; give 'cost' or 'time'")
     problem = flight_problem(model, point, Q, R, inputs, limits)
     if minimize == "time":
-        if bound is not None:
-            raise BadInputError("bound is of the cost; remove it or minimize='time'")
         return quickest_to(problem, initial)
-    z = problem.deviations(initial)
-    proved = None
-    if bound is not None:
-        from hfa_prove.bound import lower_bound
-
-        proved = lower_bound(Path(bound), problem)
-    best = BestFlight(problem, BestFlights(problem).found(z))
-    if proved is None:
-        return best
-    return replace(best, bracket=bracket_of(proved, z, best.start, best.cost))
+    return BestFlight(problem, BestFlights(problem).found(problem.deviations(initial)))

@@ -115,7 +115,6 @@ def test_wrong_words_of_optimize_are_refused() -> None:
         ({}, "'initial'"),
         ({"x0": begin}, "did you mean initial"),
         ({"initial": begin, "minimize": "fuel"}, "give 'cost' or 'time'"),
-        ({"initial": begin, "minimize": "time", "bound": "c.json"}, "bound is of the cost"),
     ):
         with pytest.raises(hfa.BadInputError, match=said):
             hfa.optimize(model, point, **wrong)

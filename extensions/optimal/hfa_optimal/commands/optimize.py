@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from controller.game.zero_sum import Game
     from hfa_flight.simulation import CompiledLoop
     from hfa_optimal.search import BestFlights
-    from hfa_prove.statements.cost import CostStatement
     from trim.point.operating_point import OperatingPoint
 
 _MOST_STARTS = 10_000
@@ -41,7 +40,7 @@ TAUGHT = "taught"
 #: Half-widths of the box of taught initial conditions about --start, relative to the usual box.
 _TAUGHT_BOX = 0.5
 #: Options that do not apply to the quickest flight.
-_OF_COST = ("starts", "need", "law", "weights", "policy", "bound")
+_OF_COST = ("starts", "need", "law", "weights", "policy")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,11 +104,6 @@ class OptimizeRequest(Request):
     )
     limits: Mapping[str, tuple[float, float]] = limits_option(
         "limits of a state, instead of the limits of the flight envelope"
-    )
-    bound: Path | None = option(
-        "compare the best cost found with the lower bound in this certificate of `hfa prove cost`",
-        "FILE",
-        input_file(".json"),
     )
 
     def search(self) -> tuple[BestFlights, Game]:
@@ -219,10 +213,9 @@ def optimize(request: OptimizeRequest) -> int:
         request = _with_taught_policy(request)
     search, game = request.search()
     loops = request.loops(search, game)
-    bound = None if request.bound is None else _bound(request.bound, search)
     if request.starts is not None:
-        return _table(request, search, game, loops, bound)
-    return _one(request, search, loops, bound)
+        return _table(request, search, game, loops)
+    return _one(request, search, loops)
 
 
 def _with_taught_policy(request: OptimizeRequest) -> OptimizeRequest:
@@ -257,24 +250,9 @@ def _quickest(request: OptimizeRequest) -> int:
     return 0
 
 
-def _bound(path: Path, search: BestFlights) -> CostStatement:
-    """Return the lower bound of the cost that a verified certificate proves."""
-    from hfa_prove.bound import lower_bound
-    from hfa_prove.enclosure.precision import flint_or_refusal
-
-    flint_or_refusal()
-    return lower_bound(path, search.problem, ProgressLine("bound"))
-
-
-def _one(
-    request: OptimizeRequest,
-    search: BestFlights,
-    loops: list[CompiledLoop],
-    bound: CostStatement | None,
-) -> int:
+def _one(request: OptimizeRequest, search: BestFlights, loops: list[CompiledLoop]) -> int:
     """Search for the best flight from one initial condition, and print its report."""
     from hfa_optimal.best_flight import BestFlight
-    from hfa_optimal.bracket import bracket_of
     from hfa_optimal.search import AFTER
 
     start = search.problem.deviations(request.begin())
@@ -282,19 +260,13 @@ def _one(
     seconds = (1.0 + AFTER) * best.seconds
     others = tuple(search.flights.fly(loop, start, seconds) for loop in loops)
     best = replace(best, others=others)
-    if bound is not None:
-        best = replace(best, bracket=bracket_of(bound, start, best.start, best.cost))
     history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
     request.show(best.report(), figure=best.figure, only_in_files={"flight": history})
     return 0
 
 
 def _table(
-    request: OptimizeRequest,
-    search: BestFlights,
-    game: Game,
-    loops: list[CompiledLoop],
-    bound: CostStatement | None,
+    request: OptimizeRequest, search: BestFlights, game: Game, loops: list[CompiledLoop]
 ) -> int:
     """Search for the best flights from many initial conditions and print a table."""
     from hfa_flight.initial_box import drawn_starts
@@ -302,7 +274,7 @@ def _table(
 
     assert request.starts is not None  # the caller found --starts
     starts = drawn_starts(search.problem, request.starts, request.seed)
-    table = starts_table(search, starts, loops, ProgressLine("optimize"), bound)
+    table = starts_table(search, starts, loops, ProgressLine("optimize"))
     names = [loop.loop.policy.name for loop in loops]
     judged = names[int(np.isfinite(game.delta)) :]
     share = request.need.get(SHARE, ALL)
