@@ -2,9 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
-
-.PHONY: report pictures docs studies test test-core test-all mutants test-matrix fuzz lint bench notebooks lock clean
+.PHONY: report pictures docs test test-core test-all mutants test-matrix fuzz lint bench notebooks lock clean
 
 .venv/report: pyproject.toml requirements-report.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -25,14 +23,14 @@ STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 	@touch $@
 
 report: .venv/report
-	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results
+	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results --beside examples/uav.toml
 	@echo "To put the command hfa on the PATH, type: source $(BIN)/activate"
 
 # Every stored picture of the documents anew; page.png needs the browser Chromium. docs/pictures/NAME has those that the
 # commands of docs/NAME.md draw.
 ILLUSTRATE = import sys; sys.path[:0] = ['tests/support', 'tests/project', '.']; import test_docs; test_docs.illustrate()
 pictures: .venv/ready
-	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results
+	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results --beside examples/uav.toml
 	cp report/regeneration.png report/root_locus.png docs/pictures
 	$(BIN)/python -c "$(ILLUSTRATE)"
 	chromium --headless --no-sandbox --hide-scrollbars --window-size=1400,900 --virtual-time-budget=10000 \
@@ -50,10 +48,6 @@ docs: .venv-docs/ready
 	@echo "Writing the pages of commands and public names, then the site: a minute or two"
 	.venv-docs/bin/python -m sphinx -W -n -q docs site
 	@echo "wrote site/index.html"
-
-# Every study of the folder studies/, one after the other; results go to out/NAME.
-studies: .venv/ready
-	@for name in $(STUDIES); do echo "studies.$$name"; $(BIN)/python -m studies.$$name || exit 1; done
 
 test: .venv/tests
 	$(BIN)/python -m pytest -m "not slow"

@@ -13,7 +13,6 @@ from verification.regeneration import Regeneration
 
 SCHEMA = "hfa.claims/1"
 _STORED = "studies/section5/results"
-_TONE = {"confirmed": "good", "not confirmed": "bad"}  # others are undecided
 #: The law that most claims concern, and the laws whose numbers are shown for comparison.
 _SUBJECT = "published, modified"
 _BESIDE = ("certified", "certified + feed-forward", "exact + feed-forward")
@@ -35,19 +34,9 @@ class Claims(NamedTuple):
     models: Models
 
     @property
-    def not_confirmed(self) -> str:
-        """Text such as "28 of 55 claims not confirmed"."""
-        counts = self.data["verdicts"]
-        return f"{counts.get('not confirmed', 0)} of {sum(counts.values())} claims not confirmed"
-
-    @property
-    def others(self) -> str:
-        """Text such as "24 confirmed, 3 not decidable", without the claims that are not
-        confirmed.
-        """
-        counts = self.data["verdicts"].items()
-        words = [f"{count} {verdict}" for verdict, count in counts if verdict != "not confirmed"]
-        return ", ".join(words)
+    def counts(self) -> str:
+        """Text such as "24 confirmed, 28 not confirmed, 3 not decidable"."""
+        return ", ".join(f"{count} {verdict}" for verdict, count in self.data["verdicts"].items())
 
     def matches(self, regeneration: Regeneration) -> bool:
         """Return whether the stored flights used the same A and B as a regeneration."""
@@ -84,12 +73,11 @@ def load_claims(path: Path) -> Claims:
 
 
 def _claims(file: Path, data: dict[str, Any]) -> Claims:
-    verdicts = ", ".join(f"{count} {verdict}" for verdict, count in data["verdicts"].items())
     setting = data["setting"]
     lost = len(data["lost_flights"])
     about = (
         f"Read from {file}, stored results. A green number meets the criterion of its"
-        f" claim. {verdicts}; flights that left the envelope: {lost}; {setting['matrices']} "
+        f" claim. Flights that left the envelope: {lost}; {setting['matrices']} "
         "matrices"
     )
     return Claims(data, about, claims_table(data["claims"]), models_in(setting["models"]))
@@ -106,7 +94,7 @@ def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
         rows.append(
             (
                 claim["number"],
-                Cell(claim["verdict"], _TONE.get(claim["verdict"], "near")),
+                claim["verdict"],
                 claim["says"],
                 claim["measured"],
                 f"{claim['relation']} {claim['limit']:.3g}",

@@ -20,6 +20,7 @@ from hfa.page.claims import load_claims
 from hfa.page.flights import load_flights
 from hfa.page.job_report import critic_picture, main_report, page, plotly_script
 from hfa.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
+from hfa_aircraft.loading import load_model
 from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
 from hfa_support.errors import BadInputError, printable, shortened
@@ -27,6 +28,7 @@ from hfa_support.files import write_text
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
+from trim.point.solve import trim
 
 if TYPE_CHECKING:
     from hfa_support.provenance import Provenance
@@ -89,6 +91,7 @@ class ReportRequest(Request):
         "FILE",
         _claims,
     )
+    beside: Any = option("another aircraft whose trim and modes the page shows", "FILE", load_model)
     flights: Any = option(
         "best_flights.json of studies/best_flights/results, or the folder that "
         "contains the file; adds flights from the paper's x(0)",
@@ -133,7 +136,8 @@ def report(request: ReportRequest) -> int:
         start=request.trim.start_point,
         progress=ProgressLine("report"),
     )
-    job = replace(job, flights=request.flights)
+    beside = None if request.beside is None else trim(request.beside)
+    job = replace(job, flights=request.flights, beside=beside)
     whole = request.stated(main_report(job))
     lines = []
     if place is not None:

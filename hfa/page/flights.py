@@ -60,7 +60,7 @@ def flights_section(
     about = (
         "Costs are integrals of x'Qx + u'Ru with the paper's Q and R. The first three policies are "
         "linear, and their inputs are saturated. The predictive policy plans on the nonlinear "
-        "model. Outside: the flight leaves the limits. "
+        "model. Left: the flight leaves the limits at this time. "
         f"{flights.limits} "
         f"Stored results, computed for {same}."
     )
@@ -93,7 +93,7 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
         (
             f"{flight['dihedral_deg']:g} deg, {flight['within']}",
             *(_policy(flight[key]) for key in _POLICIES.values()),
-            Cell(f"{flight['best']['cost']:,.0f}", "good"),
+            Cell(f"{flight['best']['cost']:,.0f}"),
         )
         for flight in flights
     ]
@@ -103,11 +103,14 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
 def _policy(flight: Mapping[str, Any]) -> Cell:
     """Return the table cell for a policy's flight."""
     if flight["cost"] is None:
-        return Cell("not at the trim at its end", "bad")
+        return Cell("not at the trim" if flight["departure"] is None else _left(flight))
     cost = f"{flight['cost']:,.0f} ({flight['over_best']:.3g}x)"
-    if flight["departure"] is not None:
-        return Cell(f"{cost}, outside", "bad")
-    return Cell(cost, "near")
+    return Cell(cost if flight["departure"] is None else f"{cost}, {_left(flight)}")
+
+
+def _left(flight: Mapping[str, Any]) -> str:
+    """Return when a flight leaves the limits, in words."""
+    return f"left, {flight['departure']['time']:.2g} s"
 
 
 def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:

@@ -13,7 +13,7 @@ import tomllib
 from dataclasses import replace
 from functools import cache, partial
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 from hfa.page.claims import claims_section
 from hfa.page.compared_with_print import printed_comparison_tables
@@ -35,6 +35,7 @@ from trim.hfa.printed import (
 )
 from trim.linear.linear_model import LinearModel, linear_model_report, matrices, units_in_words
 from trim.linear.modes import modes_table
+from trim.point.operating_point import OperatingPoint
 from trim.point.trim_report import trim_report
 from verification.figures import verdict_figure
 
@@ -72,6 +73,7 @@ def main_report(job: MainJob) -> Report:
         title="",
         parts=(
             Report("Any dihedral angle", [plot for plot in plots if plot is not None]),
+            *(() if job.beside is None else (beside_section(job.beside),)),
             *angles,
             claims,
             Report("Every entry compared with the printed one", (job.regeneration.picture(),)),
@@ -88,6 +90,7 @@ def main_report(job: MainJob) -> Report:
             "angles": [report.data for report in angles],
             "claims": claims.data or None,
             "flights": None if job.flights is None else job.flights.data,
+            "beside": None if job.beside is None else job.beside.report().data,
         },
     )
 
@@ -100,23 +103,15 @@ def check_meanings() -> Table:
 def verdicts(job: MainJob) -> Table:
     """Return a table with the name and the verdict of each check of `hfa report`."""
     rows: list[tuple[Any, ...]] = [
-        (f"printed pair at {pair.published.dihedral_deg:g} deg regenerated", verdict_text(pair.ok))
+        (f"printed pair at {pair.published.dihedral_deg:g} deg", verdict_text(pair.ok))
         for pair in sorted(job.regeneration.pairs, key=lambda pair: pair.published.dihedral_deg)
     ]
     for angle in job.angles:
         at = f"{angle.dihedral_deg:g} deg"
-        rows.append(
-            (f"exact game solution certified at {at}", verdict_text(angle.solution is not None))
-        )
-        rows.append(
-            (f"critic that hfa learned is the exact solution at {at}", verdict_text(angle.ok))
-        )
+        rows.append((f"game at {at} certified", verdict_text(angle.solution is not None)))
+        rows.append((f"learned critic at {at} exact", verdict_text(angle.ok)))
     trimmed = int(job.sweep.trimmed.sum())
-    rows.append(
-        (f"{trimmed} of {len(job.points)} angles of the sweep trimmed", verdict_text(trimmed > 0))
-    )
-    if job.claims is not None:
-        rows.append(("claims of Section 5 of the paper", Cell(job.claims.not_confirmed, "bad")))
+    rows.append((f"trimmed of {len(job.points)} angles", Cell(str(trimmed))))
     return Table(("check", "verdict"), rows)
 
 
@@ -171,19 +166,41 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
     return Report(title, parts, data=data)
 
 
-def point_report(job: MainJob, angle: Angle) -> Report:
-    """Return the report shown at one position of the slider: trim, modes, A and B.
+class PointReports(NamedTuple):
+    """Reports shown at one position of the slider.
 
-    If there is no trim, the report contains only the reason.
+    beside: first lines of the trim and modes, beside the drawing
+    below: the sheet of the trim, A and B
+    """
+
+    beside: Report
+    below: Report
+
+
+def point_reports(job: MainJob, angle: Angle) -> PointReports:
+    """Return the reports shown at one position of the slider.
+
+    If there is no trim, they contain only the reason.
     """
     title = f"At dihedral {angle.dihedral_deg:.6g} deg"
     model = angle.model
     if model is None:
-        return Report(title, (f"No trim: {angle.reason}",))
+        return PointReports(Report(title, (f"No trim: {angle.reason}",)), Report(""))
     trim = trim_report(job.aircraft, angle.condition, model.point)
-    modes = Report("Modes", (modes_table(model.modes, model.point.model.time_unit),))
+    modes = modes_table(model.modes, model.point.model.time_unit, participation=False)
     pair = Report(f"A and B, in {units_in_words(model)}", matrices(model))
-    return Report(title, (trim, modes, pair))
+    return PointReports(
+        Report(title, (trim.title, modes)),
+        Report("", (replace(trim, title="The sheet"), pair)),
+    )
+
+
+def beside_section(point: OperatingPoint) -> Report:
+    """Return the section on the trim of another aircraft: its sheet with modes, A and B."""
+    return Report(
+        f"Another aircraft: {point.model.name}",
+        (point.report(), linear_model_report(point.linearize())),
+    )
 
 
 def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
@@ -233,17 +250,11 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
 
 
 def verdict_sentence(job: MainJob) -> str:
-    """Return the first paragraph of the page as HTML: verdict, verdicts on the claims, and checks."""
+    """Return the first paragraph of the page as HTML: verdict and checks."""
     regenerated = _toned(job.regeneration.ok, "regenerated", "NOT regenerated")
     agrees = _toned(job.learned, "agrees", "DOES NOT agree")
     asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
     sentences = [f"hfa: {_toned(job.ok, 'PASS', 'FAIL')}."]
-    if job.claims is not None:
-        not_confirmed = html.escape(job.claims.not_confirmed)
-        sentences.append(
-            f'Section 5 of the paper: <strong class="bad">{not_confirmed}</strong> '
-            f"({html.escape(job.claims.others)})."
-        )
     sentences.append(
         f"Both pairs of matrices (A, B) that the paper prints are {regenerated} from one set of "
         f"parameters ({html.escape(job.sweep.model.name)} dynamics)."
@@ -271,31 +282,36 @@ def _folded(section: str, part: Report) -> str:
 def any_angle(job: MainJob, drawn: Report) -> str:
     """Return the upper part of the page as HTML.
 
-    The upper part contains the slider over the sweep, the aircraft, the costs of flights, the
-    verdicts, the root locus, and the trim and linear model at the chosen angle.
+    The upper part contains the slider over the sweep, the aircraft beside its modes at the chosen
+    angle, the verdicts, the root locus, the sheet and the linear model at the chosen angle, and the
+    costs of flights.
     """
     labels = [f"{point.dihedral_deg:g} deg" for point in job.points]
     asked = [angle.dihedral_deg for angle in job.angles]
     first = next((i for i, point in enumerate(job.points) if point.dihedral_deg in asked), 0)
-    sections = []
+    beside, below = [], []
     for i, (label, point) in enumerate(zip(labels, job.points, strict=True)):
         hidden = "" if i == first else " hidden"
-        shown = point_report(job, point).html(3)
-        sections.append(f'<section class="point" data-angle="{label}"{hidden}>{shown}</section>')
+        place = f'data-angle="{label}"{hidden}'
+        shown = point_reports(job, point)
+        beside.append(f'<section class="point" {place}>{shown.beside.html(3)}</section>')
+        below.append(f'<section class="point below" {place}>{shown.below.html(3)}</section>')
     pictures = [picture.html() for picture in drawn.pictures()]
     aircraft = "".join(pictures[:1])
     locus = "".join(pictures[1:])
     checks = Report("Verdicts", (verdicts(job),)).html(3)
     flown = stored_flights_section(job)
     flights = "" if flown is None else flown.html(3)
-    points = "\n".join(sections)
     return f"""<div id="any-angle"><h2>{drawn.title}</h2>
 <p class="slider"><label for="dihedral">Dihedral angle</label>
 <input type="range" id="dihedral" min="0" max="{len(labels) - 1}" value="{first}" aria-valuetext="{labels[first]}">
 <output for="dihedral" id="angle">{labels[first]}</output> <span class="noscript">The slider needs scripts.</span></p>
-<div class="first"><div>{aircraft}</div><section>{flights}{checks}<p class="paper">The paper: {_PAPER}.</p></section></div>
+<div class="first"><div>{aircraft}</div><div>{"".join(beside)}</div></div>
+<section class="verdicts">{checks}</section>
 {locus}
-{points}</div>"""
+{"".join(below)}
+<section>{flights}</section>
+<p class="paper">The paper: {_PAPER}.</p></div>"""
 
 
 def _file(name: str) -> str:

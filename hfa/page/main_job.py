@@ -129,6 +129,7 @@ class MainJob:
     points: trim and linear model at each angle of the sweep
     angles: requested angles, with games and critics
     claims, flights: stored results of studies, or None
+    beside: trim of another aircraft, or None
     """
 
     aircraft: Model
@@ -139,6 +140,7 @@ class MainJob:
     angles: tuple[Angle, ...]
     claims: Claims | None = None
     flights: StoredFlights | None = None
+    beside: OperatingPoint | None = None
 
     @property
     def learned(self) -> bool:

@@ -10,6 +10,7 @@ const SENDS = ["sendChartToCloud", "sendDataToCloud", "select2d", "lasso2d"];
 const CONFIG = { responsive: true, displaylogo: false, plotlyServerURL: "", modeBarButtonsToRemove: SENDS };
 const slider = document.getElementById("dihedral");
 const sections = [...document.querySelectorAll("section.point")];
+const angles = [...new Set(sections.map((section) => section.dataset.angle))];
 
 // Each plot begins at the angle of the slider. Plotly must not be asked for a frame before its first
 // layout is done: it would draw the marks above their axes.
@@ -26,10 +27,10 @@ const plots = await Promise.all([...document.querySelectorAll("script[data-plot]
 }));
 
 function showSection() {
-  const chosen = sections[slider.value];
-  for (const section of sections) section.hidden = section !== chosen;
-  document.getElementById("angle").value = chosen.dataset.angle;
-  slider.setAttribute("aria-valuetext", chosen.dataset.angle);
+  const chosen = angles[slider.value];
+  for (const section of sections) section.hidden = section.dataset.angle !== chosen;
+  document.getElementById("angle").value = chosen;
+  slider.setAttribute("aria-valuetext", chosen);
 }
 
 const still = { mode: "immediate", transition: { duration: 0 }, frame: { duration: 0, redraw: true } };

@@ -25,6 +25,7 @@ def _in_a_folder(folder: Path) -> None:
 
 CLAIMS = ROOT / "studies" / "section5" / "results" / "claims.json"
 FLIGHTS = ROOT / "studies" / "best_flights" / "results"
+UAV = str(ROOT / "examples" / "uav.toml")
 MEGABYTE = 1_000_000
 
 
@@ -53,6 +54,8 @@ def written_report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Pa
         str(CLAIMS),
         "--flights",
         str(FLIGHTS),
+        "--beside",
+        UAV,
     )
     return hfa("report", *words), folder
 
@@ -139,8 +142,17 @@ def test_the_largest_page_is_below_three_megabytes(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "0:15:0.1").code == FAILED
     html = page_of(page)
-    assert html.count('<section class="point"') == 152
+    assert html.count('<section class="point') == 304
     assert len(html) < 3 * MEGABYTE
+
+
+def test_another_aircraft_is_beside(written_report: tuple[Result, Path]) -> None:
+    """The numbers of the other aircraft are those of `hfa trim`, and its sheet is on the page."""
+    result, folder = written_report
+    sheet = json.loads(hfa("trim", "--aircraft", UAV, "--json").out)
+    beside = json.loads(result.out)["beside"]
+    assert beside["operating_point"]["states"] == sheet["operating_point"]["states"]
+    assert "Another aircraft: Aerosonde" in page_of(folder / "report.html")
 
 
 def test_an_angle_without_trim_is_reported_with_reason(tmp_path: Path) -> None:
@@ -153,7 +165,7 @@ def test_an_angle_without_trim_is_reported_with_reason(tmp_path: Path) -> None:
     assert (
         html.count("these rates do not balance: dihedral_rate") == 3
     )  # in the slider, the sweep and the section on the angle
-    assert 'exact game solution certified at 59 deg</th><td class="words bad">FAIL' in html
+    assert 'game at 59 deg certified</th><td class="words bad">FAIL' in html
 
 
 def test_a_missing_plotly_is_refused_before_the_computation() -> None:
