@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from hfa_flight.problem import FlightProblem
+import numpy as np
+
+from hfa_aircraft.signals import StatesAndInputs
+from hfa_flight.problem import FlightProblem, OfProblem
 from hfa_optimal.collocation import Proposal
 from hfa_optimal.flights import SimulatedFlight
-from hfa_optimal.found_flight import FoundFlight, limits_table, line_with_ratios
+from hfa_optimal.picture import drawn
+from hfa_optimal.report_lines import (
+    deviations_in_words,
+    envelope_pairs,
+    limits_table,
+    line_with_ratios,
+)
 from hfa_optimal.search import MESHES_AGREE, Found
 from hfa_optimal.smooth import has_kinks
 from hfa_support.arguments import checks_arguments
+from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +86,7 @@ class PolicyFlight(Result):
 
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
-class BestFlight(FoundFlight):
+class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     """Best flight found from an initial condition to a trim within limits.
 
     The cost of the simulated flight is an upper bound of the least cost. A cheaper flight may
@@ -120,14 +133,55 @@ class BestFlight(FoundFlight):
         return self.found.proposal
 
     @property
-    def why_refused(self) -> str:
-        """Reason why the simulation confirms no proposal, or "" with a proposal."""
-        return self.found.reason
+    def reason(self) -> str | None:
+        """Reason why the simulation confirms no proposal of the optimizer, or None if it does.
+
+        With a reason, the flight is only the cheapest of the simulated flights: an upper bound.
+        """
+        return self.found.reason or None
 
     @property
-    def drawn_seconds(self) -> float:
-        """End of the time axis of the figure, s."""
-        return self.seconds
+    def source(self) -> str:
+        """Name of the flight that is reported: the best flight found, or a policy."""
+        return self.flown.name
+
+    @property
+    def initial_deviations(self) -> np.ndarray:
+        """Initial deviations of the linear states from the trim, (k,)."""
+        if self.proposal is not None:
+            return self.proposal.start
+        return (self.flown.states[0] - np.array(self.point.states))[self.problem.places]
+
+    @property
+    def start(self) -> Mapping[str, float]:
+        """Initial deviations from the trim by name of the state, without deviations of 0."""
+        pairs = zip(self.problem.states, self.initial_deviations.tolist(), strict=True)
+        return {name: value for name, value in pairs if value}
+
+    @property
+    def saturated(self) -> Sequence[str]:
+        """Names of the inputs that reach a limit during the flight."""
+        return list(self.flown.saturated)
+
+    @property
+    def time(self) -> Vector:
+        """Times of the flight, s, (N,)."""
+        return self.flown.times
+
+    @property
+    def states(self) -> Matrix:
+        """Absolute states, (N, n), with the columns `state_names`."""
+        return with_names(self.flown.states, (), self.state_names)
+
+    @property
+    def inputs(self) -> Matrix:
+        """Absolute inputs, (N, m), with the columns `input_names`."""
+        return with_names(self.flown.inputs, (), self.input_names)
+
+    @property
+    def envelope(self) -> Mapping[str, Vector]:
+        """Lowest and highest permitted value of each state."""
+        return envelope_pairs(self.problem)
 
     @property
     def proposed_cost(self) -> float | None:
@@ -174,7 +228,16 @@ class BestFlight(FoundFlight):
         return {
             "Q": self.problem.Q,
             "R": self.problem.R,
-            **super().contents(),
+            "states": self.state_names,
+            "state_units": self.state_units,
+            "inputs": self.input_names,
+            "input_units": self.input_units,
+            "operating_point": self.point,
+            "start": self.start,
+            "source": self.source,
+            "reason": self.reason,
+            "saturated": self.saturated,
+            "envelope": self.envelope,
             "cost": self.cost,
             "proposed_cost": self.proposed_cost,
             "spread": self.spread,
@@ -217,8 +280,15 @@ class BestFlight(FoundFlight):
             for each, flown in zip(self.policies, self.compared, strict=True)
         ]
         begin = f"Best flight: cost {most}{self.cost:.6g}"
-        lines = [line_with_ratios(begin, outcomes), self.destination(), *self.source_lines()]
-        if self.reason is None and self.found.spread_of_guesses > MESHES_AGREE:
+        whose = f"{self.model.title} {self.point.at_scheduled}".strip()
+        lines = [
+            line_with_ratios(begin, outcomes),
+            f"to {whose}, from {deviations_in_words(self.model, self.start)}",
+        ]
+        if self.reason is not None:
+            source = f"source: {self.source}, simulated; no proposal is confirmed:"
+            lines += [source, self.reason]
+        elif self.found.spread_of_guesses > MESHES_AGREE:
             lines.append(f"guesses differ by {100 * self.found.spread_of_guesses:.2g} %")
         return "\n".join(lines)
 
@@ -243,13 +313,33 @@ class BestFlight(FoundFlight):
             )
         return " ".join(lines)
 
-    def labeled(self) -> list[tuple[SimulatedFlight, str]]:
+    def _labeled(self) -> list[tuple[SimulatedFlight, str]]:
         """Return the flights of the figure with their labels, the best flight first."""
         flights = [(self.flown, f"best flight found: {self.cost:.5g}")]
         for flown in self.compared:
             cost = f"{flown.cost:.5g}" if flown.converges else flown.ending
             flights.append((flown, f"{flown.name}: {cost}"))
         return flights
+
+    def records(self) -> Table:
+        """Return the table of times, states and inputs, for CSV files."""
+        rows = np.column_stack([self.time, self.states, self.inputs]).tolist()
+        return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
+
+    def figure(self) -> Figure:
+        """Return a new figure of states and inputs versus time."""
+        from hfa_support.reporting.figure import new_figure
+
+        return self._drawn_in(new_figure(10.0, 8.0))
+
+    def plot(self) -> np.ndarray:
+        """Draw the picture of `figure` in a pyplot figure, and return its Axes."""
+        from matplotlib import pyplot
+
+        return np.array(self._drawn_in(pyplot.figure(layout="constrained")).axes)
+
+    def _drawn_in(self, figure: Figure) -> Figure:
+        return drawn(figure, self.problem, self._labeled(), self.seconds, self.title())
 
 
 def _saturated(flight: str, names: Sequence[str]) -> str:

@@ -50,13 +50,6 @@ _EVEN = 1e-3
 #: for the HFA.
 _KINKS = 3.0
 _POWER = 0.5
-#: Weights of the inputs and of their steps, relative to their ranges, in a program of least time.
-#: Of several inputs with equal times, the smallest and smoothest are proposed.
-_SMALL_INPUTS = 1e-4
-_SMALL_STEPS = 3e-4
-#: Shortest and longest time of a program of least time, relative to that of the guess.
-_SHORTEST = 1e-3
-_LONGEST = 20.0
 #: Largest violation of the collocation equations of a feasible proposal, in nominal values.
 FEASIBLE = 1e-6
 
@@ -68,8 +61,7 @@ class Proposal(NamedTuple):
     start: initial deviations z, (k,)
     z: deviations of the followed states at the collocation points, (N, DEGREE, followed)
     v: deviations of the inputs at the ends of the intervals, linear between them, (N + 1, m)
-    cost: cost by quadrature at the collocation points, plus the tail. For a proposal of least time,
-        duration of the flight, s.
+    cost: cost by quadrature at the collocation points, plus the tail
     tail: linear cost after the last interval
     feasible: whether all unknowns are finite and satisfy the collocation equations
     """
@@ -274,27 +266,19 @@ class Equations(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Transcription:
-    """Nonlinear program of a problem with a given number of intervals, of least cost or least time.
+    """Nonlinear program of a problem with a given number of intervals.
 
-    The unknowns are the states and inputs, and the factor theta by which all intervals are longer
-    than those of the guess. The objective is quadratic in states and inputs:
-
-    - least cost: quadrature of z'Qz + v'Rv, plus z'Pz at the end; theta = 1
-    - least time: theta, plus small multiples of the squares of the inputs and of their steps; z = 0
-      at the end
-
-    Its Jacobian and Hessian are assembled from derivatives of the equations at single points. This
-    is faster than differentiation of the entire program.
+    The unknowns are the states and inputs. The objective is the quadrature of z'Qz + v'Rv, plus
+    z'Pz at the end. Its Jacobian and Hessian are assembled from derivatives of the equations at
+    single points. This is faster than differentiation of the entire program.
 
     intervals: number N of intervals
     equations: equations of the problem at one point, with their derivatives
-    is_of_time: True for least time, False for least cost
     """
 
     problem: FlightProblem
     intervals: int
     equations: Equations
-    is_of_time: bool = False
 
     def solve(
         self,
@@ -311,8 +295,7 @@ class Transcription:
         lengths: lengths of the intervals of the guess, s, (N,)
         z: guess at the collocation points, (N DEGREE, k) or (N DEGREE, followed)
         v: guess at the ends of the intervals, (N + 1, m)
-        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`, and
-            for least time also those of the inputs
+        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`
         price: factor on R, also in the cost of the proposal
         """
         problem = self.problem
@@ -325,25 +308,23 @@ class Transcription:
         parameters = np.concatenate([begin / of_states, lengths, [scale, price]])
         solved = solved_by(
             self._solver,
-            x0=np.append(np.clip(guess, below[:-1], above[:-1]), 1.0),
+            x0=np.clip(guess, below, above),
             p=parameters,
             lbx=below,
             ubx=above,
         )
-        *row, longer = np.array(solved["x"]).ravel()
+        row = np.array(solved["x"]).ravel()
         m = len(problem.inputs)
-        inner = np.array(row[m:]).reshape(self.intervals, -1)
+        inner = row[m:].reshape(self.intervals, -1)
         z = inner[:, :-m].reshape(self.intervals, DEGREE, -1) * of_states
         violation = np.abs(np.array(solved["g"])).max()
         end = z[-1, -1, : len(start)]
-        seconds = longer * lengths
-        cost = float(seconds.sum()) if self.is_of_time else float(solved["f"]) / scale
         return Proposal(
-            lengths=seconds,
+            lengths=lengths,
             start=start,
             z=z,
             v=np.vstack([row[:m], inner[:, -m:]]) * of_inputs,
-            cost=cost,
+            cost=float(solved["f"]) / scale,
             tail=float(end @ problem.P @ end),
             feasible=bool(np.isfinite(row).all() and violation <= FEASIBLE),
         )
@@ -353,18 +334,15 @@ class Transcription:
         problem = self.problem
         of_states, of_inputs = problem.sizes
         points = self.intervals * DEGREE
-        of_v = 1.0 - margin if self.is_of_time else 1.0
-        bounds = []
         sides = zip(problem.inner_limits(begin, margin), problem.input_limits, strict=True)
-        for limit_z, limit_v in sides:
-            z = np.tile(limit_z / of_states, (points, 1))
-            if self.is_of_time:
-                z[-1, : len(problem.states)] = 0.0
-            v = np.tile(of_v * limit_v / of_inputs, (self.intervals + 1, 1))
-            bounds.append(unknowns_in_order(z, v))
-        shortest, longest = (_SHORTEST, _LONGEST) if self.is_of_time else (1.0, 1.0)
-        below, above = bounds
-        return np.append(below, shortest), np.append(above, longest)
+        below, above = (
+            unknowns_in_order(
+                np.tile(limit_z / of_states, (points, 1)),
+                np.tile(limit_v / of_inputs, (self.intervals + 1, 1)),
+            )
+            for limit_z, limit_v in sides
+        )
+        return below, above
 
     @cached_property
     def _solver(self) -> ca.Function:
@@ -395,16 +373,14 @@ class Transcription:
 class _Program:
     """Objective, equations and their derivatives as CasADi expressions.
 
-    The equations at collocation point i are g_i = s_i - theta h_i f(r_i) = 0, with states and
-    inputs r_i, slopes s_i of the polynomial of the states, and length h_i of the interval in the
-    guess.
+    The equations at collocation point i are g_i = s_i - h_i f(r_i) = 0, with states and inputs r_i,
+    slopes s_i of the polynomial of the states, and length h_i of the interval.
     """
 
     def __init__(self, of: Transcription) -> None:
-        """Define the unknowns x = (w, theta), the parameters p, and r at all points."""
+        """Define the unknowns x, the parameters p, and r at all points."""
         problem = of.problem
         self.problem = problem
-        self.is_of_time = of.is_of_time
         self.at_a_point = of.equations
         self.k = len(problem.followed)
         self.m = len(problem.inputs)
@@ -412,15 +388,12 @@ class _Program:
         self.intervals = of.intervals
         self.points = of.intervals * DEGREE
         self.chosen = points_of_unknowns(self.k, self.m, self.intervals)
-        self.w = ca.MX.sym("w", self.chosen.columns())
-        self.theta = ca.MX.sym("theta")
-        self.x = ca.vertcat(self.w, self.theta)
+        self.x = ca.MX.sym("x", self.chosen.columns())
         ends = np.cumsum([0, self.k, self.intervals, 1, 1]).tolist()
         self.p = ca.MX.sym("p", ends[-1])
         self.start, lengths, self.scale, self.price = ca.vertsplit(self.p, ends)
-        self.r = ca.reshape(ca.mtimes(self.chosen, self.w), self.both, self.points)
+        self.r = ca.reshape(ca.mtimes(self.chosen, self.x), self.both, self.points)
         self.lengths = ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, self.points)
-        self.seconds = self.theta * self.lengths
 
     @cached_property
     def slopes(self) -> ca.MX:
@@ -446,54 +419,42 @@ class _Program:
     @property
     def equations(self) -> ca.MX:
         """Equations g, (k P,)."""
-        return ca.vec(self.slopes - ca.repmat(self.seconds, self.k, 1) * self.rates)
+        return ca.vec(self.slopes - ca.repmat(self.lengths, self.k, 1) * self.rates)
 
     @property
     def objective(self) -> ca.MX:
-        """Objective, quadratic in w, plus theta for least time."""
-        shares, weight, further = self.quadratic
+        """Objective, quadratic in x."""
+        shares, weight, at_end = self.quadratic
         running = ca.dot(ca.repmat(shares, self.both, 1) * self.r, ca.mtimes(weight, self.r))
-        return running + ca.bilin(further, self.w, self.w) + (self.theta if self.is_of_time else 0)
+        return running + ca.bilin(at_end, self.x, self.x)
 
     @property
     def jacobian(self) -> ca.MX:
-        """Jacobian ∂g/∂(w, theta). The slopes are linear in w."""
+        """Jacobian ∂g/∂x. The slopes are linear in x."""
         of_slopes = ca.evalf(
-            _without_symbols(ca.jacobian(ca.vec(self.slopes), self.w), [self.w, self.p])
+            _without_symbols(ca.jacobian(ca.vec(self.slopes), self.x), [self.x, self.p])
         )
-        times = ca.reshape(ca.repmat(self.seconds, self.both, 1), 1, self.points * self.both)
+        times = ca.reshape(ca.repmat(self.lengths, self.both, 1), 1, self.points * self.both)
         of_rates = self.rates_by_r * ca.repmat(times, self.k, 1)
         blocks = _blocks(of_rates, self.points, self.k, self.both)
-        of_w = of_slopes - ca.mtimes(blocks, self.chosen)
-        of_theta = ca.MX(self.points * self.k, 1)  # theta is fixed for least cost
-        if self.is_of_time:
-            of_theta = -ca.vec(ca.repmat(self.lengths, self.k, 1) * self.rates)
-        return ca.horzcat(of_w, of_theta)
+        return of_slopes - ca.mtimes(blocks, self.chosen)
 
     def hessian(self, of_objective: ca.MX, of_equations: ca.MX) -> ca.MX:
-        """Return the Hessian of of_objective * objective + of_equations'g by (w, theta)."""
-        shares, weight, further = self.quadratic
+        """Return the Hessian of of_objective * objective + of_equations'g by x."""
+        shares, weight, at_end = self.quadratic
         multipliers = ca.reshape(of_equations, self.k, self.points)
-        weighed = multipliers * ca.repmat(self.seconds, self.k, 1)
+        weighed = multipliers * ca.repmat(self.lengths, self.k, 1)
         of_rates = self.at_a_point.curvature.map(self.points)(self.r, weighed)
         of_r = 2.0 * of_objective * ca.kron(shares, weight) - of_rates
         at_points = _blocks(of_r, self.points, self.both, self.both)
-        of_w = ca.mtimes(self.chosen.T, ca.mtimes(at_points, self.chosen))
-        of_w += 2.0 * of_objective * further
-        mixed = ca.MX(self.chosen.columns(), 1)  # theta is fixed for least cost
-        if self.is_of_time:
-            blocks = _blocks(self.rates_by_r, self.points, self.k, self.both)
-            turned = ca.vec(multipliers * ca.repmat(self.lengths, self.k, 1))
-            mixed = -ca.mtimes(ca.mtimes(blocks, self.chosen).T, turned)
-        return ca.blockcat([[of_w, mixed], [mixed.T, ca.MX(1, 1)]])
+        of_points = ca.mtimes(self.chosen.T, ca.mtimes(at_points, self.chosen))
+        return of_points + 2.0 * of_objective * at_end
 
     @cached_property
     def quadratic(self) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """Shares, W and F of the quadratic objective sum_i shares_i r_i'W r_i + w'F w."""
-        return self._small_inputs() if self.is_of_time else self._cost()
-
-    def _cost(self) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """Return the quadratic objective of least cost: quadrature, and z'Pz at the end."""
+        """Shares, W and F of the objective sum_i shares_i r_i'W r_i + x'F x: the quadrature, and
+        z'Pz at the end.
+        """
         Q, R, P = self.problem.scaled_weights()
         _, _, quadrature = ca.collocation_coeff(collocation_points()[1:].tolist())
         of_points = ca.repmat(ca.DM(quadrature).T, 1, self.intervals)
@@ -501,22 +462,6 @@ class _Program:
         before = self.chosen.columns() - self.both
         last = ca.diagcat(ca.DM(before, before), ca.DM(P), ca.DM(self.m, self.m))
         return shares, ca.diagcat(ca.DM(Q), self.price * ca.DM(R)), self.scale * last
-
-    def _small_inputs(self) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """Return the quadratic objective of least time: small inputs and small steps of them."""
-        _, of_inputs = self.problem.sizes
-        lowest, highest = self.problem.input_limits
-        ranges = np.where(np.isfinite(highest - lowest), highest - lowest, of_inputs)
-        share = ca.diag(ca.DM((of_inputs / ranges) ** 2))
-        ends = np.array([0, *range(DEGREE - 1, self.points, DEGREE)]) * self.both
-        rows = np.add.outer(ends, np.arange(self.k, self.both)).ravel()
-        v = self.chosen[rows.tolist(), :]
-        steps = v[self.m :, :] - v[: -self.m, :]
-        of_steps = ca.kron(ca.DM.eye(self.intervals), share)
-        smooth = ca.mtimes(steps.T, ca.mtimes(of_steps, steps))
-        weight = ca.diagcat(ca.DM(self.k, self.k), _SMALL_INPUTS * share)
-        shares = ca.MX(ca.DM.ones(1, self.points) / self.points)
-        return shares, ca.MX(weight), ca.MX(_SMALL_STEPS * smooth)
 
 
 def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:

@@ -63,17 +63,6 @@ class EndLaw:
         least = np.minimum(below, -_LEAST)
         return bool(((moved <= most) & (moved >= least)).all())
 
-    def level(self, P: np.ndarray) -> float:
-        """Return the largest level of z'Pz within which the linear loop keeps 0.9 of all limits.
-
-        P: (k, k)
-        """
-        k = len(self.K.T)
-        zs, vs = self._scaled.state_limits, self._scaled.input_limits
-        rows = np.einsum("sri,ij,srj->sr", self._rows, np.linalg.inv(P), self._rows)
-        least = [np.minimum(-low, high) for low, high in ((zs[0][:k], zs[1][:k]), vs)]
-        return float(1.0 / (rows / (_WITHIN * np.concatenate(least)) ** 2).max())
-
     def inputs(self, z: np.ndarray, target: Target) -> np.ndarray:
         """Return the inputs v, (m,), within their limits."""
         k = len(self.K.T)

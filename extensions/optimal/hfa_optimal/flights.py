@@ -105,23 +105,21 @@ class Flights:
 
     problem: aircraft, trim, weights and limits
     count: approximate number of flights. Machine code is used if the number is large.
-    longest_step: largest integration step, s
     """
 
     problem: FlightProblem
     count: int = 1
-    longest_step: float = _STEP
 
     @cached_property
     def step(self) -> float:
-        """Integration step, s, at most `longest_step`.
+        """Integration step, s, at most `_STEP`.
 
         The step resolves the fastest mode of the aircraft and of the linear loop.
         """
         linear = self.problem.linear
         loop = linear.A - linear.B @ self.problem.K
         modes = np.concatenate([np.linalg.eigvals(linear.A), np.linalg.eigvals(loop)])
-        return min(self.longest_step, _FASTEST / float(np.abs(modes).max()))
+        return min(_STEP, _FASTEST / float(np.abs(modes).max()))
 
     @cached_property
     def tick(self) -> float:

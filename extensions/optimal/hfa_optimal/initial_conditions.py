@@ -13,7 +13,7 @@ from hfa_flight.needs import is_enough, need_text
 from hfa_flight.problem import FlightProblem, OfProblem
 from hfa_flight.simulation import CompiledLoop
 from hfa_optimal.best_flight import PolicyFlight
-from hfa_optimal.found_flight import limits_table, line_with_ratios
+from hfa_optimal.report_lines import limits_table, line_with_ratios
 from hfa_optimal.search import AFTER, MESHES_AGREE, BestFlights
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress

@@ -107,14 +107,13 @@ def test_a_cart_too_fast_to_stop_is_refused() -> None:
 
 
 def test_wrong_words_of_optimize_are_refused() -> None:
-    """An unknown quantity, an unknown argument and a missing initial condition are refused."""
+    """An unknown argument and a missing initial condition are refused."""
     model = cart()
     point = hfa.trim(model)
     begin = {"position": 0.1}
     for wrong, said in (
         ({}, "'initial'"),
         ({"x0": begin}, "did you mean initial"),
-        ({"initial": begin, "minimize": "fuel"}, "give 'cost' or 'time'"),
     ):
         with pytest.raises(hfa.BadInputError, match=said):
             hfa.optimize(model, point, **wrong)

@@ -4,7 +4,6 @@ in the steps of a predictive policy.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,6 @@ from carts import cart
 
 import hfa
 from hfa_flight.problem import MARGIN
-from hfa_optimal.quickest import not_arrived
 from hfa_optimal.search import BestFlights, refutation
 
 GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
@@ -30,13 +28,6 @@ def best_of_cart(start: dict[str, float]) -> hfa.BestFlight:
 def gtm() -> hfa.BestFlight:
     model = hfa.load_model(GTM)
     return hfa.optimize(model, hfa.trim(model), {"alpha": 0.15, "pitch": 0.3})
-
-
-@pytest.fixture(scope="module")
-def cart_flight() -> Any:
-    model = cart(2.0)
-    begin = hfa.trim(model, hold={"position": 8.0})
-    return hfa.optimize(model, hfa.trim(model), begin, minimize="time")
 
 
 def test_the_simulation_confirms_or_refutes_a_proposal(gtm: hfa.BestFlight) -> None:
@@ -99,19 +90,3 @@ def test_a_second_proposal_keeps_a_multiple_of_the_margin(
     z = tighter.z.reshape(-1, tighter.z.shape[-1])
     assert (z >= lowest - 1e-6 * np.abs(lowest)).all()
     assert (z <= highest + 1e-6 * np.abs(highest)).all()
-
-
-def test_a_missed_target_is_detected(cart_flight: Any) -> None:
-    """A flight that does not reach the target box (planted error) is detected."""
-    late = cart_flight.flown._replace(times=1.3 * cart_flight.time)
-    assert "at 4.0" in not_arrived(cart_flight.problem, late, cart_flight.proposal)
-    assert not not_arrived(cart_flight.problem, cart_flight.flown, cart_flight.proposal)
-
-
-def test_meshes_that_disagree_confirm_no_flight(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The times of meshes of 3 and 4 intervals differ by 2 to 3 %, so that neither is confirmed."""
-    monkeypatch.setattr("hfa_optimal.quickest._MESHES", (3, 4))
-    model = cart(2.0)
-    best = hfa.optimize(model, hfa.trim(model), {"position": 8.0}, minimize="time")
-    assert best.reason is not None
-    assert re.fullmatch(r"two meshes differ by 2\.\d %", best.reason)

@@ -19,7 +19,7 @@ from hfa.options.argument_types import (
 )
 from hfa.options.critics import critic_path
 from hfa.options.game import GameWeights
-from hfa.options.output import Output, ProgressLine, output_option, picture_option
+from hfa.options.output import Output, ProgressLine, picture_option
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim, limits_option
@@ -35,12 +35,6 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 _MOST_STARTS = 10_000
-#: Law of a network that is taught by the predictive policy.
-TAUGHT = "taught"
-#: Half-widths of the box of taught initial conditions about --start, relative to the usual box.
-_TAUGHT_BOX = 0.5
-#: Options that do not apply to the quickest flight.
-_OF_COST = ("starts", "need", "law", "weights", "policy")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +46,6 @@ class OptimizeRequest(Request):
     cost: GameWeights = part(GameWeights, without=("N",))
     output: Output = part(
         Output,
-        file=output_option(".onnx", purpose=f" (network of --law {TAUGHT})"),
         picture=picture_option("the best flight found, and the flights of the policies"),
     )
     seed: int = option("seed of all random numbers; default 0", "N", whole(0), default=0, rare=True)
@@ -69,12 +62,6 @@ class OptimizeRequest(Request):
         OfModel(quantity),
         named=True,
     )
-    minimize: str = option(
-        "quantity to minimize: cost (default), or time to the trim",
-        "WHAT",
-        one_of("cost", "time"),
-        default="cost",
-    )
     starts: int | None = option(
         "number of random initial conditions in the default box, for a table of flights",
         "N",
@@ -90,10 +77,9 @@ class OptimizeRequest(Request):
         rare=True,
     )
     law: str = option(
-        f"compare with a law that plans on the nonlinear model: {' or '.join(LAWS)}; or with a "
-        f"network that the predictive law teaches around --start ({TAUGHT}), written to -o",
+        f"compare with a law that plans on the nonlinear model: {' or '.join(LAWS)}",
         "NAME",
-        one_of(*LAWS, TAUGHT),
+        one_of(*LAWS),
         default="",
     )
     weights: Path | None = option(
@@ -166,7 +152,7 @@ class OptimizeRequest(Request):
         if np.isfinite(game.delta):
             exact = unconfirmed_solution(game).K
             loops.append(flights.of_gain("exact game policy, saturated", exact))
-        if self.law in LAWS:
+        if self.law:
             planned = loaded(LAWS[self.law])(search.problem, game)
             loops.append(flights.of_policy(planned))
         if self.weights is not None:
@@ -189,10 +175,9 @@ def optimize(request: OptimizeRequest) -> int:
     flight may exist. The policies are the linear optimum and the exact game policy, both saturated
     at the limits of the inputs, and those of --law, --weights and --policy. --starts N prints a
     table for many initial conditions. --to NAME=VALUE searches for flights from one trim to
-    another, and --minimize time for the quickest flight. Exit code 1 if no flight was found, or if
-    the simulation refutes the flight. With --starts, a flight must be found and the policies of
-    --weights and --policy converge within the limits from every initial condition, or from the
-    share of --need.
+    another. Exit code 1 if no flight was found, or if the simulation refutes the flight. With
+    --starts, a flight must be found and the policies of --weights and --policy converge within the
+    limits from every initial condition, or from the share of --need.
     """
     begins = (bool(request.deviations), request.starts is not None, bool(request.to))
     if begins.count(True) != 1:
@@ -200,54 +185,17 @@ def optimize(request: OptimizeRequest) -> int:
             "the initial condition is missing or given twice; give either --start "
             "NAME=VALUE,..., --starts N or --to NAME=VALUE"
         )
-    if request.minimize == "time":
-        request.refuse(_OF_COST, "applies only to --minimize cost; remove this option")
-        return _quickest(request)
     if request.starts is not None:
         request.refuse(
             ("output.picture",), "applies only to a single flight; remove this option or --starts"
         )
     if request.starts is None:
         request.refuse(("need",), "applies only to --starts; remove this option, or add --starts")
-    if request.law == TAUGHT or (request.output.file or Path()).suffix == ".onnx":
-        request = _with_taught_policy(request)
     search, game = request.search()
     loops = request.loops(search, game)
     if request.starts is not None:
         return _table(request, search, game, loops)
     return _one(request, search, loops)
-
-
-def _with_taught_policy(request: OptimizeRequest) -> OptimizeRequest:
-    """Teach a network, write it with its deployment file, and return the request to compare it."""
-    from hfa_flight.initial_box import usual_box
-    from hfa_optimal.taught import taught, write_policy
-
-    file = request.output.file
-    if request.law != TAUGHT or file is None or file.suffix != ".onnx" or not request.deviations:
-        raise BadInputError(
-            f"--law {TAUGHT} requires -o FILE.onnx and --start NAME=VALUE,..., and a network is "
-            f"written by --law {TAUGHT} alone; give all three"
-        )
-    request.refuse(("policy",), f"cannot be combined with --law {TAUGHT}; remove one of the two")
-    search, _ = request.search()
-    problem = search.problem
-    start = problem.deviations(request.deviations)
-    box = _TAUGHT_BOX * usual_box(problem)
-    network, teacher = taught(problem, start, box, request.seed, ProgressLine("teach"))
-    deployment = write_policy(network, teacher, file)
-    return replace(request, policy=deployment, output=replace(request.output, file=None))
-
-
-def _quickest(request: OptimizeRequest) -> int:
-    """Search for the quickest flight, print its report, and return the exit code 0."""
-    from hfa_optimal.quickest import quickest_to
-
-    search, _ = request.search()
-    best = quickest_to(search.problem, request.begin())
-    history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
-    request.show(best.report(), figure=best.figure, only_in_files={"flight": history})
-    return 0
 
 
 def _one(request: OptimizeRequest, search: BestFlights, loops: list[CompiledLoop]) -> int:
