@@ -77,6 +77,7 @@ def test_results_display_reports_and_can_be_pickled() -> None:
         assert name not in COMPARED or again == result, name
 
 
+@pytest.mark.slow
 def test_attributes_and_names_in_brackets_complete() -> None:
     """jedi completes every public attribute of a result, and each completed name in brackets is
     one.
