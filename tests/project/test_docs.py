@@ -293,12 +293,3 @@ def test_every_name_of_scripts_has_an_example() -> None:
         name for name, value in entries() if name.startswith("hfa.") and value not in with_example
     ]
     assert without == ["hfa.BadInputError", "hfa.NoSolutionError"]
-
-
-def test_each_guarantee_names_existing_tests() -> None:
-    """Each guarantee of docs/promises.md names tests that exist."""
-    rows = [row for row in text_of(ROOT / "docs" / "promises.md").splitlines() if "::" in row]
-    assert len(rows) >= 15
-    for row in rows:
-        for file, name in re.findall(r"`(\S+\.py)::(test_\w+)`", row):
-            assert f"def {name}(" in text_of(ROOT / file), row
