@@ -137,16 +137,9 @@ COMMANDS = {
     ),
     "prove": CommandEntry(
         "proof",
-        "prove a schedule, a region, a cost; or --check a certificate",
+        "prove a schedule, a region; or --check a certificate",
         "hfa_prove.commands.check:prove",
         example="hfa prove --check certificate.json",
-        install=("python-flint",),
-    ),
-    "prove cost": CommandEntry(
-        "proof",
-        "lower bound of the cost of every nonlinear flight",
-        "hfa_prove.commands.cost:cost",
-        example="hfa prove cost --aircraft examples/pendulum.py:PENDULUM",
         install=("python-flint",),
     ),
     "prove region": CommandEntry(

@@ -29,10 +29,9 @@ FAR_OF_EXPANSION = 100.0
 #: A flight converges to the trim if its cost-to-go at the end is at most this fraction ...
 #: ... of its cost, for `optimize`. It may end at an equilibrium near the trim.
 OF_COST = 0.05
-#: ... of its initial cost-to-go, for critics that are not quadratic, for the flights that bound a
-#: least cost, and for those about an expansion, where V is the cost beyond.
+#: ... of its initial cost-to-go, for critics that are not quadratic, and for flights about an
+#: expansion, where V is the cost beyond.
 OF_VALUE = 0.05
-OF_LEAST_COST = 0.02
 OF_EXPANSION = 1e-2
 #: A loop in discrete time also converges to this multiple of the cost-to-go of the exact loop.
 OF_EXACT = 2.0

@@ -65,7 +65,7 @@ BREACHES = {
     "Problems of best flights": {f"{FLIGHT}/envelope.py": "hfa_flight.problem"},
     "Proofs:": {
         f"{PROVE}/search/family.py": "hfa_prove.commands.options",
-        f"{PROVE}/statements/cost.py": "hfa_prove.check.cost",
+        f"{PROVE}/statements/region.py": "hfa_prove.check.region_boxes",
         f"{PROVE}/certificate.py": "hfa_prove.check.cover",
     },
     "Doors:": {"hfa_aircraft/units.py": "hfa_support.entry_points"},

@@ -230,7 +230,6 @@ def looks_like(picture: Path, other: Path) -> bool:
 SILENT = (
     "f16",
     "f16_constant",
-    "flexible_constant_altitude",
     "flying_wings",
     "gtm",
     "navion",

@@ -1,4 +1,4 @@
-"""Proofs about loops of an aircraft: schedules, games, regions of attraction, bounds of cost."""
+"""Proofs about loops of an aircraft: schedules, networks, regions of attraction."""
 
 from hfa_support.public_names import public_names
 

@@ -13,7 +13,6 @@ from typing import Any
 from flint import ctx
 
 from hfa_prove.fields import Fields, Statement, Witness, naming, require
-from hfa_prove.statements.cost import CostStatement, CostWitness
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
@@ -32,7 +31,6 @@ _PRECISION = 256
 KINDS: Mapping[str, tuple[type[Statement], Callable[[Fields, Any], Witness]]] = {
     "schedule": (ScheduleStatement, ScheduleWitness.read),
     "region": (RegionStatement, RegionWitness.read),
-    "cost": (CostStatement, CostWitness.read),
 }
 
 

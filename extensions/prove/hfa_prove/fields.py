@@ -108,18 +108,6 @@ class Fields:
         """Return a reader of an entry that is a JSON object."""
         return Fields(self._called(name), self.value(name, dict))
 
-    def items(self, name: str) -> list[Fields]:
-        """Return a reader of each object in an entry that is a list."""
-        entries = self.value(name, list)
-        return [Fields(f"{self._called(name)} {i}", entry) for i, entry in enumerate(entries)]
-
-    def texts(self, name: str, allowed: Any) -> tuple[str, ...]:
-        """Return an entry that is a list of strings, each of which must be in `allowed`."""
-        entries = self.value(name, list)
-        for entry in entries:
-            require(isinstance(entry, str) and entry in allowed, self._called(name), entry)
-        return tuple(entries)
-
     def count(self, name: str, most: int) -> int:
         """Return an entry that is a whole number from 0 to `most`."""
         value = self.value(name, int)
@@ -189,12 +177,6 @@ class Fields:
         values = np.array(_walked(self._called(name), self.value(name), list(shape)), dtype=float)
         sides = [len(values) if length is None else length for length in shape]
         return values.reshape(sides)
-
-    def symmetric(self, name: str, n: int) -> np.ndarray:
-        """Return an entry that is a matrix (n, n) equal to its transpose."""
-        values = self.array(name, n, n)
-        require(np.array_equal(values, values.T), f"{self._called(name)}: not symmetric")
-        return values
 
     def _called(self, name: str) -> str:
         return f"{self.where}: {name}" if self.where else name

@@ -17,7 +17,6 @@ from hfa_prove.check import Proved
 from hfa_prove.fields import Statement
 from hfa_prove.hfa import identity_of
 from hfa_prove.monomials import PolynomialFunction
-from hfa_prove.statements.cost import CostStatement
 from hfa_prove.statements.piece import Piece
 from hfa_prove.statements.plant import Plant
 from hfa_prove.statements.region import RegionStatement
@@ -60,22 +59,20 @@ def claim_of(statement: Statement) -> Claim:
 
 def found_report(
     statement: Statement,
-    sizes: Sequence[int],
+    size: int,
     *more: Part,
-    scope: str = "",
     data: Mapping[str, Any] | None = None,
 ) -> Report:
     """Return the report of a statement that a search has proved.
 
-    sizes: numbers of boxes or pieces of the proof
+    size: number of boxes or pieces of the proof
     more: parts about the search
-    scope: addition to the claim of the first line
     data: entries about the search
     """
     claim = claim_of(statement)
     parts = (claim.sentence, *claim.parts, *more, claim.not_covered)
-    entries = _data(statement, claim, sizes) | dict(data or {})
-    return Report(f"Proved: {claim.title}{scope}, without {claim.without}", parts, data=entries)
+    entries = _data(statement, claim, size) | dict(data or {})
+    return Report(f"Proved: {claim.title}, without {claim.without}", parts, data=entries)
 
 
 def checked_report(verified: Proved, not_given: Sequence[str] = (), policy: str = "") -> Report:
@@ -101,10 +98,10 @@ def checked_report(verified: Proved, not_given: Sequence[str] = (), policy: str 
     parts += [
         "\n".join(f"{path}: {text}" for path, text in rows),
         _aircraft(statement, claim.model),
-        f"statement: SHA-256 {digest[:16]}; {sum(verified.sizes)} boxes\n{origin}",
+        f"statement: SHA-256 {digest[:16]}; {verified.size} boxes\n{origin}",
         claim.not_covered,
     ]
-    data = _data(statement, claim, verified.sizes) | {
+    data = _data(statement, claim, verified.size) | {
         "statement_sha256": digest,
         "written": dict(verified.written),
         "not_given": list(not_given),
@@ -112,13 +109,13 @@ def checked_report(verified: Proved, not_given: Sequence[str] = (), policy: str 
     return Report(title, parts, data=data)
 
 
-def _data(statement: Statement, claim: Claim, sizes: Sequence[int]) -> dict[str, Any]:
+def _data(statement: Statement, claim: Claim, size: int) -> dict[str, Any]:
     """Return the data of a report: the claim in the form of the certificate, and its figures."""
     return {
         "schema": SCHEMA,
         "kind": kind_of(statement),
         "proved": True,
-        "boxes": sum(sizes),
+        "boxes": size,
         **claim.data,
         "claim": statement.content(),
     }
@@ -263,35 +260,6 @@ def _(statement: RegionStatement) -> Claim:
             "it.",
             _piece("V", "rho", statement.piece),
         ),
-        data,
-        model,
-    )
-
-
-@claim_of.register
-def _(statement: CostStatement) -> Claim:
-    plant = statement.plant
-    held = f" {', '.join(plant.held)} held at trim values." if plant.held else ""
-    model = plant.model
-    rows = []
-    for name, value in {**plant.trim, **plant.inputs, **plant.held}.items():
-        rows.append((name, model.describe(name, value), *_limits(plant, name)))
-    data = {
-        **_plant_data(plant),
-        "equilibrium": dict(statement.equilibrium),
-        "Q": statement.Q,
-        "R": statement.R,
-        "levels": [piece.c for piece in statement.pieces],
-    }
-    return Claim(
-        f"lower bound of the cost of flights of {model.title}, up to "
-        f"{at_least(statement.level, 6)}",
-        "disturbances",
-        "No flight within the limits that ends at the trim costs less than the smaller of a level "
-        "c and W at its initial condition, for each pair W, c. Cost: the integral of x'Qx + u'Ru, "
-        f"in deviations from the trim.{held}",
-        "Not covered: disturbances, errors of the model, flights outside the limits.",
-        (Table(("flights within", "trim", "lowest", "highest"), rows),),
         data,
         model,
     )

@@ -8,7 +8,6 @@ import numpy as np
 
 from hfa_aircraft.march.ending import Outcome
 from hfa_prove.report import found_report
-from hfa_prove.search.cost import CostBound
 from hfa_prove.search.obstacles import NOT_RETURNED
 from hfa_prove.search.region_search import Region
 from hfa_prove.words import at_least, place_in_words
@@ -44,7 +43,7 @@ def region_report(region: Region, policy: str = "") -> Report:
         "stopped": region.stopped,
     }
     parts: tuple[Part, ...] = (_obstacles(region), "\n".join(lines))
-    return found_report(region.statement, (region.size,), *parts, data=data)
+    return found_report(region.statement, region.size, *parts, data=data)
 
 
 def _obstacles(region: Region) -> Table:
@@ -74,32 +73,3 @@ def _place(region: Region, found: tuple[float, np.ndarray | None] | None) -> dic
     level, place = found
     assert place is not None  # as found above
     return {"V": level, "z": dict(zip(region.statement.loop.states, place.tolist(), strict=True))}
-
-
-def bound_report(found: CostBound) -> Report:
-    """Return the report of a proved lower bound of the cost.
-
-    For each piece, the report lists the share of the default initial conditions at which W is below
-    its level, and the median of W relative to the linear quadratic cost there.
-    """
-    rows = []
-    for i, piece in enumerate(found.statement.pieces):
-        fit, proof = found.seconds[i]
-        ratio = f"{found.over_linear[i]:.2f}" if found.covered[i] else "-"
-        times = (f"{fit:.1f} s", f"{proof:.1f} s")
-        level = at_least(piece.c, 6)
-        rows.append((level, f"{found.covered[i]:.1%}", ratio, str(found.boxes[i]), *times))
-    header = ("level", "share of the box", "W / linear cost", "boxes", "fit", "proof")
-    parts: list[Part] = [
-        Table(header, rows),
-        "Share of the box: default initial conditions at which W is below the level.",
-    ]
-    if found.stopped:
-        parts.append(f"Further pieces: {found.stopped}.")
-    return found_report(
-        found.statement,
-        found.boxes,
-        *parts,
-        scope=f" ({found.of_box:.2g} of the largest linear cost in the default box)",
-        data={"covered": found.covered, "of_box": found.of_box, "stopped": found.stopped},
-    )

@@ -20,10 +20,6 @@ PROOFS = {
         (*PENDULUM, "--R", "2", "--limit", "torque=-0.6:0.6"),
     ),
     "schedule": (("--dihedral", "14:14.25"), ("--dihedral", "14:14.25", "--dynamics", "published")),
-    "cost": (
-        (*PENDULUM, "--degree", "2", "--R", "2", "--limit", "angle=-60:60"),
-        (*PENDULUM, "--Q", "1,1", "--R", "2", "--limit", "angle=-60:60"),
-    ),
 }
 #: Options that change the subject: kind, the quantity that differs or the reason, words.
 CHANGED = [
@@ -49,14 +45,6 @@ CHANGED = [
     *(("schedule", "K", (f"--{name}", word)) for name, word in (
         ("Q", "1,1,1,1,1,1"), ("R", "1,1,1,1,1"), ("delta", "150"), ("N", ";".join(["1,0,0,0,0", *["0,0,0,0,0"] * 5])),
     )),
-    ("cost", "Q", ("--Q", "1,2")),
-    ("cost", "R", ("--R", "3")),
-    ("cost", "--N does not apply", ("--N", "0;1")),
-    ("cost", "--delta does not apply", ("--delta", "20")),
-    ("cost", "limit of angle", ("--limit", "angle=-80:80")),
-    ("cost", "angle", ("--hold", "angle=0.1")),
-    ("cost", "--weights does not apply", ("--weights", "K.npz")),
-    ("cost", "--disturbance does not apply", ("--disturbance", "push=0.1")),
 ]  # fmt: skip
 #: Options that do not change the subject: the search for the trim, and the run itself.
 OTHERS = {"--check", "--quiet", "--json", "--output", "--start", "--condition", "--help", "--at"}

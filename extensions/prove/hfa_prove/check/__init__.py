@@ -14,8 +14,6 @@ from typing import Any
 import hfa_prove.enclosure.precision  # noqa: F401
 from hfa_prove.certificate import Certificate
 from hfa_prove.fields import naming
-from hfa_prove.statements.cost import CostWitness
-from hfa_prove.statements.region import RegionWitness
 from hfa_prove.statements.schedule import ScheduleWitness
 from hfa_support.progress import Progress
 
@@ -25,11 +23,11 @@ class Proved:
     """A statement that the checker has proved.
 
     certificate: the certificate that proves it
-    sizes: number of boxes of the proof, for each piece of a bound of the cost
+    size: number of boxes or pieces of the proof
     """
 
     certificate: Certificate
-    sizes: tuple[int, ...]
+    size: int
 
     @property
     def statement(self) -> Any:
@@ -46,11 +44,6 @@ class Proved:
         """Version, command and date stored in the certificate, not verified."""
         return self.certificate.written
 
-    @property
-    def size(self) -> int:
-        """Number of boxes of the whole proof."""
-        return sum(self.sizes)
-
 
 def check(certificate: Certificate, progress: Progress | None = None) -> Proved:
     """Prove the statement of a certificate.
@@ -61,23 +54,18 @@ def check(certificate: Certificate, progress: Progress | None = None) -> Proved:
     operation that is not supported.
     """
     with naming(certificate.path):
-        return Proved(certificate, _sizes(certificate.statement, certificate.witness, progress))
+        return Proved(certificate, _size(certificate.statement, certificate.witness, progress))
 
 
-def _sizes(statement: Any, witness: Any, progress: Progress | None) -> tuple[int, ...]:
-    """Prove a statement, and return the numbers of boxes of the proof.
+def _size(statement: Any, witness: Any, progress: Progress | None) -> int:
+    """Prove a statement, and return the number of boxes or pieces of the proof.
 
     Only the modules of this kind of proof are loaded.
     """
     if isinstance(witness, ScheduleWitness):
         from hfa_prove.check.schedule import check_schedule
 
-        return (check_schedule(statement, witness, progress),)
-    if isinstance(witness, RegionWitness):
-        from hfa_prove.check.region_boxes import check_region
+        return check_schedule(statement, witness, progress)
+    from hfa_prove.check.region_boxes import check_region
 
-        return (check_region(statement, witness, progress),)
-    assert isinstance(witness, CostWitness)  # the only other kind
-    from hfa_prove.check.cost import check_cost
-
-    return check_cost(statement, witness, progress)
+    return check_region(statement, witness, progress)

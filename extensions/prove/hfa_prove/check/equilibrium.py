@@ -1,8 +1,8 @@
-"""Enclosure of the equilibrium of an aircraft."""
+"""Enclosure of the equilibrium of a closed loop."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,8 @@ from hfa_prove.enclosure.ball_function import BallFunction
 from hfa_prove.enclosure.balls import exact, hull, matrix, norm
 from hfa_prove.enclosure.slopes import Intervals, jacobian
 from hfa_prove.fields import Rejected
-from hfa_prove.statements.plant import SAME_TRIM, Plant
+from hfa_prove.statements.loop import Loop
+from hfa_prove.statements.plant import SAME_TRIM
 
 #: Number of Newton steps.
 _STEPS = 20
@@ -28,58 +29,50 @@ _NOT_ENCLOSED = (
 class Equilibrium:
     """Enclosure of an equilibrium.
 
-    The box x ± radius contains exactly one equilibrium. The arrays hold the states, or the states
-    and inputs.
+    The box x ± radius of states contains exactly one equilibrium.
 
-    x: center, (n,) or (n + m,)
-    radius: half-widths, 0 for entries that are not unknowns
+    x: center, (n,)
+    radius: half-widths, (n,)
     """
 
     x: np.ndarray
     radius: np.ndarray
 
 
-def equilibrium_near(
-    plant: Plant, x: np.ndarray, solved: Sequence[int] | None = None
-) -> Equilibrium:
+def equilibrium_near(loop: Loop, x: np.ndarray) -> Equilibrium:
     """Return an enclosure of an equilibrium near x.
 
     Newton's method in doubles is followed by Krawczyk's test (`check_root`) of the rates in balls
     and of the Jacobian in doubles, which contains Clarke's generalized gradients.
 
-    plant: closed loop, or plant whose inputs are variables too
-    x: first values of the variables, (k,), of which the others than the unknowns are kept
-    solved: indices of the unknowns, as many as there are states, or None for all variables
+    x: first values of the states, (n,)
 
     Raises Rejected if no equilibrium is proved, or Undecided if a comparison is not decided at it.
     """
-    program = plant.program
+    program = loop.program
     point = np.array(x, dtype=float)
-    unknown = list(range(len(point))) if solved is None else list(solved)
     still = np.zeros_like(point)
-    step = np.zeros(len(unknown))
+    step = np.zeros_like(point)
     for _ in range(_STEPS):
         at = jacobian(program, Intervals(point, still))
         if not (at.values.is_bounded and at.slopes.is_bounded):
             raise Rejected(_NOT_ENCLOSED)
         try:
-            step = np.linalg.solve(at.slopes.middle[:, unknown], at.values.middle)
+            step = np.linalg.solve(at.slopes.middle, at.values.middle)
         except np.linalg.LinAlgError:
             break
-        point[unknown] -= step
+        point -= step
     exact_point = [exact(value) for value in point.tolist()]
-    (rates,) = BallFunction(plant.rate_function, plant.model.name)(exact_point)
+    (rates,) = BallFunction(loop.rate_function, loop.model.name)(exact_point)
     column = arb_mat([[rate] for rate in rates])
-    sizes = np.abs(point) + plant.nominal[: len(point)]
-    radius = np.zeros_like(point)
-    radius[unknown] = 2.0 * np.abs(step) + 1e-14 * sizes[unknown]
+    radius = 2.0 * np.abs(step) + 1e-14 * (np.abs(point) + loop.nominal)
     for _ in range(_DOUBLINGS):
         around = jacobian(program, Intervals(point, radius)).slopes
         if not around.is_bounded:
             break
-        J = hull(around.low[:, unknown], around.high[:, unknown])
+        J = hull(around.low, around.high)
         try:
-            check_root(column, J, [exact(each) for each in radius[unknown].tolist()])
+            check_root(column, J, [exact(each) for each in radius.tolist()])
         except ZeroDivisionError as error:
             raise Rejected(
                 "no equilibrium is enclosed near the trim: the Jacobian is singular"
@@ -91,20 +84,14 @@ def equilibrium_near(
     raise Rejected(_NOT_ENCLOSED)
 
 
-def check_near(at: Equilibrium, plant: Plant, stated: Mapping[str, float], what: str) -> None:
-    """Raise Rejected unless an enclosed equilibrium is near stated values.
-
-    The largest permitted difference is `SAME_TRIM` nominal values.
-
-    at: enclosure of the equilibrium
-    plant: closed loop, or plant whose inputs are variables too
-    stated: state or input -> stated value, in the order of the enclosure
-    what: name of the stated values in the message
+def check_near(at: Equilibrium, loop: Loop, stated: Mapping[str, float]) -> None:
+    """Raise Rejected unless an enclosed equilibrium is within `SAME_TRIM` nominal values of the
+    stated one, state -> value.
     """
     distances = np.abs(at.x - np.array(list(stated.values()))) + at.radius
-    for name, distance, nominal in zip(stated, distances, plant.nominal, strict=False):
+    for name, distance, nominal in zip(stated, distances, loop.nominal, strict=True):
         if not distance <= SAME_TRIM * nominal:
-            raise Rejected(f"{name} at the equilibrium differs from {what}")
+            raise Rejected(f"{name} at the equilibrium differs from the stated one")
 
 
 def check_root(residual: arb_mat, J: arb_mat, radii: list[arb]) -> None:

@@ -21,8 +21,8 @@ from hfa_prove.enclosure.balls import doubles, matrix
 from hfa_prove.enclosure.program import Program
 from hfa_prove.enclosure.taylor import TaylorProgram, amounts_by_edge, lowest
 from hfa_prove.fields import Rejected
+from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece
-from hfa_prove.statements.plant import Plant
 from hfa_support.progress import Progress
 
 #: Largest error of a few sums and products of doubles, relative to the sizes of the terms.
@@ -36,26 +36,24 @@ class Symbols(NamedTuple):
 
     y: coordinates, (n,)
     z: deviations of the states from the equilibrium, (n,)
-    v: deviations of the inputs, (m,)
-    e: error of the computed equilibrium, (n + m,)
+    e: error of the computed equilibrium, (n,)
     """
 
     y: ca.SX
     z: ca.SX
-    v: ca.SX
     e: ca.SX
 
 
 @dataclass(frozen=True, eq=False)
 class OnPiece(Question):
-    """Property of a plant on the set of a piece, decided box by box.
+    """Property of a closed loop on the set of a piece, decided box by box.
 
-    plant: the plant with its limits
-    equilibrium: enclosure of the equilibrium states of a closed loop, or of the states and inputs
+    loop: the closed loop with its limits
+    equilibrium: enclosure of its equilibrium
     piece: the set
     """
 
-    plant: Plant
+    loop: Loop
     equilibrium: Equilibrium
     piece: Piece
 
@@ -63,11 +61,6 @@ class OnPiece(Question):
     def n(self) -> int:
         """Number of states, which is the dimension of the boxes."""
         return len(self.piece.M)
-
-    @property
-    def m(self) -> int:
-        """Number of inputs that are free variables, 0 for a closed loop."""
-        return len(self.equilibrium.x) - self.n
 
     @abstractmethod
     def check_limits(self) -> None:
@@ -80,7 +73,7 @@ class OnPiece(Question):
 
         Raises Rejected if the property is not proved.
         """
-        self.plant.check_held()
+        self.loop.check_held()
         self.check_limits()
         return cover(self, most, progress)
 
@@ -105,8 +98,8 @@ class OnPiece(Question):
 
         places: points y, (N, n)
         """
-        low, high = self.plant.ends(self.plant.states).T
-        x = self.equilibrium.x[: self.n] + places @ self.inverse[0].T
+        low, high = self.loop.ends(self.loop.states).T
+        x = self.equilibrium.x + places @ self.inverse[0].T
         is_allowed = np.all((low <= x) & (x <= high), axis=1)
         return np.asarray(is_allowed & (self.piece.W.at(places) <= self.piece.c))
 
@@ -146,26 +139,25 @@ class OnPiece(Question):
         """Program y -> W, for Taylor models."""
         y = ca.SX.sym("y", self.n)
         function = ca.Function("W", [y], [self.piece.W.expressions(y)[0]])
-        return TaylorProgram(Program(function, self.plant.model.name), self.n)
+        return TaylorProgram(Program(function, self.loop.model.name), self.n)
 
     @cached_property
     def symbols(self) -> Symbols:
         """Symbols in which the functions of the proof are written."""
-        sizes = (self.n, self.n, self.m, self.n + self.m)
-        return Symbols(*(ca.SX.sym(name, size) for name, size in zip("yzve", sizes, strict=True)))
+        return Symbols(*(ca.SX.sym(name, self.n) for name in "yze"))
 
     def program(self, outputs: Sequence[ca.SX]) -> Program:
         """Return the program that evaluates expressions in the symbols."""
         inputs = ca.vertcat(*self.symbols)
         function = ca.Function("f", [inputs], [ca.densify(ca.vertcat(*outputs))])
-        return Program(function, self.plant.model.name)
+        return Program(function, self.loop.model.name)
 
     def taylor(self, outputs: Sequence[ca.SX]) -> TaylorProgram:
         """Return the program for Taylor models of expressions in the symbols, over boxes of y."""
         return TaylorProgram(self.program(outputs), self.n)
 
     def symbols_on(self, boxes: Boxes) -> tuple[np.ndarray, np.ndarray]:
-        """Return linear models of the symbols on boxes, with v = 0.
+        """Return linear models of the symbols on boxes.
 
         The models are coefficients (symbols, 1 + n, boxes) and radii (symbols, boxes).
         """
@@ -173,14 +165,13 @@ class OnPiece(Question):
         N, off = self.inverse
         centres = boxes.centres.T
         half_widths = boxes.half_widths.T
-        count = 3 * n + 2 * self.m
-        linear = np.zeros((count, 1 + n, len(boxes.centres)))
-        radius = np.zeros((count, len(boxes.centres)))
+        linear = np.zeros((3 * n, 1 + n, len(boxes.centres)))
+        radius = np.zeros((3 * n, len(boxes.centres)))
         linear[:n, 0] = centres
         linear[np.arange(n), np.arange(1, n + 1)] = half_widths
         linear[n : 2 * n, 0] = N @ centres
         linear[n : 2 * n, 1:] = N[:, :, None] * half_widths[None]
         sizes = np.abs(centres) + half_widths
         radius[n : 2 * n] = ((off + 1e-15 * (n + 2) * np.abs(N)) @ sizes) * (1.0 + ROUNDING)
-        radius[2 * n + self.m :] = self.equilibrium.radius[:, None]
+        radius[2 * n :] = self.equilibrium.radius[:, None]
         return linear, radius

@@ -57,7 +57,7 @@ def check_region(
     loop = statement.loop
     stated = statement.equilibrium
     equilibrium = equilibrium_near(loop, np.array(list(stated.values())))
-    check_near(equilibrium, loop, stated, "the stated one")
+    check_near(equilibrium, loop, stated)
     extents = np.array([statement.extents[name] for name in loop.states])
     claims = claims_of(loop, equilibrium, statement.piece, extents, witness.multipliers)
     return sum(claim.proved(witness.boxes, progress) for claim in claims)
@@ -102,12 +102,10 @@ def refuse_curved(loop: Loop) -> None:
 class OnSet(OnPiece):
     """Functions that are positive on the set of a piece, as a property that `cover` proves.
 
-    plant: the loop
     extents: (n, 2), lowest and highest state deviations z in the set
     multipliers: (n, 2), nonnegative factors of c - W in the proofs of the extents
     """
 
-    plant: Loop
     extents: np.ndarray
     multipliers: np.ndarray
 
@@ -119,8 +117,8 @@ class OnSet(OnPiece):
     def check_limits(self) -> None:
         """Raise Rejected unless every state within its extents is within its limits."""
         at = self.equilibrium
-        limits = self.plant.ends(self.plant.states)
-        for i, name in enumerate(self.plant.states):
+        limits = self.loop.ends(self.loop.states)
+        for i, name in enumerate(self.loop.states):
             low, high = limits[i]
             least, most = self.extents[i]
             off = at.radius[i] + 1e-15 * abs(at.x[i])
@@ -166,9 +164,9 @@ class OnSet(OnPiece):
     def rates(self) -> list[tuple[ca.SX, ca.SX]]:
         """Expressions of z' and of the outputs with limits, for all extreme disturbances."""
         x = ca.DM(self.equilibrium.x) + self.symbols.z + self.symbols.e
-        sizes = self.plant.disturbances.values()
+        sizes = self.loop.disturbances.values()
         ends = itertools.product(*((-size, size) for size in sizes))
-        return [self.plant.disturbed_rates(x, each) for each in ends]
+        return [self.loop.disturbed_rates(x, each) for each in ends]
 
     def decreases(self) -> list[ca.SX]:
         """Return -W' for all extreme disturbances."""
@@ -184,8 +182,8 @@ class OnSet(OnPiece):
         """
         functions = []
         for _, outputs in self.rates:
-            for name, output in zip(self.plant.limited_outputs, ca.vertsplit(outputs), strict=True):
-                low, high = self.plant.limits[name]
+            for name, output in zip(self.loop.limited_outputs, ca.vertsplit(outputs), strict=True):
+                low, high = self.loop.limits[name]
                 functions += [output - low] if np.isfinite(low) else []
                 functions += [high - output] if np.isfinite(high) else []
         W, _ = self.piece.W.expressions(self.symbols.y)
@@ -252,7 +250,7 @@ class Decrease(OnSet):
         """
         if any(sum(powers) > 2 for _, powers in self.piece.W.terms):
             return None
-        if not isinstance(self.plant.policy, Gain):
+        if not isinstance(self.loop.policy, Gain):
             return None
         try:
             return self.taylor([ca.vec(ca.jacobian(self.rates[0][0], self.symbols.z))])

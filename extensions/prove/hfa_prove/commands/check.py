@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from hfa_prove.commands.policies import GivenPolicy
 
 #: Statements that a command `hfa prove STATEMENT` proves.
-STATEMENTS = ("cost", "region", "schedule")
+STATEMENTS = ("region", "schedule")
 
 
 @command(CheckRequest)

@@ -14,8 +14,7 @@ from hfa_prove.certificate import kind_of
 from hfa_prove.commands.policies import GivenPolicy, given_policy
 from hfa_prove.commands.request import CheckRequest
 from hfa_prove.fields import rows_of
-from hfa_prove.problem import given_of, given_plant, limits_at, plant_at
-from hfa_prove.statements.cost import CostStatement
+from hfa_prove.problem import given_plant, limits_at, plant_at
 from hfa_prove.statements.loop import SAME_GAIN, Gain
 from hfa_prove.statements.plant import limits_hold
 from hfa_prove.statements.region import RegionStatement
@@ -43,19 +42,10 @@ _GIVEN_BY: Mapping[str, tuple[str, ...]] = {
     "gains": _OF_THE_POLICY,
     "flight.range": ("trim.at",),
     "loop.disturbances": ("disturbance",),
-    "Q": ("game.weights.Q",),
-    "R": ("game.weights.R",),
 }
 #: Kind of a certificate -> its subject, and paths of options that do not apply to it.
 _OTHERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "schedule": ("a schedule", ("policy", "reading.", "disturbance")),
-    "cost": (
-        "a bound of the cost",
-        (
-            *("policy", "weights", "reading.", "disturbance"),
-            *("game.weights.N", "game.weights.delta"),
-        ),
-    ),
 }
 
 
@@ -126,7 +116,6 @@ def given_for(statement: Any, request: CheckRequest, own: GivenPolicy | None) ->
     of_kind: Mapping[str, Callable[..., dict[str, Given]]] = {
         "schedule": _of_schedule,
         "region": _of_region,
-        "cost": _of_cost,
     }
     given = of_kind[kind_of(statement)](statement, request, own)
     subjects = {path: declared.subject for path, declared, _ in statement.entries()}
@@ -248,18 +237,3 @@ def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
         if not close_to(SAME_GAIN)(first, second):
             return False
     return True
-
-
-def _of_cost(statement: CostStatement, request: CheckRequest, _: Any) -> dict[str, Given]:
-    from hfa_flight.problem import flight_problem
-
-    weights = request.game.weights.changed
-    for name, value in weights.items():
-        if isinstance(value, Mapping):
-            raise BadInputError(f"--{name} names weights; give a,b,... as in the certificate")
-    given = {name: Given(value) for name, value in weights.items()}
-    if not (names_aircraft(request) or request.trim.at):
-        return given
-    trim = at_one_value(request).trim
-    problem = flight_problem(trim.aircraft, trim.point(), limits=trim.limit)
-    return given | given_of(problem, "")

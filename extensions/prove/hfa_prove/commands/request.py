@@ -5,28 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import (
     breakpoint_value,
     input_file,
-    number,
     one_of,
     positive,
     quantity,
 )
 from hfa.options.critics import ReadingGiven, critic_path
-from hfa.options.game import GameGiven, GameWeights
+from hfa.options.game import GameGiven
 from hfa.options.part import OfModel, option, part
 from hfa.options.request import Request
 from hfa.options.trim import Trim, limits_option, scheduled
 from hfa_aircraft.model import Model
 from hfa_prove.commands.options import interval_of
 from hfa_support.errors import BadInputError, choice_of
-
-if TYPE_CHECKING:
-    from hfa_flight.problem import FlightProblem
 
 
 def disturbance_size(model: Model, name: str, text: str) -> float:
@@ -124,61 +120,3 @@ class RegionRequest(Request):
         OfModel(disturbance_size),
         named=True,
     )
-
-
-_DEGREES = ("2", "4", "6", "8", "10", "12")
-
-
-def _part(text: str) -> float:
-    """Return the fraction in the text of an option.
-
-    Raises BadInputError unless the text is a number from 0.0001 to 0.99.
-    """
-    part = number(text)
-    if not 1e-4 <= part <= 0.99:
-        raise BadInputError(f"is {text}; give a number from 0.0001 to 0.99")
-    return part
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CostRequest(Request):
-    """Arguments of `hfa prove cost`."""
-
-    aircraft: Aircraft = part(Aircraft, without=("units",))
-    trim: Trim = part(Trim, without=("limit", "start"))
-    game: GameGiven = part(
-        GameGiven, without=("plant",), weights=part(GameWeights, without=("N", "delta"))
-    )
-    degree: int = option(
-        "degree of the polynomial W: 2, 4, 6, 8, 10 or 12; default 4",
-        "N",
-        lambda text: int(one_of(*_DEGREES)(text)),
-        default=4,
-    )
-    margin: float = option(
-        "relative distance of W below the linear quadratic cost; a smaller distance requires more "
-        "time; default 0.02",
-        "PART",
-        _part,
-        default=0.02,
-    )
-    seconds: float = option(
-        "limit of processor time for the proof, s; default 120",
-        "S",
-        positive,
-        default=120.0,
-    )
-    limits: Mapping[str, tuple[float, float]] = limits_option(
-        "limits of a state, instead of the limits of the flight envelope"
-    )
-
-    def problem(self) -> FlightProblem:
-        """Return the optimal control problem of the flights to the trim."""
-        from hfa_flight.problem import flight_problem
-        from trim.point.linearize import linearize
-
-        aircraft = self.trim.aircraft
-        point = self.trim.point()
-        game = self.game.weights.game(linearize(aircraft, point))
-        game.refuse_cross_weights("the cost of hfa prove")
-        return flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from flint import arb, arb_mat, fmpq
+from flint import arb, arb_mat
 
 import hfa_prove.enclosure.precision  # noqa: F401  # sets the precision of balls
 
@@ -85,28 +85,3 @@ def is_positive_definite(values: arb_mat) -> bool:
     """Return whether every symmetric matrix in a matrix of balls is proved positive definite."""
     diagonal = pivots(values)
     return diagonal is not None and all(pivot > 0 for pivot in diagonal)
-
-
-def lowest_sign(values: np.ndarray) -> int:
-    """Return the sign of the lowest eigenvalue of a symmetric matrix of doubles, computed exactly.
-
-    - 1: positive definite
-    - 0: singular and positive semidefinite
-    - -1: not positive semidefinite
-    """
-    rows = [[fmpq(*entry.as_integer_ratio()) for entry in row] for row in values.tolist()]
-    sign = 1
-    for k in range(len(rows)):
-        pivot = rows[k][k]
-        if pivot < 0:
-            return -1
-        if pivot == 0:
-            if any(rows[i][k] != 0 for i in range(k + 1, len(rows))):
-                return -1
-            sign = 0
-            continue
-        for i in range(k + 1, len(rows)):
-            share = rows[i][k] / pivot
-            for j in range(k + 1, i + 1):
-                rows[i][j] -= share * rows[j][k]
-    return sign

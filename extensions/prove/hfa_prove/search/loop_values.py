@@ -60,10 +60,10 @@ class LoopValues:
         at = Intervals(self._x, np.zeros_like(self._x))
         return jacobian(self._program, at).slopes.middle[: len(self._x)]
 
-    @cached_property
+    @property
     def nominal(self) -> np.ndarray:
         """Nominal values of the moving states, (n,)."""
-        return self.loop.nominal[: len(self.loop.states)]
+        return self.loop.nominal
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """Return z' (N, n) at state deviations z (N, n)."""

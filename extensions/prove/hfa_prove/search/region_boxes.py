@@ -16,6 +16,7 @@ from hfa_prove.check.equilibrium import equilibrium_near
 from hfa_prove.check.region_boxes import claims_of
 from hfa_prove.fields import Rejected
 from hfa_prove.search.clock import OutOfTimeError
+from hfa_prove.search.kinks import kink_at
 from hfa_prove.search.loop_values import DisturbedValues, LoopValues
 from hfa_prove.search.region_search import (
     Region,
@@ -25,7 +26,6 @@ from hfa_prove.search.region_search import (
     refuse_unstable,
 )
 from hfa_prove.search.shape_boxes import Growth, Shape
-from hfa_prove.search.timed_search import TimedSearch
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_prove.words import place_in_words
@@ -65,8 +65,10 @@ _DEFINITE = 1e-12
 _WIDEST = 100.0
 
 
-class BoxesSearch(TimedSearch):
+class BoxesSearch:
     """Search for a region of attraction on boxes.
+
+    What is proved is kept if the time is over or the user interrupts the search.
 
     problem: the closed loop. Its disturbances are neglected while V is searched.
     settings: degree, time limit and what is saved
@@ -79,8 +81,10 @@ class BoxesSearch(TimedSearch):
         self.loop = replace(problem.loop, disturbances={})
         self._settings = settings
         self._degree = settings.degree
-        at = equilibrium_near(self.loop, np.array(list(self.loop.trim.values())))
-        super().__init__(self.loop, at, settings.clock)
+        self._clock = settings.clock
+        self.equilibrium = equilibrium_near(self.loop, np.array(list(self.loop.trim.values())))
+        #: Why nothing more is proved, or "".
+        self._stopped = ""
         self.samples = LoopValues(self.loop, self.equilibrium.x, self._clock)
         self.J = self.samples.J
         self._best: Region | None = None
@@ -96,10 +100,16 @@ class BoxesSearch(TimedSearch):
         Raises NoSolutionError if no region is proved or the linearization is not Hurwitz.
         """
         refuse_unstable(self.J)
-        self._run()
+        try:
+            self._search()
+        except OutOfTimeError as error:
+            self._stopped = self._stopped or str(error)
+        except KeyboardInterrupt:
+            self._stopped = "interrupted"
         self.samples.clock = None  # the obstacles have a clock of their own
         if self._best is None:
-            raise self._nothing_proved()
+            kink = kink_at(self.loop, self.equilibrium)
+            raise NoSolutionError(f"{self._stopped}; {kink}" if kink else self._stopped)
         return replace(self._best, stopped=self._stopped)
 
     def _search(self) -> None:

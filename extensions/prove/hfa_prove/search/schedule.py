@@ -65,7 +65,7 @@ class ScheduleFound(Reported):
         """Return the report that `hfa prove schedule` prints."""
         from hfa_prove.report import found_report
 
-        return found_report(self.statement, (self.size,))
+        return found_report(self.statement, self.size)
 
 
 @checks_arguments

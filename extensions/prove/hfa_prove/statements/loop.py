@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_prove.enclosure.program import Program
 from hfa_prove.fields import Fields, Stated, Terms, entry, require, rows_of
 from hfa_prove.statements.plant import Plant, digest_of
 from hfa_support.errors import BadInputError
@@ -179,3 +180,8 @@ class Loop(Plant):
         """Function x -> rates of the closed loop."""
         x = ca.SX.sym("x", len(self.states))
         return ca.Function("rates", [x], [self.rates(x)[0]])
+
+    @cached_property
+    def program(self) -> Program:
+        """Program of `rate_function`."""
+        return Program(self.rate_function, self.model.name)

@@ -101,12 +101,3 @@ class Piece(NamedTuple):
         """Return the piece as stored in a file, in the form that `read` accepts."""
         rows = rows_of(self.W.terms)
         return {"M": self.M.tolist(), "W": rows, "c": self.c}
-
-    def bound(self, z: np.ndarray) -> np.ndarray:
-        """Return lower bounds (N,) of the cost from state deviations z (N, n), in double precision.
-
-        The bound is min(W, c) if |y_i| < 1 for all i, and c elsewhere.
-        """
-        y = z @ self.M.T
-        inside = np.all(np.abs(y) < 1.0, axis=1)
-        return np.where(inside, np.minimum(self.W.at(y), self.c), self.c)

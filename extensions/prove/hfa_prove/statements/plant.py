@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_prove.enclosure.program import LARGEST, Program
+from hfa_prove.enclosure.program import LARGEST
 from hfa_prove.enclosure.splines import is_table, tables_of
 from hfa_prove.fields import Fields, Rejected, Stated, entry, require
 from hfa_prove.hfa import aircraft_of
@@ -219,22 +219,8 @@ class Plant(Stated):
 
     @property
     def nominal(self) -> np.ndarray:
-        """Nominal values of the moving states and the inputs, (n + m,)."""
-        signals = self.model.signals
-        return np.array([signals[name].nominal for name in (*self.states, *self.inputs)])
-
-    @cached_property
-    def rate_function(self) -> ca.Function:
-        """Function (x, u) -> rates of the moving states."""
-        n = len(self.states)
-        both = ca.SX.sym("x", n + len(self.inputs))
-        rates, _ = self.rates_at(both[:n], both[n:])
-        return ca.Function("rates", [both], [rates])
-
-    @cached_property
-    def program(self) -> Program:
-        """Program of `rate_function`."""
-        return Program(self.rate_function, self.model.name)
+        """Nominal values of the moving states, (n,)."""
+        return np.array([self.model.signals[name].nominal for name in self.states])
 
     def ends(self, names: Sequence[str]) -> np.ndarray:
         """Return the lowest and highest values of signals, (len(names), 2).

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,7 +22,7 @@ from flint import arb
 from hfa import aircraft
 from hfa_aircraft.about import Domain, Source
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.certificate import SCHEMA, read_content
+from hfa_prove.certificate import SCHEMA, read_certificate, read_content, write_certificate
 from hfa_prove.check.cover import Boxes, OpenBoxError, RefutedError
 from hfa_prove.check.equilibrium import Equilibrium, check_root, equilibrium_near
 from hfa_prove.check.region_boxes import Decrease, check_region
@@ -572,6 +573,32 @@ def test_each_clause_refuses_its_forgery(name: str) -> None:
     change(made)
     with pytest.raises((NoSolutionError, BadInputError), match=message):
         checked(made)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('"c": 0.81', '"c": 0.75'),
+        ('"boxes": 2000', '"boxes": 2001'),
+        ('"date": "today"', '"date": "monday"'),
+        ('"digest": "', '"digest": "0'),
+        ('"kind": "region"', '"kind": "schedule", "kind": "region"'),
+        ('"c": 0.81', '"c": 0.75, "c": 0.81'),
+        ('"c": 0.81', '"c": 0.810'),
+    ],
+)
+def test_a_certificate_that_was_edited_is_refused(before: str, after: str, tmp_path: Path) -> None:
+    """An edit of any text of a file is refused: a value, a seal, a second entry, another digit."""
+    path = tmp_path / "region.json"
+    origin = {"version": "1", "command": "hfa prove region", "date": "today"}
+    statement, witness = read_content(tank(), Subject(TANK))
+    write_certificate(path, statement, witness.content(), origin)
+    assert read_certificate(path, Subject(TANK)).written == origin
+    text = path.read_text()
+    assert text.count(before) == 1
+    path.write_text(text.replace(before, after))
+    with pytest.raises(BadInputError, match="edited"):
+        read_certificate(path, Subject(TANK))
 
 
 NAN = float("nan")

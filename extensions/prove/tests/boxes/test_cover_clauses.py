@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from hfa_aircraft.model import Model, Signal
-from hfa_prove.check.cost import check_cost
 from hfa_prove.check.cover import (
     Boxes,
     OpenBoxError,
@@ -28,10 +27,8 @@ from hfa_prove.check.equilibrium import equilibrium_near
 from hfa_prove.check.region_boxes import check_region
 from hfa_prove.enclosure.program import Program
 from hfa_prove.enclosure.taylor import TaylorProgram, lowest
-from hfa_prove.statements.cost import CostStatement, CostWitness
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece, Polynomial
-from hfa_prove.statements.plant import Plant
 from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_support.errors import NoSolutionError
 
@@ -243,19 +240,6 @@ def test_increase_within_the_hole_is_refused(
     statement = RegionStatement(loop, {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
     with nullcontext() if is_proved else pytest.raises(RefutedError):
         assert check_region(statement, RegionWitness(np.zeros((1, 2)), 10**4)) > 0
-
-
-@pytest.mark.parametrize("share", [0.1, 1.0])
-def test_a_bound_that_fails_beside_the_hole_is_refused(share: float) -> None:
-    """For x' = -x - share bump, g = 0.2 x² - 0.8 x share bump is negative at 0.2, beyond 1/8."""
-    model = Model(
-        "rings", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x - share * _bump(x.x)}, {})
-    )
-    plant = Plant(model, {}, {"x": 0.0}, {}, {}, {})
-    piece = Piece(np.eye(1), Polynomial(1, ((0.4, (2,)),)), 0.3)
-    claim = CostStatement(plant, {"x": 0.0}, np.eye(1), np.zeros((0, 0)), (piece,))
-    with nullcontext() if share < 1.0 else pytest.raises(RefutedError):
-        assert check_cost(claim, CostWitness(("x",), (10**4,)))[0] > 0
 
 
 def test_the_lowest_value_in_the_set_is_told() -> None:

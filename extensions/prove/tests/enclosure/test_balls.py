@@ -17,7 +17,6 @@ from hfa_prove.enclosure.balls import (
     exact,
     hull,
     is_positive_definite,
-    lowest_sign,
     matrix,
     norm,
     pivots,
@@ -56,29 +55,6 @@ def test_norms_and_hulls_contain_every_member() -> None:
         assert not symmetric(value).contains(3.001)
     assert exact(0.1).rad() == 0
     assert doubles(matrix([[1.0, 2.0], [3.0, 4.0]])).tolist() == [[1.0, 2.0], [3.0, 4.0]]
-
-
-@pytest.mark.parametrize(
-    ("rows", "sign"),
-    [
-        ([[1.0]], 1),
-        ([[0.0]], 0),
-        ([[-1e-300]], -1),
-        ([[2.0, 2.0], [2.0, 2.0]], 0),
-        ([[2.0, 2.0], [2.0, 2.0 + 2.0**-51]], 1),
-        ([[2.0, 2.0], [2.0, 2.0 - 2.0**-52]], -1),
-        ([[0.0, 0.0], [0.0, 1.0]], 0),
-        ([[0.0, 1.0], [1.0, 1.0]], -1),
-        ([[0.0, 0.0], [0.0, -1.0]], -1),
-        ([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 2.0]], 0),
-        ([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 1.9]], -1),
-        ([[1.0, 0.5, 1.0], [0.5, 1.0, 1.0], [1.0, 1.0, 2.0]], 1),
-        ([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0]], -1),
-    ],
-)
-def test_the_lowest_sign_is_exact(rows: list[list[float]], sign: int) -> None:
-    """Definite, semidefinite and indefinite matrices of doubles are told apart exactly."""
-    assert lowest_sign(np.array(rows)) == sign
 
 
 @pytest.mark.parametrize("module", ["hfa_prove.enclosure.balls", "hfa_prove.search.schedule"])

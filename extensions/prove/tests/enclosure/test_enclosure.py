@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from hfa_prove.check.definite import Factor, ModelMatrix
-from hfa_prove.enclosure.balls import lowest_sign
 from hfa_prove.enclosure.program import Program
 from hfa_prove.enclosure.relaxation import Relaxation
 from hfa_prove.enclosure.slopes import Intervals, between, jacobian, values_at
@@ -394,18 +393,15 @@ def test_products_of_matrices_contain_those_of_all_members() -> None:
 
 
 def test_no_matrix_is_definite_by_rounding() -> None:
-    """A matrix with an eigenvalue of 0 within rounding is definite only if it is so exactly."""
+    """A singular matrix is not definite, whatever rounding makes of its eigenvalue of 0."""
     rng = np.random.default_rng(9)
     one = Factor.exact(np.eye(3))
-    found = 0
     for k in range(400):
         B = rng.normal(size=(3, 2))
         H = B @ B.T + (1e-9 * np.eye(3) if k % 4 == 0 else 0.0)
         H = 0.5 * (H + H.T)
         is_definite = ModelMatrix(H[:, :, None], np.zeros((3, 3)), 0).is_definite(one, one)
-        assert not is_definite or lowest_sign(H) == 1
-        found += is_definite
-    assert found == 100
+        assert is_definite == (k % 4 == 0)
 
 
 FRACTIONS = [Fraction(each) for each in (-1.0, -0.25, 0.0, 0.5, 1.0)]
