@@ -117,9 +117,6 @@ class VerifyRequest(GameRequest):
         whole(1),
         package="hfa_optimal",
     )
-    prove: bool = option(
-        "prove that no error of a network in the box exceeds --limit-error", package="hfa_prove"
-    )
 
     @property
     def paths(self) -> list[Path]:
@@ -182,7 +179,7 @@ def verify(request: VerifyRequest) -> int:
     _refuse_unused(request, paths)
     if len(paths) > 1:
         request.refuse(
-            ("reference", "prove", "taylor"),
+            ("reference", "taylor"),
             "requires a single critic; remove it, or give a single file with --weights",
         )
     named = request.named_game()
@@ -218,13 +215,8 @@ def verify(request: VerifyRequest) -> int:
         report = with_flights(report, judged, named, request.flights)
     last = judged[-1]
     report = with_tracking(report, request.reference, named, last.exact.P, last.critic.K)
-    is_proved = True
-    if request.prove:
-        from hfa_prove.network import with_bound
-
-        report, is_proved = with_bound(report, game, last.critic, request.limit_error)
     request.show(report, figure=partial(_figure, verdicts, origin), notes=named.warnings)
-    return 0 if is_proved and all(verdict.holds(cost) for verdict in judged) else 1
+    return 0 if all(verdict.holds(cost) for verdict in judged) else 1
 
 
 def _judged_game(request: VerifyRequest, named: NamedGame) -> Game:

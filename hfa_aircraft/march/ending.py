@@ -19,8 +19,6 @@ from hfa_aircraft.march.march import History
 
 #: Nominal values by which a state deviates from the trim when a flight diverges.
 FAR = 1e4
-#: Multiples of the largest initial deviation by which a flight of a region diverges.
-FAR_OF_STARTS = 1e2
 #: A bound on the cost-to-go V* in a box is exceeded by this factor when a flight diverges.
 FAR_OF_VALUE = 1e12
 #: A flight about an expansion leaves its neighborhood if z'Pz exceeds this multiple of its initial
@@ -35,9 +33,6 @@ OF_VALUE = 0.05
 OF_EXPANSION = 1e-2
 #: A loop in discrete time also converges to this multiple of the cost-to-go of the exact loop.
 OF_EXACT = 2.0
-#: A flight of a region is at another equilibrium if it would move by fewer nominal values in the
-#: same time again.
-RESTS = 1e-2
 
 
 class Outcome(StrEnum):
@@ -45,7 +40,6 @@ class Outcome(StrEnum):
 
     CONVERGED = "converges"
     LEFT = "leaves the envelope"
-    DIVERGED = "diverges"
     CYCLES = "limit cycle"
     ELSEWHERE = "converges to another equilibrium"
     UNDECIDED = "does not converge"
@@ -87,44 +81,19 @@ def has_decayed(value: Any, reference: Any, fraction: float) -> Any:
     return np.isfinite(reference) & (value <= fraction * reference)
 
 
-def is_at_rest(rates: np.ndarray, seconds: float, nominal: np.ndarray) -> np.ndarray:
-    """Return a mask (N,) of the flights that would hardly move in the same time again (`RESTS`).
-
-    rates: rates of the states, (N, n)
-    seconds: duration of the flights, s
-    nominal: nominal values of the states, (n,)
-    """
-    return np.asarray((np.abs(rates) * seconds <= RESTS * nominal).all(axis=1))
-
-
 @dataclass(frozen=True, eq=False)
 class EndRule:
     """When a flight is over, from its present state alone.
 
-    A flight is over in the first of these cases that applies:
-
-    - It has converged.
-    - It diverges: a state is not a number, or deviates by more than `far`.
-    - It has left the limits.
+    A flight is over if it diverges (a state is not a number, or deviates by more than `far`), or if
+    it has left the limits.
 
     far: deviation of each state beyond which a flight diverges, (n,) or a number
     inside: mask of the states within the limits, or None without limits
-    converged: mask of the states from which a flight counts as converged, or None
     """
 
     far: np.ndarray | float
     inside: Mask | None = None
-    converged: Mask | None = None
-
-    def outcomes(self, states: np.ndarray) -> np.ndarray:
-        """Return the `Outcome` of each flight, (N,), from its states (N, n)."""
-        outcomes = np.full(len(states), Outcome.UNDECIDED, dtype=object)
-        if self.inside is not None:
-            outcomes[~self.inside(states)] = Outcome.LEFT
-        outcomes[~self._is_near(states)] = Outcome.DIVERGED
-        if self.converged is not None:
-            outcomes[self.converged(states)] = Outcome.CONVERGED
-        return outcomes
 
     def over(self, flown: History) -> np.ndarray:
         """Return a mask (N, T + 1), True where a flight is over, for `march`."""
@@ -134,12 +103,7 @@ class EndRule:
 
     def is_over(self, states: np.ndarray) -> np.ndarray:
         """Return a mask (N,) of the flights that are over at their states (N, n)."""
-        over = ~self._is_near(states)
+        over = ~(np.abs(states) <= self.far).all(axis=-1)
         if self.inside is not None:
             over |= ~self.inside(states)
-        if self.converged is not None:
-            over |= self.converged(states)
-        return over
-
-    def _is_near(self, states: np.ndarray) -> np.ndarray:
-        return np.asarray((np.abs(states) <= self.far).all(axis=-1))
+        return np.asarray(over)

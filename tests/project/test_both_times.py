@@ -15,7 +15,6 @@ import pytest
 
 import controller
 import hfa
-import hfa_prove
 from hfa import BadInputError, Game
 
 PACKAGES = (
@@ -70,16 +69,6 @@ def _smallest() -> None:
         hfa.solve(GAME.with_delta(0.99 * smallest))
 
 
-def _bound() -> None:
-    far = ca.Function("V", [Z], [1.01 * V(Z)])
-    for value, is_bounded in ((V, True), (far, False)):
-        proof = hfa_prove.error_bound(GAME, hfa.from_network(GAME, value))
-        assert proof is not None
-        assert (proof.fraction == 1.0) == (proof.beyond is None) == is_bounded
-        assert proof.left_out == ("policy",)
-        assert ("not of the policy" in proof.sentence()) == is_bounded
-
-
 def _solution() -> None:
     P = np.zeros((2, 2))
     for _ in range(300):  # Riccati recursion with discount 0.9, E = R = I and delta = 9
@@ -108,7 +97,6 @@ HANDLED: dict[str, Callable[[], Any]] = {
     "bounded_real_gain": _gain,
     "disk_margin": _margin,
     "minimum_delta": _smallest,
-    "error_bound": _bound,
 }
 REFUSED: dict[str, Callable[[], Any]] = {
     "fly": lambda: hfa.fly(hfa.aircraft(), hfa.trim(hfa.aircraft()), EXACT),

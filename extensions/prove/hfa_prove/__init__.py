@@ -1,4 +1,4 @@
-"""Proofs about loops of an aircraft: schedules, networks, regions of attraction."""
+"""Proofs about loops of an aircraft: schedules and regions of attraction."""
 
 from hfa_support.public_names import public_names
 

@@ -1,4 +1,3 @@
-from hfa_prove.network import error_bound as error_bound
 from hfa_prove.search.family import (
     Family as Family,
     breakpoints_of as breakpoints_of,

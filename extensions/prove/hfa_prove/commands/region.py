@@ -25,9 +25,7 @@ def region(request: RegionRequest) -> int:
     and converges to the trim. z is the deviation from the trim. The policy is u = sat(u0 - K z)
     with K of the exact game, or the gain, polynomial or network in the file of --weights. With
     --disturbance NAME=SIZE, the set is proved invariant under every disturbance up to SIZE, and
-    convergence is not claimed. The report also names a state with V' >= 0, an initial condition
-    that does not converge, and the active limits. -o FILE.json writes a certificate for
-    `hfa prove --check FILE`.
+    convergence is not claimed. -o FILE.json writes a certificate for `hfa prove --check FILE`.
     Not covered: sampling, actuators, delays, and a linearization that is not Hurwitz. Exit code 0:
     the set is proved. The command requires the package python-flint."""
     from hfa_prove.enclosure.precision import flint_or_refusal

@@ -62,14 +62,12 @@ class Enclosed(NamedTuple):
     curve: (t0, low, high) -> enclosure by a parabola, or None if the function has kinks
     line: (t0, low, high) -> enclosure by a line
     slopes: (low, high) -> lowest and highest slope
-    is_exact: whether `curve` has no other remainder than rounding
     """
 
     value: Callable[[Any], Any]
     curve: Callable[[Ranges], Parabola] | None
     line: Callable[[Ranges], Parabola]
     slopes: Callable[[np.ndarray, np.ndarray], Slopes]
-    is_exact: bool = False
 
     def nearest(self, ranges: Ranges, of_square: np.ndarray) -> Parabola:
         """Return the parabola or the line on each range, whichever has the smaller remainder.
@@ -80,8 +78,6 @@ class Enclosed(NamedTuple):
         if self.curve is None:
             return self.line(ranges)
         curve = self.curve(ranges)
-        if self.is_exact:
-            return curve
         line = self.line(ranges)
         is_curve = curve.rest + np.abs(curve.bend) * of_square <= line.rest
         return Parabola(*(np.where(is_curve, a, b) for a, b in zip(curve, line, strict=True)))
@@ -374,31 +370,7 @@ def _step_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
     return Slopes(np.where(is_open, -np.inf, 0.0), np.where(is_open, np.inf, 0.0))
 
 
-# square, sine and cosine
-
-
-def _square_curve(ranges: Ranges) -> Parabola:
-    centre = ranges[0]
-    value = centre * centre
-    one = np.ones_like(value)
-    return _parabola(value, 2.0 * centre, one, 0.0 * one, (ROUNDING * value, 0, 0), _reach(ranges))
-
-
-def _square_line(ranges: Ranges) -> Parabola:
-    """Return an enclosure of t² by a line parallel to its chord.
-
-    t² = m² + 2 m (t - m) + (t - m)², with m the middle of the range.
-    """
-    centre, low, high = ranges
-    middle = 0.5 * (low + high)
-    half = 0.5 * np.maximum(high - middle, middle - low) ** 2
-    value = middle * (2.0 * centre - middle) + half
-    size = half + np.abs(middle) * (2.0 * np.abs(centre) + np.abs(middle))
-    return Parabola(value, 2.0 * middle, np.zeros_like(value), half * _UP + 4.0 * ROUNDING * size)
-
-
-def _square_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-    return Slopes(2.0 * low, 2.0 * high)
+# sine and cosine
 
 
 def _wave(
@@ -588,7 +560,6 @@ def _of_curved(name: str, value: Callable[[Any], Any]) -> Enclosed:
 ENCLOSED: Mapping[str, Enclosed] = {
     "relu": Enclosed(lambda t: np.maximum(t, 0.0), None, _relu_line, _relu_slopes),
     "step": Enclosed(lambda t: np.where(t > 0.0, 1.0, 0.0), None, _step_line, _step_slopes),
-    "square": Enclosed(np.square, _square_curve, _square_line, _square_slopes, is_exact=True),
     "inverse": _reflected(_CURVED["inverse"], np.reciprocal),
     "sin": _wave(np.sin, sin_cos),
     "cos": _wave(np.cos, _cos_sin),

@@ -384,16 +384,14 @@ class Program:
 
     function: SX or MX function of one vector
     name: name of the function, for messages
-    degree: highest degree of products of polynomials of the inputs that are expanded. Equal
-        monomials of different polynomials then are one node, and cancel.
 
     Raises BadInputError if an operation cannot be enclosed or the function is too large.
     """
 
-    def __init__(self, function: ca.Function, name: str, degree: int = 1) -> None:
+    def __init__(self, function: ca.Function, name: str) -> None:
         self.inputs = function.numel_in(0)
         self.name = name
-        affine = _Rows(self.inputs, name, degree)
+        affine = _Rows(self.inputs, name)
         (rows,) = Reading(function, affine, name)(affine.symbols)
         self._nodes = nodes = affine.nodes
         first = 1 + self.inputs
@@ -456,18 +454,13 @@ class _Rows(Arithmetic):
 
     inputs: number of inputs
     name: name of the function, for messages
-    degree: highest degree of expanded products, as in `Program`
     """
 
-    def __init__(self, inputs: int, name: str, degree: int) -> None:
+    def __init__(self, inputs: int, name: str) -> None:
         self.nodes: list[Node] = []
         self._name = name
-        self._degree = degree
         self._first = 1 + inputs
         self._known: dict[tuple[Any, ...], int] = {}
-        self._powers: dict[int, tuple[int, ...]] = {0: ()}
-        self._powers |= {variable: (variable,) for variable in range(1, self._first)}
-        self._monomials = {powers: variable for variable, powers in self._powers.items()}
 
     @property
     def symbols(self) -> list[Row]:
@@ -490,11 +483,7 @@ class _Rows(Arithmetic):
         for row, other in ((a, b), (b, a)):
             if _is_constant(row):
                 return _plus({}, other, row.get(0, Fraction(0)))
-        if self._degree_of(a) + self._degree_of(b) <= self._degree:
-            return self._polynomial(a, b)
-        # Taylor models, without expansion, evaluate squares together with other products
-        is_square = a == b and self._degree > 1
-        return self.node("square", a) if is_square else self.node("product", a, b)
+        return self.node("product", a, b)
 
     def divide(self, a: Row, b: Row) -> Row:
         if _is_constant(b) and b:
@@ -563,37 +552,6 @@ class _Rows(Arithmetic):
 
     def table(self, spline: Spline, a: Row) -> Row:
         return self.node(spline, a)
-
-    def _degree_of(self, row: Row) -> float:
-        """Return the degree of a row as a polynomial in the inputs, or inf for any other row."""
-        if not row.keys() <= self._powers.keys():
-            return math.inf
-        return max(len(self._powers[variable]) for variable in row)
-
-    def _polynomial(self, a: Row, b: Row) -> Row:
-        """Return the row of the product of two polynomials in the inputs, given as rows."""
-        total: dict[int, Fraction] = {}
-        for left, factor in a.items():
-            for right, other_factor in b.items():
-                monomial = self._monomial(tuple(sorted(self._powers[left] + self._powers[right])))
-                total[monomial] = total.get(monomial, Fraction(0)) + factor * other_factor
-        return {monomial: factor for monomial, factor in total.items() if factor}
-
-    def _monomial(self, powers: tuple[int, ...]) -> int:
-        """Return the variable of a monomial, and add its node if it does not exist.
-
-        powers: indices of the inputs in the monomial, repeated for powers
-        """
-        if powers not in self._monomials:
-            before = {self._monomial(powers[:-1]): _ONE}
-            last = {powers[-1]: _ONE}
-            row = (
-                self.node("square", last) if before == last else self.node("product", before, last)
-            )
-            (variable,) = row
-            self._monomials[powers] = variable
-            self._powers[variable] = powers
-        return self._monomials[powers]
 
     def node(self, kind: Kind, *rows: Row) -> Row:
         """Return the affine row of a node with the given kind and arguments.

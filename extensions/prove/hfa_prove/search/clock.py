@@ -31,12 +31,9 @@ class Clock:
     """
 
     def __init__(self, seconds: float, progress: Progress | None = None) -> None:
-        self.seconds = seconds
         self._begin = time.process_time()
         self._deadline = self._begin + seconds
         self._progress = progress
-        #: Whether the progress function raised KeyboardInterrupt.
-        self.interrupted = False
 
     @property
     def used(self) -> float:
@@ -66,10 +63,5 @@ class Clock:
         """
         if self.left < 0.0:
             raise OutOfTimeError(what, done / total)
-        if self._progress is None:
-            return
-        try:
+        if self._progress is not None:
             self._progress(done, total, what)
-        except KeyboardInterrupt:
-            self.interrupted = True
-            raise

@@ -24,14 +24,14 @@ class LoopValues:
     """A closed loop at deviations z of its states from an equilibrium.
 
     loop: the closed loop with its limits
-    x: states at the equilibrium, (n,), by default the trim
+    x: states at the equilibrium, (n,)
     clock: called at each evaluation of the rates, or None. It may raise OutOfTimeError.
     """
 
-    def __init__(self, loop: Loop, x: np.ndarray | None = None, clock: Clock | None = None) -> None:
+    def __init__(self, loop: Loop, x: np.ndarray, clock: Clock | None = None) -> None:
         self.loop = loop
-        self.clock = clock
-        self._x = np.array(list(loop.trim.values())) if x is None else x
+        self._clock = clock
+        self._x = x
         states = ca.SX.sym("x", len(loop.states))
         rates, outputs = loop.rates(states)
         self._function = ca.Function("values", [states], [ca.vertcat(rates, outputs)])
@@ -67,8 +67,8 @@ class LoopValues:
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """Return z' (N, n) at state deviations z (N, n)."""
-        if self.clock is not None:
-            self.clock(0.0, 1.0, "samples of V'")
+        if self._clock is not None:
+            self._clock(0.0, 1.0, "samples of V'")
         return self._values(z + self._x)[0]
 
     @cached_property
@@ -83,22 +83,6 @@ class LoopValues:
         has_limits = [name in self.loop.limits for name in self.loop.states]
         outputs = self._values(x)[1] if self.loop.limited_outputs else x[:, :0]
         return np.hstack([x[:, has_limits], outputs])
-
-    @cached_property
-    def permitted_deviations(self) -> np.ndarray:
-        """Lowest and highest permitted deviation of each signal in `limited`, (k, 2)."""
-        at = self._signals(np.zeros((1, len(self._x))))[0]
-        return self.loop.ends(self.limited) - at[:, None]
-
-    def limited_signals(self, z: np.ndarray) -> dict[str, tuple[np.ndarray, float, float]]:
-        """Return limited state or output -> deviations (N,) at z (N, n), lowest and highest one."""
-        at = self._signals(np.zeros((1, len(self._x))))[0]
-        values = (self._signals(z) - at).T
-        ends = self.permitted_deviations.tolist()
-        return {
-            name: (each, low, high)
-            for name, each, (low, high) in zip(self.limited, values, ends, strict=True)
-        }
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
         """Return the mask (N,) of deviations z (N, n) beyond a limit of a state or output."""
@@ -138,8 +122,6 @@ class DisturbedValues(LoopValues):
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """Return z' (N, n) at state deviations z (N, n) under the worst extreme disturbance."""
-        if self.clock is not None:
-            self.clock(0.0, 1.0, "samples of V'")
         each = self._disturbed(z + self._x)[0].reshape(len(z), -1, z.shape[1])
         rises = np.einsum("kvn,kn->kv", each, self._gradients(z))
         return np.asarray(each[np.arange(len(z)), np.argmax(rises, axis=1)])

@@ -12,7 +12,6 @@ from hfa_prove.check.region_boxes import refuse_curved
 from hfa_prove.fields import Rejected
 from hfa_prove.search.clock import Clock, OutOfTimeError
 from hfa_prove.search.loop_values import DisturbedValues
-from hfa_prove.search.obstacles import first_obstacle, obstacles_around, rises
 from hfa_prove.search.region_boxes import BoxesSearch
 from hfa_prove.search.region_search import Region, RegionProblem, Settings
 from hfa_prove.search.shape_boxes import Shape
@@ -30,8 +29,6 @@ _LEVELS = np.geomspace(1.0, 1e-3, 120)
 _POINTS = 3000
 #: Shares of the sampled level that are tried until one is proved.
 _SHARES = (0.99, 0.96, 0.92, 0.85, 0.7, 0.5, 0.3)
-#: Part of the time limit in which the obstacles around the proved set are simulated at least.
-_OF_OBSTACLES = 0.1
 
 
 def proved_region(
@@ -55,16 +52,13 @@ def proved_region(
     Raises NoSolutionError if no region is proved. Raises BadInputError if an operation of the
     equations is not enclosed, or the rates are not affine in the disturbances.
     """
-    clock = Clock(seconds, progress)
-    settings = Settings(degree, clock, save)
+    settings = Settings(degree, Clock(seconds, progress), save)
     try:
         if problem.loop.disturbances:
-            region = _invariant_set(problem, settings)
-        else:
-            region = BoxesSearch(problem, settings).found()
+            return _invariant_set(problem, settings)
+        return BoxesSearch(problem, settings).found()
     except NoSolutionError as error:
         raise NoSolutionError(f"no region was proved: {error}") from error
-    return _with_obstacles(region, seconds, clock)
 
 
 def _invariant_set(problem: RegionProblem, settings: Settings) -> Region:
@@ -105,23 +99,7 @@ def _invariant_set(problem: RegionProblem, settings: Settings) -> Region:
         raise NoSolutionError(
             stopped or "for every V tried, V' >= 0 somewhere on each level; reduce the disturbance"
         )
-    return replace(best, stopped=stopped, rise=_rise_beyond(best))
-
-
-def _rise_beyond(region: Region) -> tuple[float, np.ndarray | None]:
-    """Return the lowest level above a set at which a sample has V' >= 0, and the sample.
-
-    The result is (inf, None) if no such sample is found.
-    """
-    shape = region.set
-    for level in np.linspace(1.0, 2.0, 51)[1:].tolist():
-        z = shape.of_level(level).edge_points(_POINTS) @ shape.N.T
-        with np.errstate(all="ignore"):
-            slopes = np.sum(shape.gradients(z) * region.loop.rates(z), axis=1)
-        highest = int(np.argmax(slopes))
-        if not slopes[highest] < 0.0:
-            return level * region.rho, z[highest]
-    return np.inf, None
+    return replace(best, stopped=stopped)
 
 
 def _sampled(
@@ -141,17 +119,3 @@ def _sampled(
             if np.all(slopes < 0.0) and not np.any(values.away(z)):
                 yield at_level.size(), origin, at_level
                 break
-
-
-def _with_obstacles(region: Region, seconds: float, clock: Clock) -> Region:
-    """Return a region with the obstacles to a larger one.
-
-    The simulations get the time that is left, at least `_OF_OBSTACLES` of the limit.
-    """
-    shape = region.set
-    rise = region.rise
-    if rise is None:
-        is_rise = rises(region.loop, shape.gradients)
-        rise = first_obstacle(is_rise, shape.values, 2.0 * shape.ball)
-    left = Clock(max(clock.left, _OF_OBSTACLES * seconds))
-    return replace(region, rise=rise, obstacles=obstacles_around(region.loop, shape, rise, left))

@@ -17,7 +17,7 @@ from hfa_prove.check.region_boxes import claims_of
 from hfa_prove.fields import Rejected
 from hfa_prove.search.clock import OutOfTimeError
 from hfa_prove.search.kinks import kink_at
-from hfa_prove.search.loop_values import DisturbedValues, LoopValues
+from hfa_prove.search.loop_values import LoopValues
 from hfa_prove.search.region_search import (
     Region,
     RegionProblem,
@@ -106,7 +106,6 @@ class BoxesSearch:
             self._stopped = self._stopped or str(error)
         except KeyboardInterrupt:
             self._stopped = "interrupted"
-        self.samples.clock = None  # the obstacles have a clock of their own
         if self._best is None:
             kink = kink_at(self.loop, self.equilibrium)
             raise NoSolutionError(f"{self._stopped}; {kink}" if kink else self._stopped)
@@ -266,10 +265,7 @@ class BoxesSearch:
         }
         statement = RegionStatement(loop, at, piece, ends)
         witness = RegionWitness(extents.multipliers, 2 * boxes)
-        values = self.samples
-        if loop.disturbances:
-            values = DisturbedValues(loop, self.equilibrium.x, shape.gradients)
-        return Region(statement, witness, boxes, shape, ends, origin, values)
+        return Region(statement, witness, boxes, shape, ends, origin)
 
     def _report(self, what: str) -> None:
         self._clock(0.0, 1.0, what)

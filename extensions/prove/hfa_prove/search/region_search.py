@@ -9,8 +9,6 @@ import numpy as np
 import scipy.linalg
 
 from hfa_prove.search.clock import Clock
-from hfa_prove.search.loop_values import LoopValues
-from hfa_prove.search.obstacles import Obstacles
 from hfa_prove.search.shape_boxes import Shape
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.region import RegionStatement, RegionWitness
@@ -39,10 +37,6 @@ class Region:
     set: V of level 1, whose set {V <= 1} is proved, in double precision
     extents: state -> lowest and highest deviation in the set
     origin: description of V
-    loop: the closed loop in double precision
-    rise: lowest V found with V' >= 0 and the state deviation there, (inf, None) if none was found,
-        or None before it is searched
-    obstacles: obstacles to a larger set, None before they are searched
     stopped: reason why no larger set is proved, or ""
     """
 
@@ -52,9 +46,6 @@ class Region:
     set: Shape
     extents: Mapping[str, tuple[float, float]]
     origin: str
-    loop: LoopValues
-    rise: tuple[float, np.ndarray | None] | None = None
-    obstacles: Obstacles | None = None
     stopped: str = ""
 
     @property

@@ -36,8 +36,6 @@ _ROOM = 2.05
 _SLOWEST = 1e-9
 #: Relative enlargement of the extents of a set.
 _BEYOND = 1e-3
-#: Radius of a ball around the set, over the largest sampled radius.
-_AROUND = 1.02
 #: Required decay of V, relative to the modal decay of the linear loop: the first value, the share
 #: of V at the slowest rate in the modal decay, the factor after each growth, and the lowest value.
 _DECAY = 0.5
@@ -72,12 +70,10 @@ class Bound(NamedTuple):
 
     level: level of V at the obstacle, inf if no obstacle was found
     place: state deviation (n,) at the obstacle, or None if no obstacle was found
-    rises: whether V' >= 0 or V' is undefined at the obstacle, False if no obstacle was found
     """
 
     level: float
     place: np.ndarray | None
-    rises: bool
 
 
 class Extents(NamedTuple):
@@ -224,17 +220,6 @@ class Shape:
         """Return the set as a piece of level 1, with rounded coefficients."""
         return Piece(self.M, self.V.rounded(), 1.0)
 
-    @property
-    def ball(self) -> np.ndarray:
-        """Matrix T (n, n) with the set in the image of the unit ball by z = T y."""
-        lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
-        return np.asarray(self.N * _AROUND * lengths.max())
-
-    def contains(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the state deviations z (N, n) in the set within the cube."""
-        y = z @ self.M.T
-        return np.asarray(np.all(np.abs(y) <= 1.0, axis=1) & (self.V(y) <= 1.0))
-
     def edges(self, rays: np.ndarray, level: float = 1.0) -> np.ndarray:
         """Return for each ray y (N, n) the lowest factor at which V reaches a level, (N,).
 
@@ -272,12 +257,7 @@ class Shape:
 
         rays = samples.share * _SEARCHED * self.n * (0.1 if quick else 1.0)
         turns = _TURNS // 4 if quick else _TURNS
-        found = self._first(margins, level, max(int(rays), _FEWEST), turns, slow)
-        if found is None:
-            return Bound(np.inf, None, False)
-        at, place = found
-        slope = float(np.sum(self.gradients(place[None]) * samples.rates(place[None])))
-        return Bound(at, place, not slope < 0.0)
+        return self._first(margins, level, max(int(rays), _FEWEST), turns, slow)
 
     def _first(
         self,
@@ -286,11 +266,8 @@ class Shape:
         count: int,
         turns: int,
         slow: np.ndarray,
-    ) -> tuple[float, np.ndarray] | None:
-        """Return the lowest level of V with a margin <= 0, and the state deviation z (n,), or None.
-
-        A margin <= 0 marks an obstacle. The result is None if the samples find no obstacle up to
-        the highest level.
+    ) -> Bound:
+        """Return the lowest level of V with a margin <= 0, which marks an obstacle.
 
         margins: z (N, n) -> margins (N,)
         level: highest level that is searched
@@ -335,7 +312,7 @@ class Shape:
             rays = np.concatenate([rays[order], _unit(near + noise), drawn(count // 2)])
             spread *= 0.6
             depth *= _SHALLOWER
-        return None if place is None else (best, place)
+        return Bound(np.inf if place is None else best, place)
 
     def extents(self) -> Extents:
         """Return bounds of the state deviations z in {V <= 1}, with multipliers for their proof.

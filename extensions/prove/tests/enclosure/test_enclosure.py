@@ -11,7 +11,6 @@ import pytest
 
 from hfa_prove.check.definite import Factor, ModelMatrix
 from hfa_prove.enclosure.program import Program
-from hfa_prove.enclosure.relaxation import Relaxation
 from hfa_prove.enclosure.slopes import Intervals, between, jacobian, values_at
 from hfa_prove.enclosure.taylor import Models, TaylorProgram, highest, lowest, pairs_of
 from hfa_support.errors import BadInputError
@@ -72,26 +71,6 @@ def test_taylor_models_enclose_every_operation(
         shares = np.clip(generator.uniform(-1.3, 1.3, centres.shape), -1.0, 1.0)
         values = np.array(function((centres + half_widths * shares).T))
         assert np.all((low <= values) & (values <= high))
-
-
-@pytest.mark.parametrize("make", [every_operation, every_switch])
-@pytest.mark.parametrize("half_width", [0.5, 1e-8])
-def test_lines_enclose_every_operation(half_width: float, make: Callable[[], ca.Function]) -> None:
-    """For each operation, the bound by lines is above the function at random points of boxes."""
-    generator = np.random.default_rng(0)
-    function = make()
-    y = ca.SX.sym("y", 3)
-    for output in range(function.numel_out(0)):
-        one = ca.Function("f", [y], [function(y)[output]])
-        centres = generator.uniform(-0.5, 0.5, (40, 3))
-        half_widths = half_width * generator.uniform(0.2, 1.0, centres.shape)
-        bounds = Relaxation(one, "f").over(centres, half_widths)
-        for _ in range(20):
-            shares = np.clip(generator.uniform(-1.3, 1.3, centres.shape), -1.0, 1.0)
-            values = np.abs(np.array(one((centres + half_widths * shares).T))[0])
-            assert not np.any(values * (1.0 - 1e-14) > bounds.highest)
-        at_corner = np.abs(np.array(one(bounds.corner.T))[0])
-        assert not np.any(at_corner < bounds.lowest * (1.0 - 1e-14) - 1e-14)
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.5, 1.0, 2.0])

@@ -50,7 +50,6 @@ FUNCTIONS: dict[str, Exact] = {
     "tanh": Exact(np.tanh, lambda t: 1.0 - np.tanh(t) ** 2),
     "relu": Exact(lambda t: np.maximum(t, 0.0), lambda t: np.where(t > 0.0, 1.0, 0.0)),
     "step": Exact(lambda t: np.where(t > 0.0, 1.0, 0.0), np.zeros_like),
-    "square": Exact(np.square, lambda t: 2.0 * t),
     "inverse": Exact(lambda t: 1.0 / t, lambda t: -1.0 / t**2, 0.2, 9.0, _SHARES, True),
     "inverse of negative": Exact(
         lambda t: 1.0 / t, lambda t: -1.0 / t**2, -9.0, -0.2, _SHARES, True
