@@ -1,7 +1,4 @@
-"""Activation functions on NumPy arrays whose entries are CasADi scalars.
-
-NumPy broadcasts, reshapes and multiplies such arrays. CasADi differentiates the result exactly.
-"""
+"""Activation functions of CasADi expressions, which CasADi differentiates exactly."""
 
 from __future__ import annotations
 
@@ -10,15 +7,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
-import numpy as np
-
-
-def on_entries(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
-    """Return a function that applies `function` to each entry of an array of CasADi scalars.
-
-    Keyword arguments are passed unchanged to each call.
-    """
-    return np.vectorize(function, otypes=[object])
 
 
 def _relu(x: Any) -> Any:
@@ -54,15 +42,15 @@ def _selu(x: Any, alpha: float = 1.6732632423543772, gamma: float = 1.0507009873
 
 
 #: Activations by the names of `--set activation`.
-ACTIVATIONS: Mapping[str, Callable[..., np.ndarray]] = {
-    "tanh": on_entries(ca.tanh),
-    "relu": on_entries(_relu),
-    "leaky_relu": on_entries(_leaky_relu),
-    "sigmoid": on_entries(_sigmoid),
-    "softplus": on_entries(_softplus),
-    "elu": on_entries(_elu),
-    "gelu": on_entries(_gelu),
-    "silu": on_entries(lambda x: x * _sigmoid(x)),
-    "selu": on_entries(_selu),
-    "sin": on_entries(ca.sin),
+ACTIVATIONS: Mapping[str, Callable[..., Any]] = {
+    "tanh": ca.tanh,
+    "relu": _relu,
+    "leaky_relu": _leaky_relu,
+    "sigmoid": _sigmoid,
+    "softplus": _softplus,
+    "elu": _elu,
+    "gelu": _gelu,
+    "silu": lambda x: x * _sigmoid(x),
+    "selu": _selu,
+    "sin": ca.sin,
 }

@@ -17,8 +17,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.network.activations import ACTIVATIONS
-from controller.critic.network.onnx_graph import check_width, graph_functions
-from controller.critic.network.products import Products
+from controller.critic.network.onnx_graph import FEW_WEIGHTS, check_width, graph_functions
 from controller.critic.network.row_network import RowNetwork, row_network
 from controller.critic.network.state_dict import (
     layers_of,
@@ -106,9 +105,7 @@ def network_in(
         try:
             if suffix == ".onnx":
                 graph = graph_functions(path, states, inputs, parts)
-                return NetworkFile(
-                    graph.functions, graph.operators, graph.precision, rows=graph.rows
-                )
+                return NetworkFile(graph.functions, graph.operators, graph.precision)
             tensors = tensors_in(regular_file(path).read_bytes(), suffix)
             return network_of_tensors(
                 tensors,
@@ -282,21 +279,20 @@ def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple
 def composed(steps: list[tuple[Layer, str]]) -> tuple[ca.Function, RowNetwork | None]:
     """Return the function x (n,) -> output of the last layer (k,), and its version for many rows.
 
-    The version for many rows is None unless `row_network` supports all layers or a product is
-    large.
+    The version for many rows is None unless `row_network` supports all activations.
 
     steps: layers with the names of their activations, "" for none
     """
     first, _ = steps[0]
-    x = ca.SX.sym("x", first.inputs)
-    products = Products(x)
-    h = np.fromiter(ca.vertsplit(x), object)
+    h = x = ca.MX.sym("x", first.inputs)
     for layer, activation in steps:
-        h = products.times(layer.weight, h) + layer.bias
+        h = ca.DM(layer.weight) @ h + ca.DM(layer.bias)
         if activation:
             h = ACTIVATIONS[activation](h)
-    on_rows = row_network([(layer.weight, layer.bias, name) for layer, name in steps])
-    return products.function(h), on_rows or products.rows(h)
+    function = ca.Function("network", [x], [ca.densify(h)])
+    if sum(layer.weight.size for layer, _ in steps) < FEW_WEIGHTS:
+        function = function.expand()
+    return function, row_network([(layer.weight, layer.bias, name) for layer, name in steps])
 
 
 def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:

@@ -1,16 +1,17 @@
-"""ONNX graphs: operators, external data and refused graphs."""
+"""ONNX graphs against onnxruntime, and refused graphs."""
 
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from cli import hfa
-from game_files import AT_15
 from network_files import ONES, QUADRATIC, onnx_file, read, refusal, torch_file
+
+from hfa import BadInputError, Game, read_critic
 
 RNG = np.random.default_rng(0)
 X = RNG.normal(size=(7, 6)).astype("float32")
@@ -27,29 +28,51 @@ def assert_as_onnx_runtime(path: str, **tolerance: float) -> None:
         assert np.array(policy(x)).ravel() == pytest.approx(theirs, **tolerance)
 
 
-def test_a_wide_graph_equals_onnxruntime() -> None:
-    """Large products, of rows and of several vectors, are not expanded; branches meet again."""
-    rng = np.random.default_rng(9)
-    sizes = {"W": (6, 90), "V": (90, 90), "U": (45, 100), "B": (200, 3), "c": (1, 90)}
-    constants = {
-        name: (rng.normal(size=shape) / np.sqrt(shape[0])).astype("float32")
-        for name, shape in sizes.items()
-    }
-    constants |= {"pairs": np.array([1, 2, 45]), "row": np.array([1, 200])}
-    nodes: list[tuple[Any, ...]] = [
-        ("MatMul", "x W", "a"),
-        ("Tanh", "a", "h"),
-        ("Gemm", "h V c", "g", {"transB": 1, "alpha": 0.5, "beta": 2.0}),
-        ("Mul", "g h", "m"),
-        ("Reshape", "m pairs", "p"),
-        ("MatMul", "p U", "q"),
-        ("Sin", "q", "s"),
-        ("Reshape", "s row", "r"),
-        ("MatMul", "r B", "y"),
-    ]
-    path = onnx_file("wide.onnx", nodes, constants, 3)
+#: Activations between the layers of the random networks.
+_ACTIVATIONS = ("Tanh", "Relu", "Sigmoid", "Softplus", "Elu", "Gelu", "LeakyRelu", "Selu", "Sin")
+
+
+def random_network(path: str, rng: np.random.Generator, widest: int) -> str:
+    """Write a network 6-...-3 of up to three hidden layers, as exporters write them."""
+    nodes: list[tuple[Any, ...]] = [("Sub", "x mean", "x0"), ("Div", "x0 spread", "h0")]
+    constants = {"mean": rng.normal(size=6), "spread": rng.uniform(0.5, 2.0, 6)}
+    sizes = [6, *rng.integers(2, widest, rng.integers(1, 4)), 3]
+    for k, (rows, columns) in enumerate(pairwise(sizes)):
+        W = rng.normal(size=(rows, columns)) / np.sqrt(rows)
+        constants |= {f"b{k}": rng.normal(size=columns), f"g{k}": rng.normal(size=columns)}
+        layer: list[tuple[Any, ...]] = [("MatMul", f"h{k} W{k}", f"m{k}")]
+        layer.append(("Add", f"m{k} b{k}", f"a{k}"))
+        if rng.random() < 0.5:
+            W = W.T
+            layer = [("Gemm", f"h{k} W{k} b{k}", f"a{k}", {"transB": 1, "alpha": 0.7})]
+        constants[f"W{k}"] = np.ascontiguousarray(W)
+        branches = [
+            [("LayerNormalization", f"a{k} g{k} b{k}", f"n{k}")],
+            [("Mul", f"a{k} a{k}", f"s{k}"), ("Add", f"a{k} s{k}", f"n{k}")],
+            [("Identity", f"a{k}", f"n{k}")],
+        ]
+        nodes += [*layer, *branches[rng.integers(3)]]
+        nodes.append((_ACTIVATIONS[rng.integers(len(_ACTIVATIONS))], f"n{k}", f"h{k + 1}"))
+    nodes.append(("Clip", f"h{len(sizes) - 1} low high", "y"))
+    constants |= {"low": np.array(-0.9), "high": np.array(0.8)}
+    used = {word for _, inputs, *_ in nodes for word in inputs.split()}
+    singles = {name: each.astype("float32") for name, each in constants.items() if name in used}
+    return onnx_file(path, nodes, singles, 3)
+
+
+@pytest.mark.parametrize(
+    ("seed", "widest"),
+    [
+        (0, 30),
+        (1, 30),
+        (2, 300),
+        *(pytest.param(k, 300, marks=pytest.mark.slow) for k in range(3, 40)),
+    ],
+)
+def test_random_networks_equal_onnxruntime(seed: int, widest: int) -> None:
+    """Small networks become scalar operations, wide ones products of matrices."""
+    path = random_network("random.onnx", np.random.default_rng(seed), widest)
     assert_as_onnx_runtime(path, rel=1e-4, abs=1e-4)
-    assert read(path, inputs=3).policy.is_a("MXFunction")
 
 
 @pytest.mark.parametrize("opset", [9, 11, 13, 20])
@@ -100,66 +123,91 @@ def test_integer_division_in_a_graph_is_truncated(seven: int) -> None:
     assert float(read(path).value(np.arange(1.0, 7.0))) == 6.0
 
 
-def test_external_weights_are_read_from_the_graphs_folder() -> None:
-    """External weights are read from the graph's folder.
-
-    A path or a symbolic link to another folder is refused.
-    """
+def external(path: str) -> str:
+    """Write a graph whose weights are in another file, and return its path."""
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
-    constants = {"P": np.diag(np.arange(1.0, 7.0)), "ones": ONES}
-    for folder in ("inside", "elsewhere"):
-        Path(folder).mkdir()
-    model = onnx.load(onnx_file("graph.onnx", QUADRATIC, constants))
-    onnx.save(
-        model, "inside/a.onnx", save_as_external_data=True, location="a.data", size_threshold=0
-    )
-    assert (Path("inside") / "a.data").exists()
-    assert float(read("inside/a.onnx").value(np.ones(6))) == 21.0
-    Path("inside/a.data").rename("elsewhere/a.data")
-    assert "cannot be read (No such file" in refusal("inside/a.onnx")
-    Path("inside/a.data").symlink_to("../elsewhere/a.data")
-    assert "is stored outside the folder of the graph" in refusal("inside/a.onnx")
-    model = onnx.load("inside/a.onnx", load_external_data=False)
-    for tensor in model.graph.initializer:
-        next(
-            entry for entry in tensor.external_data if entry.key == "location"
-        ).value = "../elsewhere/a.data"
-    Path("inside/b.onnx").write_bytes(model.SerializeToString())
-    assert (
-        "is stored outside the folder of the graph; export the weights in the same file"
-        in refusal("inside/b.onnx")
-    )
+    constants = {"P": np.eye(6), "ones": ONES}
+    model = onnx.load(onnx_file(path, QUADRATIC, constants))
+    how = {"save_as_external_data": True, "location": "a.data", "size_threshold": 0}
+    onnx.save(model, path, **how)
+    return path
 
 
-def test_wrong_graphs_are_refused() -> None:
-    """ONNX graphs with wrong sizes, types, operators or numbers are refused."""
-    pytest.importorskip("onnx", reason="the package onnx is not installed")
-    constants = {"P": np.eye(6, dtype="float32"), "ones": ONES.astype("float32")}
-    half = {name: each.astype("float16") for name, each in constants.items()}
-    ten = {"P": np.ones((10, 1), "float32")}
-    not_a_number = {"P": np.full((6, 6), np.nan, "float32")}
-    for said, nodes, numbers, states in (
-        ("has 10 inputs", [("MatMul", "x P", "y")], ten, 10),
-        ("Cast to the ONNX type number 10", [("Cast", "x", "y", {"to": 10})], constants, 6),
-        (
-            "BatchNormalization is in training mode",
-            [("BatchNormalization", "x o o o o", "y", {"training_mode": 1})],
-            {"o": np.ones(6, "float32")},
-            6,
-        ),
-        ("operator Loop is not supported", [("Loop", "x", "y")], constants, 6),
-        ("has the type float16; save the weights as float32", QUADRATIC, half, 6),
-        ("not finite", QUADRATIC, constants | not_a_number, 6),
-    ):
-        assert said in refusal(onnx_file("wrong.onnx", nodes, numbers, states=states))
-    onnx_file("good.onnx", QUADRATIC, constants)
-    read("good.onnx")
-    assert (
-        "an ONNX file already contains the activations"
-        in hfa("verify", *AT_15, "--weights", "good.onnx", "--set", "activation=tanh").err
-    )
-    Path("damaged.onnx").write_bytes(Path("good.onnx").read_bytes()[:-40])
+_SINGLES = {"P": np.eye(6, dtype="float32"), "ones": ONES.astype("float32")}
+_TALL = {"a": np.ones((2**12, 1), "float32"), "b": np.ones((1, 2**12), "float32")}
+_MANY = {"P": np.eye(6), "places": np.zeros(2**20, int)}
+_SUM = ("ReduceSum", "h", "y")
+#: Graphs that are refused: what is said, nodes, constants, number of states.
+REFUSED: dict[str, tuple[str, list[tuple[Any, ...]], dict[str, Any], int]] = {
+    "inputs": ("has 10 inputs", [("MatMul", "x P", "y")], {"P": np.ones((10, 1), "f4")}, 10),
+    "half": (
+        "has the type float16; save the weights as float32",
+        QUADRATIC,
+        {name: each.astype("float16") for name, each in _SINGLES.items()},
+        6,
+    ),
+    "nan": ("not finite", QUADRATIC, _SINGLES | {"P": np.full((6, 6), np.nan, "f4")}, 6),
+    "float16": ("number 10, not to float", [("Cast", "x", "y", {"to": 10})], _SINGLES, 6),
+    "training": (
+        "is in training mode",
+        [("BatchNormalization", "x o o o o", "y", {"training_mode": 1})],
+        {"o": np.ones(6, "float32")},
+        6,
+    ),
+    **{
+        name: (f"operator {name} is not supported; export", [(name, "x", "y")], _SINGLES, 6)
+        for name in ("Loop", "Split", "Shape", "Dropout")
+    },
+    "attribute": (
+        "operator Tanh is not supported as",
+        [("Tanh", "x", "y", {"odd": 1})],
+        _SINGLES,
+        6,
+    ),
+    "column": ("(6, 1), but only rows", [("Transpose", "x", "h"), _SUM], _SINGLES, 6),
+    "pairs": (
+        "(1, 3, 2), but only rows",
+        [("Reshape", "x s", "h"), _SUM],
+        _SINGLES | {"s": np.array([1, 3, 2])},
+        6,
+    ),
+    "first axis": (
+        "axis other than the last",
+        [("ReduceSum", "x a", "y")],
+        _SINGLES | {"a": np.array([0])},
+        6,
+    ),
+    "outer sum": (
+        "operator Add is not",
+        [("Add", "x c", "h"), _SUM],
+        {"c": np.ones((6, 1), "f4")},
+        6,
+    ),
+    "large Mul": ("array elements, but at most", [("Mul", "a b", "h"), _SUM], _TALL, 6),
+    "large MatMul": ("array elements, but at most", [("MatMul", "a b", "h"), _SUM], _TALL, 6),
+    "large Gather": (
+        "array elements, but at",
+        [("Gather", "x places", "h", {"axis": 1}), _SUM],
+        _MANY,
+        6,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_graphs_that_are_no_rows_or_no_network_are_refused(name: str) -> None:
+    said, nodes, constants, states = REFUSED[name]
+    assert said in refusal(onnx_file("wrong.onnx", nodes, constants, states=states))
+
+
+def test_damaged_graphs_and_weights_in_other_files_are_refused() -> None:
+    assert "stored in another file; export the weights in" in refusal(external("a.onnx"))
+    content = Path(onnx_file("good.onnx", QUADRATIC, _SINGLES)).read_bytes()
+    Path("damaged.onnx").write_bytes(content[:-40])
     assert "is damaged or is not a network" in refusal("damaged.onnx")
+    game = Game(-np.eye(6), np.ones((6, 5)), Q=np.ones(6), R=np.ones(5))
+    with pytest.raises(BadInputError, match="already contains the activations"):
+        read_critic("good.onnx", game, activation="tanh")
 
 
 def test_without_onnx_only_onnx_files_are_refused(
@@ -186,7 +234,6 @@ _UNARY: list[tuple[str, dict[str, Any]]] = [
 ]
 #: The first state at which graphs are compared: equal to it, and above and below.
 _FIRST = {"c": (3.0 * X)[:1]}
-_FLAT = ("Reshape", "h flat", "y")
 _WEIGHTS = RNG.normal(size=(6, 4)).astype("float32")
 #: Graphs with one operator each, compared with ONNX Runtime: nodes, constants, outputs.
 GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
@@ -214,16 +261,6 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
         {"W": _WEIGHTS.T, "c": _WEIGHTS[0]},
         4,
     ),
-    "Gemm of a transposed matrix": (
-        [("Gemm", "W x", "h", {"transA": 1, "transB": 1}), _FLAT],
-        {"W": _WEIGHTS, "flat": np.array([1, 4])},
-        4,
-    ),
-    "Reshape": (
-        [("Reshape", "x sizes", "h"), _FLAT],
-        {"sizes": np.array([0, 2, -1]), "flat": np.array([1, 6])},
-        6,
-    ),
     "Slice backwards": (
         [("Slice", "x begin end axes steps", "y")],
         {
@@ -238,11 +275,6 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
         [("Slice", "x begin end", "y")],
         {"begin": np.array([0, 2]), "end": np.array([1, 5])},
         3,
-    ),
-    "Split in three": (
-        [("Split", "x sizes", "a b c", {"axis": 1}), ("Concat", "c a b", "y", {"axis": 1})],
-        {"sizes": np.array([1, 2, 3])},
-        6,
     ),
     "Cast of integers": (
         [("Cast", "n", "f", {"to": 1}), ("Mul", "x f", "y")],
@@ -266,34 +298,6 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
         6,
     ),
     "Clip above": ([("Clip", "x low", "y")], {"low": np.float32(-0.5)}, 6),
-    "Split": (
-        [("Split", "x sizes", "a b", {"axis": 1}), ("Concat", "b a", "y", {"axis": 1})],
-        {"sizes": np.array([2, 4])},
-        6,
-    ),
-    "Split in equal parts": (
-        [
-            ("Split", "x", "a b c", {"axis": 1, "num_outputs": 3}),
-            ("Mul", "a b", "m"),
-            ("Sub", "m c", "y"),
-        ],
-        {},
-        2,
-    ),
-    "Shape": (
-        [
-            ("Shape", "x", "s", {"start": 1, "end": 2}),
-            ("Cast", "s", "f", {"to": 1}),
-            ("Div", "x f", "y"),
-        ],
-        {},
-        6,
-    ),
-    "Transpose": (
-        [("Transpose", "x", "t"), ("Reshape", "t flat", "y")],
-        {"flat": np.array([1, 6])},
-        6,
-    ),
 }
 
 
@@ -304,26 +308,6 @@ def test_each_operator_equals_onnxruntime(name: str) -> None:
     single = {"one": np.array(1.0, "float32")}  # says the type of the graph
     path = onnx_file("one.onnx", nodes, single | constants, outputs, opset=21)
     assert_as_onnx_runtime(path, rel=1e-5, abs=1e-6)
-
-
-def test_unsupported_attributes_are_refused() -> None:
-    """An operator with an unsupported attribute is refused, and the attribute is named."""
-    said = refusal(onnx_file("odd.onnx", [("Tanh", "x", "y", {"odd": 1})], {"P": np.eye(6)}))
-    assert "operator Tanh with 1 inputs and the attributes odd is not supported" in said
-    assert "damaged" not in said
-
-
-def test_a_graph_with_huge_results_is_refused() -> None:
-    """A small graph whose results would need gigabytes is refused before it is evaluated."""
-    tall = {"a": np.ones((2**12, 1), "float32"), "b": np.ones((1, 2**12), "float32")}
-    for nodes, constants in (
-        ([("Mul", "a b", "h")], tall),
-        ([("MatMul", "a b", "h")], tall),
-        ([("Gather", "x places", "h", {"axis": 1})], {"places": np.zeros(2**19, int)}),
-    ):
-        graph = [*nodes, ("ReduceSum", "h", "y")]
-        said = refusal(onnx_file("large.onnx", graph, {"P": np.eye(6)} | constants))
-        assert "array elements, but at most" in said
 
 
 def test_metadata_of_a_file_are_named_as_not_applied() -> None:
