@@ -1,8 +1,8 @@
 """Kinks of the equations: points at which the slopes on both sides differ.
 
 A kink is the knot of a table, or the switching point of |x|, min, max, sign, a comparison or a
-rounding. At a kink, a column of A or B has the slopes of one side: that of the initial value from
-which the search of a trim comes.
+rounding. At a kink, an entry of A or B is the mean of the slopes on both sides, as a central
+difference is.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ _JUMP, _LEAST_JUMP = 1e-2, 1e-9
 _NOWHERE = (np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 
 
-class OneSided(NamedTuple):
-    """A and B at N points, with slopes of one side at kinks.
+class MeanSlopes(NamedTuple):
+    """A and B at N points, with the mean slopes of both sides at kinks.
 
     A: (N, n, n)
     B: (N, n, m)
@@ -48,14 +48,13 @@ class OneSided(NamedTuple):
     notes: dict[int, tuple[str, ...]]
 
 
-def one_sided_at_kinks(
+def mean_at_kinks(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, A: np.ndarray, B: np.ndarray
-) -> OneSided:
-    """Return A and B at N points, with the slopes of one side in each column at a kink.
+) -> MeanSlopes:
+    """Return A and B at N points, with the mean slope of both sides in each entry at a kink.
 
-    The side is that of the declared initial value, or above if the point has this value. If a rate
-    jumps, the slope of this side does not contain the jump, and a note names it. Points without a
-    trim (nan) are skipped.
+    If a rate jumps, the slope does not contain the jump, and a note names it. Points without a trim
+    (nan) are skipped.
 
     x: (N, n), states
     u: (N, m), inputs
@@ -65,7 +64,7 @@ def one_sided_at_kinks(
     """
     near, columns = near_switches(model, x, u, p)
     if not near.size:
-        return OneSided(A, B, {})
+        return MeanSlopes(A, B, {})
     jacobian = np.concatenate([A, B], axis=2)
     notes: dict[int, list[str]] = {}
     for first in range(0, len(near), _AT_ONCE):
@@ -78,7 +77,7 @@ def one_sided_at_kinks(
                 notes.setdefault(int(points[row]), []).extend(said)
     n = len(model.states)
     said_at = {point: tuple(notes[point]) for point in sorted(notes)}
-    return OneSided(jacobian[:, :, :n], jacobian[:, :, n:], said_at)
+    return MeanSlopes(jacobian[:, :, :n], jacobian[:, :, n:], said_at)
 
 
 def linearization_at(
@@ -88,8 +87,8 @@ def linearization_at(
     outputs: Sequence[str] = (),
     disturbances: Sequence[str] = (),
 ) -> tuple[Linearization, tuple[str, ...]]:
-    """Return the derivatives of a model at a point, with slopes of one side at kinks, and notes on
-    the kinks.
+    """Return the derivatives of a model at a point, with the mean slopes of both sides at kinks,
+    and notes on the kinks.
 
     x: (n,), state
     u: (m,), input
@@ -100,7 +99,7 @@ def linearization_at(
     x, u = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
     exact = model.at(x, u, outputs, disturbances)
     A, B = exact.A[None], exact.B[None]
-    found = one_sided_at_kinks(model, x[None], u[None], model.p[None], A, B)
+    found = mean_at_kinks(model, x[None], u[None], model.p[None], A, B)
     if not found.notes:
         return exact, ()
     return exact._replace(A=found.A[0], B=found.B[0]), found.notes[0]
@@ -238,28 +237,26 @@ def _beside(
     gap = np.abs(rates_above - rates_below - step * (above + below))
     usual = step * (np.abs(above) + np.abs(below) + bent / _JUMP)
     jumps = gap > _JUMP * usual + _LEAST_JUMP * rate_scales
-    is_below = (signal.start < z[:, column])[:, None]
-    chosen = np.where(kinks, np.where(is_below, below, above), slopes)
+    mean = np.where(kinks, (below + above) / 2.0, slopes)
     matrix = "A" if column < len(model.states) else "B"
     notes: dict[int, list[str]] = {}
     for point, row in np.argwhere(kinks | jumps).tolist():
         state = model.state_names[row]
         entry = f"{matrix}({state}, {name})"
         if jumps[point, row]:
-            slope = chosen[point, row] + 0.0  # without -0
+            slope = mean[point, row] + 0.0  # without -0
             note = (
                 f"jump: the rate of {state} jumps as {name} passes its value; {entry} is "
                 f"{slope:.5g}, without the jump"
             )
         else:
-            side = "below" if is_below[point, 0] else "above"
             slope_below, slope_above = below[point, row] + 0.0, above[point, row] + 0.0
             note = (
                 f"kink: {entry} is {slope_below:.5g} below and {slope_above:.5g} above "
-                f"the trim; the slope {side} is used"
+                "the trim; their mean is used"
             )
         notes.setdefault(point, []).append(note)
-    return chosen, notes
+    return mean, notes
 
 
 def _extrapolated(

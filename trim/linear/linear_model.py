@@ -59,7 +59,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     F: (k, l), ∂y/∂w.
     output_offsets: Y0, (k,).
     disturbances: names of the disturbances w.
-    kinks: notes on entries of A and B that are slopes of one side, and on rates that jump.
+    kinks: notes on entries of A and B at kinks, which are means of both sides, and on rates that
+        jump.
 
     >>> import hfa
     >>> model = hfa.aircraft()

@@ -30,8 +30,8 @@ def linearize(
 
     A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) and w = 0.
 
-    The derivatives are computed by algorithmic differentiation. At a kink the slopes
-    of one side are used (`LinearModel.kinks`).
+    The derivatives are computed by algorithmic differentiation. At a kink the mean
+    of the slopes on both sides is used (`LinearModel.kinks`).
 
     model: model of the aircraft
     point: operating point of the model

@@ -387,8 +387,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @cached_property
     def slopes(self) -> Linearization:
-        """Derivatives of the rates and of some outputs at the point, with one-sided slopes at
-        kinks."""
+        """Derivatives of the rates and of some outputs at the point, with mean slopes at kinks."""
         from trim.linear.kinks import linearization_at
 
         slopes, _ = linearization_at(self.model, self.x, self.u, self.sloped)

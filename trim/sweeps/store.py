@@ -191,7 +191,7 @@ def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
     notes = [*plan.warnings, *slow_note(one_by_one, plan.count)]
     if kinks:
         notes.append(
-            f"kinks at {kinks} points: some entries of A and B are slopes of one side (the array "
+            f"kinks at {kinks} points: some entries of A and B are means of both sides (the array "
             "kinks contains their numbers)"
         )
     counts = dict(zip(("missing", *STATUS), totals.tolist(), strict=True))

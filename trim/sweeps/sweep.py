@@ -26,7 +26,7 @@ from hfa_support.reporting.text import (
     shown_unit,
     shown_value,
 )
-from trim.linear.kinks import one_sided_at_kinks
+from trim.linear.kinks import mean_at_kinks
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import fastest_first, modes_of
 from trim.point.condition import TrimCondition, usual_condition
@@ -86,7 +86,7 @@ def run_points(
     progress: called with (finished points, all points), or None
     """
     points = trim_points(model, variables, values, condition, start=start, progress=progress)
-    found = one_sided_at_kinks(
+    found = mean_at_kinks(
         model,
         points.states,
         points.inputs,
