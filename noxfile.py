@@ -23,7 +23,7 @@ COMMANDS = {
     "sweep --dihedral 0:20:1": ("A", "B", "operating_inputs"),
     "linearize --dihedral 10 --dynamics newton": ("A", "B"),
     "solve --dihedral 15": ("P", "K"),
-    "solve --dihedral 15 --design studies/servo/designs/simvfa-1.toml": ("P", "K"),
+    "solve --dihedral 5,10,15": ("P", "K"),
     "learn --dihedral 15": ("P", "K"),
 }
 TESTS = (

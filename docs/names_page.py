@@ -27,7 +27,6 @@ PACKAGES = {
     "controller": "games, critics and learning",
     "verification": "checks",
     "hfa_flight": "flights of the nonlinear aircraft",
-    "hfa_design": "designs of controllers",
     "hfa_prove": "certificates",
 }
 

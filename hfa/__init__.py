@@ -8,11 +8,9 @@ from hfa_support.public_names import public_names
 from hfa_support.version import VERSION as __version__  # noqa: F401
 
 _instead = {
-    **{name: f"the command `hfa {name}`" for name in ("design", "export", "regenerate", "report")},
+    **{name: f"the command `hfa {name}`" for name in ("export", "regenerate", "report")},
     "poles": "linear.poles()",
-    "GeneralizedPlant": "hfa_design.GeneralizedPlant(A=A, B1=B1, B2=B2, C1=C1, D12=D12)",
     "load_game": "controller.load_game(FILE)",
     **dict.fromkeys(("delta_min", "hinf"), "hfa.solve(game).delta_min"),
-    "hinfsyn": "hfa_design.solve_plant(plant, delta)",
 }
 __getattr__, __dir__ = public_names(__name__, __file__)

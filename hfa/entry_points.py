@@ -123,12 +123,6 @@ COMMANDS = {
         "hfa_optimal.commands.optimize:optimize",
         example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
     ),
-    "design": CommandEntry(
-        "flight",
-        "design a certified controller for every point of a schedule",
-        "hfa_design.commands.design:design",
-        example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
-    ),
     "export": CommandEntry(
         "flight",
         "write the aircraft for other tools: C source, FMU, MATLAB",

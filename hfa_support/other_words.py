@@ -6,8 +6,6 @@ INSTEAD = {
     "hfa solve --dt": "dt is an entry of the plant file (--model FILE)",
     "hfa learn --discount": "discount is an entry of the plant file (--model FILE)",
     "hfa learn --dt": "dt is an entry of the plant file (--model FILE)",
-    "hfa design --actuators": "actuators are the table [actuators] of the design file; "
-    "--bandwidth tests others",
     "hfa fly --model": "give the plant by --aircraft FILE",
     "hfa optimize --model": "give the plant by --aircraft FILE",
     "hfa trim --model": "give the plant by --aircraft FILE",
@@ -85,7 +83,6 @@ care: solve
 check: verify
 evaluate: verify assess
 dare: solve
-hinfsyn: solve
 linmod: linearize
 lqr: solve
 modes: linearize

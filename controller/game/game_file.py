@@ -66,7 +66,6 @@ def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
 def stored_game(
     path: str | Path,
     *,
-    found: dict[str, Any] | None = None,
     defaults: Callable[[Mapping[str, Any], PlantNames], Defaults] = no_defaults,
     **changes: Any,
 ) -> StoredGame:
@@ -80,14 +79,13 @@ def stored_game(
       not used. The file may then also contain `discount`.
 
     path: the plant file
-    found: entries of the file, if `read_arrays` has already read them, or None
     defaults: function (entries, names) -> defaults for missing entries
     changes: Q, R, delta or N in place of the entry of the file; None keeps the entry
 
     Raises BadInputError, which names the file, if the file cannot be read, A or B is missing, Q or
     R has no value, or an entry is not valid.
     """
-    contents = read_arrays(path) if found is None else found
+    contents = read_arrays(path)
     with prefix_errors(path):
         stored, notes = entries_of(contents, {"A", "B"})
         parts = {key: stored[key] for key in MODEL_KEYS if key in stored}

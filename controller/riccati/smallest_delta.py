@@ -36,13 +36,10 @@ class DeltaMin(NamedTuple):
 
     value: smallest delta found to have a solution
     refused: largest delta below `value` shown to have no solution, or 0 if there is none
-    condition: for a generalized plant, the condition that fails just below `value`, or "none"; ""
-        for other games
     """
 
     value: float
     refused: float
-    condition: str = ""
 
     def margin(self, delta: float) -> float:
         """Return the ratio delta / delta_min, or inf if delta_min is 0.

@@ -4,57 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from hfa.learning import Learning
 from hfa.options.aircraft import Aircraft
 from hfa.options.argument_types import whole
 from hfa.options.game import CONTINUOUS, GameGiven, NamedGame
 from hfa.options.output import Output, ProgressLine, picture_option
-from hfa.options.part import OfModel, is_installed, option, part
+from hfa.options.part import option, part
+from hfa.options.ranges import Range, array_of, value_or_range
 from hfa.options.reference import reference_option, with_tracking
 from hfa.options.request import Request, command
-from hfa.options.trim import Trim
+from hfa.options.trim import Trim, called_at, scheduled
 from hfa_aircraft.waveform import Waveform
 from hfa_support.errors import BadInputError
+from hfa_support.progress import with_progress
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
     from controller.critic.training_run import TrainingRun
+    from controller.riccati.gare import Solution
     from hfa_aircraft.model import Model
-    from trim.linear.linear_model import LinearModel
     from verification.verdict import Verdict
 
-
-def _about_design(model: Model) -> str:
-    from hfa_design.options import about_design
-
-    return about_design(model)
-
-
-def _design(model: Model, name: str) -> Any:
-    from hfa_design.design import load_design
-
-    return load_design(name, model)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DesignedGame(GameGiven):
-    """The game, whose weights a design may define."""
-
-    design: Any = option(_about_design, "NAME", OfModel(_design), package="hfa_design")
-
-    def game_at(self, linear: LinearModel, aircraft: Aircraft) -> NamedGame:
-        """Return the game on the linear model of an aircraft at a trim, of --design if given."""
-        if self.design is None:
-            return super().game_at(linear, aircraft)
-        from hfa_design.options import designed_game
-
-        aircraft.refuse(
-            ("units",),
-            "cannot be combined with --design, whose weights are in the units of the declaration; "
-            "remove this option",
-        )
-        return designed_game(self.design, self.weights, linear)
+#: Largest number of games of a gain table. Each takes about a tenth of a second.
+_MOST_BREAKPOINTS = 1000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,19 +42,39 @@ class GameRequest(Request):
     trim: Trim = part(Trim)
     game: GameGiven = part(GameGiven)
 
-    def named_game(self, read: dict[str, Any] | None = None) -> NamedGame:
-        """Return the game that the options define, in continuous or discrete time.
+    def named_game(self) -> NamedGame:
+        """Return the game that the options define, in continuous or discrete time."""
+        return self.game.game(self.aircraft, self.trim, may_be_discrete=True)
 
-        read: entries of the plant file, if it has been read already, or None
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolvedTrim(Trim):
+    """The trim of one game, or the trims of a gain table."""
+
+    at: float | Range | None = scheduled(
+        value_or_range, "RANGE", "a number, or a list a,b,c or a range start:stop:step of a table"
+    )
+
+    @property
+    def breakpoints(self) -> np.ndarray | None:
+        """Values of the scheduling variable of a gain table, (G,), or None for one trim.
+
+        Raises BadInputError unless they increase.
         """
-        return self.game.game(self.aircraft, self.trim, read, may_be_discrete=True)
+        if self.at is None or isinstance(self.at, float):
+            return None
+        name = f"--{called_at(self.model)}"
+        values = array_of(name, self.at, _MOST_BREAKPOINTS)
+        if np.any(np.diff(values) <= 0.0):
+            raise BadInputError(f"{name} does not increase; give the values in increasing order")
+        return values
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolveRequest(GameRequest):
     """Options of `hfa solve`."""
 
-    game: DesignedGame = part(DesignedGame)
+    trim: SolvedTrim = part(SolvedTrim)
     output: Output = part(
         Output,
         picture=picture_option("with --order: errors of V2 to VD over the distance from the trim"),
@@ -95,46 +92,25 @@ def solve(request: SolveRequest) -> int:
     """Solve the zero-sum game exactly, and report a certificate, the smallest delta, the cost of
     the policies and their stability margins.
 
-    A file of --model with B1, B2, C1, D12 and optionally C2, D21, D11, D22 is a generalized plant,
-    as for `hinfsyn`. The H-infinity norm of the closed loop is then below delta, by default 1.01
-    delta_min. With --order D, the value and the policy of the nonlinear aircraft are also computed,
-    as polynomials, with the set in which they agree with simulated flights. With --reference, the
+    With --order D, the value and the policy of the nonlinear aircraft are also computed, as
+    polynomials, with the set in which they agree with simulated flights. With --reference, the
     exact feedforward for a command is reported, with the cost of tracking, and whether the command
-    is a trim. The exit code is 1 if there is no certified solution."""
+    is a trim. With several values of the scheduling variable, such as --dihedral 5,10,15, the gain
+    is computed at each: -o FILE writes the gain table that `hfa fly --controller FILE` interpolates
+    linearly. The exit code is 1 if there is no certified solution."""
     from controller.expansion.expansion import expand
     from controller.riccati import gare
 
     if request.order is None:
         request.output.refuse(("picture",), "shows the nonlinear game; add --order D")
-    plant = request.game.plant
-    if plant is not None or request.game.design is not None:
+    if request.game.plant is not None:
         request.refuse(
             ("order", "reference"),
-            "requires the equations of an aircraft; remove --model and --design",
+            "requires the equations of an aircraft; remove --model",
         )
-    arrays = None
-    if plant is not None:
-        from hfa_aircraft.readers.matrices_file import has_all
-        from hfa_support.arrays.read import read_arrays
-
-        arrays = read_arrays(plant)
-        if has_all(arrays, "B2"):
-            request.game.refuse_aircraft(request.aircraft, request.trim)
-            request.game.weights.refuse(
-                ("Q", "R"),
-                "does not apply to a generalized plant; define the cost by C1 and D12",
-            )
-            if not is_installed("hfa_design"):
-                raise BadInputError(
-                    f"{plant} is a generalized plant, which requires the package hfa_design; "
-                    "install this package"
-                )
-            from hfa_design.plant.plant_report import solved_plant
-
-            report = solved_plant(plant, arrays, request.game.weights.delta)
-            request.show(report, notes=report.data["warnings"])
-            return 0
-    named = request.named_game(arrays)
+    elif request.trim.breakpoints is not None:
+        return _solve_table(request, request.trim.breakpoints)
+    named = request.named_game()
     with named.asking_for_time():
         solution = gare.solve(named.game, ProgressLine("solve"))
         solved = solution.report()
@@ -149,6 +125,63 @@ def solve(request: SolveRequest) -> int:
     solved = with_tracking(solved, request.reference, named, solution.P, solution.K)
     request.show(solved.with_data(named), figure=figure, notes=named.warnings)
     return 0
+
+
+def _solve_table(request: SolveRequest, breakpoints: np.ndarray) -> int:
+    """Solve the game at each value of the scheduling variable, and show the gain table."""
+    from controller.riccati import gare
+
+    request.refuse(
+        ("order", "reference"),
+        f"applies to one trim; remove this option, or give one --{called_at(request.model)}",
+    )
+    games: list[NamedGame] = []
+    solutions: list[Solution] = []
+    for value in with_progress(breakpoints.tolist(), ProgressLine("solve")):
+        named = replace(request, trim=replace(request.trim, at=value)).named_game()
+        games.append(named)
+        solutions.append(gare.solve(named.game))
+    notes = dict.fromkeys(note for named in games for note in named.warnings)
+    request.show(_table_report(request.model, breakpoints, games, solutions), notes=notes)
+    return 0
+
+
+def _table_report(
+    model: Model, breakpoints: np.ndarray, games: list[NamedGame], solutions: list[Solution]
+) -> Report:
+    """Return the report of a gain table.
+
+    breakpoints: (G,), values of the scheduling variable, rad for angles
+    games, solutions: the game and its solution at each value
+    """
+    by = model.schedule
+    in_degrees = np.degrees(breakpoints)
+    rows = []
+    for value, solution in zip(breakpoints.tolist(), solutions, strict=True):
+        disk = solution.disk_margin
+        rows.append(
+            (
+                model.describe(by, value),
+                f"{solution.delta_min:.6g}",
+                f"{solution.poles().real.max():.4g}",
+                "none" if disk is None else f"{disk.disk:.4g}",
+            )
+        )
+    columns = (by, "delta_min", "largest real part, 1/s", "disk margin, all inputs")
+    title = (
+        f"Gain table over {by} for {model.title}: {len(rows)} exact solutions, certified,"
+        f" {rows[0][0]} to {rows[-1][0]}"
+    )
+    data = {
+        "schema": "hfa.gain-table/1",
+        "plant": model.title,
+        model.schedule_key: in_degrees.round(10) if model.is_typed_in_degrees else breakpoints,
+        "K": np.array([solution.K for solution in solutions]),
+        "P": np.array([solution.P for solution in solutions]),
+        "delta_min": [solution.delta_min for solution in solutions],
+    }
+    report = Report(title, (games[0].weights_line(), Table(columns, rows)))
+    return report.with_data(games[0], data)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

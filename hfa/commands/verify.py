@@ -123,7 +123,7 @@ class VerifyRequest(GameRequest):
         """The critic files."""
         return [path for files in self.weights for path in files]
 
-    def named_game(self, read: dict[str, Any] | None = None) -> NamedGame:
+    def named_game(self) -> NamedGame:
         """Return the game that the options define, in which only --inputs move.
 
         By default, the inputs, Q and R are those of a single deployment file. With --inputs, --R by
@@ -140,7 +140,7 @@ class VerifyRequest(GameRequest):
         if isinstance(weights.R, Mapping) and self.game.plant is None:
             weights = replace(weights, R=_of_moved(weights.R, tuple(self.model.inputs), inputs))
         game = replace(self.game, weights=weights)
-        named = super(VerifyRequest, replace(self, game=game)).named_game(read)
+        named = super(VerifyRequest, replace(self, game=game)).named_game()
         if of_file:
             note = f"used: {' and '.join(of_file)} of {files[0]}"
             sources = {**named.weights_from, **dict.fromkeys(of_file, "deployment")}

@@ -136,21 +136,18 @@ class GameGiven(Part):
         input_file(*MATRIX_FILES),
         names="--model",
     )
-    design: Any = None
     weights: GameWeights = part(GameWeights)
 
     def game(
         self,
         aircraft: Aircraft,
         trim: Trim,
-        read: dict[str, Any] | None = None,
         *,
         may_be_discrete: bool = False,
     ) -> NamedGame:
         """Return the game specified by the options, on a plant file or on an aircraft at a trim.
 
         aircraft, trim: the options of the aircraft and its trim
-        read: entries of the plant file, if it has been read already, or None
         may_be_discrete: whether the command accepts a discrete-time plant
 
         Raises BadInputError in these cases:
@@ -161,7 +158,7 @@ class GameGiven(Part):
         """
         if self.plant is not None:
             self.refuse_aircraft(aircraft, trim)
-            named = self._game_of_file(self.plant, read)
+            named = self._game_of_file(self.plant)
             if named.game.is_discrete and not may_be_discrete:
                 raise BadInputError(
                     f"{self.plant} is in discrete time; give a plant in continuous time, or use hfa"
@@ -182,11 +179,11 @@ class GameGiven(Part):
         game = self.weights.game(linear)
         return NamedGame(game, warnings, linear=linear, weights_from=weights_from)
 
-    def _game_of_file(self, plant: Path, read: dict[str, Any] | None) -> NamedGame:
+    def _game_of_file(self, plant: Path) -> NamedGame:
         from controller.game.game_file import stored_game
         from controller.hfa_files import paper_defaults
 
-        stored = stored_game(plant, found=read, defaults=paper_defaults, **self.weights.changed)
+        stored = stored_game(plant, defaults=paper_defaults, **self.weights.changed)
         return NamedGame(
             stored.game,
             warnings=stored.notes,
@@ -205,7 +202,6 @@ class GameGiven(Part):
         aircraft.refuse(("source",), reason)
         trim.refuse(OF_THE_TRIM, reason)
         aircraft.refuse(("parameters",), reason)
-        self.refuse(("design",), reason)
         aircraft.refuse(("units", "dynamics"), reason)
 
 
@@ -216,9 +212,9 @@ class NamedGame(Result):
     game: the game
     warnings: notes to print with results
     plant_provenance: provenance of a plant read from a file
-    linear: linear model of the aircraft, or None for a plant from a file or a design
+    linear: linear model of the aircraft, or None for a plant from a file
     has_time: False if the plant file does not state whether time is continuous or discrete
-    weights_from: name -> "given", "file", "design" or "default", for Q, R and delta
+    weights_from: name -> "given", "file" or "default", for Q, R and delta
     """
 
     game: Game

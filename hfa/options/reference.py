@@ -51,7 +51,7 @@ def with_tracking(
     if not reference:
         return report
     if named.linear is None:
-        raise BadInputError("--reference requires an aircraft; remove --model and --design")
+        raise BadInputError("--reference requires an aircraft; remove --model")
     named.game.refuse_steps("--reference")
     abscissa = abscissa_of(named.game.A - named.game.B @ K)
     if abscissa >= 0.0:

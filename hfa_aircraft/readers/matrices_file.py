@@ -95,16 +95,6 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     return scales
 
 
-def has_all(found: dict[str, Any], *names: str) -> bool:
-    """Return whether a file contains all named entries at its top level or in one structure.
-
-    found: name -> value of the entries of the file
-    names: names of the required entries
-    """
-    structures = [found, *(value for value in found.values() if isinstance(value, dict))]
-    return any(set(names) <= set(structure) for structure in structures)
-
-
 def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
     """Return the entries of a plant file, and a list of notes for the user.
 

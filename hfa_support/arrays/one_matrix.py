@@ -12,7 +12,7 @@ from hfa_support.errors import BadInputError, file_faults
 from hfa_support.files import regular_file
 
 #: Names of the matrices of a plant, in files next to A.csv, and of a critic.
-PLANT = ("A", "B", "E", "Q", "R", "N", "delta", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+PLANT = ("A", "B", "E", "Q", "R", "N", "delta")
 CRITIC = ("W", "P", "K", "weights")
 #: Name of the matrix in a .npy file that is not named after one of these.
 UNKNOWN = "the array"

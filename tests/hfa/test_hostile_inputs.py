@@ -16,11 +16,7 @@ from hypothesis import given, strategies as st
 #: The command handles warnings as it does for users.
 pytestmark = pytest.mark.filterwarnings("default")
 #: The corrupted files include files of extensions.
-IN_FILES = needs(
-    "hfa_jsbsim",
-    "hfa_prove",
-    "hfa_design",
-)
+IN_FILES = needs("hfa_jsbsim", "hfa_prove")
 
 
 def marks_of(way: str) -> list[pytest.MarkDecorator]:

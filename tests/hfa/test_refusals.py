@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
-from extension import needs
 from game_files import small, stored
 
 from hfa.entry_points import commands
@@ -123,6 +122,10 @@ REFUSED = {
             "--hold applies only to the aircraft; remove this option or --model",
         ),
         ("--model given.json --units si", "--units applies only to the aircraft"),
+        ("--dihedral 10,5 -o a.npz", "--dihedral does not increase"),
+        ("--dihedral 5,10 --order 3", "--order applies to one trim"),
+        ("--dihedral 5,10 --reference speed=1", "--reference applies to one trim"),
+        ("--dihedral 5,10,95", "dihedral is 95 deg"),
     ],
     "learn": [
         ("--dihedral 15 --law sarsa", "--law is 'sarsa'; choose from policy-iteration"),
@@ -131,32 +134,13 @@ REFUSED = {
         ("--dihedral 15", "the following arguments are required: --weights"),
         ("--dihedral 15 --weights given.npz --set activation=tanh", "applies only to a network"),
     ],
+    "regenerate": [("--dynamics unsteady", "more than seven states")],
 }
-#: (required package, command, words, text in the error)
-REFUSED_BY_EXTENSIONS = (
-    (
-        "hfa_design",
-        "solve",
-        "--design servo --dihedral 11 --units si",
-        "in the units of the declaration; remove this option",
-    ),
-    ("hfa_design", "design", "given.npz", "given.npz: the file is not a controller file"),
-    (
-        "hfa_design",
-        "design",
-        "--design paper --dihedral 0:5",
-        "--dihedral is '0:5'; give start:stop:step",
-    ),
-    ("hfa_model", "regenerate", "--dynamics unsteady", "more than seven states"),
-)
 
 
 @pytest.mark.parametrize(
     ("command", "words", "named"),
-    [
-        *((command, *case) for command, some in REFUSED.items() for case in some),
-        *(pytest.param(*case, marks=needs(package)) for package, *case in REFUSED_BY_EXTENSIONS),
-    ],
+    [(command, *case) for command, some in REFUSED.items() for case in some],
 )
 def test_bad_requests_are_refused_in_one_line(command: str, words: str, named: str) -> None:
     """Each bad request gives exit code 2 and one short, printable line that names the fault."""

@@ -187,7 +187,6 @@ def test_a_wrong_part_is_named(words: str) -> None:
         (lambda model, _: model.A, "hfa.trim(model).linearize().A"),
         (lambda model, _: hfa.environment(model, observations=["alpha"]), "hfa.environment("),
         (lambda *_: hfa.verify(GAME, K=[[1.0]]), "hfa.verify(game, hfa.from_gain(game, K))"),
-        (lambda *_: hfa.hinfsyn, "hfa_design.solve_plant(plant, delta)"),
         (lambda _, point: point.A, "point.linearize().A"),
         (lambda _, point: point.eigenvalues, "point.linearize().poles()"),
         (

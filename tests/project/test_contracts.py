@@ -24,7 +24,6 @@ PROVE = "extensions/prove/hfa_prove"
 BREACHES = {
     "Packages import only those below": {
         "controller/game/zero_sum.py": "hfa_flight.scenario",
-        "extensions/design/hfa_design/controllers.py": "hfa_identify.records",
         f"{PROVE}/problem.py": "hfa_optimal.search",
         "hfa/options/output.py": "hfa.commands.trim",
     },
@@ -91,7 +90,7 @@ BREACHES = {
     },
     "What judges critics": {
         "verification/reasons.py": "hfa_flight.scenario",
-        "controller/riccati/reach.py": "hfa_design.design",
+        "controller/riccati/reach.py": "hfa_flight.scenario",
     },
     "Checkers and statements": {
         f"{PROVE}/check/schedule.py": "hfa_prove.search.family",

@@ -24,8 +24,6 @@ LINES = (
     "trim --dihedral 10 --dynamics unsteady",
     "trim --aircraft jsbsim:737",
     "fly --dihedral 15",
-    "solve --dihedral 11 --design paper",
-    "solve --model generalized.json",
     "trim --aircraft x.dml",
     "verify --dihedral 11 --flights 3",
     "prove region --dihedral 15",
@@ -66,8 +64,6 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
         sys.path.remove(str(ROOT / "tests"))
     python = environment(tmp_path / "core")
     lines = [words.split() for words in LINES]
-    plant = {"A": [[1.0]], "B1": [[1.0]], "B2": [[1.0]], "C1": [[1.0]], "D12": [[1.0]]}
-    (tmp_path / "generalized.json").write_text(json.dumps(plant), encoding="utf-8")
     program = PROGRAM.format(lines=lines)
 
     def run_without_extensions(program: str, check: bool) -> subprocess.CompletedProcess[str]:
@@ -95,8 +91,6 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     assert (code, output.count("\n")) == (2, 1)
     assert "unknown command 'fly'" in output
     for line, message in (
-        ("solve --dihedral 11 --design paper", "--design requires the package hfa_design"),
-        ("solve --model generalized.json", "requires the package hfa_design"),
         ("trim --aircraft x.dml", "x.dml"),
         ("verify --dihedral 11 --flights 3", "--flights requires the package hfa_optimal"),
         ("prove region --dihedral 15", "unknown command 'prove'"),
@@ -107,7 +101,7 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     code, output = run("trim", "--aircraft", "jsbsim:737")
     assert (code, output.count("\n")) == (2, 1)
     helps = "".join(output for line, (_, output) in answers.items() if "--help" in line)
-    of_others = ("--design", "--flights", ".fmu", "jsbsim", ".dml")
+    of_others = ("--flights", ".fmu", "jsbsim", ".dml")
     assert [word for word in of_others if word in helps] == []
     of_the_core = (
         "unsteady",

@@ -25,7 +25,6 @@ from hypothesis import strategies as st
 from project import ROOT
 from strategies import TEXTS, changed_entry, changed_file, changed_folder
 
-from hfa import aircraft
 from hfa.entry_points import commands, found_in
 
 #: Largest processor time of a command in s, unless it announces a long run.
@@ -52,7 +51,7 @@ LINES = (
     "sweep --dihedral 0:20:10 --hold alpha=1:2:0.5 -o a.csv",
     "sweep --dihedral 0:20:10 --hold panel_mass=0.5:2:0.5 -o a.zarr",
     "solve --dihedral 15 --delta 300 --Q 1,1,1,1,1,1 --R 1,1,1,1,1",
-    "solve --dihedral 15 --design paper -o a.mat",
+    "solve --dihedral 10,15 -o a.mat",
     "learn --dihedral 15 --law published --seed 3 -o a.npz",
     (
         "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence own:1:500"
@@ -65,7 +64,6 @@ LINES = (
     ),
     "prove schedule --dihedral 15:15.25 --decay 0.2 --rate 1",
     "prove --check a.json",
-    "design --design paper --dihedral 10 -o a.npz",
     "export --dihedral 15 -o folder",
     "regenerate --dynamics newton --parameters identified --json",
     "regenerate",
@@ -80,7 +78,6 @@ WAYS: dict[str, tuple[str, ...]] = {
     "command line": (),
     "parameters.toml": ("trim", *_AT, "--parameters", "{}"),
     "condition.toml": ("sweep", "--dihedral", "10,15", "--condition", "{}"),
-    "design.toml": ("solve", *_AT, "--design", "{}", "--json"),
     "point.json": ("trim", *_AT, "--start", "{}"),
     **{f"plant{each}": ("solve", "--model", "{}") for each in SUFFIXES},
     "A.csv": ("solve", "--model", "{}", "--Q", "1,1", "--R", "1", "--delta", "inf"),
@@ -89,7 +86,6 @@ WAYS: dict[str, tuple[str, ...]] = {
         for what in ("critic", "history")
         for each in SUFFIXES
     },
-    "controller.npz": ("design", "{}"),
     "table.json": (*_PROVED, "--weights", "{}"),
     "table.npz": (*_PROVED, "--weights", "{}"),
     **dict.fromkeys(("certificate.json", "sealed certificate.json"), ("prove", "--check", "{}")),
@@ -159,21 +155,16 @@ def sealed(certificate: Any) -> bytes:
 @cache
 def seeds() -> Mapping[str, bytes]:
     """Return the content of valid input files by name. Most of them are written by commands."""
-    from controllers import small_controller
     from known_models import exact_gain
     from network_files import QUADRATIC, onnx_file, safetensors_file, torch_file
-    from servo_cases import SIMVFA
     from small_aircraft import glider
 
     from hfa.paper import default_parameters
-    from hfa_flight import save_controller
     from hfa_model import save_parameters
 
     with tempfile.TemporaryDirectory() as name, chdir(name):
         save_parameters(default_parameters(), Path("parameters.toml"), "a copy")
         Path("condition.toml").write_text(CONDITION, encoding="utf-8")
-        Path("design.toml").write_bytes(Path(SIMVFA["simvfa-1"]).read_bytes())
-        save_controller(Path("controller.npz"), small_controller(aircraft()))
         angles = [14.9, 15.1]
         K = np.array([exact_gain(angle) for angle in angles])
         np.savez("table.npz", dihedral_deg=angles, K=K)

@@ -269,7 +269,7 @@ def turn(A: np.ndarray, seed: int) -> np.ndarray:
 
 
 def in_coordinates(problem: Any, T: np.ndarray) -> Any:
-    """Return a game, a discrete-time game or a generalized plant with states y = T z."""
+    """Return a game in either time with states y = T z."""
     changes = {}
     for field in dataclasses.fields(problem):
         value = getattr(problem, field.name)

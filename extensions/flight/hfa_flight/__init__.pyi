@@ -13,7 +13,6 @@ from .air.turbulence import (
     scales_and_intensities as scales_and_intensities,
 )
 from .envelope import flight_envelope as flight_envelope
-from .policies.controller import servo_policy as servo_policy
 from .policies.deployment.deployed import Deployed as Deployed
 from .policies.policy import (
     GainPolicy as GainPolicy,
@@ -26,10 +25,5 @@ from .scenario import Scenario as Scenario, Uncertainty as Uncertainty
 from .schedule.gain_schedule import (
     GainSchedule as GainSchedule,
     load_gain_schedule as load_gain_schedule,
-)
-from .schedule.scheduled_controller import (
-    ScheduledController as ScheduledController,
-    load_controller as load_controller,
-    save_controller as save_controller,
 )
 from .signals import CommandedStates as CommandedStates, CommandSteps as CommandSteps

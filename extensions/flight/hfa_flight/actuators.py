@@ -208,31 +208,3 @@ class ActuatorBank(Advised):
         speeds = states[len(self.lag) :]
         accelerations = bandwidth * (bandwidth * missing - 2 * damping * speeds)
         return ca.vertcat(saturated(speeds, -fastest, fastest), accelerations)
-
-
-@checks_arguments
-@dataclass(frozen=True)
-class Actuator:
-    """Actuator of order 1, a' = -ω a + ω λ u, or of order 2, a'' = -ω² a - 2 ζ ω a' + ω² λ u.
-
-    a is the position, and u is the command.
-
-    order: 1 or 2
-    bandwidth: ω, rad/s
-    damping: ζ, used only for order 2
-    effectiveness: λ, steady-state ratio of position to command
-
-    Raises BadInputError if the order is neither 1 nor 2 or a number is not positive.
-    """
-
-    order: int = 1
-    bandwidth: float = 2.0
-    damping: float = 0.7
-    effectiveness: float = 1.0
-
-    def __post_init__(self) -> None:
-        """Raise BadInputError if a number is out of range."""
-        if self.order not in (1, 2):
-            raise BadInputError(f"the order of an actuator is {self.order}; give 1 or 2")
-        for name in ("bandwidth", "damping", "effectiveness"):
-            refuse_unless_positive(f"the {name} of an actuator", getattr(self, name))

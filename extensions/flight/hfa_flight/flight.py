@@ -84,7 +84,7 @@ _STORED = (
     *("state_units", "input_units", "dynamics", "exceeded", "held", "scenario", "flown", "final"),
     *("largest_deviation", "rms_error", "share_beyond_control_limits", "policy", "warnings"),
 )
-_STORED_IF_ANY = ("decay", "integration", "largest_difference_from_linear", "commanded", "cost")
+_STORED_IF_ANY = ("decay", "integration", "largest_difference_from_linear", "cost")
 #: Nominal values of the states to which changes of smaller deviations are relative.
 _SMALL = 1e-3
 
@@ -446,11 +446,6 @@ class Flight(StatesAndInputs, Result, Reported):
         return _by_name(self.model.states, difference)
 
     @property
-    def commanded(self) -> Mapping[str, Any] | None:
-        """Tracking errors of the outputs that a controller regulates, omitted if there are none."""
-        return self.loop.policy.tracking_errors(self.flight) or None
-
-    @property
     def cost(self) -> float | None:
         """Cost ∫ z'Qz + u'Ru dt up to the end of the flight, omitted without weights.
 
@@ -571,13 +566,10 @@ class Flight(StatesAndInputs, Result, Reported):
     def report(self) -> Report:
         """Return the report of the flight: outcome, tables of states and inputs, and a picture.
 
-        A table of tracking errors is included if there are commands, and the cost if there are
-        weights.
+        The cost is included if there are weights.
         """
         moving = bool(self.flight.winds) and has_angle_of_attack(self.model)
         parts: list[Part] = []
-        if self.commanded:
-            parts.append(_tracking_table(self.commanded))
         parts.append(self._states(moving))
         parts += self._air_notes(moving)
         parts.append(self._inputs())
@@ -693,17 +685,6 @@ class Flight(StatesAndInputs, Result, Reported):
             columns.append(history["angles_of_attack"])
         rows: Any = np.column_stack(columns)
         return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)
-
-
-def _tracking_table(commanded: Mapping[str, Any]) -> Table:
-    """Return a table of the tracking errors: rms, largest error and unit."""
-    rows = []
-    for name, errors in commanded.items():
-        unit = errors["unit"]
-        rms = short_number(errors["rms_error"], unit)
-        largest = short_number(errors["largest_error"], unit)
-        rows.append((name, shown_unit(unit), rms, largest))
-    return Table(("commanded output", "unit", "rms error", "largest error"), rows)
 
 
 def _by_name(names: Iterable[str], values: np.ndarray) -> dict[str, float]:

@@ -151,7 +151,7 @@ class PolicyGiven(Part):
         "file with a gain K, a critic (W or P) or a network; replaces --law", "FILE", critic_path
     )
     controller: Path | None = option(
-        "file with a controller from `hfa design`, or with scheduled gains",
+        "gain table, as of `hfa solve --dihedral 5,10,15 -o FILE`; replaces --law",
         "FILE",
         input_file(*MATRIX_FILES),
     )

@@ -112,16 +112,14 @@ class CommandSteps(Reported):
 @checks_arguments
 @dataclass(frozen=True, eq=False)
 class CommandedStates(Result):
-    """Reference x_d(t), (k,), of a flight: commands for some states, 0 for the others.
+    """Reference x_d(t), (k,), of a flight: steps of some states, not filtered, 0 for the others.
 
     commands: command steps of some of the states
     states: names of the k states of the linear model
-    filtered: True if the reference is the filtered command, False if it is the steps
     """
 
     commands: CommandSteps
     states: tuple[str, ...]
-    filtered: bool = True
 
     @property
     def size(self) -> int:
@@ -130,8 +128,8 @@ class CommandedStates(Result):
 
     @property
     def is_stepping(self) -> bool:
-        """True if the reference is constant between the steps."""
-        return not self.filtered
+        """True, because the reference is constant between the steps."""
+        return True
 
     @property
     def breaks(self) -> np.ndarray:
@@ -147,8 +145,7 @@ class CommandedStates(Result):
         """Return the reference x_d(t), (k,), as a CasADi expression."""
         names = self.commands.names
         chosen = np.array([[float(name == state) for name in names] for state in self.states])
-        value = self.commands.at(t) if self.filtered else self.commands.end(t)
-        return ca.mtimes(ca.DM(chosen.reshape(self.size, len(names))), value)
+        return ca.mtimes(ca.DM(chosen.reshape(self.size, len(names))), self.commands.end(t))
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -156,6 +153,4 @@ class CommandedStates(Result):
             "names": self.commands.names,
             "times": self.commands.times,
             "values": self.commands.values,
-            "bandwidth": self.commands.bandwidth,
-            "damping": self.commands.damping,
         }

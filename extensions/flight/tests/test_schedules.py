@@ -1,9 +1,8 @@
-"""Gain schedules and scheduled controllers: files, units, and refusals."""
+"""Gain schedules: files, units, and refusals."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +13,7 @@ from scipy.io import savemat
 
 import hfa
 from hfa import BadInputError, Model, Signal
-from hfa_aircraft import in_si
-from hfa_flight import (
-    GainSchedule,
-    ScheduledController,
-    load_controller,
-    load_gain_schedule,
-    save_controller,
-)
+from hfa_flight import load_gain_schedule
 
 FOOT, POUND = 0.3048, 4.4482216152605
 
@@ -39,85 +31,6 @@ TANK = Model(
     trim={"level": 0.5},
     schedule="level",
 )
-
-
-def controller(**changed: Any) -> ScheduledController:
-    """Return a controller of one state at two levels, with different numbers in all matrices."""
-    rng = np.random.default_rng(3)
-    shapes = {"A": (1, 1), "B": (1, 3), "C": (1, 1), "D": (1, 3), "W": (1, 1)}
-    rows = [{"level": level, "checks": [{"ok": True}]} for level in (2.0, 5.0)]
-    given = {
-        **{name: rng.standard_normal((2, *shape)) for name, shape in shapes.items()},
-        "name": "small",
-        "feedback": "output",
-        "breakpoints": np.array([2.0, 5.0]),
-        "states": ("level_integral",),
-        "measurements": ("rate", "push_position"),
-        "commands": ("level_command",),
-        "inputs": ("push",),
-        "trim_states": np.array([[2.0, 1.0], [5.0, 3.0]]),
-        "trim_inputs": np.array([[4.0], [6.0]]),
-        "about": {"angles": rows},
-    }
-    return ScheduledController(**(given | changed), model=TANK)
-
-
-def test_units_do_not_change_what_a_controller_does(tmp_path: Path) -> None:
-    """In SI, states, measurements, commands and inputs convert, also by a file and back."""
-    english, model = controller(), in_si(TANK)
-    save_controller(tmp_path / "english.npz", english)
-    si = load_controller(tmp_path / "english.npz", model)
-    x, u = np.array([3.0]), np.array([0.7])
-    y = np.array([0.2, 5.0, -1.5])  # ft/s, lbf, ft
-    to_si = np.array([FOOT, POUND, FOOT])
-    for at in (2.0, 3.1, 5.0):
-        A, B, C, D = english.at(at)
-        A_si, B_si, C_si, D_si = si.at(at * FOOT)
-        assert A_si @ (x * FOOT) + B_si @ (y * to_si) == pytest.approx((A @ x + B @ y) * FOOT)
-        assert C_si @ (x * FOOT) + D_si @ (y * to_si) == pytest.approx((C @ x + D @ y) * POUND)
-    assert si.W[0] @ (u * POUND) == pytest.approx(english.W[0] @ u * FOOT)
-    assert si.trim_states == pytest.approx(english.trim_states * FOOT)
-    assert si.trim_inputs == pytest.approx(english.trim_inputs * POUND)
-    assert [row["level"] for row in si.about["angles"]] == pytest.approx([2 * FOOT, 5 * FOOT])
-    for name, saved in (("english.npz", english), ("si.npz", si)):
-        save_controller(tmp_path / name, saved)
-        for wanted, expected in ((TANK, english), (model, si)):
-            found = load_controller(tmp_path / name, wanted)
-            for part in (*"ABCDW", "breakpoints", "trim_states", "trim_inputs"):
-                assert getattr(found, part) == pytest.approx(getattr(expected, part), rel=1e-14)
-    english.refuse_other(TANK, 2.0, 5.0)
-    for beyond in ((1.9, 5.0), (2.0, 5.1)):
-        with pytest.raises(BadInputError, match="covers level 2 to 5 ft"):
-            english.refuse_other(TANK, *beyond)
-
-
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [
-        ({"states": ("a b",)}, "use letters, digits and _"),
-        ({"states": ("2a",)}, "use letters, digits and _"),
-        ({"name": "a\nb"}, "use printable characters"),
-        ({"command_filter": (1.0, 0.0)}, "command_filter is invalid"),
-        ({"command_filter": (np.inf, 1.0)}, "command_filter is invalid"),
-        ({"breakpoints": np.array([5.0, 5.0])}, "does not increase"),
-        ({"trim_inputs": np.array([[4.0], [np.nan]])}, "trim_inputs has an entry that is not fin"),
-        ({"measurements": ("rate", "depth")}, "unknown measurement 'depth'"),
-        ({"commands": ("push_command",)}, "unknown command 'push_command'"),
-        ({"inputs": ("level",)}, "unknown input 'level'"),
-    ],
-)
-def test_wrong_parts_of_a_controller_are_refused(changed: dict[str, Any], said: str) -> None:
-    with pytest.raises(BadInputError, match=re.escape(said)):
-        controller(**changed)
-
-
-def test_names_that_differ_in_capitals_are_refused() -> None:
-    """C and MATLAB would take x and X for one variable."""
-    two = {name: np.ones((2, *shape)) for name, shape in
-           {"A": (2, 2), "B": (2, 3), "C": (1, 2), "D": (1, 3), "W": (2, 1)}.items()}  # fmt: skip
-    controller(**two, states=("x", "y"))
-    with pytest.raises(BadInputError, match="differ only in capitals"):
-        controller(**two, states=("x", "X"))
 
 
 def gains_file(folder: Path, **content: Any) -> Path:
@@ -186,35 +99,3 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
 def test_wrong_gain_files_are_refused(tmp_path: Path, content: Any, said: str) -> None:
     with pytest.raises(BadInputError, match=re.escape(said)):
         load_gain_schedule(gains_file(tmp_path, **content), TANK)
-
-
-def test_a_controller_without_states_is_the_schedule_of_its_gains() -> None:
-    """u = D (x - X0) of a controller without states is u = -K (x - X0) of a gain schedule."""
-    gains = np.array([[[1.0, 2.0]], [[3.0, 4.0]]])
-    empty = {"A": np.zeros((2, 0, 0)), "B": np.zeros((2, 0, 2)), "C": np.zeros((2, 1, 0))}
-    plain = controller(
-        **empty, D=-gains, W=np.zeros((2, 0, 1)), states=(), measurements=TANK.linear, commands=()
-    )
-    schedule = plain.gain_schedule()
-    assert isinstance(schedule, GainSchedule)
-    np.testing.assert_array_equal(schedule.gains, gains)
-    np.testing.assert_array_equal(schedule.breakpoints, [2.0, 5.0])
-    assert controller().gain_schedule() is None
-    assert replace(plain, measurements=TANK.linear[::-1]).gain_schedule() is None
-    assert replace(plain, commands=("level_command",), B=np.zeros((2, 0, 3)),
-                   D=np.zeros((2, 1, 3))).gain_schedule() is None  # fmt: skip
-
-
-def test_gains_of_inputs_in_another_order_go_to_their_rows() -> None:
-    model = hfa.aircraft()
-    K = exact_gain(15.0)
-    m, n = K.shape
-    reordered = ScheduledController(
-        *("gains", "state", np.array([0.26]), np.zeros((1, 0, 0)), np.zeros((1, 0, n))),
-        *(np.zeros((1, m, 0)), -K[None, ::-1], np.zeros((1, 0, m)), (), model.linear, ()),
-        *(tuple(model.inputs)[::-1], np.zeros((1, len(model.states))), np.zeros((1, m))),
-        model=model,
-    )
-    schedule = reordered.gain_schedule()
-    assert schedule is not None
-    np.testing.assert_array_equal(schedule.gains[0], K)

@@ -30,6 +30,8 @@ from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model
+    from hfa_flight.policies.policy import FunctionPolicy, GainPolicy
+    from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
     from trim.point.operating_point import OperatingPoint
 
 #: Default dihedral angle of the exported HFA, deg.
@@ -78,10 +80,10 @@ def export(request: ExportRequest) -> int:
 
     A folder receives C source without dependencies: equations, trim at --at, A, B, a gain and an
     example 100 Hz loop. FILE.fmu is the nonlinear aircraft as an FMU 2.0, in closed loop if a
-    law, gain or controller is given. An FMU requires a C compiler. FILE.m is a MATLAB and Octave
+    law, gain or gain table is given. An FMU requires a C compiler. FILE.m is a MATLAB and Octave
     function that makes state-space systems from the .mat files of `hfa sweep` and `hfa linearize`.
-    --controller FILE replaces the gain by a controller. With --policy DEPLOYMENT.toml, the C source
-    is only a function for one sample of the deployed policy, with normalizer, clipping and mapping.
+    With --policy DEPLOYMENT.toml, the C source is only a function for one sample of the deployed
+    policy, with normalizer, clipping and mapping.
     """
     policy = request.policy
     files_of_policy = (policy.weights, policy.controller, policy.deployment)
@@ -93,10 +95,8 @@ def export(request: ExportRequest) -> int:
     origin = f"{request.provenance.text()}\n{request.line}"
     if request.target.suffix.lower() == ".m":
         return _write_function(request)
-    if policy.controller is None:
-        request.refuse(("actuators",), "applies only to --controller; remove this option")
-    elif _is_fmu(request) and request.actuators is None:
-        raise BadInputError("--controller requires actuators in an FMU; add --actuators LAG:RATE")
+    if not _is_fmu(request):
+        request.refuse(("actuators",), "applies only to an FMU; remove this option")
     if policy.deployment is not None and _is_fmu(request):
         raise BadInputError(
             f"{request.target}: an FMU has neither the sample time nor the delay of a deployment "
@@ -151,34 +151,28 @@ def _written(
     *,
     with_gain: bool,
 ) -> list[Path]:
-    """Write the aircraft, with a gain, with a controller or alone, as C or as an FMU."""
+    """Write the aircraft, with a policy or alone, as C or as an FMU."""
     from hfa_flight.export.aircraft_c import c_model_texts
-    from hfa_flight.export.controller_c import c_controller_texts, controller_steering
     from hfa_flight.export.exported_loop import exported_loop, following_a_reference
     from hfa_flight.export.fmu import write_fmu
-    from hfa_flight.schedule.scheduled_controller import load_controller
+    from hfa_flight.policies.scheduled_gains import scheduled_gains
+    from hfa_flight.schedule.gain_schedule import load_gain_schedule
 
     actuators = actuators_of(model, request.actuators)
-    controller = None
-    if request.policy.controller is not None:
-        controller = load_controller(request.policy.controller, model)
     linear = noted_linear_model(model, point)
-    policy = None
-    if controller is None and with_gain:
+    policy: GainPolicy | FunctionPolicy | ScheduledGainPolicy | None = None
+    if request.policy.controller is not None:
+        schedule = load_gain_schedule(request.policy.controller, model)
+        name = f"gains of {request.policy.controller}"
+        policy = scheduled_gains(name, schedule, point, request.trim.common_condition.at)
+    elif with_gain:
         policy = request.policy.about(linear)
     if _is_fmu(request):
-        steering = None
-        if controller is not None:
-            steering = controller_steering(controller, model, point)
-        elif policy is not None:
-            steering = following_a_reference(model, policy)
+        steering = None if policy is None else following_a_reference(model, policy)
         loop = exported_loop(model, point, steering, actuators)
         write_fmu(loop, request.target, request.provenance)
         return [request.target]
-    texts = c_model_texts(linear, policy, origin)
-    if controller is not None:
-        texts |= c_controller_texts(controller, model, point, origin, actuators)
-    return write_texts(request.target, texts)
+    return write_texts(request.target, c_model_texts(linear, policy, origin))
 
 
 def _report(written: list[Path]) -> Report:

@@ -143,9 +143,10 @@ class FlyRequest(Request):
         """
         from hfa_flight.commands.tracking import tracking_of
         from hfa_flight.policies.deployment.policy import flown_deployment
-        from hfa_flight.policies.given import command_steps, controller_policy
+        from hfa_flight.policies.given import command_steps
         from hfa_flight.policies.policy import GainPolicy, open_loop
-        from hfa_flight.schedule.scheduled_controller import load_controller_or_gains
+        from hfa_flight.policies.scheduled_gains import scheduled_gains
+        from hfa_flight.schedule.gain_schedule import load_gain_schedule
 
         given = self.policy
         if self.reference:
@@ -172,12 +173,10 @@ class FlyRequest(Request):
         if given.deployment is not None:
             policy = flown_deployment(given.deployment, point)
         elif given.controller is not None:
-            controller = load_controller_or_gains(given.controller, model)
+            schedule = load_gain_schedule(given.controller, model)
             name = f"gains of {given.controller}"
             condition = self.trim.common_condition.at
-            policy, scenario = controller_policy(
-                controller, point, scenario, steps, name, condition
-            )
+            policy = scheduled_gains(name, schedule, point, condition, steps)
         elif given.law == NONE:
             policy = open_loop(steps, tuple(model.inputs))
         elif given.law in LAWS and given.weights is None:
@@ -190,7 +189,7 @@ class FlyRequest(Request):
             for name in steps.names:
                 refuse_unknown("a gain cannot follow a command of", name, model.linear)
             if steps.names:
-                reference = CommandedStates(steps, model.linear, filtered=False)
+                reference = CommandedStates(steps, model.linear)
             linear = noted_linear_model(model, point)
             policy = given.about(linear)
             if self.reference:

@@ -24,6 +24,7 @@ from hfa_flight.export.c_text import (
     units_of,
 )
 from hfa_flight.policies.policy import FunctionPolicy, GainPolicy
+from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
 from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
 
@@ -34,13 +35,26 @@ _LINEAR = """    for (int i = 0; i < HFA_INPUTS; i++) {
         u[i] = hfa_u0[i];
         for (int j = 0; j < HFA_LINEAR_STATES; j++) u[i] -= hfa_K[i][j] * z[j];
     }"""
+#: With a gain table: K linear between breakpoints of the state at {place}, constant beyond.
+_SCHEDULED = """    const double eta = x[{place}];
+    int cell = 0;
+    while (cell < {last} && eta > breakpoint[cell + 1]) cell++;
+    double share = (eta - breakpoint[cell]) / (breakpoint[cell + 1] - breakpoint[cell]);
+    share = share < 0.0 ? 0.0 : share > 1.0 ? 1.0 : share;
+    for (int i = 0; i < HFA_INPUTS; i++) {{
+        u[i] = hfa_u0[i];
+        for (int j = 0; j < HFA_LINEAR_STATES; j++)
+            u[i] -= (gain[cell][i][j] + share * (gain[cell + 1][i][j] - gain[cell][i][j])) * z[j];
+    }}"""
 _CALLED = """    double v[HFA_INPUTS];
     policy(z, v);
     for (int i = 0; i < HFA_INPUTS; i++) u[i] = hfa_u0[i] + v[i];"""
 
 
 def c_model_texts(
-    linear: LinearModel, policy: GainPolicy | FunctionPolicy | None, origin: str
+    linear: LinearModel,
+    policy: GainPolicy | FunctionPolicy | ScheduledGainPolicy | None,
+    origin: str,
 ) -> dict[str, str]:
     """Return the C source of an aircraft as file name -> text.
 
@@ -59,6 +73,7 @@ def c_model_texts(
     inputs = units_of(model, model.inputs)
     winds = or_unused(units_of(model, model.disturbances))
     gain = policy.K if isinstance(policy, GainPolicy) else np.zeros(linear.B.T.shape)
+    table: dict[str, Any] = {}
     functions = c_function(_rates(model), "rates", ("x", "u", "w", "p"), ("dx",))
     formula = "u = u0 - K z: the policy at x. Nothing is limited."
     body = _LINEAR
@@ -66,6 +81,20 @@ def c_model_texts(
         functions += "\n" + _policy_function(policy)
         formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."
         body = _CALLED
+    elif isinstance(policy, ScheduledGainPolicy):
+        schedule = policy.schedule
+        gain = schedule.table.at(linear.point.values[model.schedule])
+        if len(schedule.breakpoints) > 1:
+            table = {
+                "static const double breakpoint": schedule.breakpoints,
+                "static const double gain": schedule.gains,
+            }
+            formula = (
+                f"u = u0 - K({model.schedule}) z: the policy at x, K linear between breakpoints "
+                "and constant\n   beyond; hfa_K is K at x0. Nothing is limited."
+            )
+            place = model.state_places((model.schedule,))[0]
+            body = _SCHEDULED.format(place=place, last=len(schedule.breakpoints) - 2)
     texts = {
         header: filled(
             header,
@@ -88,6 +117,7 @@ def c_model_texts(
                     "const double hfa_A": linear.A,
                     "const double hfa_B": linear.B,
                     "const double hfa_K": gain,
+                    **table,
                     "const int hfa_linear_state": model.state_places(model.linear),
                     **name_tables("state", states),
                     **name_tables("input", inputs),

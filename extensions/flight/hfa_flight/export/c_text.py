@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.schedule.signal_units import signal_unit
 from hfa_support.files import write_text
 
 
@@ -79,11 +78,8 @@ def braced(values: Any) -> str:
 
 
 def units_of(model: Model, names: Iterable[str]) -> dict[str, str]:
-    """Return the units of signals of a model or of a controller, by name."""
-    signals = model.signals
-    return {
-        name: model.unit(name) if name in signals else signal_unit(model, name) for name in names
-    }
+    """Return the units of signals of a model, by name."""
+    return {name: model.unit(name) for name in names}
 
 
 def displaced_state(model: Model) -> tuple[str, float]:

@@ -21,14 +21,14 @@ from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.scenario import Scenario
 from trim.point.operating_point import OperatingPoint
 
-#: Longest step, s, of a loop whose modes are not faster than those of the aircraft.
+#: Longest Runge-Kutta step of an exported loop, s.
 LONGEST_STEP = 1e-3
 
 
 class Channel(NamedTuple):
     """A scalar signal of a loop.
 
-    unit: unit, or None if the unit depends on the controller
+    unit: unit, or None if it is unknown
     start: initial value
     size: nominal size
     rate_unit: unit of the rate, or None if not needed
@@ -79,26 +79,18 @@ class GivenInputs(Policy):
 class Steering(NamedTuple):
     """Policy and input signals v of an exported loop.
 
-    policy: the policy. Each state of its memory has a channel in `states`
+    policy: the policy, without memory
     arguments: channels of v
     v: (k,), symbols of the inputs of the loop
     reference: x_d, as part of v, or None
-    states: channels of the memory and of the filter
-    filtered: (f,), symbols of the states of a filter of v
-    filtered_rate: (f,), rates of the filter states
     sets_inputs: False if v are the inputs of the aircraft
-    longest_step: largest Runge-Kutta step, s
     """
 
     policy: Policy
     arguments: list[Channel]
     v: ca.SX
     reference: Argument | None = None
-    states: tuple[Channel, ...] = ()
-    filtered: ca.SX = ca.SX(0, 1)
-    filtered_rate: ca.SX = ca.SX(0, 1)
     sets_inputs: bool = True
-    longest_step: float = LONGEST_STEP
 
 
 def given_inputs(model: Model, point: OperatingPoint) -> Steering:
@@ -127,7 +119,6 @@ class ExportedLoop:
     states, outputs, inputs: channels of y, h and v. The outputs are the inputs of the aircraft that
         a policy sets, then the outputs of the model
     flown: number of aircraft states. They are the first of `states`
-    longest_step: largest Runge-Kutta step, s
     """
 
     function: ca.Function
@@ -135,7 +126,6 @@ class ExportedLoop:
     outputs: tuple[Channel, ...]
     inputs: tuple[Channel, ...]
     flown: int
-    longest_step: float = LONGEST_STEP
 
 
 def exported_loop(
@@ -144,15 +134,14 @@ def exported_loop(
     steering: Steering | None = None,
     actuators: ActuatorBank | None = None,
 ) -> ExportedLoop:
-    """Return the loop X' = f(X, U, w) with the states [X; actuators; memory of the policy; filter].
+    """Return the loop X' = f(X, U, w) with the states [X; actuators].
 
-    The inputs are [w; v], with w the disturbances of the model. Actuator states and memory are
-    deviations from trim.
+    The inputs are [w; v], with w the disturbances of the model. Actuator states are deviations from
+    trim.
 
     steering: policy and input signals v, or None for v = U
 
-    Raises BadInputError if a trim input is outside its actuator's limits, or if the policy measures
-    actuator states that do not exist.
+    Raises BadInputError if a trim input is outside its actuator's limits.
     """
     steering = steering or given_inputs(model, point)
     w = ca.SX.sym("w", len(model.disturbances))
@@ -174,18 +163,18 @@ def exported_loop(
     if steering.sets_inputs:
         h = ca.vertcat(U, h)
         outputs = [*_channels(model, model.inputs, point.inputs), *outputs]
-    rates = ca.densify(ca.vertcat(now.rate, steering.filtered_rate))
-    arguments = [ca.vertcat(Y, steering.filtered), ca.vertcat(w, steering.v)]
+    arguments = [Y, ca.vertcat(w, steering.v)]
     states = _channels(model, model.states, point.states, rates=True)
-    states += _actuator_channels(model, actuators) + list(steering.states)
+    states += _actuator_channels(model, actuators)
     winds = [Channel(name, model.unit(name)) for name in model.disturbances]
     return ExportedLoop(
-        function=ca.Function("loop", arguments, [rates, ca.densify(h)], {"cse": True}),
+        function=ca.Function(
+            "loop", arguments, [ca.densify(now.rate), ca.densify(h)], {"cse": True}
+        ),
         states=tuple(states),
         outputs=tuple(outputs),
         inputs=(*winds, *steering.arguments),
         flown=len(model.states),
-        longest_step=steering.longest_step,
     )
 
 

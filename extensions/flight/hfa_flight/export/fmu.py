@@ -20,7 +20,7 @@ from xml.etree import ElementTree as xml
 import casadi as ca
 
 from hfa_flight.export.c_text import braced, comment_lines
-from hfa_flight.export.exported_loop import ExportedLoop
+from hfa_flight.export.exported_loop import LONGEST_STEP, ExportedLoop
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import written_whole
 from hfa_support.native.c_code import c_function
@@ -99,7 +99,7 @@ def _source(loop: ExportedLoop, origin: Provenance) -> str:
 def _settings(loop: ExportedLoop, guid: str) -> str:
     defined = {
         "GUID": f'"{guid}"',
-        "LONGEST_STEP": repr(loop.longest_step),
+        "LONGEST_STEP": repr(LONGEST_STEP),
         **{"STATES": len(loop.states), "OUTPUTS": len(loop.outputs), "INPUTS": len(loop.inputs)},
         "STATE_STARTS": braced([one.start for one in loop.states]),
         "INPUT_STARTS": braced([one.start for one in loop.inputs]),

@@ -1,7 +1,7 @@
 """Conversion of user input to the policy of a flight.
 
-The input may be a gain, a critic, a solution, a network, a deployment file, a scheduled controller,
-input steps or a Python function.
+The input may be a gain, a critic, a solution, a network, a deployment file, a gain schedule, input
+steps or a Python function.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ from controller.expansion.expansion import Expansion
 from controller.game.linear_game import names_of_linear
 from controller.riccati.gare import Solution
 from controller.tracking import Tracking
-from hfa_flight.policies.controller import servo_policy
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import flown_deployment
 from hfa_flight.policies.policy import (
@@ -43,15 +42,14 @@ from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.policies.scheduled_gains import scheduled_gains
 from hfa_flight.scenario import Scenario
 from hfa_flight.schedule.gain_schedule import GainSchedule
-from hfa_flight.schedule.scheduled_controller import ScheduledController
-from hfa_flight.signals import CommandedStates, CommandSteps
+from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown, shown
-from trim.point.condition import TrimCondition, usual_condition
+from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
 
 _FORMS = (
     "give a gain K, a critic, a solution, hfa.expand(...), hfa.track(...), a Deployment, a "
-    "scheduled controller, a file that contains one of these, input steps {name: [(time, value), "
+    "gain schedule, a file that contains one of these, input steps {name: [(time, value), "
     "...]} or a function of (t, X)"
 )
 #: Law of `hfa fly --law` -> policy in Python.
@@ -90,8 +88,9 @@ def policy_and_scenario(
     if isinstance(given, Tracking):
         policy = GainPolicy("tracking", given.K, given.inputs)
         return policy, replace(scenario, reference=given.exact.reference)
-    if isinstance(given, ScheduledController | GainSchedule):
-        return controller_policy(given, point, scenario, command_steps({}))
+    if isinstance(given, GainSchedule):
+        condition = usual_condition(point.model).at
+        return scheduled_gains("scheduled gains", given, point, condition).in_scenario(scenario)
     if isinstance(given, Solution):
         given.game.refuse_steps("hfa.fly")
     if hasattr(given, "K"):
@@ -120,43 +119,6 @@ def _of_states(policy: ca.Function, point: OperatingPoint) -> ca.Function:
             f"{wanted[0]} states with {wanted[1]} inputs, or of (t, X)"
         )
     return policy
-
-
-def controller_policy(
-    controller: ScheduledController | GainSchedule,
-    point: OperatingPoint,
-    scenario: Scenario,
-    commands: CommandSteps,
-    name: str = "scheduled gains",
-    condition: Callable[[float], TrimCondition] | None = None,
-) -> tuple[Policy, Scenario]:
-    """Return the policy of a scheduled controller that follows commands, and the scenario with
-    their reference.
-
-    name: name of the policy of a gain schedule
-    condition: function from the scheduling variable to the trim condition of a gain schedule, by
-        default the model's
-
-    Raises BadInputError if the scenario of a dynamic controller has no actuators, and as
-    `scheduled_gains` and `servo_policy` do.
-    """
-    model = point.model
-    if isinstance(controller, ScheduledController):
-        controller = controller.gain_schedule() or controller
-    if isinstance(controller, GainSchedule):
-        trims = condition or usual_condition(model).at
-        policy = scheduled_gains(name, controller, point, commands, trims)
-        return policy, replace(scenario, reference=policy.path)
-    if scenario.actuators is None:
-        raise BadInputError(
-            "the controller requires actuators; add --actuators LAG:RATE, in Python "
-            "Scenario(actuators=...)"
-        )
-    commands = CommandSteps(
-        commands.names, commands.times, commands.values, *controller.command_filter
-    )
-    servo = servo_policy(controller, commands, model, point)
-    return servo, replace(scenario, reference=CommandedStates(commands, model.linear))
 
 
 def _policy_of_file(path: Path, point: OperatingPoint) -> Any:

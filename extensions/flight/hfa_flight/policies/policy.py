@@ -15,7 +15,6 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
-from hfa_flight.history import Deviations
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import CommandSteps
 from hfa_support.arguments import checks_arguments
@@ -133,13 +132,6 @@ class Policy(Reported):
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy for the result of a flight."""
         return {"law": self.name}
-
-    def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
-        """Return commanded output -> `rms_error`, `largest_error` and `unit` over a flight.
-
-        The result is empty if the policy regulates no outputs.
-        """
-        return {}
 
 
 @checks_arguments

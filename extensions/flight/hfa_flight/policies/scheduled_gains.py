@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import casadi as ca
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.policies.tables import table_expression
+from hfa_flight.scenario import Scenario
 from hfa_flight.schedule.gain_schedule import GainSchedule
 from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError
@@ -110,6 +111,10 @@ class ScheduledGainPolicy(Policy):
         K = ca.reshape(entries, len(model.linear), len(model.inputs)).T
         return self.path.inputs_at(t) - ca.mtimes(K, measurements.error)
 
+    def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
+        """Return the policy, and the scenario with the trims along the commands as reference."""
+        return self, replace(scenario, reference=self.path)
+
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: name, units of the states, breakpoints and gains."""
         return {
@@ -124,16 +129,16 @@ def scheduled_gains(
     name: str,
     schedule: GainSchedule,
     base: OperatingPoint,
-    commands: CommandSteps,
     condition: Callable[[float], TrimCondition],
+    commands: CommandSteps | None = None,
 ) -> ScheduledGainPolicy:
     """Return the policy of a gain schedule that follows commands of the scheduling variable.
 
     name: name of the policy
     base: initial trim of the flight
-    commands: steps of the scheduling variable, as deviations from `base`. If empty, the variable
-        remains constant
     condition: function from the scheduling variable to its trim condition
+    commands: steps of the scheduling variable, as deviations from `base`. If None or empty, the
+        variable remains constant
 
     Raises BadInputError if the model is not scheduled over a state of its linear model, another
     variable is commanded, or the gains do not cover the commands.
@@ -145,14 +150,14 @@ def scheduled_gains(
             f"the scheduling variable of {model.name} is {model.schedule or 'not declared'}; "
             "declare a state of the linear model as the scheduling variable"
         )
-    for commanded in commands.names:
+    for commanded in commands.names if commands is not None else ():
         if commanded != model.schedule:
             raise BadInputError(
                 f"a gain schedule follows only commands of {model.schedule}; remove the command "
                 f"of {commanded}"
             )
     start = base.values[model.schedule]
-    if not commands.names:
+    if commands is None or not commands.names:
         commands = CommandSteps((model.schedule,), np.zeros(1), np.zeros((1, 1)))
     values = np.append(start + commands.values, start)
     schedule.refuse_beyond(float(values.min()), float(values.max()))

@@ -39,7 +39,7 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     """
     if named.linear is None:
         raise BadInputError(
-            "--flights cannot be combined with --model or --design; remove one of these options"
+            "--flights cannot be combined with --model; remove one of these options"
         )
     if len(verdicts) != 1:
         raise BadInputError(

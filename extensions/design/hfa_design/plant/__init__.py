@@ -1,1 +1,0 @@
-"""Certified H-infinity control of a generalized plant."""
