@@ -30,6 +30,8 @@ class About:
         inertias and sizes (`trim.point.configuration`); None if only signals have them
     weights: "Q", "R" and "N" of the cost in the file of a linear plant, as they are stored, for
         states and inputs divided by their nominal values; {} without them
+    fault: function that returns why the last evaluation of a compiled program failed, or "". None
+        for equations
     """
 
     title: str = ""
@@ -44,6 +46,11 @@ class About:
     trained_at: float | None = None
     configuration: Callable[[Any, Any, Any], Mapping[str, tuple[float, str]]] | None = None
     weights: Mapping[str, Any] = field(default_factory=dict)
+    fault: Callable[[], str] | None = None
+
+    def failed(self) -> str:
+        """Return why the last evaluation of a compiled program failed, or ""."""
+        return "" if self.fault is None else self.fault()
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +63,15 @@ class Domain:
         highest), if they differ from min and max. x and p have fields by name.
     check: function of a state x, with fields by name, that raises BadInputError outside the domain
     reference: state or output -> its value at the condition of the derivatives of a linear table
+    flown: function (X, U, p) of the states (N, n), inputs (N, m) and parameters of a flight -> why
+        the equations are not valid in it, or ""
     """
 
     range: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
     envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]] | None = None
     check: Callable[[Any], None] | None = None
     reference: Mapping[str, float] = field(default_factory=dict)
+    flown: Callable[[Any, Any, Any], str] | None = None
 
     def limits_about(self, x: Any, p: Any) -> Mapping[str, tuple[float, float]]:
         """Return the limits of the states in flight about a trim that `envelope` changes.

@@ -262,7 +262,7 @@ def _format_of(text: str) -> str:
     if text.rpartition(":")[0].endswith(".py"):
         return ""
     scheme = text.partition(":")[0]
-    suffixes = "".join(Path(text.partition("?")[0]).suffixes)
+    suffixes = "".join(Path(text.partition("?")[0]).suffixes).lower()
     names = [scheme, *(suffixes[at:] for at, each in enumerate(suffixes) if each == ".")]
     return next((name for name in names if name in _kinds()), "")
 

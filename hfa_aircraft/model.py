@@ -572,6 +572,8 @@ class Model(Reported):
         if self.layout.has_nan:
             return f"{self.name}: {what} contains NaN; use CasADi's functions (ca.sin), not math's"
         where = ", ".join(f"{self.describe(name, value)} {name}" for name, value in values.items())
+        if self.about.failed():
+            return f"{self.name}: {self.about.failed()} at {where}"
         return f"{self.name}: {what} is not a number at {where}; correct the equations or limits"
 
     def outputs_at(

@@ -113,7 +113,7 @@ def _c_text(function: ca.Function, symbol: str) -> str:
 
 def _has_no_c(function: ca.Function) -> bool:
     if function.class_name() != "SXFunction":
-        return bool(function.class_name() == "FmuFunction")
+        return bool(function.class_name() == "CallbackInternal")
     return any(
         function.instruction_id(place) == ca.OP_ERFINV for place in range(function.n_instructions())
     )

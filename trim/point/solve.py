@@ -130,6 +130,8 @@ def trim(
         with np.errstate(over="raise"):
             return _solution(problem, problem.clip(problem.system.start))
     except (ArithmeticError, np.linalg.LinAlgError) as error:
+        if model.about.failed():
+            raise BadInputError(f"no trim: {error}") from error
         raise BadInputError(
             f"the equations overflow or divide by zero; use other values or parameters ({error})"
         ) from error

@@ -51,6 +51,7 @@ from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import (
     BadInputError,
+    NoSolutionError,
     numbers_in,
     refuse_unknown,
     refuse_unless_positive,
@@ -260,6 +261,7 @@ def fly_within(
         return outside(envelope, rows.limited + trim)
 
     flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
+    _refuse_invalid(loop.plant.point, flight)
     left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
     found: LimitCycle | Decay | None = None
     if left_at is None:
@@ -267,6 +269,20 @@ def fly_within(
     cycle = found if isinstance(found, LimitCycle) else None
     decay = found if isinstance(found, Decay) else None
     return Flight(envelope, loop, flight, left_at, cycle, decay=decay)
+
+
+def _refuse_invalid(point: OperatingPoint, flight: Deviations) -> None:
+    """Raise NoSolutionError if the equations of the model are not valid in a flight."""
+    native = point.model.native
+    if native.domain.flown is None:
+        return
+    X = native.native_values(native.state_names, flight.states + point.x)
+    U = native.native_values(native.input_names, flight.inputs + point.u)
+    reason = native.domain.flown(X, U, native.p)
+    if reason:
+        raise NoSolutionError(
+            f"{point.model.title}: no flight: {reason}; it is met by {flight.times[-1]:.4g} s"
+        )
 
 
 @checks_arguments

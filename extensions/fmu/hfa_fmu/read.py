@@ -1,69 +1,80 @@
-"""The `Model` of an FMU for model exchange, evaluated by `casadi.DaeBuilder`.
+"""The `Model` of an FMU for model exchange.
 
 The states, inputs, outputs and tunable parameters of the model are those of the FMU, with the
 units, nominal values, limits and start values of its `modelDescription.xml`. A dot or bracket in a
 name becomes "_". A trim imposes the start values of the inputs by default, and solves for the
 states.
 
-A and B are exact if the FMU provides directional derivatives. Otherwise they are central
-differences (`differences.py`), and a note in every report gives their step and error.
+A and B are exact if the FMU gives directional derivatives. Otherwise they are central differences,
+and a note in every report gives their step and error. They are dense: the dependencies that an FMU
+declares are not used.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
 import re
+import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.about import About, Source
+from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_fmu.differences import STEP, differenced, largest_difference, slopes_at
-from hfa_support.errors import BadInputError, prefix_errors, shortened
+from hfa_fmu import library
+from hfa_fmu.description import Description, Variable, described, library_of
+from hfa_fmu.function import STEP, Evaluator, casadi_function
+from hfa_fmu.library import FmuError, Instance, Interface
+from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import LARGEST, regular_file
 
-#: Operating system -> folders of its libraries in an FMU, of FMI 2.0 and 3.0.
-_PLATFORMS = {
-    "linux": ("linux64", "x86_64-linux", "aarch64-linux"),
-    "darwin": ("darwin64", "x86_64-darwin", "aarch64-darwin"),
-    "win32": ("win64", "x86_64-windows"),
-}
 #: Largest relative difference between the derivatives of an FMU and differences of its rates.
 _DOUBTFUL = 1e-3
+#: Longest time of the first evaluation of a library, s.
+_LONGEST = 15.0
 
 
 def read_model(text: str) -> Model:
-    """Return the model of an FMU. The compiled code in the FMU is executed.
+    """Return the model of an FMU. The compiled code in the FMU is executed, first in a process of
+    its own.
 
     text: path of the file
 
     Raises BadInputError if the file is not an FMU for model exchange in FMI 2.0 or 3.0, if it has
-    events, no continuous states, an input that is not a real number, or no library for this system,
-    or if its code fails.
+    no continuous states or no library for this system, or if its code ends the process, does not
+    return, fails, or depends on time.
     """
     content = regular_file(text).read_bytes()
+    return _read(text, hashlib.sha256(content).hexdigest())
+
+
+@cache
+def _read(text: str, digest: str) -> Model:
+    """Return the model of a file with this hash. Its library is loaded once in a process."""
     with prefix_errors(text):
         folder = _unpacked(Path(text))
-        name = _suitable(folder)
+        description = described(folder)
+        interface = _interface(folder, description)
+        start = [
+            each.start
+            for each in (*description.states, *description.inputs, *description.parameters)
+        ]
+        _run_once(interface, start)
         try:
-            builder = ca.DaeBuilder("fmu", str(folder))
-            return _model(builder, name, Source(text, hashlib.sha256(content).hexdigest()))
-        except RuntimeError as error:
-            reason = str(error).strip().splitlines()[-1]
-            raise BadInputError(
-                f"CasADi, which evaluates FMUs, refuses it ({shortened(reason, 200)}); export it "
-                "in another version of FMI (2.0 or 3.0), or without what the reason names"
-            ) from error
+            instance = Instance(interface)
+        except OSError as error:
+            raise BadInputError(f"its library cannot be loaded ({error})") from error
+        return _model(instance, description, start, Source(text, digest))
 
 
 def _unpacked(path: Path) -> Path:
@@ -80,143 +91,185 @@ def _unpacked(path: Path) -> Path:
     return folder
 
 
-def _suitable(folder: Path) -> str:
-    """Return the name of the model in an FMU with smooth equations that can be evaluated here.
+def _interface(folder: Path, description: Description) -> Interface:
+    """Return what the calls of an unpacked FMU require."""
+    of, resources = description, folder / "resources"
+    groups = (of.states, of.rates, of.inputs, of.parameters, of.outputs)
+    states, rates, inputs, parameters, outputs = (
+        [each.reference for each in group] for group in groups
+    )
+    return Interface(
+        str(library_of(folder, of)),
+        of.version,
+        of.title,
+        of.token,
+        f"{resources}/" if of.version == 3 else resources.as_uri(),
+        of.indicators,
+        states,
+        rates,
+        inputs,
+        parameters,
+        outputs,
+        any(each.is_discrete for each in of.inputs),
+    )
 
-    Raises BadInputError for any other FMU.
+
+def _run_once(interface: Interface, start: list[float]) -> None:
+    """Evaluate an FMU in a process of its own.
+
+    Raises BadInputError if the library ends the process or does not return.
     """
-    description = folder / "modelDescription.xml"
-    if not description.is_file():
-        raise BadInputError("this is not an FMU (it has no modelDescription.xml)")
+    command = [sys.executable, "-I", library.__file__]
+    task = json.dumps([interface, start]).encode()
     try:
-        root = ElementTree.parse(description).getroot()
-    except ElementTree.ParseError as error:
-        raise BadInputError(
-            f"modelDescription.xml is damaged ({error}); export it again"
-        ) from error
-    version = root.get("fmiVersion", "")
-    if not version.startswith(("2.", "3.")):
-        raise BadInputError(f"the FMU has FMI {version}; export it in FMI 2.0 or 3.0")
-    if root.find("ModelExchange") is None:
-        raise BadInputError("the FMU has no model exchange; export it for model exchange")
-    events = int(root.get("numberOfEventIndicators") or len(root.findall(".//EventIndicator")))
-    if events:
-        raise BadInputError(
-            f"the FMU has events ({events} event indicators), at which its states or equations "
-            "jump: a trim and A, B need smooth equations; export the model without events"
+        run = subprocess.run(
+            command, input=task, capture_output=True, timeout=_LONGEST, check=False
         )
-    folders = _PLATFORMS.get(sys.platform, ())
-    if not any((folder / "binaries" / each).is_dir() for each in folders):
-        found = ", ".join(sorted(each.name for each in folder.glob("binaries/*"))) or "none"
+    except subprocess.TimeoutExpired:
         raise BadInputError(
-            f"the FMU has no library for this system (found: {found}); export it for "
-            f"{' or '.join(folders)}"
+            f"its library does not return within {_LONGEST:g} s; export it again"
+        ) from None
+    if run.returncode:
+        raise BadInputError(
+            f"its library ends the process that runs it (exit code {run.returncode}); export it "
+            "again"
         )
-    if version.startswith("3."):
-        _complete_dependencies(root)
-        description.write_bytes(ElementTree.tostring(root))
-    return root.get("modelName") or "FMU"
 
 
-def _complete_dependencies(root: ElementTree.Element) -> None:
-    """Let each unknown of FMI 3.0 without `dependencies` depend on all variables, as it means."""
-    # CasADi requires the attribute.
-    variables = root.findall("ModelVariables/*")
-    states = {each.get("derivative") for each in variables}
-    known = [
-        each.get("valueReference", "")
-        for each in variables
-        if each.get("valueReference") in states
-        or each.get("causality") in ("input", "parameter", "independent")
-    ]
-    for unknown in root.findall("ModelStructure/*"):
-        if "dependencies" not in unknown.attrib:
-            unknown.set("dependencies", " ".join(known))
-
-
-def _model(builder: ca.DaeBuilder, title: str, source: Source) -> Model:
+def _model(
+    instance: Instance, description: Description, start: list[float], source: Source
+) -> Model:
     """Return the model of the variables of an FMU."""
-    states, inputs, parameters = builder.x(), builder.u(), builder.p()
-    outputs = [name for name in builder.y() if name not in states]
-    if not states:
-        raise BadInputError(
-            "the FMU has no continuous states; export a model whose equations have der(x)"
-        )
-    for name in inputs:
-        if builder.type(name) not in ("Float64", "Real"):
-            raise BadInputError(
-                f"the input {shortened(name)} is {builder.type(name)}; a real number is required"
-            )
-    names = _identifiers([*states, *inputs, *parameters, *outputs])
-    signals = [
-        {names[name]: _signal(builder, name) for name in group}
-        for group in (states, inputs, parameters, outputs)
+    of = description
+    names = _identifiers(
+        each.name for each in (*of.states, *of.inputs, *of.parameters, *of.outputs)
+    )
+    states, inputs, parameters, outputs = (
+        {names[each.name]: _signal(each) for each in group}
+        for group in (of.states, of.inputs, of.parameters, of.outputs)
+    )
+    nominals = [
+        np.array([each.nominal for each in group.values()])
+        for group in (states, inputs, parameters)
     ]
-    nominals = [np.array([each.nominal for each in group.values()]) for group in signals[:3]]
-    start = [np.array([each.start for each in group.values()]) for group in signals[:3]]
-    function = builder.create("fmu", ["x", "u", "p"], ["ode", "y"])
-    function, about = _with_derivatives(builder, function, start, nominals)
-    places = [builder.y().index(name) for name in outputs]
+    evaluator = Evaluator(instance, nominals, len(states) + len(outputs))
+    about = _about(evaluator, of, np.array(start))
+    function = casadi_function(evaluator)
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        columns = [ca.vertcat(ca.DM(0, 1), *vector) for vector in (x, u, p)]  # DM of numbers
-        rates, seen = function(*columns)
-        return (
-            dict(zip(signals[0], ca.vertsplit(rates), strict=True)),
-            {names[name]: seen[place] for name, place in zip(outputs, places, strict=True)},
-        )
+    def equations(x: Any, u: Any, p: Any, _: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        values = ca.vertsplit(function(ca.vertcat(*x, *u, *p)))
+        rates = dict(zip(states, values, strict=False))
+        return rates, dict(zip(outputs, values[len(states) :], strict=True))
 
     return Model(
-        title,
-        states=signals[0],
-        inputs=signals[1],
+        of.title,
+        states=states,
+        inputs=inputs,
         equations=equations,
-        parameters=signals[2],
-        outputs=signals[3],
-        trim={name: signal.start for name, signal in signals[1].items()},
+        parameters=parameters,
+        outputs=outputs,
+        trim={name: signal.start for name, signal in inputs.items()},
+        domain=Domain(flown=_flown(evaluator, bool(of.indicators))),
         about=about,
         source=source,
     )
 
 
-def _with_derivatives(
-    builder: ca.DaeBuilder,
-    function: ca.Function,
-    start: list[np.ndarray],
-    nominals: list[np.ndarray],
-) -> tuple[ca.Function, About]:
-    """Return (x, u, p) -> (rates, outputs) with derivatives, and what reports say about them."""
-    # Errors and doubts are relative to the largest entry of a row, at the start values.
-    fine, coarse = (differenced(function, nominals, step) for step in (STEP, 2.0 * STEP))
-    scales = np.concatenate(nominals)
-    slopes = slopes_at(fine, start)
-    if builder.provides_directional_derivatives():
-        apart = largest_difference(slopes_at(function, start), slopes, scales)
-        doubts = (
-            (f"the derivatives of the FMU differ from differences of its rates by {apart:.1g}",)
-            if apart > _DOUBTFUL
-            else ()
+def _about(evaluator: Evaluator, description: Description, start: np.ndarray) -> About:
+    """Return what reports say about an FMU, and decide how it is differentiated."""
+    doubts: tuple[str, ...] = ()
+    why = "the FMU provides no derivatives"
+    if description.has_directional:
+        try:
+            evaluator.instance.along(start.tobytes(), np.ones(evaluator.of_dynamics))
+            evaluator.gives_slopes = True
+        except FmuError as error:
+            why = f"the FMU declares derivatives, but {error}"
+    try:
+        of_differences = f"about {_error_of_differences(evaluator, start):.1g}"
+        if evaluator.gives_slopes:
+            doubts = _doubts(evaluator, start)
+    except FmuError as error:
+        of_differences = f"unknown, because {error},"
+    note = "A and B: exact, by the FMU"
+    if not evaluator.gives_slopes:
+        note = (
+            f"A and B: central differences, steps {STEP:g} of the nominal values; error "
+            f"{of_differences} at the start values ({why})"
         )
-        return function, About(
-            notes=("A and B: exact, by the FMU",), doubts=doubts, equations="FMU"
-        )
-    # The error of a step of h is c h^2: a third of the difference between those of h and 2 h.
-    error = largest_difference(slopes_at(coarse, start), slopes, scales) / 3.0
-    note = (
-        f"A and B: central differences, steps {STEP:g} of the nominal values; error about "
-        f"{error:.1g} at the start values (the FMU provides no derivatives)"
+    return About(
+        notes=(note, *description.left_out),
+        doubts=doubts,
+        equations="FMU",
+        fault=lambda: evaluator.fault,
     )
-    return fine, About(notes=(note,), equations="FMU")
 
 
-def _signal(builder: ca.DaeBuilder, name: str) -> Signal:
+def _error_of_differences(evaluator: Evaluator, start: np.ndarray) -> float:
+    """Return the error of the central differences, relative to the largest entry of a row."""
+    (below, above), (far_below, far_above) = (
+        _sides(evaluator, start, step) for step in (STEP, 2.0 * STEP)
+    )
+    slopes = 0.5 * (below + above)
+    # The error of a step of h is c h^2: a third of the difference between those of h and 2 h.
+    smooth = (0.5 * (far_below + far_above) - slopes) / 3.0
+    # The gap between the sides doubles with the step, but at a kink.
+    kinked = (above - below) - 0.5 * (far_above - far_below)
+    return max(_largest(each, slopes, evaluator.nominals) for each in (smooth, kinked))
+
+
+def _doubts(evaluator: Evaluator, start: np.ndarray) -> tuple[str, ...]:
+    """Return a doubt about derivatives of an FMU that are not those of its rates."""
+    below, above = _sides(evaluator, start, STEP)
+    differences = 0.5 * (below + above)
+    given = np.array([evaluator.along(start, unit) for unit in np.eye(start.size)]).T
+    apart = _largest(given - differences, differences, evaluator.nominals)
+    if apart <= _DOUBTFUL:
+        return ()
+    return (f"the derivatives of the FMU differ from differences of its rates by {apart:.1g}",)
+
+
+def _sides(evaluator: Evaluator, start: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the Jacobians (m, n) of differences below and above the start values."""
+    columns = [evaluator.sided(start, unit, step) for unit in np.eye(start.size)]
+    below, above = (np.array(side).T for side in zip(*columns, strict=True))
+    return below, above
+
+
+def _largest(error: np.ndarray, slopes: np.ndarray, nominals: np.ndarray) -> float:
+    """Return the largest error of a Jacobian (m, n), relative to the largest entry of its row.
+
+    The entries are multiplied by the nominal values of the arguments.
+    """
+    sizes = np.abs(slopes * nominals).max(axis=1, keepdims=True)
+    apart = np.abs(error) * nominals
+    return float(np.max(np.divide(apart, sizes, out=np.zeros_like(apart), where=sizes > 0.0)))
+
+
+def _flown(evaluator: Evaluator, has_events: bool) -> Callable[[Any, Any, Any], str]:
+    """Return `Domain.flown` of an FMU: failed calls, and events."""
+
+    def reason(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
+        if not np.isfinite(x).all():
+            return evaluator.fault
+        rows = np.hstack([x, u, np.tile(p, (len(x), 1))])
+        try:
+            if has_events and len({tuple(evaluator.signs(row)) for row in rows}) > 1:
+                return "an event of the FMU, at which its equations change"
+        except FmuError as error:
+            return str(error)
+        return ""
+
+    return reason
+
+
+def _signal(variable: Variable) -> Signal:
     """Return the unit, nominal value, limits and start value of a variable of an FMU."""
-    start = float(builder.attribute("start", name))
-    start = start if np.isfinite(start) else 0.0
-    nominal = abs(float(builder.nominal(name)))
+    of = variable
+    nominal = of.nominal
     if nominal in (0.0, 1.0):  # not stated
-        nominal = max(1.0, abs(start))
-    return Signal(builder.unit(name) or "1", nominal, builder.min(name), builder.max(name), start)
+        nominal = max(1.0, abs(of.start))
+    return Signal(of.unit or "1", nominal, of.low, of.high, of.start)
 
 
 def _identifiers(names: Iterable[str]) -> dict[str, str]:

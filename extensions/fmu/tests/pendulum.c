@@ -1,13 +1,20 @@
 /* A pendulum as an FMU for model exchange, FMI 2.0 or (-DFMI3) FMI 3.0:
  *   angle' = rate,  rate' = -(gravity / length) sin(angle) - damping rate + torque,
  *   height = -length cos(angle).
- * With -DDERIVATIVES, it gives directional derivatives. Value references are indices of `v`. */
+ * Value references are indices of `v`. The GUID or token names faults and variants of the model:
+ *   error, discard: the rates fail where the angle exceeds 1;  hangs: they do not return
+ *   dead, stuck: the library aborts or does not return when it is initialized
+ *   timed: torque (1 + .3 sin(t + 1));  kinked: - |rate| beside - damping rate
+ *   nodd: directional derivatives fail;  scaled: one of them is 10 % off
+ *   event: beyond an angle of .5, after an event, the damping is doubled;  jump: it sets rate = 0 */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { ANGLE, RATE, TORQUE, GRAVITY, LENGTH, DAMPING, D_ANGLE, D_RATE, HEIGHT, SIZE };
-typedef struct { double v[SIZE]; } Model;
+typedef struct { double v[SIZE], time; const char *token; int damped; } Model;
+
+static int is(const Model *m, const char *fault) { return strstr(m->token, fault) != NULL; }
 
 static void start(Model *m)
 {
@@ -15,31 +22,35 @@ static void start(Model *m)
     m->v[GRAVITY] = 9.81, m->v[LENGTH] = 2.0, m->v[DAMPING] = 0.5;
 }
 
-static void evaluate(double *v)
+static int evaluate(Model *m)
 {
+    double *v = m->v, damping = v[DAMPING] * (m->damped ? 2 : 1);
+    double torque = v[TORQUE] * (is(m, "timed") ? 1 + .3 * sin(m->time + 1) : 1);
     v[D_ANGLE] = v[RATE];
-    v[D_RATE] = -v[GRAVITY] / v[LENGTH] * sin(v[ANGLE]) - v[DAMPING] * v[RATE] + v[TORQUE];
+    v[D_RATE] = -v[GRAVITY] / v[LENGTH] * sin(v[ANGLE]) - damping * v[RATE] + torque;
+    if (is(m, "kinked")) v[D_RATE] -= fabs(v[RATE]);
     v[HEIGHT] = -v[LENGTH] * cos(v[ANGLE]);
+    while (is(m, "hangs") && v[ANGLE] > 1) ;
+    return v[ANGLE] > 1 ? is(m, "error") ? 3 : is(m, "discard") ? 2 : 0 : 0;
 }
 
-/* Derivative of all variables along d; SCALE is 1, or wrong on purpose. */
-#ifndef SCALE
-#define SCALE 1.0
-#endif
-static void differentiate(const double *v, double *d)
+/* Derivative of all variables along d. */
+static void differentiate(const Model *m, double *d)
 {
+    const double *v = m->v;
     double s = sin(v[ANGLE]), c = cos(v[ANGLE]), g = v[GRAVITY], l = v[LENGTH];
+    double scale = is(m, "scaled") ? 1.1 : 1;
     d[D_ANGLE] = d[RATE];
-    d[D_RATE] = -SCALE * g / l * c * d[ANGLE] - s / l * d[GRAVITY] + g / (l * l) * s * d[LENGTH]
+    d[D_RATE] = -scale * g / l * c * d[ANGLE] - s / l * d[GRAVITY] + g / (l * l) * s * d[LENGTH]
                 - v[DAMPING] * d[RATE] - v[RATE] * d[DAMPING] + d[TORQUE];
     d[HEIGHT] = l * s * d[ANGLE] - c * d[LENGTH];
 }
 
 static int get(Model *m, const unsigned *r, size_t n, double *x)
 {
-    evaluate(m->v);
+    int status = evaluate(m);
     for (size_t i = 0; i < n; i++) x[i] = m->v[r[i]];
-    return 0;
+    return status;
 }
 
 static int set(Model *m, const unsigned *r, size_t n, const double *x)
@@ -53,15 +64,34 @@ static int along(Model *m, const unsigned *z, size_t nz, const unsigned *k, size
 {
     double d[SIZE] = {0};
     for (size_t i = 0; i < nk; i++) d[k[i]] = seed[i];
-    differentiate(m->v, d);
+    differentiate(m, d);
     for (size_t i = 0; i < nz; i++) sensitivity[i] = d[z[i]];
+    return is(m, "nodd") ? 3 : 0;
+}
+
+static int rates(Model *m, double *x)
+{
+    int status = evaluate(m);
+    memcpy(x, m->v + D_ANGLE, 16);
+    return status;
+}
+
+/* The event: angle = .5. */
+static int happen(Model *m)
+{
+    m->damped = is(m, "event") && m->v[ANGLE] > .5;
+    if (m->damped && is(m, "jump")) m->v[RATE] = 0;
+    if (is(m, "dead")) abort();
+    while (is(m, "stuck")) ;
     return 0;
 }
 
-static Model *make(void)
+static Model *make(const char *token)
 {
     Model *m = malloc(sizeof *m);
     start(m);
+    m->token = strdup(token);
+    m->time = m->damped = 0;
     return m;
 }
 
@@ -69,7 +99,7 @@ static Model *make(void)
 #ifdef FMI3
 const char *fmi3GetVersion(void) { return "3.0"; }
 void *fmi3InstantiateModelExchange(const char *n, const char *t, const char *r, int v, int l,
-                                   void *e, void *f) { return make(); }
+                                   void *e, void *f) { return make(t); }
 void fmi3FreeInstance(void *c) { free(c); }
 int fmi3SetDebugLogging(void *c, int l, size_t n, const char **s) { return 0; }
 int fmi3EnterInitializationMode(void *c, int d, double t, double s, int e, double p) { return 0; }
@@ -78,7 +108,7 @@ NOTHING(fmi3EnterContinuousTimeMode)
 NOTHING(fmi3EnterEventMode)
 NOTHING(fmi3Terminate)
 int fmi3Reset(void *c) { start(c); return 0; }
-int fmi3SetTime(void *c, double t) { return 0; }
+int fmi3SetTime(void *c, double t) { ((Model *)c)->time = t; return 0; }
 int fmi3GetFloat64(void *c, const unsigned *r, size_t n, double *x, size_t m) { return get(c, r, n, x); }
 int fmi3SetFloat64(void *c, const unsigned *r, size_t n, const double *x, size_t m) { return set(c, r, n, x); }
 #define EMPTY(type) \
@@ -87,21 +117,20 @@ int fmi3SetFloat64(void *c, const unsigned *r, size_t n, const double *x, size_t
 EMPTY(Float32) EMPTY(Int8) EMPTY(UInt8) EMPTY(Int16) EMPTY(UInt16) EMPTY(Int32) EMPTY(UInt32)
 EMPTY(Int64) EMPTY(UInt64) EMPTY(Boolean) EMPTY(String)
 int fmi3UpdateDiscreteStates(void *c, int *a, int *b, int *d, int *e, int *f, double *t)
-{ *a = *b = *d = *e = *f = 0; *t = 0.0; return 0; }
+{ *a = *b = *d = *e = *f = 0; *t = 0.0; return happen(c); }
+int fmi3GetEventIndicators(void *c, double *x, size_t n) { x[0] = ((Model *)c)->v[ANGLE] - .5; return 0; }
 int fmi3CompletedIntegratorStep(void *c, int n, int *a, int *b) { *a = *b = 0; return 0; }
 int fmi3SetContinuousStates(void *c, const double *x, size_t n) { memcpy(((Model *)c)->v, x, 16); return 0; }
 int fmi3GetContinuousStates(void *c, double *x, size_t n) { memcpy(x, ((Model *)c)->v, 16); return 0; }
 int fmi3GetContinuousStateDerivatives(void *c, double *x, size_t n)
-{ evaluate(((Model *)c)->v); memcpy(x, ((Model *)c)->v + D_ANGLE, 16); return 0; }
-#ifdef DERIVATIVES
+{ return rates(c, x); }
 int fmi3GetDirectionalDerivative(void *c, const unsigned *z, size_t nz, const unsigned *k, size_t nk,
                                  const double *seed, size_t ns, double *out, size_t no)
 { return along(c, z, nz, k, nk, seed, out); }
-#endif
 #else
 const char *fmi2GetTypesPlatform(void) { return "default"; }
 const char *fmi2GetVersion(void) { return "2.0"; }
-void *fmi2Instantiate(const char *n, int t, const char *g, const char *r, void *f, int v, int l) { return make(); }
+void *fmi2Instantiate(const char *n, int t, const char *g, const char *r, void *f, int v, int l) { return make(g); }
 void fmi2FreeInstance(void *c) { free(c); }
 int fmi2SetDebugLogging(void *c, int l, size_t n, const char **s) { return 0; }
 int fmi2SetupExperiment(void *c, int d, double t, double s, int e, double p) { return 0; }
@@ -111,23 +140,21 @@ NOTHING(fmi2EnterContinuousTimeMode)
 NOTHING(fmi2EnterEventMode)
 NOTHING(fmi2Terminate)
 int fmi2Reset(void *c) { start(c); return 0; }
-int fmi2SetTime(void *c, double t) { return 0; }
+int fmi2SetTime(void *c, double t) { ((Model *)c)->time = t; return 0; }
 int fmi2GetReal(void *c, const unsigned *r, size_t n, double *x) { return get(c, r, n, x); }
 int fmi2SetReal(void *c, const unsigned *r, size_t n, const double *x) { return set(c, r, n, x); }
 #define EMPTY(type) \
     int fmi2Get##type(void *c, const unsigned *r, size_t n, void *x) { return 0; } \
     int fmi2Set##type(void *c, const unsigned *r, size_t n, const void *x) { return 0; }
 EMPTY(Integer) EMPTY(Boolean) EMPTY(String)
-int fmi2NewDiscreteStates(void *c, void *info) { memset(info, 0, 32); return 0; }
+int fmi2NewDiscreteStates(void *c, void *info) { memset(info, 0, 32); return happen(c); }
 int fmi2CompletedIntegratorStep(void *c, int n, int *a, int *b) { *a = *b = 0; return 0; }
 int fmi2SetContinuousStates(void *c, const double *x, size_t n) { memcpy(((Model *)c)->v, x, 16); return 0; }
 int fmi2GetContinuousStates(void *c, double *x, size_t n) { memcpy(x, ((Model *)c)->v, 16); return 0; }
 int fmi2GetDerivatives(void *c, double *x, size_t n)
-{ evaluate(((Model *)c)->v); memcpy(x, ((Model *)c)->v + D_ANGLE, 16); return 0; }
-int fmi2GetEventIndicators(void *c, double *x, size_t n) { return 0; }
+{ return rates(c, x); }
+int fmi2GetEventIndicators(void *c, double *x, size_t n) { x[0] = ((Model *)c)->v[ANGLE] - .5; return 0; }
 int fmi2GetNominalsOfContinuousStates(void *c, double *x, size_t n) { x[0] = x[1] = 1.0; return 0; }
-#ifdef DERIVATIVES
 int fmi2GetDirectionalDerivative(void *c, const unsigned *z, size_t nz, const unsigned *k, size_t nk,
                                  const double *seed, double *out) { return along(c, z, nz, k, nk, seed, out); }
-#endif
 #endif

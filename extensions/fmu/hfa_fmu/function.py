@@ -1,0 +1,176 @@
+"""The rates and outputs of an FMU as a CasADi function, with dense derivatives.
+
+A result of a failed call is NaN, because CasADi drops the errors of functions that are called in SX
+expressions. What is NaN is no trim and no flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_fmu.library import FmuError, Instance
+
+#: Step of the differences, relative to the nominal values. `trim.linear.kinks` compares slopes 3e-6
+#: of the nominal values away on both sides.
+STEP = 2e-6
+#: Time at which the rates are compared with those at time 0.
+_LATER = 7.381
+#: Largest change of a rate with time, relative to the nominal value of its state.
+_STEADY = 1e-7
+
+
+class Evaluator:
+    """Values f = (rates, outputs) of an FMU and their derivatives at v = (x, u, p), as arrays.
+
+    of_dynamics: number of entries of x and u
+    gives_slopes: whether the FMU gives the derivatives with respect to x and u
+    fault: why the last call failed, or ""
+    """
+
+    def __init__(self, instance: Instance, nominals: list[np.ndarray], count: int) -> None:
+        """Make the evaluator.
+
+        nominals: nominal values of x, u and p
+        count: number of rates and outputs
+        """
+        self.nominals = np.concatenate(nominals)
+        self.of_dynamics = len(nominals[0]) + len(nominals[1])
+        self.gives_slopes = False
+        self.fault = ""
+        self._fault_at = b""
+        self._steady_at = b""
+        self._nan = np.full(count, np.nan).tobytes()
+        self._states, self.count = len(nominals[0]), count
+        self.instance = instance
+
+    def values(self, v: np.ndarray, time: float = 0.0) -> np.ndarray:
+        """Return f, (m,). Raises FmuError if a call fails."""
+        return np.frombuffer(self.instance.values(v.tobytes(), time)).copy()
+
+    def signs(self, v: np.ndarray) -> list[bool]:
+        """Return whether each event indicator is positive. Raises FmuError if a call fails."""
+        return self.instance.signs(v.tobytes())
+
+    def along(self, v: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """Return the derivative of f along a direction, (m,).
+
+        It is that of the FMU if it gives one, and otherwise
+        (f(v + h d) - f(v - h d)) / (2 h), with |h d_i| <= STEP nominal_i.
+
+        Raises FmuError if a call fails, if the rates depend on time, or at an event.
+        """
+        self._refuse_doubtful(v)
+        if self.gives_slopes and not direction[self.of_dynamics :].any():
+            dynamics = direction[: self.of_dynamics].tolist()
+            return np.array(self.instance.along(v.tobytes(), dynamics))
+        below, above = self.sided(v, direction, STEP)
+        return 0.5 * (below + above)
+
+    def sided(
+        self, v: np.ndarray, direction: np.ndarray, step: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the differences below and above v, (m,) each. Raises FmuError as `along` does."""
+        middle, signs = self.values(v), self.signs(v)
+        sides = []
+        length = np.abs(direction / self.nominals).max()
+        for h in (-step / length, step / length) if length else ():
+            moved = v + h * direction
+            sides.append((self.values(moved) - middle) / h)
+            if self.signs(moved) != signs:
+                raise FmuError("an event indicator of the FMU is 0")
+        return (sides[0], sides[1]) if sides else (0.0 * middle, 0.0 * middle)
+
+    def write_values(self, v: memoryview, result: memoryview) -> None:
+        """Write f, or NaN and the reason in `fault`."""
+        try:
+            result[:] = self.instance.values(v)
+        except FmuError as error:
+            self._fail(error, v)
+            result[:] = self._nan
+        else:
+            if self.fault and self._fault_at != v:
+                self.fault = ""
+
+    def write_along(
+        self, v: memoryview, _: memoryview, direction: memoryview, result: memoryview
+    ) -> None:
+        """Write the derivative along a direction, or NaN and the reason in `fault`."""
+        try:
+            result[:] = self.along(np.frombuffer(v), np.frombuffer(direction)).tobytes()
+        except FmuError as error:
+            self._fail(error, v)
+            result[:] = self._nan
+
+    def _fail(self, error: FmuError, v: memoryview) -> None:
+        if np.isfinite(np.frombuffer(v)).all():
+            self.fault, self._fault_at = str(error), v.tobytes()
+
+    def _refuse_doubtful(self, v: np.ndarray) -> None:
+        """Raise FmuError if the rates depend on time, or if v is at an event."""
+        if self._steady_at == v.tobytes():
+            return
+        n, now = self._states, self.values(v)
+        change = np.abs(self.values(v, _LATER) - now)[:n]
+        if (change > _STEADY * np.maximum(np.abs(now[:n]), self.nominals[:n])).any():
+            raise FmuError("its rates depend on time")
+        self._steady_at = v.tobytes()
+
+
+class _Callback(ca.Callback):
+    """CasADi function of a column v, and of further arguments for a derivative."""
+
+    def __init__(
+        self,
+        name: str,
+        compute: Callable[..., None],
+        rows: list[int],
+        forward: _Callback | None = None,
+    ) -> None:
+        """Make a function.
+
+        compute: function of the memory of the arguments and of the result
+        rows: numbers of entries of the arguments and of the result
+        forward: derivative along one direction, of (v, f, direction)
+        """
+        ca.Callback.__init__(self)
+        self._compute, self._rows, self._forward = compute, rows, forward
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self._rows) - 1
+
+    def get_sparsity_in(self, index: int) -> Any:
+        return ca.Sparsity.dense(self._rows[index], 1)
+
+    def get_sparsity_out(self, _: int) -> Any:
+        return ca.Sparsity.dense(self._rows[-1], 1)
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arguments: Any, results: Any) -> int:
+        self._compute(*arguments, *results)
+        return 0
+
+    def has_forward(self, count: int) -> bool:
+        return self._forward is not None and count == 1
+
+    def get_forward(self, *_: Any) -> Any:
+        return self._forward
+
+
+#: CasADi refers to a callback without keeping it alive. The library remains loaded, too.
+_ALIVE: list[_Callback] = []
+
+
+def casadi_function(evaluator: Evaluator) -> ca.Function:
+    """Return the function v -> f."""
+    n, count = len(evaluator.nominals), evaluator.count
+    along = _Callback("along", evaluator.write_along, [n, count, n, count])
+    function = _Callback("fmu", evaluator.write_values, [n, count], along)
+    _ALIVE.append(function)
+    return function

@@ -1,0 +1,303 @@
+"""The library of an FMU: one instance of its model, called by FMI 2.0 or 3.0.
+
+This file is also a program, which runs a library for the first time in a process of its own. It
+imports only the standard library, so that this process starts quickly.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import sys
+from array import array
+from contextlib import suppress
+from ctypes import CFUNCTYPE, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from math import isfinite
+from threading import RLock
+from typing import Any, NamedTuple
+
+#: Status of a call, from FMI. A call with status 0 or 1 (warning) has results.
+_STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
+_ERROR, _FATAL = 3, 4
+#: Largest number of iterations at an event.
+_MOST_ITERATIONS = 100
+#: Largest number of characters of a message of the FMU.
+_LONGEST = 120
+
+
+class FmuError(Exception):
+    """A call of an FMU failed. The text says which, and what the FMU says about it."""
+
+
+class Interface(NamedTuple):
+    """What the calls of an FMU require.
+
+    library: path of its library
+    version: 2 or 3
+    resources: URI (FMI 2.0) or path (FMI 3.0) of its resources
+    indicators: number of its event indicators
+    states, rates, inputs, parameters, outputs: value references of the variables
+    has_steps: whether the inputs change at events only
+    """
+
+    library: str
+    version: int
+    title: str
+    token: str
+    resources: str
+    indicators: int
+    states: list[int]
+    rates: list[int]
+    inputs: list[int]
+    parameters: list[int]
+    outputs: list[int]
+    has_steps: bool
+
+
+class _Allocation(ctypes.Structure):
+    """fmi2CallbackFunctions."""
+
+    _fields_ = [
+        (name, c_void_p) for name in ("logger", "allocate", "free", "finished", "environment")
+    ]
+
+
+class _EventInfo(ctypes.Structure):
+    """fmi2EventInfo."""
+
+    _fields_ = [
+        *((name, c_int) for name in ("again", "terminate", "nominals", "states", "has_next")),
+        ("next", c_double),
+    ]
+
+
+class Instance:
+    """An instance of an FMU, of which f = (rates, outputs) is a function of v = (x, u, p) and time.
+
+    The calls have fixed memory for their arguments, which makes them fast.
+    """
+
+    def __init__(self, interface: Interface) -> None:
+        """Load the library. Raises OSError if that fails."""
+        self._of = of = interface
+        self._library = ctypes.CDLL(of.library)
+        self._names: dict[str, Any] = {}
+        self._said = ""
+        self._lock = RLock()
+        self._component: c_void_p | None = None
+        self._is_dead = False
+        self._time = 0.0
+        n, m = len(of.states), len(of.inputs)
+        self._v = (c_double * (n + m + len(of.parameters)))()
+        self._f = (c_double * (n + len(of.outputs)))()
+        self._v_bytes, self._f_bytes = (memoryview(each).cast("B") for each in (self._v, self._f))
+        self._x = self._v, c_size_t(n)
+        self._rates = self._f, c_size_t(n)
+        self._inputs = self._reals(of.inputs, self._v, n)
+        self._parameters = self._reals(of.parameters, self._v, n + m)
+        self._outputs = self._reals(of.outputs, self._f, n)
+        #: Where the bytes of v begin that change at events only, and these bytes.
+        self._first = 8 * (n if of.has_steps else n + m)
+        self._stepped = b""
+        self._signs: list[bool] = []
+        self._keep: list[Any] = self._callbacks()
+        is_two = of.version == 2
+        self._of_rates = "GetDerivatives" if is_two else "GetContinuousStateDerivatives"
+        self._set_reals, self._get_reals = (
+            f"{verb}{'Real' if is_two else 'Float64'}" for verb in ("Set", "Get")
+        )
+
+    def values(self, v: Any, time: float = 0.0) -> memoryview:
+        """Return the bytes of f, which the next call overwrites. Raises FmuError if a call fails.
+
+        v: bytes of doubles
+        """
+        with self._lock:
+            self._set(v, time)
+            self._call(self._of_rates, *self._rates)
+            if self._of.outputs:
+                self._call(self._get_reals, *self._outputs)
+            return self._f_bytes
+
+    def signs(self, v: Any) -> list[bool]:
+        """Return whether each event indicator is positive. Raises FmuError if a call fails."""
+        if not self._of.indicators:
+            return []
+        with self._lock:
+            self._set(v, 0.0)
+            return self._signs
+
+    def along(self, v: Any, direction: Any) -> list[float]:
+        """Return the derivatives of f that the FMU gives, along a direction of (x, u).
+
+        v: bytes of doubles
+        direction: numbers
+
+        Raises FmuError if a call fails.
+        """
+        of = self._of
+        with self._lock:
+            self._set(v, 0.0)
+            references = (*of.states, *of.inputs)
+            known = (c_uint * len(references))(*references)
+            seed = (c_double * len(references))(*direction)
+            unknown = (c_uint * len(self._f))(*of.rates, *of.outputs)
+            found = (c_double * len(self._f))()
+            few, many = c_size_t(len(references)), c_size_t(len(self._f))
+            ends = (seed, found) if of.version == 2 else (seed, few, found, many)
+            self._call("GetDirectionalDerivative", unknown, many, known, few, *ends)
+            return list(found)
+
+    def _reals(self, references: list[int], memory: Any, first: int) -> tuple[Any, ...]:
+        """Return the arguments of a call that sets or gets variables in memory from `first` on."""
+        count = c_size_t(len(references))
+        place = ctypes.byref(memory, first * ctypes.sizeof(c_double))
+        which = (c_uint * len(references))(*references)
+        return (which, count, place, *([count] if self._of.version == 3 else []))
+
+    def _set(self, v: Any, time: float) -> None:
+        """Set time and all variables, with an event where a variable changes at events only."""
+        if self._component is None:
+            self._begin()
+        self._v_bytes[:] = v
+        if not isfinite(sum(self._v)):
+            raise FmuError("an argument is not a finite number")
+        if time != self._time:
+            self._call("SetTime", c_double(time))
+            self._time = time
+        self._call("SetContinuousStates", *self._x)
+        if not self._of.has_steps and self._of.inputs:
+            self._call(self._set_reals, *self._inputs)
+        stepped = bytes(self._v_bytes[self._first :])
+        if stepped != self._stepped:
+            self._call("EnterEventMode")
+            for group in (self._inputs, self._parameters):
+                if group[1].value:
+                    self._call(self._set_reals, *group)
+            self._leave_event()
+            self._stepped = stepped
+        if self._of.indicators:
+            signs = self._indicated()
+            if signs != self._signs:
+                self._call("EnterEventMode")
+                self._leave_event()
+                self._signs = self._indicated()
+
+    def _begin(self) -> None:
+        """Make the instance, and enter continuous-time mode."""
+        if self._is_dead:
+            raise FmuError("the FMU has ended with the status fatal")
+        of = self._of
+        title, token, resources = (text.encode() for text in (of.title, of.token, of.resources))
+        if of.version == 2:
+            make = self._function("Instantiate", c_void_p)
+            made = make(title, 1, token, resources, ctypes.byref(self._keep[0]), 0, 0)
+        else:
+            make = self._function("InstantiateModelExchange", c_void_p)
+            made = make(title, token, resources or None, 0, 0, None, self._keep[0])
+        if not made:
+            raise FmuError(f"the FMU makes no instance{self._reason()}")
+        self._component = c_void_p(made)
+        zero = c_double(0.0)
+        experiment = (0, zero, zero, 0, zero)
+        if of.version == 2:
+            self._call("SetupExperiment", *experiment)
+            self._call("EnterInitializationMode")
+        else:
+            self._call("EnterInitializationMode", *experiment)
+        self._call("ExitInitializationMode")
+        self._iterate_event()
+        self._time, self._stepped, self._signs = 0.0, b"", []
+
+    def _leave_event(self) -> None:
+        """End the event. Raises FmuError if it changes the states."""
+        self._iterate_event()
+        n = len(self._of.states)
+        found = (c_double * n)()
+        self._call("GetContinuousStates", found, c_size_t(n))
+        if found[:] != self._v[:n]:
+            raise FmuError("an event of the FMU changes its states")
+
+    def _iterate_event(self) -> None:
+        """Iterate an event, and enter continuous-time mode."""
+        again = True
+        for _ in range(_MOST_ITERATIONS):
+            if not again:
+                break
+            if self._of.version == 2:
+                info = _EventInfo()
+                self._call("NewDiscreteStates", ctypes.byref(info))
+                again, ends = bool(info.again), bool(info.terminate)
+            else:
+                flags = [ctypes.c_bool() for _ in range(5)]
+                results: list[Any] = [*flags, c_double()]
+                self._call("UpdateDiscreteStates", *map(ctypes.byref, results))
+                again, ends = flags[0].value, flags[1].value
+            if ends:
+                self._end()
+                raise FmuError(f"the FMU ends the simulation{self._reason()}")
+        self._call("EnterContinuousTimeMode")
+
+    def _indicated(self) -> list[bool]:
+        found = (c_double * self._of.indicators)()
+        self._call("GetEventIndicators", found, c_size_t(len(found)))
+        return [value > 0.0 for value in found]
+
+    def _call(self, name: str, *arguments: Any) -> None:
+        """Call a function of the FMU. Raises FmuError unless its status is OK or warning."""
+        function = self._names.get(name) or self._function(name, c_int)
+        status = function(self._component, *arguments)
+        if status < 2:
+            return
+        said = _STATUS[status] if status < len(_STATUS) else str(status)
+        if status >= _ERROR:
+            self._end(status)
+        raise FmuError(f"fmi{self._of.version}{name} returns {said}{self._reason()}")
+
+    def _end(self, status: int = _ERROR) -> None:
+        """Give up the instance. After an error, FMI permits nothing else."""
+        if status == _ERROR:
+            self._function("FreeInstance", None)(self._component)
+        self._is_dead = status == _FATAL
+        self._component = None
+
+    def _function(self, name: str, result: Any) -> Any:
+        name = f"fmi{self._of.version}{name}"
+        try:
+            function = getattr(self._library, name)
+        except AttributeError:
+            raise FmuError(f"its library has no function {name}") from None
+        function.restype = result
+        self._names[name.removeprefix(f"fmi{self._of.version}")] = function
+        return function
+
+    def _reason(self) -> str:
+        said, self._said = " ".join(self._said.split()), ""
+        return f" ({said[:_LONGEST]})" if said else ""
+
+    def _callbacks(self) -> list[Any]:
+        """Return the argument of the constructor that has the callbacks, and what it refers to."""
+
+        def say(message: bytes | None) -> None:
+            # The texts of FMI 2.0 may have fields of printf, which are not filled in.
+            self._said = (message or b"").decode(errors="replace")
+
+        if self._of.version == 3:
+            kind: Any = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
+            return [kind(lambda _, __, ___, message: say(message))]
+        kind = CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
+        log = kind(lambda _, __, ___, ____, message: say(message))
+        memory = ctypes.CDLL("msvcrt" if sys.platform == "win32" else None)
+        addresses = [ctypes.cast(each, c_void_p) for each in (log, memory.calloc, memory.free)]
+        return [_Allocation(*addresses, None, None), log]
+
+
+def main() -> None:
+    """Evaluate an FMU at its start values."""
+    interface, start = json.load(sys.stdin)
+    with suppress(FmuError, OSError):  # the caller meets them, too
+        Instance(Interface(*interface)).values(array("d", start).tobytes())
+
+
+if __name__ == "__main__":
+    main()
