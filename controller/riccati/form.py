@@ -11,8 +11,9 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import largest
+from controller.riccati.balancing import largest, units_of
 from controller.riccati.delta_search import Answer
+from controller.riccati.double_double import exact, product_of_doubles
 from hfa_support.reporting.checks import Check
 
 RESIDUAL = 1e-10
@@ -20,6 +21,12 @@ RESIDUAL = 1e-10
 INDEFINITENESS = 1e-10
 #: A refusal names a mode whose reach or whose cost in Q is below this fraction of the largest rate.
 BARELY = 1e-10
+#: Eigenvalues of X between this and its inverse are near enough to 1,
+MODERATE = 1e4
+#: which takes at most so many turns of the states.
+TURNS = 3
+#: An eigenvalue of X below this fraction of the largest is rounding.
+RANK = 1e-13
 #: Largest number of Newton steps. Each gains about 16 digits minus those lost to the condition
 #: number; two are enough except near the smallest delta.
 REFINEMENTS = 12
@@ -41,20 +48,34 @@ HIDDEN = (
 )
 
 
+class Turn(NamedTuple):
+    """Change of the states to D W'y.
+
+    W: (n, n), orthogonal up to rounding
+    D: (n,), powers of two
+    """
+
+    W: np.ndarray
+    D: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Form(ABC):
-    """Game in balanced units y = z / u of its states, without discount and without cross weights.
+    """Game in balanced states y = T z and inputs v, u = diag(w) v - F z, without discount.
 
-    X is the solution of its Riccati equation, and P = X / (u u') that of the user's game. The
-    discount is taken into √α A, √α B and √α E. The input is v = u + F z, for which N = 0.
+    X is the solution of its Riccati equation, and P = T'X T that of the user's game. The discount
+    is taken into √α A, √α B and √α E. All units are decided here: in any units of the user, a form
+    has the same computations.
 
     A: (n, n)
     inputs: (n, m), B
     disturbance: (n, k), E before its division by delta
     Q: (n, n)
     R: (m, m)
-    F: (m, n), R⁻¹ N', for the user's states z
-    units: u, (n,), powers of two, so that the change of units does not round
+    N: (n, m), 0 in continuous time, where F takes its place
+    F: (m, n), R⁻¹ N' for the user's states and inputs, 0 in discrete time, where R may be singular
+    T: (n, n), of powers of two in `balanced` units, so that the change of units does not round
+    input_units: w, (m,), powers of two
     delta: delta of the game
     """
 
@@ -66,47 +87,132 @@ class Form(ABC):
     disturbance: np.ndarray
     Q: np.ndarray
     R: np.ndarray
+    N: np.ndarray
     F: np.ndarray
-    units: np.ndarray
+    T: np.ndarray
+    input_units: np.ndarray
     delta: float
 
     @classmethod
     @lru_cache(maxsize=8)
     def of(cls, game: Game) -> Self:
-        """Return the form of a game, cached for each game."""
-        plain = game.without_cross_weights
-        units = cls.units_of(plain)
+        """Return the balanced form of a game, cached for each game."""
+        plain = cls.plain(game)
         root = math.sqrt(game.discount)
         return cls(
-            A=root * plain.A * units / units[:, None],
-            inputs=root * plain.B / units[:, None],
-            disturbance=root * plain.E / units[:, None],
-            Q=plain.Q * np.outer(units, units),
+            A=root * plain.A,
+            inputs=root * plain.B,
+            disturbance=root * plain.E,
+            Q=plain.Q,
             R=plain.R,
-            F=game.F,
-            units=units,
+            N=plain.N,
+            F=0.0 * game.N.T if plain is game else game.F,
+            T=np.eye(len(plain.A)),
+            input_units=np.ones(len(plain.R)),
             delta=game.delta,
-        )
+        ).balanced()
 
     @staticmethod
     @abstractmethod
-    def units_of(game: Game) -> np.ndarray:
-        """Return the units u (n,) in which a game with N = 0 is balanced."""
+    def plain(game: Game) -> Game:
+        """Return the game whose Riccati equation is solved, for the input u + F z."""
+
+    @abstractmethod
+    def effect(self) -> np.ndarray:
+        """Return B R⁻¹ B' (n, n), in discrete time with a price of the inputs in place of R."""
+
+    @property
+    def units(self) -> np.ndarray:
+        """Units of the states of a balanced form, (n,): z_i = units_i y_i."""
+        return 1.0 / np.diag(self.T)
 
     @cached_property
     def E(self) -> np.ndarray:
         """E scaled to δ = 1, (n, k)."""
         return self.disturbance / self.delta
 
+    @property
+    def weights(self) -> np.ndarray:
+        """Matrix [[Q, N], [N', R]] of the cost rate, (n + m, n + m)."""
+        return np.block([[self.Q, self.N], [self.N.T, self.R]])
+
     def with_delta(self, delta: float) -> Self:
         """Return the same game with another delta, in the same coordinates."""
         return replace(self, delta=delta)
 
+    def balanced(self) -> Self:
+        """Return the game in units of states and inputs in which its terms are of similar size.
+
+        The form must not be turned.
+        """
+        price = np.diag(self.price)
+        w = np.exp2(np.round(-0.5 * np.log2(np.where(price > 0.0, price, 1.0))))
+        form = replace(
+            self,
+            inputs=self.inputs * w,
+            R=self.R * np.outer(w, w),
+            N=self.N * w,
+            input_units=self.input_units * w,
+        )
+        return form._in_units(units_of(form.A, form.effect() + form.E @ form.E.T, form.Q))
+
+    @property
+    @abstractmethod
+    def price(self) -> np.ndarray:
+        """R, in discrete time with the least cost of the next state, (m, m)."""
+
+    def _in_units(self, units: np.ndarray) -> Self:
+        """Return the game in states y / units, without rounding."""
+        rows = units[:, None]
+        return replace(
+            self,
+            A=self.A * units / rows,
+            inputs=self.inputs / rows,
+            disturbance=self.disturbance / rows,
+            Q=self.Q * units * rows,
+            N=self.N * rows,
+            T=self.T / rows,
+        )
+
+    def turned(self, turn: Turn) -> Self:
+        """Return the game in the states D W'y, rounded once, from twice the digits."""
+        W = turn.W
+        defect = exact(np.eye(len(W))) + -product_of_doubles(W.T, W)
+        back = exact(W) + exact(W) @ defect  # (W')⁻¹ by a step of Newton's method
+        into = exact(W.T)
+        Q = (back.mT @ exact(self.Q) @ back).high
+        return replace(
+            self,
+            A=(into @ exact(self.A) @ back).high,
+            inputs=product_of_doubles(W.T, self.inputs).high,
+            disturbance=product_of_doubles(W.T, self.disturbance).high,
+            Q=(Q + Q.T) / 2.0,
+            N=(back.mT @ exact(self.N)).high,
+            T=W.T @ self.T,
+        )._in_units(1.0 / turn.D)
+
+    def levelling(self, X: np.ndarray, moderate: float) -> Turn | None:
+        """Return the turn to states in which the solution X is nearly the identity, or None.
+
+        Directions in which X is only rounding keep their units.
+
+        moderate: None is returned if all eigenvalues of X are between 1 / moderate and moderate
+        """
+        if not np.isfinite(X).all():
+            return None
+        sizes, W = np.linalg.eigh((X + X.T) / 2.0)
+        known = sizes > RANK * sizes[-1]
+        if not known.any():
+            return None
+        if sizes[known].min() > 1.0 / moderate and sizes[-1] < moderate:
+            return None
+        return Turn(W, np.exp2(np.round(0.5 * np.log2(np.where(known, sizes, 1.0)))))
+
     def perturbed_by_rounding(self) -> Self:
         """Return the game with its entries changed as by rounding, to show how much K changes.
 
-        Each entry of A, B and E is multiplied by a factor f = 1 ± eps, and Q_ij and R_ij by
-        f_i f_j, with which Q and R remain semidefinite.
+        Each entry of A, B and E is multiplied by a factor f = 1 ± eps, and the entries ij of Q, N
+        and R by f_i f_j, with which the weights remain semidefinite.
         """
         sizes = self.A.size, self.inputs.size, self.disturbance.size
         factors = _rounding_factors(sum(sizes))
@@ -119,16 +225,17 @@ class Form(ABC):
             inputs=self.inputs * B_factors.reshape(self.inputs.shape),
             disturbance=self.disturbance * E_factors.reshape(self.disturbance.shape),
             Q=self.Q * state_factors * state_factors[:, None],
+            N=self.N * input_factors * state_factors[:, None],
             R=self.R * input_factors * input_factors[:, None],
         )
 
     def of_value(self, P: np.ndarray) -> np.ndarray:
-        """Return the X that belongs to P (..., n, n) of the user."""
+        """Return the X of a balanced form that belongs to P (..., n, n) of the user."""
         return P * np.outer(self.units, self.units)
 
     def value(self, X: np.ndarray) -> np.ndarray:
         """Return the P (n, n) of the user that belongs to X, symmetric."""
-        P = X / np.outer(self.units, self.units)
+        P = self.T.T @ X @ self.T
         return (P + P.T) / 2.0
 
     @abstractmethod
@@ -138,7 +245,7 @@ class Form(ABC):
     def policies(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return K (m, n) and L (k, n) of u = -K z and d = L z of the user."""
         K, L = self.gains(X)
-        return K / self.units + self.F, L / self.units
+        return self.input_units[:, None] * (K @ self.T) + self.F, L @ self.T
 
     @abstractmethod
     def relative_residual(self, X: np.ndarray) -> float:
@@ -174,6 +281,20 @@ class Form(ABC):
     def unrefined(self) -> np.ndarray:
         """Return X from a stable subspace. Raises NoSolutionError if it has none."""
 
+    def levelled(self) -> tuple[Self, np.ndarray, list[Turn]]:
+        """Return the game in states in which no eigenvalue of X is far from 1, its X, not refined,
+        and the turns to these states.
+
+        Raises NoSolutionError if the game has no stable subspace.
+        """
+        form, X = self, self.unrefined()
+        turns: list[Turn] = []
+        while len(turns) < TURNS and (turn := form.levelling(X, MODERATE)):
+            form = form.turned(turn)
+            X = form.unrefined()
+            turns.append(turn)
+        return form, X, turns
+
     def by_schur(self) -> np.ndarray:
         """Return X from a Schur form after Newton steps. Raises NoSolutionError if none exists."""
         return self.refined(self.unrefined())
@@ -203,6 +324,11 @@ class Form(ABC):
 
     @property
     @abstractmethod
+    def without_input(self) -> tuple[np.ndarray, np.ndarray]:
+        """A and Q of the game with the input that costs least at each state."""
+
+    @property
+    @abstractmethod
     def reach(self) -> np.ndarray:
         """Effect of the inputs on the states, in the units of the inputs that the form uses."""
 
@@ -225,15 +351,16 @@ class Form(ABC):
 
         Source: Zhou, Doyle and Glover, Theorem 13.7.
         """
-        size = float(np.linalg.norm(self.A, 2)) or 1.0
-        for mode in modes_of(self.A):
+        A, Q = self.without_input
+        size = float(np.linalg.norm(A, 2)) or 1.0
+        for mode in modes_of(A):
             excess, on_boundary = self.beyond(mode.value)
             if excess < -mode.rounding:
                 continue
-            if dependence(self.A, mode.value, self.reach.T, size) <= BARELY:
+            if dependence(A, mode.value, self.reach.T, size) <= BARELY:
                 return unreached.format(f"{mode}{self.of_matrix}")
             is_undamped = excess <= mode.rounding
-            if is_undamped and dependence(self.A.T, on_boundary, self.Q, size) <= BARELY:
+            if is_undamped and dependence(A.T, on_boundary, Q, size) <= BARELY:
                 return hidden.format(f"{mode}{self.of_matrix}")
         return ""
 

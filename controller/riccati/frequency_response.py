@@ -109,14 +109,18 @@ def gain_bounds(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> G
     poles = spectrum(A)
     if poles[-1].real >= 0.0:  # they are sorted by Re λ
         return GainBounds(math.inf, math.inf)
-    typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
+    # in units of the signals in which B and C have size 1
+    sizes = float(np.linalg.norm(B)), float(np.linalg.norm(C))
     at_infinity = float(np.linalg.norm(D, 2)) if D.any() else 0.0
-    if typical == 0.0:
+    if 0.0 in sizes:
         return GainBounds(at_infinity, at_infinity)
-    floor = max(ZERO * typical, at_infinity)  # a level must exceed rounding and σ_max(D)
-    gain = _highest(System(A, B, C, D), _resonances(poles), floor)
-    if gain > max(NEGLIGIBLE * typical, at_infinity):
-        return GainBounds(gain, gain * (1.0 + TOLERANCE))
+    unit = sizes[0] * sizes[1]
+    system = System(A, B / sizes[0], C / sizes[1], D / sizes[0] / sizes[1])
+    typical = 1.0 / float(np.linalg.norm(A))
+    floor = max(ZERO * typical, at_infinity / unit)  # a level must exceed rounding and σ_max(D)
+    gain = _highest(system, _resonances(poles), floor)
+    if gain > max(NEGLIGIBLE * typical, at_infinity / unit):
+        return GainBounds(gain * unit, gain * unit * (1.0 + TOLERANCE))
     return GainBounds(at_infinity, at_infinity)
 
 

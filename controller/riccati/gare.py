@@ -261,13 +261,13 @@ def solve(game: Game, progress: Progress | None = None) -> Solution:
     need(game, Game, "solve: game", "a game: hfa.game(linear, Q, R, delta)")
     form = form_of(game)
     solved = certified(form, progress)
-    meaning = meaning_checks(form, solved.X)
+    meaning = meaning_checks(solved.form, solved.X)
     for check in meaning:
         if not check.ok:
             unconfirmed = f"certified, but not confirmed: {check.name}: {check.reason}"
             advice = smallest_delta_of(form, progress).advice(game.delta)
             raise NoSolutionError(f"{unconfirmed}; {advice}")
-    return solution_of(form, solved, game, meaning)
+    return solution_of(solved, game, meaning)
 
 
 def unconfirmed_solution(game: Game) -> Solution:
@@ -276,8 +276,7 @@ def unconfirmed_solution(game: Game) -> Solution:
     For searches and sweeps that solve many games. The arguments and errors are those of `solve`.
     """
     need(game, Game, "unconfirmed_solution: game", "a game: hfa.game(linear, Q, R, delta)")
-    form = form_of(game)
-    return solution_of(form, certified(form), game)
+    return solution_of(certified(form_of(game)), game)
 
 
 def certified(form: Form, progress: Progress | None = None) -> Certified:
@@ -295,18 +294,14 @@ def certified(form: Form, progress: Progress | None = None) -> Certified:
         raise NoSolutionError(why_refused(form, str(failure), progress)) from failure
 
 
-def solution_of(
-    form: Form, certified: Certified, game: Game, meaning: tuple[Check, ...] = ()
-) -> Solution:
+def solution_of(certified: Certified, game: Game, meaning: tuple[Check, ...] = ()) -> Solution:
     """Return the solution of a game in the user's coordinates.
 
-    form: form of the game
     certified: certified solution of the game
     game: the game as the user gave it
     meaning: checks of the cost and the L2 gain, () if they were not made
     """
-    X = certified.X
-    P = form.value(X)
-    K, L = form.policies(X)
+    P = certified.form.value(certified.X)
+    K, L = certified.form.policies(certified.X)
     P.setflags(write=False)
     return Solution(P, K, L, game, certified.certificate, meaning)

@@ -11,7 +11,7 @@ from controller.riccati.bilinear import System
 from controller.riccati.certificate import form_of
 from controller.riccati.double_double import exact, product_of_doubles
 from controller.riccati.form import LAST_CORRECTION, Form
-from controller.riccati.frequency_response import loop_gain, square_root
+from controller.riccati.frequency_response import loop_gain, scaled_root
 from controller.riccati.lyapunov import Lyapunov
 from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.checks import Check, at_most, below
@@ -53,7 +53,7 @@ def cost_check(form: Form, X: np.ndarray, K: np.ndarray, L: np.ndarray) -> Check
 def cost_matrix(form: Form, K: np.ndarray, L: np.ndarray, refinements: int) -> np.ndarray:
     """Return C, (n, n), such that v = -K y and d = L y cost y0'C y0 from the initial state y0.
 
-    F'C + C F + Q + K'R K - δ² L'L = 0,  F = A - B K + E L
+    F'C + C F + Q - N K - K'N' + K'R K - δ² L'L = 0,  F = A - B K + E L
 
     In discrete time, F'C F - C replaces F'C + C F.
 
@@ -64,7 +64,8 @@ def cost_matrix(form: Form, K: np.ndarray, L: np.ndarray, refinements: int) -> n
     loop = form.A - form.inputs @ K + form.disturbance @ L
     equation = Lyapunov.of_steps(loop) if form.is_discrete else Lyapunov(loop)
     weighted = form.delta * L if math.isfinite(form.delta) else 0.0 * L
-    C, _ = equation.solve(weighted.T @ weighted - form.Q - K.T @ form.R @ K)
+    crossed = form.N @ K
+    C, _ = equation.solve(weighted.T @ weighted - form.Q - K.T @ form.R @ K + crossed + crossed.T)
     for _ in range(refinements):
         correction, _ = equation.solve(-_cost_residual(form, K, L, C))
         C = C + correction
@@ -77,7 +78,8 @@ def _cost_residual(form: Form, K: np.ndarray, L: np.ndarray, C: np.ndarray) -> n
     """Return the residual of the equation of `cost_matrix`, (n, n), in twice the precision."""
     moved = product_of_doubles(-form.inputs, K) + product_of_doubles(form.disturbance, L)
     loop = exact(form.A) + moved
-    cost = exact(form.Q) + product_of_doubles(K.T, form.R) @ exact(K)
+    crossed = product_of_doubles(-form.N, K)
+    cost = exact(form.Q) + product_of_doubles(K.T, form.R) @ exact(K) + (crossed + crossed.mT)
     if math.isfinite(form.delta):
         weighted = product_of_doubles(form.delta * np.eye(len(L)), L)
         cost = cost + -(weighted.mT @ weighted)
@@ -101,12 +103,12 @@ def gain_check(form: Form, K: np.ndarray) -> Check:
 
 
 def closed_loop(form: Form, K: np.ndarray) -> System:
-    """Return the closed loop of v = -K y from d to (Q^½ y, R^½ v): (A - B K, E, C, 0), C'C = Q +
-    K'R K.
+    """Return the closed loop of v = -K y from d to the root of the cost rate: (A - B K, E, C, 0),
+    C'C = Q - N K - K'N' + K'R K.
 
     K: (m, n)
     """
-    C = np.vstack([square_root(form.Q), square_root(form.R) @ K])
+    C = scaled_root(form.weights).T @ np.vstack([np.eye(len(form.A)), -K])
     nothing = np.zeros((len(C), form.disturbance.shape[1]))
     return System(form.A - form.inputs @ K, form.disturbance, C, nothing)
 
@@ -124,5 +126,6 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     Raises BadInputError if K is not a real m x n matrix, and NoSolutionError as `system_gain` does.
     """
     form = form_of(game)
-    loop = closed_loop(form, (game.checked_gain(K) - form.F) * form.units)
+    K = (game.checked_gain(K) - form.F) / form.input_units[:, None]
+    loop = closed_loop(form, K * form.units)
     return loop_gain(loop, is_discrete=form.is_discrete).high

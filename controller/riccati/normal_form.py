@@ -17,7 +17,6 @@ from controller.riccati.balancing import (
     is_hurwitz,
     largest,
     largest_or_1,
-    units_of,
 )
 from controller.riccati.delta_search import Answer
 from controller.riccati.double_double import Pair, exact, product_of_doubles
@@ -31,6 +30,7 @@ from controller.riccati.form import (
 from controller.riccati.frequency_response import square_root, system_gain
 from controller.riccati.lyapunov import Lyapunov
 from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import LARGEST
 from hfa_support.reporting.checks import Check, at_least, at_most, below, checked
 
 #: Smallest relative distance to the imaginary axis, four orders above rounding. Nearer to the axis,
@@ -66,13 +66,22 @@ class NormalForm(Form):
     of_matrix = ""
 
     @staticmethod
-    def units_of(game: Game) -> np.ndarray:
-        """Return the units u (n,) that balance the Hamiltonian of a game with N = 0.
+    def plain(game: Game) -> Game:
+        """Return the game without cross weights.
 
         Raises BadInputError for a game in discrete time.
         """
         game.refuse_steps("this computation")
-        return units_of(game.A, game.S, game.Q)
+        return game.without_cross_weights
+
+    def effect(self) -> np.ndarray:
+        """Return B R⁻¹ B', (n, n)."""
+        return self.B @ self.B.T
+
+    @property
+    def price(self) -> np.ndarray:
+        """R, (m, m)."""
+        return self.R
 
     @cached_property
     def root(self) -> np.ndarray:
@@ -207,7 +216,8 @@ class NormalForm(Form):
     @property
     def _is_finite(self) -> bool:
         with np.errstate(all="ignore"):
-            return bool(np.isfinite(self.hamiltonian).all())
+            sizes = largest(self.hamiltonian), largest(self.disturbance)
+        return max(sizes) <= LARGEST  # of nan, this is false
 
     def axis_checks(self) -> tuple[Check, ...]:
         """Return the checks that the Hamiltonian has n eigenvalues on each side of the imaginary
@@ -290,6 +300,11 @@ class NormalForm(Form):
         C = np.vstack([square_root(self.Q), K])
         D = np.zeros((len(C), self.disturbance.shape[1]))
         return system_gain(self.A - self.B @ K, self.disturbance, C, D)
+
+    @property
+    def without_input(self) -> tuple[np.ndarray, np.ndarray]:
+        """A and Q."""
+        return self.A, self.Q
 
     @property
     def reach(self) -> np.ndarray:

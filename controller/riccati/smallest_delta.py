@@ -16,6 +16,9 @@ from hfa_support.progress import Progress
 
 #: Relative accuracy of delta_min.
 TOLERANCE = 1e-6
+#: The search is made in states in which the eigenvalues of the X without disturbance, the smallest
+#: X of all, are between this and its inverse.
+LEVEL = 4.0
 #: If delta exceeds delta_min by a smaller fraction, the poor conditioning of P may be the reason
 #: why a test fails.
 CLOSE = 0.01
@@ -114,18 +117,20 @@ def smallest_delta_of(form: Form, progress: Progress | None = None) -> DeltaMin:
     Raises NoSolutionError if no δ has a solution, and ModeError if a mode is the reason.
     """
     try:
-        lqr = certified_solution(form.with_delta(math.inf))
+        lqr = certified_solution(form.with_delta(math.inf).balanced())
     except NoSolutionError as failure:
         if cause := form.obstacle():
             raise ModeError(cause) from failure
         raise NoSolutionError(
             f"the problem without disturbance (delta = inf) is not certified: {failure}"
         ) from failure
-    bound = form.delta_bound(lqr.X)
+    bound = lqr.form.delta_bound(lqr.X)
     if bound == 0.0:
         return DeltaMin(0.0, 0.0)
+    turn = lqr.form.levelling(lqr.X, LEVEL)
+    level = lqr.form.turned(turn) if turn else lqr.form
     value, refused, _ = smallest_delta(
-        lambda delta: form.with_delta(delta).existence(), 2.0 * bound, TOLERANCE, progress
+        lambda delta: level.with_delta(delta).existence(), 2.0 * bound, TOLERANCE, progress
     )
     return DeltaMin(value, refused)
 

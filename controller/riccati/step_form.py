@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from controller.game.zero_sum import Game
-from controller.riccati.balancing import largest, largest_or_1, units_of
+from controller.game.zero_sum import Game, least_scaled_eigenvalue
+from controller.riccati.balancing import largest, largest_or_1
 from controller.riccati.delta_search import Answer
 from controller.riccati.double_double import exact, product_of_doubles
 from controller.riccati.form import (
@@ -34,7 +34,9 @@ SADDLE = 1e-12
 class StepForm(Form):
     """Game y⁺ = A y + B v + E w in discrete time with δ = 1.
 
-      X = Q + A'X A - A'X G (W + G'X G)⁻¹ G'X A,  G = [B E],  W = blkdiag(R, -I)
+      X = Q + A'X A - (A'X G + M)(W + G'X G)⁻¹(G'X A + M')
+
+    with G = [B E], W = blkdiag(R, -I) and M = [N 0].
 
     R may be singular: the solution only needs R + B'X B > 0.
     """
@@ -43,10 +45,18 @@ class StepForm(Form):
     of_matrix = " of sqrt(discount) A"
 
     @staticmethod
-    def units_of(game: Game) -> np.ndarray:
-        """Return the units u (n,) in which a game with N = 0 is balanced."""
-        alpha = game.discount
-        return units_of(math.sqrt(alpha) * game.A, alpha * game.S_control, game.Q)
+    def plain(game: Game) -> Game:
+        """Return the game itself: R may be singular, so that cross weights stay."""
+        return game
+
+    def effect(self) -> np.ndarray:
+        """Return B price⁺ B', (n, n)."""
+        return self.inputs @ _inverse(self.price) @ self.inputs.T
+
+    @property
+    def price(self) -> np.ndarray:
+        """R + B'Q B, (m, m)."""
+        return self.R + self.inputs.T @ self.Q @ self.inputs
 
     @cached_property
     def G(self) -> np.ndarray:
@@ -61,14 +71,20 @@ class StepForm(Form):
         W[: len(self.R), : len(self.R)] = self.R
         return W
 
+    @cached_property
+    def M(self) -> np.ndarray:
+        """[N 0], (n, m + k)."""
+        return np.hstack([self.N, np.zeros_like(self.E)])
+
     def gains(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return K (m, n) and L (k, n) of v = -K y and w = L y, the policies of the value y'X y."""
         K, minus_L = np.split(self._both_gains(X), [len(self.R)])
         return K, -minus_L / self.delta
 
     def _both_gains(self, X: np.ndarray) -> np.ndarray:
-        """Return [K; -δ L] = (W + G'X G)⁻¹ G'X A, (m + k, n)."""
-        return np.linalg.solve(self.W + self.G.T @ X @ self.G, self.G.T @ X @ self.A)
+        """Return [K; -δ L] = (W + G'X G)⁻¹(G'X A + M'), (m + k, n)."""
+        GX = self.G.T @ X
+        return np.linalg.solve(self.W + GX @ self.G, GX @ self.A + self.M.T)
 
     def _residual(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the residual of X in twice the precision, and the loop A - G [K; -δ L], (n, n).
@@ -77,7 +93,8 @@ class StepForm(Form):
         """
         gains = self._both_gains(X)
         loop = exact(self.A) + product_of_doubles(-self.G, gains)
-        paid = product_of_doubles(gains.T, self.W) @ exact(gains)
+        crossed = product_of_doubles(-self.M, gains)
+        paid = product_of_doubles(gains.T, self.W) @ exact(gains) + (crossed + crossed.mT)
         after = loop.mT @ (exact(X) @ loop)
         residual = ((exact(self.Q) + paid) + (exact(-X) + after)).high
         return (residual + residual.T) / 2.0, loop.high
@@ -85,8 +102,8 @@ class StepForm(Form):
     def relative_residual(self, X: np.ndarray) -> float:
         """Return the largest residual of Bellman's equation for X relative to its terms.
 
-        The terms are |Q|, |K'R K|, |X| and |A - B K|'|X||A - B K|, entry by entry. The residual is
-        nan if X has no policies.
+        The terms are |Q|, |N K|, |K'R K|, |X| and |A - B K|'|X||A - B K|, entry by entry. The
+        residual is nan if X has no policies.
         """
         X = (X + X.T) / 2.0
         try:
@@ -96,6 +113,7 @@ class StepForm(Form):
         K, _ = self.gains(X)
         loop = np.abs(self.A - self.inputs @ K)
         terms = np.abs(self.Q) + np.abs(K.T @ self.R @ K) + np.abs(X) + loop.T @ np.abs(X) @ loop
+        terms += np.abs(self.N @ K)
         return largest(residual) / (float(terms.max()) or 1.0)
 
     def newton_step(self, X: np.ndarray) -> np.ndarray:
@@ -123,8 +141,8 @@ class StepForm(Form):
         left = np.block(
             [
                 [self.A, zero, self.G],
-                [-self.Q, one, no_states.T],
-                [no_states, no_states, self.W],
+                [-self.Q, one, -self.M],
+                [self.M.T, no_states, self.W],
             ]
         )
         right = np.block([[one, zero], [zero, self.A.T], [no_states, -self.G.T]])
@@ -151,7 +169,7 @@ class StepForm(Form):
         G = self.G
         with _no_singularity():
             weights = self.W + LAST * G.T @ G
-            crossed = LAST * G.T @ self.A
+            crossed = LAST * G.T @ self.A + self.M.T
             gains = np.linalg.solve(weights, crossed)
             A = self.A - G @ gains
             Y = self.Q + LAST * (self.A.T @ self.A - one) - crossed.T @ gains
@@ -178,7 +196,7 @@ class StepForm(Form):
         smallest = _least(X) / size
         paid = _least(np.eye(self.E.shape[1]) - self.E.T @ X @ self.E)
         price = self.R + self.inputs.T @ X @ self.inputs
-        weight = _least(price) / largest_or_1(price)
+        weight = least_scaled_eigenvalue(price)
         game_radius = spectral_radius(game_loop)
         radius = spectral_radius(self.A - self.inputs @ K)
         unsolved = f"the residual of Bellman's equation is {residual:.2g}"
@@ -200,7 +218,8 @@ class StepForm(Form):
     def existence(self) -> Answer:
         """Return whether the game has a value at this delta, by the checks of its X."""
         try:
-            checks = self.checks(self.by_schur())
+            form, X, _ = self.levelled()
+            checks = form.checks(form.refined(X))
         except NoSolutionError as failure:
             return Answer(False, str(failure))
         failed = [
@@ -214,6 +233,12 @@ class StepForm(Form):
         return math.sqrt(float(np.linalg.eigvalsh(E.T @ X @ E).max(initial=0.0).clip(0.0)))
 
     @property
+    def without_input(self) -> tuple[np.ndarray, np.ndarray]:
+        """A - B R⁺ N' and Q - N R⁺ N'."""
+        F = _inverse(self.R) @ self.N.T
+        return self.A - self.inputs @ F, self.Q - self.N @ F
+
+    @property
     def reach(self) -> np.ndarray:
         """B, (n, m)."""
         return self.inputs
@@ -222,6 +247,11 @@ class StepForm(Form):
         """Return |λ| - 1, and λ / |λ|."""
         size = abs(value)
         return size - 1.0, value / (size or 1.0)
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Return the inverse of a symmetric matrix, (m, m), or its pseudoinverse if it is singular."""
+    return np.linalg.pinv(matrix, rcond=SADDLE, hermitian=True)
 
 
 def _least(matrix: np.ndarray) -> float:

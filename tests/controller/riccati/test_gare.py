@@ -126,29 +126,26 @@ def test_a_missing_lqr_solution_names_the_mode(
 
 @pytest.mark.parametrize("reach", [5e-324, 1e-150])
 def test_an_input_without_effect_leaves_the_cost_of_the_plant(reach: float) -> None:
-    """With B of about 0, P of a stable plant is SciPy's Lyapunov solution; with an unstable plant,
-    and with a Q of 1e-310, the game is refused in one line.
+    """With B of about 0, P of a stable plant is SciPy's Lyapunov solution, and a game of an unstable
+    plant is refused in one line.
     """
     A = np.random.default_rng(0).standard_normal((3, 3)) - 3.0 * np.eye(3)
     B, R = reach * np.ones((3, 2)), np.eye(2)
     cost = solve_continuous_lyapunov(A.T, -np.eye(3))
     np.testing.assert_allclose(solve(Game(A, B, Q=np.eye(3), R=R)).P, cost, rtol=1e-9)
-    for plant, weight in ((A + 6.0 * np.eye(3), 1.0), (A, 1e-310)):
-        with pytest.raises(NoSolutionError, match="is not certified") as refusal:
-            solve(Game(plant, B, Q=weight * np.eye(3), R=R))
-        assert "\n" not in str(refusal.value)
+    with pytest.raises(NoSolutionError, match="is not certified") as refusal:
+        solve(Game(A + 6.0 * np.eye(3), B, Q=np.eye(3), R=R))
+    assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"A": 1e90},
         {"A": 1e-90},
         {"B": 1e-90},
         {"R": 1e-90},
         {"R": 1e90},
         {"Q": 1e90},
-        {"delta": 1e-49},
     ],
 )
 def test_numbers_beyond_rounding_are_refused(change: dict[str, float]) -> None:
@@ -180,9 +177,8 @@ def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
 
 @pytest.mark.parametrize("seed", [110, 164])
 def test_the_smallest_delta_is_found_where_p_is_nearly_singular(seed: int) -> None:
-    """With one output of eight states, P is so small in one direction that rounding hides its sign.
-
-    The least δ is 2e-4 and 2e-5 larger than one at which P seems to be semidefinite.
+    """With one output of eight states, the least δ is 2e-4 and 2e-5 larger than one at which P seems
+    to be semidefinite in units of the user.
     """
     rng = np.random.default_rng(seed)
     A, B, E, C = (rng.standard_normal(shape) for shape in ((8, 8), (8, 1), (8, 1), (1, 8)))
@@ -190,7 +186,7 @@ def test_the_smallest_delta_is_found_where_p_is_nearly_singular(seed: int) -> No
     smallest = minimum_delta(game)
     assert reference_solution(game.with_delta(smallest.value * (1.0 + 1e-6))).exists
     assert not reference_solution(game.with_delta(smallest.value * (1.0 - 2e-6))).exists
-    assert smallest.uncertain
+    assert not smallest.uncertain
 
 
 @pytest.mark.slow

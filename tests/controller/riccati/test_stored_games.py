@@ -1,0 +1,57 @@
+"""Games of ten kinds and of all units have the answers of hundreds of digits (`stored_games.py`)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from stored_games import EACH, KINDS, Stored, errors, stored
+
+from controller import minimum_delta
+from hfa import NoSolutionError, solve
+
+EPS = float(np.finfo(float).eps)
+#: Largest error of P and K where the last digits of the game's entries do not change them,
+EXACT = 1e-11
+#: and otherwise their number of changes by these digits.
+CHANGES = 100.0
+#: Relative error of delta_min.
+CLOSE = 3e-6
+
+
+def mistake(game: Stored) -> str:
+    """Return what is wrong with the answers to a game, or ""."""
+    try:
+        solution = solve(game.game)
+    except NoSolutionError as refusal:
+        if game.exists:
+            return f"refused: {refusal}"
+    else:
+        if not game.exists:
+            return "has no value, but is solved"
+        error = max(errors(game, solution.P, solution.K))
+        if not error <= max(EXACT, CHANGES * EPS * game.change):
+            return f"error {error:.2g}, where last digits change {EPS * game.change:.2g}"
+    try:
+        smallest = minimum_delta(game.game).value
+    except NoSolutionError as refusal:
+        return "" if math.isnan(game.delta_min) else f"no delta_min: {refusal}"
+    if smallest == pytest.approx(game.delta_min, rel=CLOSE, abs=1e-12):
+        return ""
+    return f"delta_min is {game.delta_min:.9g}, not {smallest:.9g}"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_few_games_have_their_answers(kind: str) -> None:
+    """P, K, the existence of a value, and delta_min are those of the stored answers."""
+    numbers = range(0, EACH, EACH // 2)
+    assert [mistake(stored(kind, number)) for number in numbers] == [""] * len(numbers)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_games_have_their_answers(kind: str) -> None:
+    """P, K, the existence of a value, and delta_min are those of the stored answers."""
+    mistakes = {number: mistake(stored(kind, number)) for number in range(EACH)}
+    assert {number: wrong for number, wrong in mistakes.items() if wrong} == {}
