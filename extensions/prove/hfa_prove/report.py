@@ -226,19 +226,26 @@ def _(statement: RegionStatement) -> Claim:
     reaches = {name: max(-low, high) for name, (low, high) in statement.extents.items()}
     ends = ", ".join(f"{name} {_outward(model, name, reach)}" for name, reach in reaches.items())
     what = "region of attraction" if not sizes else f"set invariant under {sizes}"
-    begins = "Every trajectory that begins in V(z) <= rho stays there and within all limits"
+    begins = (
+        "Every trajectory that begins in the set {V(z) <= rho, |M z| < 1} stays there and within "
+        "all limits"
+    )
     then = " and converges to the equilibrium" if not sizes else f" under every {sizes}"
     held = f" {', '.join(loop.held)} held at trim values." if loop.held else ""
     saturated = f"; inputs saturated: {', '.join(_saturated(loop)) or 'none'}."
     convergence = " Convergence is not claimed." if sizes else ""
     V = PolynomialFunction.of_terms(statement.piece.W.terms).substituted(statement.piece.M)
     data = {
-        **_plant_data(loop),
+        "states": loop.states,
+        "state_units": model.units(loop.states),
+        "trim": {**loop.trim, **loop.inputs, **loop.held},
+        "limits": loop.limits,
         "disturbances": dict(loop.disturbances),
-        "rho": statement.rho,
         "extents": reaches,
+        "rho": statement.rho,
         "degree": statement.degree,
         "terms": V.terms,
+        "M": statement.piece.M,
     }
     if statement.degree == 2:
         data["P"] = V.matrix()
@@ -256,22 +263,12 @@ def _(statement: RegionStatement) -> Claim:
         "that is not Hurwitz.",
         (
             Table(("the set lies within", "from", "to", "about", "lowest", "highest"), rows),
-            "The set is {V <= rho}, not a box: a state within all of these ranges may lie outside "
-            "it.",
-            _piece("V", "rho", statement.piece),
+            "The set is not a box: a state within all of these ranges may lie outside it.",
+            _set(statement.piece),
         ),
         data,
         model,
     )
-
-
-def _plant_data(plant: Plant) -> dict[str, Any]:
-    return {
-        "states": plant.states,
-        "state_units": plant.model.units(plant.states),
-        "trim": {**plant.trim, **plant.inputs, **plant.held},
-        "limits": plant.limits,
-    }
 
 
 def _saturated(loop: Plant) -> list[str]:
@@ -296,8 +293,13 @@ def _outward(model: Model, name: str, value: float) -> str:
     return beside_unit((at_least if shown < 0.0 else at_most)(shown, 4), unit)
 
 
-def _piece(name: str, level: str, piece: Piece) -> str:
-    """Return a polynomial with its level as text, with six digits of each coefficient."""
+def _set(piece: Piece) -> str:
+    """Return V, its level and the matrix M as text, with six digits of each number."""
     variables = [f"y{i + 1}" for i in range(len(piece.M))]
-    W = polynomial_in_words(piece.W.terms, variables)
-    return f"{name}(y) = {W} <= {level} = {at_least(piece.c, 6)}, |y_i| < 1, y = M z"
+    V = polynomial_in_words(piece.W.terms, variables)
+    lines = [f"V = {V} <= rho = {at_least(piece.c, 6)}, |y_i| < 1, y = M z"]
+    lines += [
+        f"M, row {i}: {', '.join(f'{entry:.6g}' for entry in row)}"
+        for i, row in enumerate(piece.M, start=1)
+    ]
+    return "\n".join(lines)

@@ -2,106 +2,207 @@
 
 from __future__ import annotations
 
-import re
+from itertools import chain
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from cli import answer, hfa
 
-from hfa.main import BAD_INPUT, FAILED
+from hfa_prove.commands import given
+from hfa_prove.commands.request import CheckRequest, RegionRequest
+from hfa_prove.commands.schedule import ScheduleRequest
+from hfa_support.errors import NoSolutionError
 
 ROOT = Path(__file__).resolve().parents[3]
+STORED = ROOT / "tests" / "nets" / "certificates"
 PENDULUM = ("--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM")
-#: Kind of a certificate -> options of its proof, and options that give the whole subject.
+VAN_DER_POL = ("--aircraft", f"{ROOT}/examples/pendulum.py:VAN_DER_POL")
+LEVEL = ("--dihedral", "15:15.25", "--dynamics", "published")
+
+
+class Proof(NamedTuple):
+    """A kind of proof: its request, the function that searches it, and options of the stored one."""
+
+    request: Any
+    search: str
+    words: tuple[str, ...]
+
+
 PROOFS = {
-    "region": (
-        (*PENDULUM, "--degree", "2", "--seconds", "4", "--R", "2", "--limit", "torque=-0.6:0.6"),
-        (*PENDULUM, "--R", "2", "--limit", "torque=-0.6:0.6"),
-    ),
-    "schedule": (("--dihedral", "14:14.25"), ("--dihedral", "14:14.25", "--dynamics", "published")),
+    "region": Proof(RegionRequest, "hfa_prove.search.region.proved_region", PENDULUM),
+    "schedule": Proof(ScheduleRequest, "hfa_prove.search.schedule.prove_schedule", LEVEL),
 }
-#: Options that change the subject: kind, the quantity that differs or the reason, words.
-CHANGED = [
-    *(("region", "K", (f"--{name}", word)) for name, word in (
-        ("N", "0;0.1"), ("Q", "1,2"), ("R", "3"), ("delta", "20"), ("weights", "K.npz"),
-    )),
-    ("region", "K", ("--weights", "W.npz", "--basis", "x1**2, x1*x2, x2**2, x2**4")),
-    ("region", "--network applies to a policy in a file", ("--network", "policy=")),
-    ("region", "--set applies to a policy in a file", ("--set", "scale=1,2")),
-    ("region", "the table [policy] is missing", ("--policy", "policy.toml")),
-    ("region", "push", ("--disturbance", "push=0.1")),
-    ("region", "limit of torque", ("--limit", "torque=-0.6:0.5")),
-    ("region", "angle", ("--hold", "angle=0.1")),
-    ("region", "angle", ("--free", "angle", "--hold", "torque=0.1")),
-    ("region", "other equations", ("--aircraft", f"{ROOT}/examples/pendulum.py:VAN_DER_POL")),
-    ("region", "takes no mass", ("--mass", "5")),
-    ("schedule", "range", ("--dihedral", "14:14.5")),
-    ("schedule", "limit of elevator_center", ("--limit", "elevator_center=-20:20")),
-    ("schedule", "speed", ("--hold", "speed=70")),
-    ("schedule", "dynamics", ("--dynamics", "newton")),
-    ("schedule", "panel_mass", ("--parameters", "gibson-2011-simulation")),
-    ("schedule", "breakpoints", ("--weights", "K6.npz")),
-    *(("schedule", "K", (f"--{name}", word)) for name, word in (
-        ("Q", "1,1,1,1,1,1"), ("R", "1,1,1,1,1"), ("delta", "150"), ("N", ";".join(["1,0,0,0,0", *["0,0,0,0,0"] * 5])),
-    )),
-]  # fmt: skip
-#: Options that do not change the subject: the search for the trim, and the run itself.
-OTHERS = {"--check", "--quiet", "--json", "--output", "--start", "--condition", "--help", "--at"}
+#: Entry of an option that changes no subject, and of one that a proof does not have or refuses.
+SAME, REFUSED = "", "refused"
+#: Path of each option -> changed options with the entry of the subject that they change, for regions
+#: and for schedules.
+CHANGED: dict[str, tuple[dict[str, str], dict[str, str]]] = {
+    "aircraft.source": ({" ".join(VAN_DER_POL): "model"}, {" ".join(PENDULUM): REFUSED}),
+    "aircraft.dynamics": ({"--dynamics newton": REFUSED}, {"--dynamics newton": "model"}),
+    "aircraft.parameters": (
+        {"--parameters gibson-2011-simulation": REFUSED},
+        {"--parameters gibson-2011-simulation": "parameters"},
+    ),
+    "aircraft.mass": ({"--mass 5": REFUSED}, {"--mass 5": REFUSED}),
+    "trim.at": ({"--at 10": REFUSED}, {"--dihedral 15:15.5": "range", "--at 15.1:15.25": "range"}),
+    "trim.given": (
+        {"--condition narrow.toml": "limits", "--condition tilted.toml": "trim"},
+        {"--condition few.toml": "limits", "--condition fast.toml": "imposed"},
+    ),
+    "trim.free": (
+        {"--free angle --hold torque=0.1": "trim"},
+        {"--free gamma --hold throttle=0.3": "imposed"},
+    ),
+    "trim.hold": ({"--hold angle=0.1": "trim"}, {"--hold speed=70": "imposed"}),
+    "trim.limit": (
+        {"--limit torque=-0.6:0.7": "limits", "--limit angle=-90:90": "limits"},
+        {"--limit elevator_center=-20:20": "limits"},
+    ),
+    "trim.start": (
+        {"--start angle=5": SAME},
+        {"--start speed=60": REFUSED},
+    ),
+    "game.weights.N": ({"--N 0;0.1": "policy"}, {f"--N 1,0,0,0,0{';0,0,0,0,0' * 5}": "gains"}),
+    "game.weights.delta": ({"--delta 20": "policy"}, {"--delta 150": "gains"}),
+    "game.weights.Q": ({"--Q 1,2": "policy"}, {"--Q 1,1,1,1,1,1": "gains"}),
+    "game.weights.R": ({"--R 3": "policy"}, {"--R 1,1,1,1,1": "gains"}),
+    "reading.basis": (
+        {"--weights W.npz --basis x1**2,x1*x2,x2**2,x2**4": "policy"},
+        {"--basis quartic": REFUSED},
+    ),
+    "reading.network": ({"--network policy=": REFUSED}, {"--network policy=": REFUSED}),
+    "reading.set": ({"--set scale=1,2": REFUSED}, {"--set scale=1,2": REFUSED}),
+    "output.file": ({"-o out.json": SAME}, {"-o out.json": SAME}),
+    "output.json": ({"--json": SAME}, {"--json": SAME}),
+    "quiet": ({"--quiet": SAME}, {"--quiet": SAME}),
+    "check": (
+        {f"--check {STORED}/region_disturbed.json": REFUSED},
+        {f"--check {STORED}/region.json": REFUSED},
+    ),
+    "weights": ({"--weights K.npz": "policy"}, {"--weights K6.npz": "gains"}),
+    "policy": ({"--policy policy.toml": REFUSED}, {"--policy policy.toml": REFUSED}),
+    "disturbance": ({"--disturbance push=0.1": "disturbances"}, {"--disturbance a=1": REFUSED}),
+    "degree": ({"--degree 2": SAME}, {"--degree 2": REFUSED}),
+    "seconds": ({"--seconds 1": SAME}, {"--seconds 1": REFUSED}),
+    "decay": ({"--decay 0.1": REFUSED}, {"--decay 0.1": SAME}),
+    "rate": ({"--rate 1": REFUSED}, {"--rate 1": SAME}),
+}
+FILES = {
+    "narrow.toml": "[limits]\ntorque = [-0.5, 0.5]\n",
+    "tilted.toml": "[impose]\nangle = 0.1\n",
+    "few.toml": "[limits]\nelevator_center_deg = [-20, 20]\n",
+    "fast.toml": "[impose]\nspeed = 70\n",
+    "policy.toml": "",
+}
+CASES = [
+    (kind, path, words, entry)
+    for path, by_kind in CHANGED.items()
+    for kind, listed in zip(PROOFS, by_kind, strict=True)
+    for words, entry in listed.items()
+]
 
 
-@pytest.fixture(scope="module")
-def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("certificates")
-    for kind, (words, _) in PROOFS.items():
-        assert hfa("prove", kind, *words, "-o", str(folder / f"{kind}.json")).code == 0
-    return folder
-
-
-@pytest.mark.parametrize("kind", PROOFS)
-def test_the_options_of_the_proof_give_the_subject(kind: str, certificates: Path) -> None:
-    """With the subject of the proof, a certificate is verified; a part that is not given is named."""
-    found = answer("prove", "--check", str(certificates / f"{kind}.json"), *PROOFS[kind][1])
-    assert found["kind"] == kind
-    assert found["not_given"] == (["gains"] if kind == "schedule" else [])
-
-
-@pytest.mark.parametrize(("kind", "named", "words"), CHANGED)
-def test_an_option_that_changes_the_subject_is_refused(
-    kind: str, named: str, words: tuple[str, ...], certificates: Path, folder: Path
-) -> None:
-    """Each option that differs from the proof, or does not apply, is named in one line."""
+@pytest.fixture
+def files(folder: Path) -> None:
     np.savez("K.npz", K=[[2.0, 1.5]])
     np.savez("W.npz", W=[1.0, 2.0, 3.0, 0.5])
     np.savez("K6.npz", K=np.ones((5, 6)))
-    Path("policy.toml").write_text("")
-    subject: tuple[str, ...] = PENDULUM if kind != "schedule" else ()
-    if "--aircraft" in words:
-        subject = ()
-    elif kind == "region" and "--limit" not in words:
-        subject = (*PENDULUM, "--limit", "torque=-0.6:0.6")
-    found = hfa("prove", "--check", str(certificates / f"{kind}.json"), *subject, *words)
-    (line,) = found.err.splitlines()
-    assert found.out == ""
-    if found.code == BAD_INPUT:
-        assert named in line
+    for name, text in FILES.items():
+        Path(name).write_text(text)
+
+
+def subject(
+    kind: str, words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> dict[str, Any] | None:
+    """Return what a proof with these options would be about, or None if it refuses them."""
+    found: list[dict[str, Any]] = []
+
+    def search(about: Any, *gains: Any, **_: Any) -> None:
+        if kind == "region":
+            found.append(about.loop.content())
+        else:
+            schedule, low, high = gains
+            found.append({**about.flight(low, high).content(), "gains": schedule.content()})
+        raise NoSolutionError("not searched")
+
+    with monkeypatch.context() as replaced:
+        replaced.setattr(PROOFS[kind].search, search)
+        hfa("prove", kind, *words)
+    return found[0] if found else None
+
+
+def check_case(
+    kind: str, path: str, words: str, entry: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fail unless the options change the entry in a proof, and --check then complains."""
+    base = PROOFS[kind].words
+    flag = words.split()[0]
+    other_name = {"--at": "--dihedral"}
+    kept = [
+        pair
+        for pair in zip(base[::2], base[1::2], strict=True)
+        if pair[0] not in (flag, other_name.get(flag))
+    ]
+    changed = (*chain.from_iterable(kept), *words.split())
+    usual, other = (subject(kind, each, monkeypatch) for each in (base, changed))
+    assert usual is not None
+    if other is None:
+        assert entry == REFUSED
     else:
-        assert found.code == FAILED
-        assert line.startswith(f"hfa: {named} in the certificate differs from the value of --")
-        assert words[0] in line
+        names = [name for name in {*usual, *other} if usual.get(name) != other.get(name)]
+        assert entry in names or (entry == SAME and not names)
+    if path not in CheckRequest.declared():
+        return
+    certificate = () if path == "check" else ("--check", f"{STORED}/{kind}.json")
+    found = hfa("prove", *certificate, *changed)
+    if path == "check" and kind == "region":
+        assert "every |push| <= 0.1 N m" in " ".join(found.out.split())
+    else:
+        assert (found.code == 0) == (entry == SAME)
+    assert found.code == 0 or (found.out == "" and len(found.err.splitlines()) == 1)
 
 
-def test_limits_bind_in_the_loop(certificates: Path) -> None:
-    """The limits of an input that the trim imposes are those where the loop is saturated."""
-    words = ("prove", "--check", str(certificates / "region.json"), *PENDULUM, "--R", "2")
-    stated = answer(*words, "--limit", "torque=-0.6:0.6")["claim"]["loop"]["limits"]
-    assert stated["torque"] == [-0.6, 0.6]
-    assert hfa(*words).code == 1  # the model's limits are wider
+def test_every_option_is_changed() -> None:
+    """The table has each option of the proofs and of --check for both kinds, and no other."""
+    listed = {path for proof in PROOFS.values() for path in proof.request.declared()}
+    assert listed | set(CheckRequest.declared()) == set(CHANGED)
+    assert all(all(by_kind) for by_kind in CHANGED.values())
 
 
-def test_no_option_is_left_out() -> None:
-    """The table above has every option of the help, so that a new one is compared."""
-    listed = set(re.findall(r"(?m)^ +(?:-\w,? )?(--[\w-]+)", hfa("prove", "--help", "more").out))
-    given = {word for _, _, words in CHANGED for word in words if word.startswith("--")}
-    assert len(listed) > 15
-    assert listed - OTHERS == given - {"--dihedral"}
+@pytest.mark.parametrize("kind", PROOFS)
+def test_the_options_of_the_proof_give_the_subject(kind: str) -> None:
+    """With the options of its proof, a certificate is verified; what is not given is named."""
+    found = answer("prove", "--check", f"{STORED}/{kind}.json", *PROOFS[kind].words)
+    assert found["kind"] == kind
+    assert found["not_given"] == [{"region": "policy", "schedule": "gains"}[kind]]
+
+
+@pytest.mark.parametrize(("kind", "path", "words", "entry"), CASES)
+def test_an_option_that_changes_the_subject_is_noticed(
+    kind: str, path: str, words: str, entry: str, files: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each option that changes what a proof is about is compared with the certificate."""
+    check_case(kind, path, words, entry, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("entry", "path"),
+    [("limits", "trim.limit"), ("limits", "trim.given"), ("policy.K", "game.weights.R")],
+)
+def test_an_option_that_is_not_compared_is_found(
+    entry: str, path: str, files: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The test above fails if the comparison leaves out an entry."""
+    compared = given.given_for
+
+    def forgetful(*arguments: Any) -> Any:
+        return {
+            name: value for name, value in compared(*arguments).items() if name != f"loop.{entry}"
+        }
+
+    monkeypatch.setattr(given, "given_for", forgetful)
+    words, changed = next(iter(CHANGED[path][0].items()))
+    with pytest.raises(AssertionError):
+        check_case("region", path, words, changed, monkeypatch)

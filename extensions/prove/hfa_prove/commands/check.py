@@ -44,7 +44,7 @@ def prove(request: CheckRequest) -> int:
     refuse_other_kinds(request, kind)
     own = _own_policy(request) if kind == "region" else None
     model = request.model if request.aircraft.is_given else None
-    policy = None if own is None else own.problem(request.trim.limit).loop.function
+    policy = None if own is None else own.problem(request.trim).loop.function
     certificate = read_certificate(path, Subject(model, policy))
     statement = certificate.statement
     not_given = compare(statement, given_for(statement, request, own))

@@ -16,10 +16,10 @@ from hfa_prove.commands.request import CheckRequest
 from hfa_prove.fields import rows_of
 from hfa_prove.problem import given_plant, limits_at, plant_at
 from hfa_prove.statements.loop import SAME_GAIN, Gain
-from hfa_prove.statements.plant import limits_hold
+from hfa_prove.statements.plant import SAME_TRIM, limits_hold
 from hfa_prove.statements.region import RegionStatement
 from hfa_prove.statements.schedule import ScheduleStatement
-from hfa_prove.subject import Given, close_to
+from hfa_prove.subject import Given, close_to, within
 from hfa_support.errors import BadInputError
 
 #: Options that name an aircraft or its trim.
@@ -37,7 +37,7 @@ _GIVEN_BY: Mapping[str, tuple[str, ...]] = {
     "aircraft": ("aircraft.source", "aircraft.dynamics"),
     "parameters": ("aircraft.parameters", "aircraft.mass"),
     "trim": tuple(f"trim.{name}" for name in ("at", *OF_THE_TRIM)),
-    "limits": ("trim.limit",),
+    "limits": ("trim.limit", "trim.given"),
     "policy": _OF_THE_POLICY,
     "gains": _OF_THE_POLICY,
     "flight.range": ("trim.at",),
@@ -45,7 +45,7 @@ _GIVEN_BY: Mapping[str, tuple[str, ...]] = {
 }
 #: Kind of a certificate -> its subject, and paths of options that do not apply to it.
 _OTHERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "schedule": ("a schedule", ("policy", "reading.", "disturbance")),
+    "schedule": ("a schedule", ("policy", "reading.", "disturbance", "trim.start")),
 }
 
 
@@ -84,7 +84,8 @@ def _options(request: CheckRequest, *of: str) -> str:
 def _option_of_each(request: CheckRequest, subject: str) -> dict[str, str]:
     """Return variable -> the option that gives its trim value, parameter or limits."""
     if subject == "limits":
-        return dict.fromkeys(request.trim.limit, "--limit")
+        of_file = {} if request.trim.given is None else request.trim.common_condition.limits
+        return dict.fromkeys(of_file, "--condition") | dict.fromkeys(request.trim.limit, "--limit")
     held = dict.fromkeys(request.trim.hold, "--hold")
     if request.trim.at is not None:
         held[request.model.schedule] = f"--{called_at(request.model)}"
@@ -140,6 +141,8 @@ def _of_schedule(statement: ScheduleStatement, request: CheckRequest, _: Any) ->
         content = family.flight(flight.low, flight.high).content()
         for name in ("model", "parameters", "imposed", "limits"):
             given[f"flight.{name}"] = Given(content[name])
+        widths = {name: SAME_TRIM * flight.model.signals[name].nominal for name in flight.unknowns}
+        given["flight.first"] = Given(content["first"], same=within(widths))
     policy = _typed(request, _OF_THE_POLICY)
     if request.weights is not None:
         request.game.weights.refuse(
@@ -170,18 +173,13 @@ def _of_region(
                 "the certificate is about a polynomial policy, not a network or a deployed policy; "
                 "give the file of the proved gain or critic as --weights"
             )
-        given = given_plant(own.problem(request.trim.limit).loop, "", "loop.")
+        given = given_plant(own.problem(request.trim).loop, "", "loop.")
     else:
-        request.refuse(
-            ("policy", "reading.network", "reading.set"),
-            "applies to a policy in a file, but the certificate is about a polynomial policy; "
-            "remove this option",
-        )
         if names_aircraft(request) or request.trim.at is not None:
             plant = plant_at(request.trim.point())
             given = given_plant(plant, "", "loop.")
             at_stated_trim = replace(plant, trim=loop.trim, held=loop.held)
-            limits = limits_at(at_stated_trim, request.trim.limit)
+            limits = limits_at(at_stated_trim, request.trim.common_condition.limits)
             given["loop.limits"] = Given(limits, same=_not_wider(tuple(plant.model.inputs)))
         if _typed(request, _OF_THE_POLICY) or (given and not loop.inputs):
             given |= _given_policy(request)

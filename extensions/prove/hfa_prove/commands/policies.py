@@ -23,9 +23,9 @@ from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
+    from hfa.options.trim import Trim
     from hfa_prove.commands.request import CheckRequest, RegionRequest
     from hfa_prove.search.region_search import RegionProblem
-    from hfa_prove.statements.plant import Limits
 
 #: Options of a network or critic.
 _OF_NETWORKS = ("weights", "reading.basis", "reading.network", "reading.set")
@@ -60,15 +60,15 @@ class GivenPolicy:
         known = [] if P is None else [("P of the game", P)]
         return cls(linear, gain.function(linear.inputs), gain, words, known)
 
-    def problem(self, limits: Limits) -> RegionProblem:
+    def problem(self, trim: Trim) -> RegionProblem:
         """Return the closed loop whose region is to be proved.
 
-        limits: limits that replace those of the model (`loop_at`)
+        trim: the condition of the trim, whose limits replace those of the model (`loop_at`)
         """
         from hfa_prove.search.region_search import RegionProblem
 
         policy = self.gain or scalars(self.function)
-        return RegionProblem(loop_at(self.linear, policy, limits), self.known)
+        return RegionProblem(loop_at(self.linear, policy, trim.common_condition.limits), self.known)
 
 
 def is_function(request: CheckRequest | RegionRequest) -> bool:
@@ -89,6 +89,11 @@ def given_policy(request: CheckRequest | RegionRequest) -> GivenPolicy:
     if request.reading.basis is not None and request.weights is None:
         raise BadInputError(
             "--basis applies only to W in --weights; add --weights, or remove --basis"
+        )
+    if not is_function(request):
+        request.refuse(
+            ("reading.network", "reading.set"),
+            "applies only to a network in --weights; add --weights, or remove this option",
         )
     linear = linearize(request.trim.aircraft, request.trim.point())
     if not request.model.inputs:

@@ -21,11 +21,12 @@ _DEGREE_OF_FUNCTIONS = 2
 def region(request: RegionRequest) -> int:
     """Prove a region of attraction of the nonlinear loop with saturated inputs.
 
-    Every trajectory that begins in {V(z) <= rho} stays there and within all limits of the model,
-    and converges to the trim. z is the deviation from the trim. The policy is u = sat(u0 - K z)
-    with K of the exact game, or the gain, polynomial or network in the file of --weights. With
-    --disturbance NAME=SIZE, the set is proved invariant under every disturbance up to SIZE, and
-    convergence is not claimed. -o FILE.json writes a certificate for `hfa prove --check FILE`.
+    Every trajectory that begins in the set {V(z) <= rho, |M z| < 1} stays there and within all
+    limits, and converges to the trim. z is the deviation from the trim. The policy is
+    u = sat(u0 - K z) with K of the exact game, or the gain, polynomial or network in the file of
+    --weights. With --disturbance NAME=SIZE, the set is proved invariant under every disturbance up
+    to SIZE, and convergence is not claimed. -o FILE.json writes a certificate for
+    `hfa prove --check FILE`.
     Not covered: sampling, actuators, delays, and a linearization that is not Hurwitz. Exit code 0:
     the set is proved. The command requires the package python-flint."""
     from hfa_prove.enclosure.precision import flint_or_refusal
@@ -43,7 +44,7 @@ def _prove(request: RegionRequest) -> int:
     from hfa_prove.search.region import proved_region
 
     given = given_policy(request)
-    problem = given.problem(request.trim.limit)
+    problem = given.problem(request.trim)
     problem = replace(problem, loop=replace(problem.loop, disturbances=request.disturbance))
     degree = request.degree
     if given.gain is None and "degree" not in request.typed:

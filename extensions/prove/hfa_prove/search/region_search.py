@@ -34,7 +34,7 @@ class Region:
     statement: the proved statement
     witness: data for the proof
     size: number of boxes of the proof
-    set: V of level 1, whose set {V <= 1} is proved, in double precision
+    set: V of level 1, whose set {V <= 1, |y_i| < 1} is proved, in double precision
     extents: state -> lowest and highest deviation in the set
     origin: description of V
     stopped: reason why no larger set is proved, or ""

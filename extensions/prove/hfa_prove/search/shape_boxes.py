@@ -89,7 +89,7 @@ class Extents(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Polynomial V(y) = Σ coefficient monomial with y = M z, and its set {V <= 1}.
+    """Polynomial V(y) = Σ coefficient monomial with y = M z, and its set {V <= 1, |y_i| < 1}.
 
     z is the state deviation from the equilibrium.
 
@@ -219,6 +219,11 @@ class Shape:
     def piece(self) -> Piece:
         """Return the set as a piece of level 1, with rounded coefficients."""
         return Piece(self.M, self.V.rounded(), 1.0)
+
+    def contains(self, z: np.ndarray) -> np.ndarray:
+        """Return the mask (N,) of the state deviations z (N, n) in the set."""
+        y = z @ self.M.T
+        return np.asarray(np.all(np.abs(y) < 1.0, axis=1) & (self.V(y) <= 1.0))
 
     def edges(self, rays: np.ndarray, level: float = 1.0) -> np.ndarray:
         """Return for each ray y (N, n) the lowest factor at which V reaches a level, (N,).

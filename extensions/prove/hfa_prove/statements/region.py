@@ -42,7 +42,7 @@ class RegionStatement(Statement):
 
     loop: the model with its policy and saturated inputs
     equilibrium: moving state -> value, within `SAME_TRIM` nominal values of the proved equilibrium
-    piece: the set {V <= rho}
+    piece: the set {V <= rho, |y_i| < 1}, y = M z
     extents: moving state -> lower and upper bound of the deviation in the set
     """
 

@@ -6,6 +6,7 @@ Each forgery is refused with the message of its clause.
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
@@ -28,12 +29,14 @@ from hfa_prove.check.equilibrium import Equilibrium, check_root, equilibrium_nea
 from hfa_prove.check.region_boxes import Decrease, check_region
 from hfa_prove.enclosure.balls import matrix
 from hfa_prove.problem import given_plant
+from hfa_prove.report import found_report
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.plant import Subject, digest_of, facts
 from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_prove.subject import Given, compare, within
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.data_files import jsonable
 
 Content = dict[str, Any]
 
@@ -573,6 +576,34 @@ def test_each_clause_refuses_its_forgery(name: str) -> None:
     change(made)
     with pytest.raises((NoSolutionError, BadInputError), match=message):
         checked(made)
+
+
+def test_the_data_of_a_report_bound_the_set() -> None:
+    """`rho`, `terms` and `M` give the proved set, from which all flights return.
+
+    V = y_1² + y_2² - y_1⁴ / 4 with y = z / 2 is below rho = 0.7 for levels below 1.902, and again above
+    3.52, where the valve no longer drains the tank: it does up to a level of 2.
+    """
+    content = tank()
+    W = [[1.0, [2, 0]], [1.0, [0, 2]], [-0.25, [4, 0]]]
+    content["statement"]["piece"] = {"M": [[0.5, 0.0], [0.0, 0.5]], "W": W, "c": 0.7}
+    content["statement"]["extents"] = {"level": [-1.95, 1.95], "heat": [-1.95, 1.95]}
+    content["witness"]["multipliers"] = [[0.4, 0.4]] * 2
+    assert checked(content) > 0
+    statement, _ = read_content(content, Subject(TANK))
+    data = json.loads(json.dumps(jsonable(found_report(statement, 1).data)))
+    z = np.column_stack([np.linspace(-4.0, 4.0, 801), np.zeros(801)])
+    V = sum(factor * np.prod(z ** np.array(powers), axis=1) for factor, powers in data["terms"])
+    is_in = np.all(np.abs(z @ np.array(data["M"]).T) < 1.0, axis=1)
+    is_below = data["rho"] >= V
+    level = z[:, 0].copy()
+    for _ in range(4000):
+        level += 0.005 * (0.5 * level + np.clip(-2.0 * level, -1.0, 1.0))
+    returns = np.abs(level) < 0.01
+    assert (is_below & is_in).sum() == 381
+    assert np.all(returns[is_below & is_in])
+    assert not np.any(returns[is_below & ~is_in])
+    assert np.any(is_below & ~is_in)
 
 
 @pytest.mark.parametrize(
