@@ -14,10 +14,9 @@ from hfa_flight.needs import ALL, is_enough
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Delays, Margins
+from hfa_policy.action_effects import ActionEffect
 from hfa_policy.cost_above_optimum import CostAboveOptimum
-from hfa_policy.evidence import ActionEffect, ObservationRange
 from hfa_policy.flight_costs import FlightCosts
-from hfa_policy.nonlinearity import Nonlinearity
 from hfa_policy.outcomes import Outcomes, Place
 from hfa_policy.reach import OwnMode, left_alone
 from hfa_policy.rough_flights import RoughFlights
@@ -38,13 +37,10 @@ class AssessedPoint(Result):
     margins: margins of the loop, or None without an equilibrium, if the loop is unstable, or if the
         computation fails.
     cost: cost above the optimum, or None without an equilibrium, weights or an optimum.
-    nonlinearity: largest deviation of the command from its linearization over the initial-condition
-        box, or None without an equilibrium.
     flights: outcomes from seeded initial conditions, or None without flights.
     disturbed: outcomes from the same initial conditions with a disturbance pulse, or None without
         flights.
     actions: effect of each action beside the exact gain's, or () if there is no exact gain.
-    observations: range of each observation in flight beside the training's, or () without flights.
     best: costs of flights beside those of the exact gain and of the best flights, or None if no
         costs were compared.
     rough: flights with sensor noise or in moving air, or None if they were not requested.
@@ -61,11 +57,9 @@ class AssessedPoint(Result):
     delays: Delays | None
     margins: Margins | None
     cost: CostAboveOptimum | None
-    nonlinearity: Nonlinearity | None
     flights: Outcomes | None
     disturbed: Outcomes | None
     actions: tuple[ActionEffect, ...] = ()
-    observations: tuple[ObservationRange, ...] = ()
     best: FlightCosts | None = None
     rough: RoughFlights | None = None
     remarks: tuple[str, ...] = ()
@@ -196,11 +190,9 @@ class AssessedPoint(Result):
                 "delay_searched": None if delays is None else delays.searched,
                 "disk_margin": None if margins is None else margins.disk.disk,
                 "cost_lost": self.cost,
-                "nonlinearity": self.nonlinearity,
                 "flights": self.flights,
                 "disturbed": self.disturbed,
                 "actions": self.actions,
-                "observations": self.observations,
                 "remarks": self.remarks,
                 "spectral_radius": self.radius,
                 "holds": self.holds,

@@ -1,4 +1,4 @@
-"""Tables of an assessment: sampled loop and flights at each trim, evidence, changed aircraft."""
+"""Tables of an assessment: sampled loop and flights at each trim, actions, changed aircraft."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.problem import cost_text
+from hfa_policy.action_effects import ActionEffect
 from hfa_policy.assessed_point import AssessedPoint, scheduled_value
-from hfa_policy.evidence import ActionEffect, ObservationRange
 from hfa_policy.findings import where_text
 from hfa_policy.rough_flights import rough_table
 from hfa_policy.variations import Variation, variation_table
@@ -30,7 +28,7 @@ def report_parts(
     error = points[0].integration
     if error is not None and error.is_resolved:
         parts.append(error.text())
-    parts += _evidence(points)
+    parts += _actions(points)
     trims = [where_text([point], points) for point in points]
     rough = [point.rough for point in points if point.rough is not None]
     if rough:
@@ -99,22 +97,15 @@ def _trim_cell(point: AssessedPoint) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
-def _evidence(points: Sequence[AssessedPoint]) -> list[Any]:
-    """Return the tables of the actions' effects and of the observations, with their captions."""
-    parts: list[Any] = []
+def _actions(points: Sequence[AssessedPoint]) -> list[Any]:
+    """Return the table of the actions' effects, with its caption."""
     with_actions = [point for point in points if point.actions]
-    if with_actions:
-        worst = min(with_actions, key=_most_reversed)
-        where = where_text([worst], points)
-        parts.append(f"actions {where}: lowering of the sum of the eigenvalues, 1/s")
-        parts.append(actions_table(worst.actions))
-    with_observations = [point for point in points if point.observations]
-    if with_observations:
-        worst = max(with_observations, key=_farthest)
-        where = where_text([worst], points)
-        parts.append(f"observations {where} before a normalizer, in flight and training:")
-        parts.append(observations_table(worst.observations))
-    return parts
+    if not with_actions:
+        return []
+    worst = min(with_actions, key=_most_reversed)
+    where = where_text([worst], points)
+    caption = f"actions {where}: lowering of the sum of the eigenvalues, 1/s"
+    return [caption, actions_table(worst.actions)]
 
 
 def _most_reversed(point: AssessedPoint) -> float:
@@ -123,26 +114,10 @@ def _most_reversed(point: AssessedPoint) -> float:
     return min(effect / exact if exact else 0.0 for effect, exact in effects)
 
 
-def _farthest(point: AssessedPoint) -> float:
-    """Return the largest distance of an observation from its mean in training, 0 if unknown."""
-    return max(np.nan_to_num(each.farthest, nan=0.0) for each in point.observations)
-
-
 def actions_table(actions: Sequence[ActionEffect]) -> Table:
     """Return a table of the effects of the actions beside those of the exact gain."""
     rows = [(each.action, f"{each.effect:+.3g}", f"{each.exact_effect:+.3g}") for each in actions]
     return Table(("action", "of the policy", "of the exact gain"), rows)
-
-
-def observations_table(observations: Sequence[ObservationRange]) -> Table:
-    """Return a table of the ranges of the observations in flight beside those in training."""
-    rows = []
-    for each in observations:
-        numbers = (each.lowest, each.highest, each.mean, each.spread, each.farthest)
-        cells = [f"{number:.3g}" if math.isfinite(number) else "-" for number in numbers]
-        rows.append((each.observation, *cells))
-    header = ("observation", "lowest", "highest", "mean", "deviation", "farthest/deviation")
-    return Table(header, rows)
 
 
 def records_table(points: Sequence[AssessedPoint]) -> Table:

@@ -21,13 +21,11 @@ from hfa_flight.policies.deployment.sampled_loop import (
     chain_of,
     delays,
     margins,
-    slowest_swing,
 )
+from hfa_policy.action_effects import action_effects
 from hfa_policy.assessed_point import AssessedPoint
 from hfa_policy.cost_above_optimum import CostAboveOptimum, cost_above_optimum
-from hfa_policy.evidence import ObservationRange, action_effects, observation_ranges
 from hfa_policy.flights import SampledFlight
-from hfa_policy.nonlinearity import nonlinearity
 from hfa_policy.outcomes import Outcomes, Place, ends_from_trim, fly_places, refuse_edges
 from hfa_policy.reach import HORIZON, Reach, reach_of, seconds_to_converge
 from hfa_policy.recorded_flights import resolved_flight
@@ -115,8 +113,6 @@ class Assessor:
             stable=chain.radius < 1.0,
             reach=reach,
             seconds=seconds_to_converge(chain.radius, chain.dt),
-            # A mode that is not assessed may later move the other modes away from the equilibrium.
-            swing=slowest_swing(chain) if reach.decisive.all() else 0.0,
             drift=drift,
             lag=search.lag(equilibrium, drift),
             steady=self.steady,
@@ -152,10 +148,7 @@ class Assessor:
             plain, disturbed = fly_places(flight, places, self.samples, self.seed, progress)
         with ThreadPoolExecutor() as pool:
             late = [*pool.map(self._delays, places)]
-        seen: Sequence[Sequence[ObservationRange]] = [()] * len(places)
-        if self.samples:
-            seen = observation_ranges(flight, places, self.seed)
-        rows = zip(places, late, plain, disturbed, seen, strict=True)
+        rows = zip(places, late, plain, disturbed, strict=True)
         return [replace(self._point(*row), integration=error) for row in rows]
 
     def _delays(self, place: Place) -> Delays | None:
@@ -170,7 +163,6 @@ class Assessor:
         loop_delays: Delays | None,
         flown: Outcomes | None,
         pushed: Outcomes | None,
-        seen: Sequence[ObservationRange],
     ) -> AssessedPoint:
         """Return the result at a trim, without comparison of costs and flights in moving air."""
         search = EquilibriumSearch(self.deployed, place.point, self.steady)
@@ -182,11 +174,9 @@ class Assessor:
             delays=loop_delays,
             margins=None,
             cost=None,
-            nonlinearity=None,
             flights=flown,
             disturbed=pushed,
             actions=tuple(action_effects(self.deployed, place, search)),
-            observations=tuple(seen),
             share=self.share,
         )
         if place.equilibrium is None or place.reach is None:
@@ -198,7 +188,6 @@ class Assessor:
             slowest=chain.slowest,
             margins=_margins(chain, remarks),
             cost=self._cost(place.reach, chain, remarks),
-            nonlinearity=nonlinearity(self.deployed, place.point, place.equilibrium, place.box),
             remarks=tuple(remarks),
         )
 

@@ -15,14 +15,10 @@ from hfa_policy.outcomes import Outcomes, departure_text
 from hfa_policy.weights import weights_at
 from hfa_support.reporting.text import beside_unit, short_number, shown_unit
 
-#: A policy with a smaller nonlinearity counts as linear.
-_LINEAR = 0.01
 #: Costs that differ by less, in percent of the optimum, are equal.
 _SAME_COST = 1e-6
 #: An equilibrium closer to the trim, relative to the initial-condition box, counts as the trim.
 _AT_TRIM = 0.01
-#: Share of the flights that stay about an unstable equilibrium from which on it chatters.
-_MOST = 0.5
 #: Largest number of trims that are listed.
 _LISTED = 3
 
@@ -136,9 +132,6 @@ def _instability(point: AssessedPoint) -> list[_Found]:
     if not point.radius >= 1.0:
         return []
     text = f"unstable at its equilibrium (spectral radius {point.radius:.5f})"
-    flown = point.flights
-    if flown is not None and flown.returned >= _MOST * flown.starts > 0:
-        text = f"chatters: {text}, where {flown.returned} of {flown.starts} flights stay"
     return [_Found(Severity.FAILURE, text, point.radius)]
 
 
@@ -267,14 +260,6 @@ def _linear_cost(point: AssessedPoint) -> list[_Found]:
     return [_Found(Severity.NOTE, text, worst)]
 
 
-def _off_slope(point: AssessedPoint) -> list[_Found]:
-    if point.nonlinearity is None or point.nonlinearity.part < _LINEAR:
-        return []
-    part = point.nonlinearity.part
-    text = f"the command is up to {100 * part:.3g} % off its linearization in the initial box"
-    return [_Found(Severity.NOTE, text, part)]
-
-
 def _clipped_observations(point: AssessedPoint) -> list[_Found]:
     if point.equilibrium is None or not point.equilibrium.clipped_observations:
         return []
@@ -327,7 +312,7 @@ _KINDS: tuple[Callable[[AssessedPoint], list[_Found]], ...] = (
     *(_limit_cycle, _own_mode, _instability, _convergence, _other_equilibrium),
     lambda point: _leaving_flights(point, point.disturbed, "with a disturbance pulse: "),
     _clipped_observations,
-    *(_delay, _steady_state_error, _linear_cost, _off_slope, _judged_states, _kinks, _left_out),
+    *(_delay, _steady_state_error, _linear_cost, _judged_states, _kinks, _left_out),
     _integration,
 )
 

@@ -16,15 +16,7 @@ from hfa_flight.envelope import Departure, departure, flight_envelope
 from hfa_flight.history import Deviations
 from hfa_flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_flight.policies.deployment.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
-from hfa_policy.endings import (
-    BALL,
-    PATIENCE,
-    STILL,
-    Endings,
-    Motion,
-    Patience,
-    settled,
-)
+from hfa_policy.endings import BALL, STILL, Endings, settled
 from hfa_policy.flights import CompiledSamples, SampledFlight, SampledRows, in_threads
 from hfa_policy.reach import HORIZON, Reach
 from hfa_support.errors import BadInputError
@@ -107,8 +99,6 @@ class Place:
     stable: whether the loop is stable at the equilibrium.
     reach: modes within reach of the policy, or None without an equilibrium.
     seconds: duration of a flight, s.
-    swing: half a period of the slowest lightly damped oscillation about the equilibrium, s. It is 0
-        without such an oscillation, or if a linear state does not count.
     drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model, or
         None without an equilibrium.
     lag: (k,), lag of the linear states behind the equilibrium, or None without an equilibrium.
@@ -124,7 +114,6 @@ class Place:
     stable: bool
     reach: Reach | None = None
     seconds: float = HORIZON
-    swing: float = 0.0
     drift: np.ndarray | None = None
     lag: np.ndarray | None = None
     steady: OperatingPoint | None = None
@@ -145,12 +134,6 @@ class Place:
         states = self.equilibrium.states[linear]
         return states if self.lag is None else states + self.lag
 
-    @property
-    def stays(self) -> bool:
-        """True if the loop is stable and no mode out of reach diverges."""
-        own = () if self.reach is None else self.reach.own
-        return self.stable and all(mode.growth <= 0.0 for mode in own)
-
 
 @dataclass(frozen=True)
 class Outcomes(Result):
@@ -158,9 +141,8 @@ class Outcomes(Result):
 
     starts: number of flights.
     returned: number of flights that converged. Such a flight is within the ball about the
-        equilibrium at the end, or earlier for half a period of the slowest oscillation and two
-        windows. If a mode diverges, only the end counts. If the loop is unstable, the distance must
-        also not grow before the end.
+        equilibrium at the end. If the loop is unstable, the distance must also not grow before the
+        end.
     lost: number of flights that left the limits of the model's states.
     worst_start: linear state -> initial value of the worst flight.
     worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
@@ -229,8 +211,7 @@ def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[An
 class PlacedFlights:
     """Simulation of flights at several places.
 
-    A flight ends if it converges, leaves the envelope, is in a limit cycle, or remains at another
-    equilibrium, or if its duration has elapsed.
+    A flight ends if it leaves the envelope, or if its duration has elapsed.
 
     flight: the aircraft over a sample.
     places: the places.
@@ -239,7 +220,7 @@ class PlacedFlights:
     pushes: disturbance pulses, (N, k).
     first: initial states of the flights, (N, s).
     states: states at the end of each flight, (N, s).
-    times: duration of each flight, s, (N,).
+    times: time of convergence of each flight that converged, otherwise its duration, s, (N,).
     endings: how each flight ended.
     swings: half the range of each linear state in the last window, (N, k), or 0 for a state that
         does not count.
@@ -252,7 +233,6 @@ class PlacedFlights:
         owners: np.ndarray,
         starts: np.ndarray,
         pushes: np.ndarray,
-        patience: Patience = PATIENCE,
     ) -> None:
         """Prepare flights from initial states X, (N, n).
 
@@ -270,7 +250,6 @@ class PlacedFlights:
         self.times = np.zeros(len(owners))
         self.seconds = HORIZON
         self.pushes = pushes
-        self._patience = patience
         k = len(model.linear)
         self.swings = np.zeros((len(owners), k))
         self._moved_from = np.array([place.point.states for place in places], dtype=float)[owners]
@@ -311,12 +290,14 @@ class PlacedFlights:
                 loop = SampledRows(samples, *rows, PUSHED)
                 flown, ends = march(loop, windows * window, over=over, window=window, keep=False)
             self.states[numbers] = flown.states[:, 0]
-            self.times[numbers] = (ends // window - 1) * of_window + of_window
+            self.times[numbers] = ends // window * of_window
 
         in_threads(work, len(self.owners), (window + 1) * self.first.shape[1])
         if progress is not None:
             progress(windows, windows)
         self.endings.close()
+        back = self.endings.outcomes == Outcome.CONVERGED
+        self.times[back] = (self.endings.in_ball_from[back] + 1) * of_window
 
     def _undecided(self, windows: int) -> Endings:
         """Return the rule by which the flights end."""
@@ -324,22 +305,16 @@ class PlacedFlights:
         envelopes = [flight_envelope(model, place.point) for place in self.places]
         least = np.array([envelope.least for envelope in envelopes])[self.owners]
         most = np.array([envelope.most for envelope in envelopes])[self.owners]
-        of_window = self.flight.samples_in_window * self.flight.dt
-        enough = [2 + math.ceil(place.swing / of_window - 1e-9) for place in self.places]
         return Endings(
             (least, most),
-            self.motion,
+            self.distance,
             windows,
-            enough=np.array(enough)[self.owners],
-            stays=np.array([place.stays for place in self.places])[self.owners],
             stable=np.array([place.stable for place in self.places])[self.owners],
-            counted=len(self.linear),
-            patience=self._patience,
             extremes=self.flight.extremes,
         )
 
-    def motion(self, flown: History) -> Motion:
-        """Return how far each flight was from its equilibrium in a window, and how much it moved.
+    def distance(self, flown: History) -> np.ndarray:
+        """Return the distance of each flight from its equilibrium in a window, in balls, (N,).
 
         The equilibrium moves with the states outside the linear model.
         """
@@ -353,9 +328,8 @@ class PlacedFlights:
         farthest = np.maximum(highest - centre, centre - lowest) / self._balls[flying]
         decisive = self._decisive[flying]
         distance = np.nan_to_num(np.where(decisive, farthest, 0.0).max(axis=1), nan=np.inf)
-        half_range = (highest - lowest) / 2.0
-        self.swings[flying] = np.where(decisive, half_range, 0.0)
-        return Motion(distance, np.where(decisive, half_range / self._balls[flying], 0.0))
+        self.swings[flying] = np.where(decisive, (highest - lowest) / 2.0, 0.0)
+        return np.asarray(distance)
 
     def outcomes(self, owner: int) -> Outcomes:
         """Return the outcomes of the flights about one trim.

@@ -1,9 +1,7 @@
 """Results of `assess` in Python and as JSON, and outcomes of flights."""
 
-import json
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import casadi as ca
 import control
@@ -24,7 +22,6 @@ from scipy.optimize import brentq
 
 import hfa
 from hfa import Deployment, assess
-from hfa.main import main
 from hfa_flight import Deployed
 
 
@@ -272,15 +269,6 @@ def test_an_observation_clipped_at_the_equilibrium_is_named(mean):
     assert ("warning", "the normalizer clips speed at the equilibrium") in result.findings
 
 
-def test_an_unclear_normalizer_is_noted(capsys, folder):
-    """If the files do not show whether a normalizer was used, a note is in the report and JSON."""
-    words = ["assess", str(FOLDER / "sac_gtm.toml"), "--aircraft", GTM, "--at", "45"]
-    said = "does not show whether it was trained with a VecNormalize"
-    assert main([*words, "--samples", "0", "-o", "assessment.json"]) == 0
-    assert said in json.loads(Path("assessment.json").read_text())["notes"][0]
-    assert said in " ".join(capsys.readouterr().out.split())
-
-
 def test_unusable_arguments_of_assess_are_refused():
     """Wrong operating points and a policy of another aircraft are refused by name."""
     model, deployment = aircraft("ppo_gtm"), stored_deployment("ppo_gtm")
@@ -294,45 +282,6 @@ def test_unusable_arguments_of_assess_are_refused():
 
 Q = {"speed": 0.0025, "alpha": 8.16, "pitch_rate": 1.0, "pitch": 8.16}
 R = {"elevator": 1.11, "throttle": 0.00051}
-
-
-def test_chatter_near_the_equilibrium_is_reported():
-    """A right gain with a steep kink at the trim: flights converge, but the loop chatters there."""
-    model, (point,) = aircraft("ppo_gtm"), [hfa.trim(aircraft("ppo_gtm"), at=45.0)]
-    K = hfa.solve(hfa.game(hfa.linearize(model, point), Q, R)).K
-    o = ca.SX.sym("o", 4)
-    kink = ca.fmin(ca.fmax(9.0 * o[2], -0.003), 0.003)
-    chatters = ca.Function("kink", [o], [-ca.DM(K) @ o + ca.vertcat(kink, 0.0)])
-    result = assess(model, gtm_deployment({"file": chatters}), [point], samples=2, best=0)
-    (found,) = result.points
-    assert found.radius > 1.0
-    assert found.flights.returned == 2
-    assert not found.holds
-    failures = [each.text for each in result.findings if each.severity == "failure"]
-    assert any(text.startswith("limit cycle: elevator ±") for text in failures)
-    assert any(text.startswith("chatters: unstable at its equilibrium") for text in failures)
-
-
-def test_a_planted_nonlinearity_is_found():
-    """The reported deviation from the linearization, and the state at which it occurs, are right.
-
-    The deviation is due to a kink that the test plants in the policy. A box that ends before the
-    kink has none.
-    """
-    model = aircraft("ppo_gtm")
-    o = ca.SX.sym("o", 4)
-    bent = ca.Function("bent", [o], [ca.vertcat(0.5 * o[2] + 2.0 * ca.fmax(o[3] - 0.05, 0.0), 0.0)])
-    result = assess(model, gtm_deployment({"file": bent}), [45.0], samples=0)
-    found = result.points[0].nonlinearity
-    width = result.points[0].place.box[3] - (0.05 - result.points[0].offset[3])
-    assert found.state["pitch"] == pytest.approx(0.1)
-    assert found.part == pytest.approx(2.0 * width / (0.5 * 0.1), rel=1e-6)
-    assert f"the command is up to {100 * found.part:.3g} % off its lin" in str(result.report())
-    kink = 0.05 - result.points[0].offset[3]
-    small = assess(
-        model, gtm_deployment({"file": bent}), [45.0], samples=0, box={"pitch": 0.9 * kink}
-    )
-    assert small.points[0].nonlinearity.part < 1e-9
 
 
 def test_a_required_delay_is_tolerated_or_not():
@@ -554,30 +503,3 @@ def test_a_wrong_vary_is_refused_before_trims(vary, said):
     no_trim = [object()]
     with pytest.raises(hfa.BadInputError, match=said):
         assess(model, f16_deployment(), no_trim, vary=vary)
-
-
-def test_several_deployments_are_compared_in_one_table(capsys, folder):
-    """Several deployments are compared in one table. Equal deployments have equal flights.
-
-    The first line begins with FAIL if a deployment does not satisfy a requirement.
-    """
-    np.savez("K.npz", K=[[2.5, 0.5]])
-    np.savez("weak.npz", K=[[0.5, 0.1]])
-    for name, gain in (("weak.toml", "weak.npz"), ("a.toml", "K.npz"), ("b.toml", "K.npz")):
-        Path(name).write_text(
-            f'[policy]\nfile = "{gain}"\n[observation]\nangle = {{}}\nrate = {{}}\n'
-            "[action]\ntorque = {}\n[timing]\ndt = 0.02\n"
-        )
-    words = ["--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM", "--samples", "2", "--best", "0"]
-    code = main(["assess", "weak.toml", "a.toml", "b.toml", *words, "-o", "compared.json"])
-    data = json.loads(Path("compared.json").read_text())
-    first, second, third = data["assessments"]
-    assert second["points"][0]["flights"] == third["points"][0]["flights"]
-    assert [each["holds"] for each in (first, second, third)] == [False, True, True]
-    assert (code, data["ok"]) == (1, False)
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "FAIL: 2 of 3 deployments pass"
-    header = next(number for number, line in enumerate(lines) if line.startswith("deployment "))
-    table = lines[header : header + 4]
-    assert max(map(len, table)) <= 80
-    assert [line.split()[0] for line in table[1:]] == ["weak.toml", "a.toml", "b.toml"]

@@ -111,6 +111,13 @@ def test_a_kink_of_the_policy_has_the_slope_above():
     assert "d elevator / d alpha is 0.2 above the trim, and -0.4 below" in note
 
 
+def test_a_smooth_policy_has_no_kink():
+    """tanh(c alpha) bends within a step of any fixed size if c is large, but has no kink."""
+    for c in (1e3, 1e5, 1e6):
+        found = place_of(lambda o, c=c: ca.vertcat(ca.tanh(c * o[0] + 0.3) / c, 0.0)).equilibrium
+        assert found.kinks == ()
+
+
 @pytest.mark.parametrize(
     ("raw", "clips"),
     [

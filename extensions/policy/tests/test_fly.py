@@ -1,11 +1,9 @@
 """Simulation of deployment files with `hfa fly --policy`."""
 
-import shutil
-
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
+from policy_cases import FOLDER, GTM, aircraft, gtm_deployment, stored_deployment, trims
 
 import hfa
 from hfa import BadInputError, Deployment, fly, load_model
@@ -67,25 +65,19 @@ def test_a_command_that_arrives_at_a_sample_is_not_yet_observed():
     np.testing.assert_allclose(flight.inputs[:5, 0], [0.0, 0.1, 0.1, 0.13, 0.13], rtol=1e-9)
 
 
-def file_without_normalizer(folder):
-    """Write a deployment file without its policy's VecNormalize, and return its path."""
-    right = (FOLDER / "ppo_gtm.toml").read_text()
-    named = 'normalizer = "ppo_gtm.pkl"'
-    assert named in right
-    shutil.copy(FOLDER / "ppo_gtm.zip", folder)
-    path = folder / "ppo_gtm.toml"
-    path.write_text(right.replace(named, ""))
-    return path
-
-
-@pytest.mark.parametrize("words", [["fly", "--start", "speed=1"], ["export", "-o", "FOLDER"]])
-def test_fly_and_export_note_proved_contradictions(tmp_path, capsys, words):
-    """`hfa fly` and `hfa export` print a note on a contradiction that the files prove."""
+@pytest.mark.parametrize(
+    "words", [["fly", "--start", "speed=1"], ["export", "-o", "FOLDER"], ["assess"]]
+)
+def test_fly_export_and_assess_note_contradictions(tmp_path, capsys, words):
+    """Each command that reads a deployment notes that its gain is one for another sample time."""
+    np.savez(tmp_path / "K.npz", K=0.01 * np.ones((2, 4)), dt=0.05)
+    gtm_deployment({"file": str(tmp_path / "K.npz")}).save(tmp_path / "gain.toml")
+    path = str(tmp_path / "gain.toml")
     given = [str(tmp_path / "out") if word == "FOLDER" else word for word in words]
-    path = file_without_normalizer(tmp_path)
-    where = ["--aircraft", GTM, "--hold", "speed=45", "--policy", str(path)]
-    assert main([*given, *where]) == 0
-    assert "note: the policy was trained with" in capsys.readouterr().err
+    policy = [path, "--samples", "0"] if words == ["assess"] else ["--policy", path]
+    main([*given, "--aircraft", GTM, "--hold", "speed=45", *policy])
+    told = "".join(capsys.readouterr())
+    assert "note: K is a gain for dt = 0.05 s" in told
 
 
 def test_fly_accepts_the_path_of_a_policy(tmp_path):

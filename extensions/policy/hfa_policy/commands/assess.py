@@ -90,13 +90,13 @@ class AssessRequest(Request):
         Output,
         picture=picture_option("spectral radius versus delay, and outcomes of the flights"),
     )
-    files: tuple[Path, ...] = option(
+    file: Path | None = option(
         "deployment file (observations, actions and timing of a policy), or, with "
-        "--sample-time, file with a gain K; several files are compared",
+        "--sample-time, file with a gain K",
         "DEPLOYMENT.toml",
         _deployment_path,
-        names="files",
-        count="*",
+        names="file",
+        count="?",
     )
     sample_time: float | None = option(
         "sample time, s, of a gain K that replaces the deployment file (u = -K x, with all "
@@ -159,36 +159,37 @@ class AssessRequest(Request):
         values = array_of("--at", self.trim.at, _MOST_POINTS).tolist()
         return [replace(self.trim, at=value).point() for value in values]
 
-    def deployments(self, model: Model) -> list[Deployment]:
-        """Load the deployments.
+    def deployment(self, model: Model) -> Deployment:
+        """Load the deployment.
 
-        Raises BadInputError for a gain without a sample time, for a sample time without a gain, and
-        as `sampled_gain` and `Deployment.load` do.
+        Raises BadInputError without a file, for a gain without a sample time, for a sample time
+        without a gain, and as `sampled_gain` and `Deployment.load` do.
 
         model: aircraft of a gain
         """
         from hfa_flight.policies.deployment.deployment import Deployment, sampled_gain
 
-        gains = [file for file in self.files if file.suffix.lower() != ".toml"]
-        if gains and self.sample_time is None:
-            if is_network(gains[0]):
-                raise BadInputError(
-                    f"{gains[0]}: a network requires a deployment file, with the network as its "
-                    "[policy]; give the file FILE.toml"
-                )
-            raise BadInputError(f"{gains[0]}: a gain K requires a sample time; add --sample-time S")
-        if self.sample_time is not None and not gains:
+        file = self.file
+        if file is None:
             raise BadInputError(
-                "--sample-time applies only to a file with a gain K; give a file with a gain K, "
-                "or remove --sample-time"
+                "no policy is given; give a deployment file (for a law: hfa optimize --law NAME "
+                "--starts N)"
             )
-        found = []
-        for file in self.files:
-            if file in gains and self.sample_time is not None:
-                found.append(sampled_gain(file, model, self.sample_time))
-            else:
-                found.append(Deployment.load(file))
-        return found
+        if file.suffix.lower() == ".toml":
+            if self.sample_time is not None:
+                raise BadInputError(
+                    "--sample-time applies only to a file with a gain K; give a file with a gain "
+                    "K, or remove --sample-time"
+                )
+            return Deployment.load(file)
+        if self.sample_time is not None:
+            return sampled_gain(file, model, self.sample_time)
+        if is_network(file):
+            raise BadInputError(
+                f"{file}: a network requires a deployment file, with the network as its "
+                "[policy]; give the file FILE.toml"
+            )
+        raise BadInputError(f"{file}: a gain K requires a sample time; add --sample-time S")
 
     def is_rough(self) -> bool:
         """Return whether flights with noise, a gust or turbulence are requested."""
@@ -231,85 +232,45 @@ def assess(request: AssessRequest) -> int:
     """
     from hfa_flight.policies.deployment.deployed import Deployed
 
-    if not request.files:
-        raise BadInputError(
-            "no policy is given; give a deployment file (for a law: hfa optimize --law NAME "
-            "--starts N)"
-        )
     model = request.trim.aircraft
-    deployed = [Deployed(deployment, model) for deployment in request.deployments(model)]
+    deployed = Deployed(request.deployment(model), model)
     _refuse_contradictions(request, deployed)
-    results = _assessments(request, deployed)
-    if len(results) == 1:
-        return _show_one(request, results[0])
-    return _show_comparison(request, results)
-
-
-def _refuse_contradictions(request: AssessRequest, deployed: list[Deployed]) -> None:
-    """Raise BadInputError for options that contradict each other or the deployments."""
-    from hfa_policy.weights import has_weights
-
-    if len(deployed) > 1:
-        request.refuse(("output.picture",), "requires a single deployment file; give only one file")
-    for each in deployed:
-        if has_weights(each):
-            continue
-        origin = each.deployment.origin
-        remedy = "give a deployment file with Q and R in [cost], or Q and R in the plant file"
-        if each.deployment.actor and "cost" in request.need:
-            raise BadInputError(f"--need cost: {origin} has no table [cost]; {remedy}")
-        if request.best:
-            raise BadInputError(f"--best: {origin} has no table [cost]; {remedy}")
-
-
-def _assessments(request: AssessRequest, deployed: list[Deployed]) -> list[Assessment]:
-    """Return the assessment of each deployment, at equal trims."""
-    from hfa_policy.assess import assessment_of
-    from hfa_policy.assessor import Assessor
-    from hfa_policy.variations import changes_of
-
-    changes = [changes_of(each, request.vary) for each in deployed]
-    points = tuple(request.points())
-    scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
-    assessors = [
-        Assessor(
-            each,
-            points,
-            request.samples,
-            request.seed,
-            request.box,
-            share=request.need.get(SHARE, ALL),
-        )
-        for each in deployed
-    ]
-    results = [
-        assessment_of(
-            assessor,
-            needs=request.need,
-            changes=changes_of_each,
-            scenarios=scenarios,
-            best=request.best,
-            progress_of=ProgressLine,
-        )
-        for assessor, changes_of_each in zip(assessors, changes, strict=True)
-    ]
-    assumed = _assumed_trim(request, points)
-    return [replace(result, assumed=assumed) for result in results]
-
-
-def _show_one(request: AssessRequest, result: Assessment) -> int:
-    """Print the report of one assessment and return the exit code."""
+    result = _assessment(request, deployed)
     request.show(result.report(), figure=result.figure, notes=result.warnings)
     return 0 if result.ok else 1
 
 
-def _show_comparison(request: AssessRequest, results: list[Assessment]) -> int:
-    """Print the table of several deployments and return the exit code."""
-    from hfa_policy.comparison import Comparison
+def _refuse_contradictions(request: AssessRequest, deployed: Deployed) -> None:
+    """Raise BadInputError for options that require a cost if the deployment has none."""
+    from hfa_policy.weights import has_weights
 
-    notes = [
-        f"{one.deployed.deployment.origin}: {note}" for one in results for note in one.warnings
-    ]
-    comparison = Comparison(tuple(results))
-    request.show(comparison.report(), notes=notes)
-    return 0 if comparison.ok else 1
+    if has_weights(deployed):
+        return
+    origin = deployed.deployment.origin
+    remedy = "give a deployment file with Q and R in [cost], or Q and R in the plant file"
+    if deployed.deployment.actor and "cost" in request.need:
+        raise BadInputError(f"--need cost: {origin} has no table [cost]; {remedy}")
+    if request.best:
+        raise BadInputError(f"--best: {origin} has no table [cost]; {remedy}")
+
+
+def _assessment(request: AssessRequest, deployed: Deployed) -> Assessment:
+    """Return the assessment of a deployment."""
+    from hfa_policy.assess import assessment_of
+    from hfa_policy.assessor import Assessor
+    from hfa_policy.variations import changes_of
+
+    changes = changes_of(deployed, request.vary)
+    points = tuple(request.points())
+    scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
+    share = request.need.get(SHARE, ALL)
+    assessor = Assessor(deployed, points, request.samples, request.seed, request.box, share=share)
+    result = assessment_of(
+        assessor,
+        needs=request.need,
+        changes=changes,
+        scenarios=scenarios,
+        best=request.best,
+        progress_of=ProgressLine,
+    )
+    return replace(result, assumed=_assumed_trim(request, points))

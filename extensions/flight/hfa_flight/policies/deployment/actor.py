@@ -13,13 +13,10 @@ import numpy as np
 from controller.critic.network.network_file import network_in
 from controller.critic.network.row_network import RowNetwork
 from hfa_aircraft.readers.matrices_file import sample_time
-from hfa_flight.policies.deployment.stable_baselines import Zip, is_stable_baselines, read_zip
+from hfa_flight.policies.deployment.stable_baselines import is_stable_baselines, read_zip
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shown
 
-#: Value of `normalizer` for a policy without one. Its training may have had a VecNormalize that
-#: normalized only rewards.
-NONE = "none"
 #: Entries by which the file of a gain K describes its columns, its rows and its sample time.
 _OF_GAIN = ("states", "inputs", "state_units", "input_units", "dt")
 SUFFIXES = (".zip", ".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".json", ".npz")
@@ -34,7 +31,6 @@ class Actor:
     squash: True if the output passes through tanh and is mapped to the box, False if the output is
         clipped to the box.
     clip_mean: largest absolute value before tanh.
-    stored: settings in a Stable-Baselines3 zip, or None for another file.
     box: lowest and highest action stored in the file, (m,) each, or None.
     rows: version of `function` for many rows, or None.
     of_gain: what the file of a gain K says about it: states, inputs, their units, and dt.
@@ -44,7 +40,6 @@ class Actor:
     chain: str
     squash: bool = False
     clip_mean: float = float("inf")
-    stored: Zip | None = None
     box: tuple[np.ndarray, np.ndarray] | None = None
     rows: RowNetwork | None = None
     of_gain: Mapping[str, Any] = field(default_factory=dict)
@@ -122,7 +117,6 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
         chain=f"{stored.algorithm}, {network.chain}",
         squash=stored.squash,
         clip_mean=stored.clip_mean,
-        stored=stored,
         box=(stored.low, stored.high),
         rows=network.rows.get("policy"),
     )

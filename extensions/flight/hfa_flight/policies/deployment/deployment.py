@@ -15,7 +15,6 @@ import numpy as np
 from controller.critic.critic_file import entries_in, gain_in, is_network
 from hfa_aircraft.names import PlantNames
 from hfa_flight.policies.deployment.actor import (
-    NONE as NONE,
     Actor,
     gain_function,
     read_actor,
@@ -286,7 +285,7 @@ class Deployment(Reported):
         if the normalizer cannot be read, or if its size fits neither one sample nor the history.
         """
         stored = self.policy.get("normalizer")
-        if stored is None or stored == NONE:
+        if stored is None:
             return None
         with prefix_errors(self.origin):
             normalizer: Normalizer | None
@@ -350,7 +349,7 @@ class Deployment(Reported):
                 'policy={"file": "ppo.zip"}).save("ppo.toml")'
             )
         for name in ("file", "normalizer"):
-            if isinstance(policy.get(name), (str, Path)) and policy[name] != NONE:
+            if isinstance(policy.get(name), (str, Path)):
                 file = os.path.relpath(self.folder / policy[name], Path(path).parent)
                 policy[name] = Path(file).as_posix()
         tables = {"policy": policy, "observation": self.observation, "action": self.action}

@@ -26,6 +26,10 @@ _FAR_OFF = 1e6
 #: Difference of the slopes on both sides above which there is a kink. It is the change of an input
 #: over a nominal value, relative to the size of the input.
 _SAME_SLOPE = 1e-3
+#: A kink keeps more than this share of the difference if the step is divided by `_NEARER`. A smooth
+#: function keeps about 1 / _NEARER of it.
+_STAYS = 0.5
+_NEARER = 8.0
 #: Full turn of an angle in each unit, and number of random points at which a turn is tested.
 _TURNS = {"rad": 2.0 * np.pi, "deg": 360.0}
 _TURNED_POINTS = 8
@@ -365,19 +369,30 @@ class EquilibriumSearch:
         notes = []
         u = self._slopes(z)[0]
         for column, (row, name) in enumerate(zip(self.moving, names, strict=True)):
-            step = np.zeros(len(z))
-            step[row] = STEP * self.scales[column]
-            above = (self._slopes(z + step)[0] - u) / step[row]
-            below = (u - self._slopes(z - step)[0]) / step[row]
+            step = STEP * self.scales[column]
+            above, below = self._sided_slopes(z, row, step, u)
+            nearer_above, nearer_below = self._sided_slopes(z, row, step / _NEARER, u)
             apart = np.abs(above - below) * self.scales[column]
+            nearer = np.abs(nearer_above - nearer_below) * self.scales[column]
             allowed = _SAME_SLOPE * (self.residual_scales[len(self.rows) :] + np.abs(u))
-            for number in np.flatnonzero(apart > allowed).tolist():
+            is_kink = (apart > allowed) & (nearer > _STAYS * apart)
+            for number in np.flatnonzero(is_kink).tolist():
                 slopes[number, column] = above[number]
                 notes.append(
                     f"kink of the policy: d {commanded[number]} / d {name} is "
                     f"{above[number] + 0.0:.5g} above the trim, and {below[number] + 0.0:.5g} below"
                 )
         return slopes, tuple(notes)
+
+    def _sided_slopes(
+        self, z: np.ndarray, row: int, step: float, u: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the difference quotients of the commands above and below z in one row."""
+        moved = np.zeros(len(z))
+        moved[row] = step
+        above = (self._slopes(z + moved)[0] - u) / step
+        below = (u - self._slopes(z - moved)[0]) / step
+        return above, below
 
     def _clips(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
         """Return descriptions of the actions and inputs that are saturated at given X and U."""

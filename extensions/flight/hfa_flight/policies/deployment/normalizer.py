@@ -33,8 +33,6 @@ class Normalizer:
     variance: (k,).
     epsilon: number added to each variance. The sums are positive.
     clip: largest absolute value.
-    count: number of observations in the statistics, or nan if unknown.
-    last: (E, k), last unnormalized observations of E environments, or None if unknown.
     origin: name of the file or description of the source, for messages.
     """
 
@@ -42,8 +40,6 @@ class Normalizer:
     variance: np.ndarray
     epsilon: float = EPSILON
     clip: float = CLIP
-    count: float = float("nan")
-    last: np.ndarray | None = None
     origin: str = "mean and variance"
 
     def __post_init__(self) -> None:
@@ -73,7 +69,7 @@ class Normalizer:
         """Return the normalizer for the observations of `count` samples."""
         means = np.tile(self.mean, count)
         variances = np.tile(self.variance, count)
-        return replace(self, mean=means, variance=variances, last=None)
+        return replace(self, mean=means, variance=variances)
 
     @property
     def deviation(self) -> np.ndarray:
@@ -131,8 +127,6 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
             variance=numbers_in("its var", seen.get("var")),
             epsilon=_number_in("epsilon", attributes),
             clip=_number_in("clip_obs", attributes),
-            count=_number_in("count", seen),
-            last=_rows(attributes.get("old_obs"), mean.size),
             origin=Path(path).name,
         )
 
@@ -145,10 +139,3 @@ def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
             f"{name} of the VecNormalize object is not one number; save the normalizer again"
         )
     return float(numbers.item())
-
-
-def _rows(values: Any, width: int) -> np.ndarray | None:
-    """Return stored observations as an array (E, width) of doubles."""
-    if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != width:
-        return None
-    return np.array(values, dtype=float)

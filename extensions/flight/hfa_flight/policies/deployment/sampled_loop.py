@@ -25,8 +25,6 @@ from hfa_flight.policies.deployment.equilibrium import Equilibrium
 
 #: Largest delay that is searched, s.
 MOST_SECONDS = 3.0
-#: An oscillation is well damped if at most this fraction of it remains after half a period.
-_DAMPED = 0.05
 #: Steps per sample of the search for the first unstable delay.
 _PARTS = 20
 #: A delay this close to a complete number of samples, in samples, is rounded to it.
@@ -75,18 +73,6 @@ class Chain(NamedTuple):
     def radius(self) -> float:
         """Spectral radius of the closed loop."""
         return abs(self.slowest)
-
-
-def slowest_swing(chain: Chain) -> float:
-    """Return half the period, s, of the slowest lightly damped oscillation of a loop, or 0 if none.
-
-    An oscillation is lightly damped if more than 5 % of its amplitude remains after half a period.
-    """
-    values = np.linalg.eigvals(chain.closed)
-    values = values[np.angle(values) != 0.0]
-    halves = math.pi * chain.dt / np.abs(np.angle(values))
-    remaining = np.abs(values) ** (halves / chain.dt)
-    return float(halves[remaining > _DAMPED].max(initial=0.0))
 
 
 def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:

@@ -70,10 +70,6 @@ class Zip:
     clip_mean: largest absolute value before tanh, or inf without a clip.
     low, high: (m,), the Box of the actions.
     observations: number of observations.
-    timesteps: number of training steps.
-    environments: number of parallel environments.
-    last: (E, k), last observations, normalized if a normalizer was used, or None if not stored.
-    last_original: (E, k), original observations as stored, or None if not stored.
     """
 
     algorithm: str
@@ -85,15 +81,6 @@ class Zip:
     low: np.ndarray
     high: np.ndarray
     observations: int
-    timesteps: int
-    environments: int
-    last: np.ndarray | None
-    last_original: np.ndarray | None
-
-    @property
-    def on_policy(self) -> bool:
-        """True for PPO and A2C."""
-        return self.algorithm == "PPO or A2C"
 
 
 def read_zip(path: str | Path) -> Zip:
@@ -162,10 +149,6 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
         low=action_space[0],
         high=action_space[1],
         observations=observation_space[0].size,
-        timesteps=int(_number(data, "num_timesteps", 0)),
-        environments=int(_number(data, "n_envs", 1)),
-        last=_observations(data, "_last_obs"),
-        last_original=_observations(data, "_last_original_obs"),
     )
 
 
@@ -279,14 +262,6 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
             f"the Box of the {what} has a lower limit above the upper limit; save the model again"
         )
     return np.array(low, dtype=float), np.array(high, dtype=float)
-
-
-def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
-    """Return stored observations as an array (E, k) of doubles, or None for any other entry."""
-    stored = _stored(data, name)
-    if not isinstance(stored, np.ndarray) or stored.ndim != 2:
-        return None
-    return np.array(stored, dtype=float)
 
 
 def is_stable_baselines(path: Path) -> bool:
