@@ -418,7 +418,6 @@ class EpisodeAir:
         self.names = airs[0].names
         self._steps = np.array([each.step[0] for each in filters])
         self._noises = np.array([each.step[1] for each in filters])
-        self._stationary = np.array([each.root for each in filters])
         self._seen = np.array(
             [air.factors.T @ each.C for air, each in zip(airs, filters, strict=True)]
         )
@@ -431,14 +430,13 @@ class EpisodeAir:
         self._random = np.random.default_rng(seed)
 
     def begin(self, numbers: np.ndarray, owners: np.ndarray) -> None:
-        """Begin episodes in stationary turbulence.
+        """Begin episodes in calm air.
 
         numbers: indices of the episodes
         owners: index of each episode's trim
         """
-        draw = self._random.standard_normal((len(numbers), self._states.shape[1]))
         self._owners[numbers] = owners
-        self._states[numbers] = _rowwise(self._stationary[owners], draw)
+        self._states[numbers] = 0.0
 
     def step(self) -> np.ndarray:
         """Advance the turbulence of all episodes by one sample.

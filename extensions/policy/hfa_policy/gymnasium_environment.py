@@ -14,10 +14,11 @@ from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.episodes import Episodes
 from hfa_support.arguments import checks_arguments
 from hfa_support.attributes import Advised
-from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole, shown
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, refuse_unless_whole, shown
 from trim.point.operating_point import OperatingPoint
 
 _FIRST = np.array([0])
+_OPTIONS = ("state", "trim")
 _OBSERVED = np.dtype(np.float32)
 
 
@@ -100,15 +101,22 @@ class AircraftEnvironment(Advised, gymnasium.Env):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin an episode and return the observation (k,) and `info`.
 
-        The initial state is random, about a random trim. options={"start": X, "trim": index} sets
-        both instead. The default of "trim" is 0. Without "start", "trim" is ignored.
+        The initial state is random, about a random trim. options={"state": X} sets it instead: all
+        states (n,), or some by name with the others at the trim. {"state": X, "trim": index} also
+        selects the trim; the default is 0.
 
-        Raises BadInputError for a wrong "start" or "trim".
+        Raises BadInputError for other options, and for a wrong state or trim.
         """
         super().reset(seed=seed)
-        if options and "start" in options:
-            owners = np.array([self._trim_number(options.get("trim", 0))])
-            starts = self._start(options["start"])[None]
+        options = options or {}
+        for name in options:
+            refuse_unknown("reset: unknown option", name, _OPTIONS)
+        if options and "state" not in options:
+            raise BadInputError("options: trim requires an initial state; add a state")
+        if options:
+            number = self._trim_number(options.get("trim", 0))
+            starts = self._start(options["state"], self.episodes.points[number])[None]
+            owners = np.array([number])
             observations = self.episodes.begin_at(_FIRST, owners, starts, self.np_random)
         else:
             observations = self.episodes.begin(_FIRST, self.np_random)
@@ -131,14 +139,18 @@ class AircraftEnvironment(Advised, gymnasium.Env):
             )
         return int(number)
 
-    def _start(self, start: Any) -> np.ndarray:
+    def _start(self, given: Any, point: OperatingPoint) -> np.ndarray:
         """Return an initial state as an array (n,)."""
-        states = numbers_in("options: start", start)
+        if isinstance(given, Mapping):
+            for name in given:
+                refuse_unknown("options: state names the unknown state", name, self.model.states)
+            given = [*{**point.states._asdict(), **given}.values()]
+        states = numbers_in("options: state", given)
         wanted = self.episodes.states.shape[1:]
         if states.shape != wanted or not np.isfinite(states).all():
             raise BadInputError(
-                f"options: start is {shown(start)}; give {wanted[0]} finite "
-                "numbers, one for each state"
+                f"options: state is {shown(given)}; give {wanted[0]} finite "
+                "numbers, one for each state, or some by name"
             )
         return states
 

@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.episodes import Episodes
 from hfa_policy.gymnasium_environment import action_space, observation_space
-from hfa_support.errors import numbers_in, refuse_unless_whole
+from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
 
 
 class AircraftVectorEnvironment(VecEnv):
@@ -45,7 +45,15 @@ class AircraftVectorEnvironment(VecEnv):
         return [seed] * self.num_envs
 
     def reset(self) -> np.ndarray:
-        """Restart all episodes and return their observations, (N, k)."""
+        """Restart all episodes and return their observations, (N, k).
+
+        Raises BadInputError if options were set.
+        """
+        if any(self._options):
+            raise BadInputError(
+                "reset: episodes that run together have no options; give an initial state to "
+                "reset of hfa.environment"
+            )
         if self._seeds[0] is not None:
             self._random = np.random.default_rng(self._seeds[0])
             self._reset_seeds()

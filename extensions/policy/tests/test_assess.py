@@ -158,7 +158,7 @@ def test_flights_that_pass_a_limit_between_samples_leave():
     episode = Deployment({}, {"angle": {}}, {"torque": always}, {"dt": 0.4})
     flights = hfa.environment(model, episode)
     for rate, leaves in ((0.095, True), (0.04, False)):
-        flights.reset(seed=0, options={"start": [0.1, rate]})
+        flights.reset(seed=0, options={"state": [0.1, rate]})
         *_, terminated, _, info = flights.step(np.zeros(1))
         assert info["X"][0] < 0.102
         assert terminated == leaves

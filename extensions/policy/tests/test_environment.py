@@ -133,12 +133,12 @@ def test_the_reward_is_the_negative_cost() -> None:
     point = trims("ppo_gtm")[1]
     cost = {"Q": {"speed": 0.5, "alpha": 8.0}, "R": {"elevator": 2.0}}
     env = environment(model, gtm_deployment({}, action=ACTION, cost=cost), [point], seconds=1.0)
-    env.reset(options={"start": np.array(point.states) + START})
+    env.reset(options={"state": np.array(point.states) + START})
     _, reward, lost, over, _ = env.step(np.array([0.5]))
     paid = 0.02 * (0.5 * 2.0**2 + 8.0 * 0.03**2 + 2.0 * 0.15**2)
     assert (reward, lost, over) == (pytest.approx(-paid, rel=SAME_FORMULA), False, False)
     outside = np.array(point.states) + np.array([0.0, 5.0, 0.0, 0.0])
-    env.reset(options={"start": outside})
+    env.reset(options={"state": outside})
     _, reward, lost, _, _ = env.step(np.array([0.0]))
     assert lost
     assert reward == pytest.approx(-50 * 0.02 * 8.0 * 5.0**2, rel=1e-9)
@@ -197,6 +197,28 @@ def test_unusable_arguments_of_environments_are_refused() -> None:
         environment(model, gtm_deployment({}, action=ACTION), points, seconds=0.001)
 
 
+def test_options_of_a_reset_are_obeyed_or_refused() -> None:
+    """An initial state, whole or by name, is obeyed; what is no option, state or trim is refused."""
+    model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
+    env = environment(model, gtm_deployment({}, action=ACTION), points)
+    trimmed = np.array(points[1].states)
+    _, info = env.reset(options={"state": {"alpha": 0.1}, "trim": 1})
+    np.testing.assert_array_equal(
+        info["X"], np.where(np.array([*model.states]) == "alpha", 0.1, trimmed)
+    )
+    _, info = env.reset(options={"state": trimmed, "trim": 1})
+    np.testing.assert_array_equal(info["X"], trimmed)
+    for options, said in (
+        ({"start": trimmed}, "unknown option 'start'"),
+        ({"trim": 1}, "add a state"),
+        ({"state": trimmed[:-1]}, "finite numbers, one for each state"),
+        ({"state": {"alfa": 0.1}}, "unknown state 'alfa'"),
+        ({"state": trimmed, "trim": 7}, "the last trim has the index"),
+    ):
+        with pytest.raises(BadInputError, match=said):
+            env.reset(options=options)
+
+
 def test_vectorized_episodes_equal_single_ones() -> None:
     """Episodes of the vector environment have the observations, rewards and ends of single
     episodes.
@@ -204,6 +226,10 @@ def test_vectorized_episodes_equal_single_ones() -> None:
     pytest.importorskip("stable_baselines3")
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
     several = vector_environment(model, stored_deployment("ppo_gtm"), points, count=5, seconds=0.06)
+    several.set_options({"state": points[0].states})
+    with pytest.raises(BadInputError, match=r"hfa\.environment"):
+        several.reset()
+    several.set_options()
     several.seed(1)
     several.reset()
     starts = several.episodes.states.copy()
@@ -214,7 +240,7 @@ def test_vectorized_episodes_equal_single_ones() -> None:
         observations, rewards, ended, infos = several.step(action)
     assert ended.all()
     for number in range(5):
-        one.reset(options={"start": starts[number], "trim": owners[number]})
+        one.reset(options={"state": starts[number], "trim": owners[number]})
         for action in actions:
             observation, reward, _, over, _ = one.step(action[number])
         assert over
@@ -252,7 +278,7 @@ def test_episodes_with_equal_seeds_have_equal_turbulence() -> None:
     still = env.action_space.low * 0.0
     runs = []
     for seed in (5, 5, 6):
-        env.reset(seed=seed, options={"start": np.array(point.states)})
+        env.reset(seed=seed, options={"state": np.array(point.states)})
         runs.append([env.step(still)[0] for _ in range(20)])
     np.testing.assert_array_equal(runs[0], runs[1])
     assert np.abs(np.subtract(runs[0], runs[2])).max() > 1e-3
@@ -268,7 +294,7 @@ def test_episodes_in_turbulence_vary_as_flights_do() -> None:
     env = environment(model, deployment, [point], turbulence=light)
     episodes = []
     for seed in range(60):
-        env.reset(seed=seed, options={"start": np.array(point.states)})
+        env.reset(seed=seed, options={"state": np.array(point.states)})
         for _ in range(25):
             *_, info = env.step(np.zeros(1))
         episodes.append(info["X"])

@@ -83,7 +83,7 @@ def test_fly_and_environments_give_equal_flights(delay):
     initial = dict(zip(model.states, off, strict=True))
     flown = hfa.fly(model, point, deployment, 1.0, initial=initial, predict=False).states[-1]
     env = hfa.environment(model, deployment, [point])
-    observation, _ = env.reset(options={"start": np.add(point.states, off)})
+    observation, _ = env.reset(options={"state": np.add(point.states, off)})
     np.testing.assert_allclose(observation[:4], observation[8:], rtol=1e-6)
     for _ in range(50):
         observation, *_, info = env.step(GAIN @ observation.astype(float))

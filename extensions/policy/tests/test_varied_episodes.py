@@ -25,7 +25,7 @@ DEPLOYMENT = Deployment(
 def flown(env: Any, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the states, observations and rewards of 50 samples with the same random actions."""
     random = np.random.default_rng(5)
-    observation, info = env.reset(seed=1, options={"start": start})
+    observation, info = env.reset(seed=1, options={"state": start})
     states, observations, rewards = [info["X"]], [observation], []
     for _ in range(50):
         observation, reward, _, _, info = env.step(random.uniform(-1.0, 1.0, 1))

@@ -19,10 +19,12 @@ class Gust:
 
     names: disturbances of the model that the gust sets
     held_size: number of inputs of the gust that are constant during a tick
+    rises: whether the gust begins in calm and is stationary only later
     """
 
     names: tuple[str, ...] = (UPDRAFT,)
     held_size = 0
+    rises = False
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
         """Return the gust at a time, as disturbance of the model -> value.

@@ -251,10 +251,10 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
 
 @dataclass(frozen=True)
 class TurbulentAir(Gust):
-    """Turbulence u, v, w, p, q, r of a flight, in its stationary distribution from the start.
+    """Turbulence u, v, w, p, q, r of a flight, which begins in calm air.
 
-    Filtered white noise, exact at the ticks and linear between ticks. p is independent noise
-    through the filter
+    Filtered white noise, exact at the ticks and linear between ticks. The filters begin at rest,
+    because the aircraft begins at its trim in still air. p is independent noise through the filter
 
       σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s).
 
@@ -285,6 +285,8 @@ class TurbulentAir(Gust):
     seed: int
     taken: Mapping[str, Mapping[str, float]]
     trimmed_at: float | None = None
+
+    rises = True
 
     @property
     def names(self) -> tuple[str, ...]:  # type: ignore[override]  # computed
@@ -345,9 +347,12 @@ class TurbulentAir(Gust):
             which = f"{self.turbulence.level} turbulence of MIL-F-8785C ({spectrum}) at {altitude}"
             if self.trimmed_at is not None and abs(self.trimmed_at - self.altitude) > 1.0:
                 which += f" (the trim is at {self.trimmed_at * self.feet:,.0f} {unit})"
+        half = 0.5 * self.ticks * self.interval
+        share = AirFilter.of(self).risen(half)
         return (
             f"{which}: {', '.join(self.taken)}; intensity {numbers[0]} {unit}/s, scale {numbers[1]}"
-            f" {unit}"
+            f" {unit}. It begins in calm; rms values are of the second half, from {half:.4g} s on "
+            f"({100 * share:.0f} % of the intensity)"
         )
 
     def left_out(self, model: Model) -> list[str]:
@@ -435,19 +440,28 @@ class AirFilter:
         Phi = grown[n:, n:].T
         return Phi, _root(Phi @ grown[:n, n:])
 
-    @cached_property
-    def root(self) -> np.ndarray:
-        """Matrix G with G G' equal to `covariance`, (n, n)."""
-        return _root(self.covariance)
+    def risen(self, time: float) -> float:
+        """Return the smallest ratio of the intensity of u, v or w at a time to the stationary one.
+
+        The filter is at rest at time 0.
+
+        time: s
+        """
+        from scipy.linalg import expm
+
+        Phi = expm(self.A * time)
+        stationary = np.diag(self.C @ self.covariance @ self.C.T)[:3]
+        missing = np.diag(self.C @ Phi @ self.covariance @ Phi.T @ self.C.T)[:3]
+        return float(np.sqrt((1.0 - missing / stationary).min()))
 
     def drawn(self, count: int, seed: int) -> np.ndarray:
         """Return random gust components at `count` ticks, (count, 6).
 
-        The initial state is drawn from the stationary distribution.
+        The filter begins at rest.
         """
         random = np.random.default_rng(seed)
         Phi, G = self.step
-        x = self.root @ random.standard_normal(len(Phi))
+        x = np.zeros(len(Phi))
         noise = random.standard_normal((count, len(Phi))) @ G.T
         rows = np.empty((count, len(Phi)))
         for number in range(count):

@@ -43,10 +43,13 @@ KEPT = {
     ),
     "factors": ("factor on a parameter", "error"),
     "flown": ("time inside the envelope", "s"),
-    "rms_error": ("root mean square error over that time, without noise", "error_state"),
+    "rms_error": (
+        "root mean square error over that time, in turbulence its second half, without noise",
+        "error_state",
+    ),
     "peak_error": ("largest error, over ground", "error_state"),
     "peak_angle_of_attack": ("largest angle of attack relative to the air, from trim", "rad"),
-    "effort": ("root mean square from trim", "input"),
+    "effort": ("root mean square from trim, over the same time as rms_error", "input"),
     "lowest_input": ("lowest value inside the envelope", "input"),
     "highest_input": ("highest value inside the envelope", "input"),
     "final": ("at the end", "state"),
@@ -203,7 +206,8 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     """Return the stored results of one member's flight: name -> number or array.
 
     Errors and inputs are evaluated at the steps inside the envelope. The final states and memory
-    are those after the last of these steps.
+    are those after the last of these steps. Root mean squares leave out the first half in
+    turbulence, which begins in calm.
     """
     scenario = result.loop.scenario
     flight = result.flight
@@ -212,6 +216,7 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     trim = plan.point.u
     flown = scenario.duration if left is None else left.time
     end = round(flown / scenario.step)  # 0 if turbulence exceeds the envelope at the start
+    begin = end // 2 if scenario.gust is not None and scenario.gust.rises else 0
     errors = flight.errors[:end]
     inputs = flight.inputs[:end]
     angles = flight.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
@@ -226,10 +231,10 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
         "cycle": cycle_number,
         "factors": [scenario.errors[name] for name in plan.scenario.uncertainty.errors],
         "flown": flown,
-        "rms_error": _rms(errors),
+        "rms_error": _rms(errors[begin:]),
         "peak_error": np.abs(errors).max(axis=0, initial=0.0),
         "peak_angle_of_attack": np.abs(angles).max(initial=0.0),
-        "effort": _rms(inputs),
+        "effort": _rms(inputs[begin:]),
         "lowest_input": inputs.min(axis=0, initial=np.inf) + trim,
         "highest_input": inputs.max(axis=0, initial=-np.inf) + trim,
         "final": result.states[end],
