@@ -31,7 +31,6 @@ import numpy as np
 from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_fmu import library
 from hfa_fmu.description import Description, Variable, described, library_of
 from hfa_fmu.function import STEP, Evaluator, casadi_function
 from hfa_fmu.library import FmuError, Instance, Interface
@@ -119,7 +118,7 @@ def _run_once(interface: Interface, start: list[float]) -> None:
 
     Raises BadInputError if the library ends the process or does not return.
     """
-    command = [sys.executable, "-I", library.__file__]
+    command = [sys.executable, "-I", str(Path(__file__).with_name("library.py"))]
     task = json.dumps([interface, start]).encode()
     try:
         run = subprocess.run(
