@@ -14,22 +14,24 @@ from hfa import paper, solve
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def test_a_game_is_that_of_the_condition(tmp_path: Path) -> None:
-    """`hfa solve` uses the condition of the trim, and refuses an infeasible or misspelled one."""
-    words = (
-        "--dihedral",
-        "10",
-        "--hold",
-        "speed=60",
-        "--free",
-        "alpha",
-        "--hold",
-        "aileron_outer=0.5",
-    )
-    model = answer("linearize", *words)
+#: A trim of the flexible aircraft at another speed.
+SLOWER = (
+    *("--dihedral", "10", "--hold", "speed=60", "--free", "alpha"),
+    *("--hold", "aileron_outer=0.5"),
+)
+
+
+def test_a_game_is_that_of_the_condition() -> None:
+    """`hfa solve` uses the condition of the trim."""
+    model = answer("linearize", *SLOWER)
     game = paper.published_game(np.array(model["A"]), np.array(model["B"]))
-    assert np.array(answer("solve", *words)["K"]) == pytest.approx(solve(game).K, rel=1e-9)
-    refused = hfa("solve", *words, "--limit", "throttle=0:5")
+    assert np.array(answer("solve", *SLOWER)["K"]) == pytest.approx(solve(game).K, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_condition_of_a_game_is_refused(tmp_path: Path) -> None:
+    """`hfa solve` refuses an infeasible or misspelled condition."""
+    refused = hfa("solve", *SLOWER, "--limit", "throttle=0:5")
     assert_refused(refused, 1, "throttle at maximum 5, ")
     condition_file = tmp_path / "own.toml"
     condition_file.write_text("[impose]\nspeeed = 5.0\n", encoding="utf-8")

@@ -24,6 +24,7 @@ def marks_of(way: str) -> list[pytest.MarkDecorator]:
     return [IN_FILES, pytest.mark.slow] * bool(WAYS[way])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", [pytest.param(way, marks=marks_of(way)) for way in WAYS])
 @given(data=st.data())
 def test_a_hostile_input_gives_a_result_or_error(way: str, data: st.DataObject) -> None:

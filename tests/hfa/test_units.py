@@ -63,17 +63,19 @@ def test_matrices_in_si_are_similar() -> None:
     assert [mode["name"] for mode in after["modes"]] == [mode["name"] for mode in before["modes"]]
 
 
-def test_plants_and_points_in_si_are_read(tmp_path: Path) -> None:
-    """Plants and operating points written in SI units are converted when they are read.
+@pytest.mark.parametrize("suffix", ["json", "npz", "mat"])
+def test_plants_in_si_are_read(tmp_path: Path, suffix: str) -> None:
+    """A plant written in SI units names them when it is read."""
+    plant = str(tmp_path / f"plant.{suffix}")
+    assert hfa("linearize", "--dihedral", "12", "--units", "si", "-o", plant).code == 0
+    found = answer("solve", "--model", plant)
+    assert (found["states"][0], found["state_units"][:2]) == ("speed", ["m/s", "rad"])
 
-    An operating point with a speed in kg/s is refused.
-    """
-    for suffix in ("json", "npz", "mat"):
-        plant = str(tmp_path / f"plant.{suffix}")
-        assert hfa("linearize", "--dihedral", "12", "--units", "si", "-o", plant).code == 0
-        found = answer("solve", "--model", plant)
-        assert (found["states"][0], found["state_units"][:2]) == ("speed", ["m/s", "rad"])
+
+def test_points_in_si_are_read(tmp_path: Path) -> None:
+    """An operating point in SI units is converted; one with a speed in kg/s is refused."""
     point = str(tmp_path / "plant.json")
+    assert hfa("linearize", "--dihedral", "12", "--units", "si", "-o", point).code == 0
     started = answer("trim", "--dihedral", "12", "--start", point)["operating_point"]["states"]
     assert started["speed"] == 68.0
     data = json.loads(Path(point).read_text("utf-8"))

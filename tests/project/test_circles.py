@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pytest
 from project import FOLDERS
 from scipy.sparse.csgraph import connected_components
 
@@ -91,6 +92,7 @@ def circles(graph: np.ndarray, names: list[str]) -> list[set[str]]:
     return [group for group in groups if len(group) > 1]
 
 
+@pytest.mark.slow
 def test_no_modules_import_each_other() -> None:
     """No modules import each other when they are loaded, and only `ALLOWED` do otherwise."""
     sources = {name: path.read_text("utf-8") for name, path in modules().items()}

@@ -106,6 +106,7 @@ def results(site: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Result
     return run_in_turn(site, folder, *(command[1] for command in OF_THE_PAGE), *OTHERS)
 
 
+@pytest.mark.slow
 def test_a_package_adds_an_aircraft_and_a_command(results: list[Result]) -> None:
     """A package adds an aircraft file format and a command of two words.
 
@@ -128,6 +129,7 @@ def test_a_package_adds_an_aircraft_and_a_command(results: list[Result]) -> None
     )
 
 
+@pytest.mark.slow
 def test_commands_of_the_page_print_shown_output(results: list[Result]) -> None:
     """Each command in docs/extending.md returns the shown exit code and prints the shown output."""
     assert len(OF_THE_PAGE) >= 5
@@ -136,6 +138,7 @@ def test_commands_of_the_page_print_shown_output(results: list[Result]) -> None:
         assert not difference(command[3], done.out + done.err)
 
 
+@pytest.mark.slow
 def test_provenance_names_the_file_without_a_source(results: list[Result]) -> None:
     """If a reader leaves `source` empty, the provenance still names the file and its hash."""
     given, changed = (
@@ -185,6 +188,7 @@ def test_a_broken_package_disables_no_other_command(tmp_path: Path) -> None:
     assert "broken-one" in overview.err
 
 
+@pytest.mark.slow
 def test_commands_declared_twice_are_refused_by_the_names_of_their_packages(tmp_path: Path) -> None:
     """A command that two packages declare is refused; one of hfa is not replaced. Others run."""
     for name in ("one", "other"):

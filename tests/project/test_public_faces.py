@@ -9,6 +9,7 @@ import ast
 import tomllib
 from fnmatch import filter as fnmatch_all
 
+import pytest
 from project import FOLDERS, ROOT
 
 #: Modules that are public beside the packages themselves: entry points for users and for packages.
@@ -46,6 +47,7 @@ def files() -> list[str]:
     return sorted(str(path.relative_to(ROOT)) for path in paths)
 
 
+@pytest.mark.slow
 def test_no_other_test_imports_inner_modules() -> None:
     """Only the listed files import inner modules of the packages, and each pattern is needed."""
     inside = [name for name in files() if inner_imports((ROOT / name).read_text("utf-8"))]

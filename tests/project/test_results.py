@@ -64,6 +64,7 @@ def results() -> dict[str, Any]:
     return {type(result).__name__: result for result in names}
 
 
+@pytest.mark.slow
 def test_results_display_reports_and_can_be_pickled() -> None:
     """A result displays its report, also as HTML, and is unchanged by pickling."""
     for name, result in results().items():

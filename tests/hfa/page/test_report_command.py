@@ -71,6 +71,7 @@ def test_a_report_replaces_the_pictures_of_an_earlier_one(folder: Path) -> None:
     assert critics == {"critic-15.png", "critic-7.png"}
 
 
+@pytest.mark.slow
 def test_the_folder_contains_page_pictures_and_numbers(written_report: tuple[Result, Path]) -> None:
     """The folder contains the page, pictures and numbers. The numbers equal those of other
     commands.
@@ -146,6 +147,7 @@ def test_the_largest_page_is_below_three_megabytes(tmp_path: Path) -> None:
     assert len(html) < 3 * MEGABYTE
 
 
+@pytest.mark.slow
 def test_another_aircraft_is_beside(written_report: tuple[Result, Path]) -> None:
     """The numbers of the other aircraft are those of `hfa trim`, and its sheet is on the page."""
     result, folder = written_report
