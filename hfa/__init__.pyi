@@ -24,6 +24,7 @@ from hfa_aircraft.signals import Signal as Signal
 from hfa_flight.air.turbulence import Turbulence as Turbulence
 from hfa_flight.flight import Flight as Flight, fly as fly
 from hfa_flight.policies.deployment.deployment import Deployment as Deployment
+from hfa_flight.policies.kalman import filter as filter
 from hfa_identify.estimation import identify as identify
 from hfa_model.choice import aircraft as aircraft
 from hfa_optimal.best_flight import BestFlight as BestFlight

@@ -20,6 +20,7 @@ from .policies.policy import (
     Policy as Policy,
 )
 from .samples.monte_carlo import MonteCarlo as MonteCarlo, fly_member as fly_member
+from .samples.report import lost_band as lost_band
 from .samples.store import run_monte_carlo as run_monte_carlo, stream_members as stream_members
 from .scenario import Scenario as Scenario, Uncertainty as Uncertainty
 from .schedule.gain_schedule import (

@@ -30,7 +30,7 @@ from hfa_aircraft.waveform import constant
 from hfa_flight.actuators import ActuatorBank
 from hfa_flight.air.gusts import Gust, OneMinusCosine
 from hfa_flight.air.names import gust_speed
-from hfa_flight.air.turbulence import LEVELS, SPECTRA, Turbulence
+from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, turbulence_of
 from hfa_flight.envelope import control_limits
 from hfa_flight.policies.laws import KEEP_INSIDE, LAWS, PREDICTIVE, loaded
 from hfa_flight.problem import flight_problem
@@ -51,8 +51,6 @@ NONE = "none"
 EXACT = "exact"
 #: Forms of values in the help of options.
 _GUST = "LENGTH:PEAK[:BEGIN]"
-_TURBULENCE = "LEVEL[:ALTITUDE[:SPAN]]"
-_OWN = "own:SIGMA:SCALE[:SPAN]"
 _ACTUATORS = "LAG:RATE[:ORDER]"
 #: Options of the game that the law solves.
 _OF_THE_GAME = ("policy.game.delta", "policy.game.Q", "policy.game.R")
@@ -188,15 +186,20 @@ class PolicyGiven(Part):
                 "applies only to a network; remove this option, or give a network with --weights",
             )
 
-    def planning(self, linear: LinearModel, limits: Mapping[str, Any]) -> Policy:
+    def planning(
+        self, linear: LinearModel, limits: Mapping[str, Any], *, is_filtered: bool
+    ) -> Policy:
         """Return the policy of a law that plans on the nonlinear model.
 
         limits: state -> (lowest, highest), replacing the limits of the flight envelope
+        is_filtered: whether a filter estimates the states, so that the law estimates nothing
         """
         game = self._game_of_law(linear)
         game.refuse_cross_weights(f"--law {self.law}")
         given = {"horizon": self.horizon, "margin": self.margin, "estimate": self.estimate}
         settings = {name: value for name, value in given.items() if value is not None}
+        if is_filtered and self.law == PREDICTIVE:
+            settings.setdefault("estimate", "nothing")
         problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
         return loaded(LAWS[self.law])(problem, game, **settings)
 
@@ -233,30 +236,14 @@ class PolicyGiven(Part):
         return GainPolicy(f"{kind} of {path}", critic.K)
 
 
-def _turbulence(text: str) -> Turbulence:
-    """Return the turbulence that a typed text specifies."""
-    word, *typed = text.split(":")
-    spectrum, _, level = word.rpartition("-")
-    least, most = (2, 3) if level == "own" else (0, 2)
-    known = level in (*LEVELS, "own") and spectrum in ("", *SPECTRA)
-    if not known or not least <= len(typed) <= most:
-        raise BadInputError(f"is {text!r}; give {_TURBULENCE} with {', '.join(LEVELS)}, or {_OWN}")
-    spectrum = spectrum or SPECTRA[0]
-    if level == "own":
-        intensity, scale, *spans = map(positive, typed)
-        return Turbulence((intensity, scale), None, spans[0] if spans else None, spectrum)
-    altitude, span, *_ = [*(positive(size) if size else None for size in typed), None, None]
-    return Turbulence(level, altitude, span, spectrum)
-
-
 def turbulence_option() -> Any:
     """Return the option `--turbulence` as a dataclass field."""
     about = (
         f"turbulence of MIL-F-8785C at ALTITUDE: {', '.join(LEVELS)}; a wing SPAN adds p, q, r; "
-        f"karman-LEVEL has spectra of von Karman; {_OWN} has intensity and scale; units of the "
-        "model; random by --seed"
+        f"karman-LEVEL has spectra of von Karman; {FORM_OF_OWN} has intensity and scale; units of "
+        "the model; random by --seed"
     )
-    return option(about, _TURBULENCE, _turbulence, rare=True)
+    return option(about, FORM, turbulence_of, rare=True)
 
 
 def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbulence | None:
@@ -360,8 +347,8 @@ class ScenarioGiven(Part):
         rare=True,
     )
     noise: Mapping[str, float] = noise_option(
-        "constant error of a measured state, degrees for angles; with --samples, standard "
-        "deviation of the error; repeatable"
+        "standard deviation of the sensor noise of a state, degrees for angles, white from sample "
+        "to sample; repeatable"
     )
     gust: tuple[float, ...] | None = gust_option()
     envelope: Mapping[str, tuple[float, float]] = option(
@@ -379,8 +366,7 @@ class ScenarioGiven(Part):
         The tick is the longest whole number of ms that divides both 10 ms and the delay.
 
         hold: values of --hold, whose altitude is the one of the turbulence
-        drawn: whether the scenario is of several flights, with random quantities that are not drawn
-            yet
+        drawn: whether the scenario is of several flights, with random errors of parameters
 
         Raises BadInputError if the delay is out of range, or if both --gust and --turbulence are
         given.
@@ -411,13 +397,9 @@ class ScenarioGiven(Part):
             raise BadInputError("--gust and --turbulence cannot be combined; remove one of the two")
         gust: Gust | None = gust_at(self.gust, point, common.duration)
         turbulence = at_held_altitude(self.turbulence, hold)
-        if drawn:
-            uncertainty = Uncertainty(self.error, self.noise, turbulence)
-            return replace(common, uncertainty=uncertainty, gust=gust).on(model)
-        if turbulence is not None:
-            gust = turbulence.air(point, common.tick, common.ticks, self.seed)
-        noise = constant(np.array([self.noise.get(name, 0.0) for name in names]))
-        return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
+        errors = {} if drawn else self.error
+        uncertainty = Uncertainty(self.error if drawn else {}, self.noise, turbulence)
+        return replace(common, errors=errors, uncertainty=uncertainty, gust=gust).on(model)
 
 
 def actuators_of(model: Model, typed: tuple[float, ...] | None) -> ActuatorBank | None:

@@ -278,7 +278,7 @@ class Scenario(Reported):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scenario for JSON, without the uncertainty and the noise samples.
+        """Return the scenario for JSON, without the uncertainty; of drawn noise its deviations.
 
         A signal without a formula is represented by the name of its class.
         """
@@ -288,6 +288,8 @@ class Scenario(Reported):
             signal = getattr(self, name)
             data[name] = signal.to_dict() if hasattr(signal, "to_dict") else type(signal).__name__
         gust: Any = self.gust
+        if self.samples is not None:
+            data["drawn_noise"] = self.samples.std(axis=0)
         data["actuators"] = None if self.actuators is None else asdict(self.actuators)
         data["gust"] = None if gust is None else {"kind": type(gust).__name__, **asdict(gust)}
         if self.air:

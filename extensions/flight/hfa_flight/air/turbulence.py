@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa.options.argument_types import positive
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import ADDED, missing_states, taken_components
 from hfa_flight.air.gusts import Gust
@@ -27,6 +28,9 @@ from trim.point.operating_point import OperatingPoint
 
 LEVELS = ("light", "moderate", "severe")
 SPECTRA = ("dryden", "karman")
+#: Forms of turbulence as text.
+FORM = "LEVEL[:ALTITUDE[:SPAN]]"
+FORM_OF_OWN = "own:SIGMA:SCALE[:SPAN]"
 _KNOT = 1852.0 / 3600.0 / 0.3048
 #: Wind 20 ft above the ground, ft/s, by level.
 _WIND_AT_20_FT = dict(zip(LEVELS, (15.0 * _KNOT, 30.0 * _KNOT, 45.0 * _KNOT), strict=True))
@@ -190,6 +194,25 @@ class Turbulence(Advised):
                 f"{unit}; {give}"
             )
         return altitude
+
+
+def turbulence_of(text: str) -> Turbulence:
+    """Return the turbulence of a text such as "moderate:40000".
+
+    Raises BadInputError for another form than `FORM` and `FORM_OF_OWN`.
+    """
+    word, *typed = text.split(":")
+    spectrum, _, level = word.rpartition("-")
+    least, most = (2, 3) if level == "own" else (0, 2)
+    known = level in (*LEVELS, "own") and spectrum in ("", *SPECTRA)
+    if not known or not least <= len(typed) <= most:
+        raise BadInputError(f"is {text!r}; give {FORM} with {', '.join(LEVELS)}, or {FORM_OF_OWN}")
+    spectrum = spectrum or SPECTRA[0]
+    if level == "own":
+        intensity, scale, *spans = map(positive, typed)
+        return Turbulence((intensity, scale), None, spans[0] if spans else None, spectrum)
+    altitude, span, *_ = [*(positive(size) if size else None for size in typed), None, None]
+    return Turbulence(level, altitude, span, spectrum)
 
 
 def _feet(model: Model) -> float:

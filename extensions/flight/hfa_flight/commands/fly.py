@@ -38,6 +38,7 @@ from trim.point.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from hfa_flight.flight import Flight
     from hfa_flight.policies.policy import Policy
+    from hfa_flight.samples.monte_carlo import MonteCarlo
 
 _MOST_MEMBERS = 10_000_000
 _MOST_STEPS = 1_000_000
@@ -99,6 +100,11 @@ class FlyRequest(Request):
         named=True,
     )
     reference: Mapping[str, Waveform] = reference_option()
+    filter: bool = option(
+        "Kalman filter before the policy, for the --noise of the sensors (a state without noise "
+        "has no sensor) and the --turbulence; --samples compares with no control",
+        default=False,
+    )
     samples: int | None = option(
         "simulate N flights, each with its own random errors, noise and turbulence",
         "N",
@@ -159,9 +165,11 @@ class FlyRequest(Request):
         # Of a single flight, --Q and --R are the weights of its cost.
         prices = ("policy.game.Q", "policy.game.R") if self.members is None else ()
         given.check(self, prices)
-        if self.members is None and self.scenario.turbulence is None:
+        is_random = self.scenario.turbulence is not None or any(self.scenario.noise.values())
+        if self.members is None and not is_random:
             self.scenario.refuse(
-                ("seed",), "applies only to --turbulence, --samples and --draws; remove this option"
+                ("seed",),
+                "applies only to --turbulence, --noise, --samples and --draws; remove this option",
             )
         model = self.trim.aircraft
         point = self.trim.point()
@@ -184,7 +192,9 @@ class FlyRequest(Request):
                 ("command", "reference"),
                 f"cannot be combined with --law {given.law}; remove this option",
             )
-            policy = given.planning(noted_linear_model(model, point), self.scenario.envelope)
+            linear = noted_linear_model(model, point)
+            limits = self.scenario.envelope
+            policy = given.planning(linear, limits, is_filtered=self.filter)
         else:
             for name in steps.names:
                 refuse_unknown("a gain cannot follow a command of", name, model.linear)
@@ -205,9 +215,37 @@ class FlyRequest(Request):
                 "cannot be combined with --keep-inside; remove one of the two",
             )
             policy = given.kept(policy, point, scenario)
+        if self.filter:
+            policy = self._filtered(policy, scenario)
         policy, scenario = policy.in_scenario(scenario)
+        if self.members is None:
+            scenario = scenario.drawn(self.scenario.seed, 0, point)
         envelope = flight_envelope(model, point, self.scenario.envelope)
         return PlannedFlight(model, point, policy, scenario, envelope)
+
+    def _filtered(self, policy: Policy, scenario: Scenario) -> Policy:
+        """Return the policy behind the filter of the scenario's noise and turbulence.
+
+        Raises BadInputError for options that contradict the filter.
+        """
+        from hfa_flight.policies.filtered_policy import own_sample_time
+        from hfa_flight.policies.kalman import filter
+
+        self.refuse(
+            ("command", "reference", "policy.keep_inside", "policy.controller"),
+            "cannot be combined with --filter; remove one of the two",
+        )
+        if self.policy.law == NONE:
+            raise BadInputError(f"--filter requires a policy; remove --law {NONE}")
+        noise = {name: value for name, value in self.scenario.noise.items() if value}
+        if not noise:
+            raise BadInputError(
+                "--filter requires the noise of the sensors; add --noise STATE=VALUE for each "
+                "measured state"
+            )
+        linear = self.trim.point().linearize()
+        dt = own_sample_time(policy, scenario.tick)
+        return filter(linear, noise, scenario.uncertainty.turbulence, dt).policy(policy)
 
 
 @command(FlyRequest)
@@ -351,7 +389,7 @@ def _fly_members(request: FlyRequest) -> int:
     progress = ProgressLine("simulate")
     if target is None:
         flown = run_monte_carlo(plan, request.processes.workers, progress)
-        report = member_report(plan, flown.__getitem__, "members not kept")
+        report = member_report(plan, flown.__getitem__, "flights not kept", _uncontrolled(plan))
     else:
         dataset = stream_members(
             plan,
@@ -361,7 +399,8 @@ def _fly_members(request: FlyRequest) -> int:
             provenance=request.provenance.to_dict(),
             progress=progress,
         )
-        report = member_report(plan, lambda name: dataset[name].values, f"members in {target}")
+        read = {name: dataset[name].values for name in dataset.data_vars}
+        report = member_report(plan, read.__getitem__, f"flights in {target}", _uncontrolled(plan))
     notes = list(dict.fromkeys(plan.point.warnings))
     report = report.with_data(store=None if target is None else str(target), warnings=notes)
     if spread is not None:
@@ -369,3 +408,16 @@ def _fly_members(request: FlyRequest) -> int:
     shown = replace(request, output=replace(request.output, file=None))
     shown.show(report, figure=lambda: drawn_figure(plan), notes=notes)
     return 0 if is_enough(report.data["within_limits"], plan.members, plan.share) else 1
+
+
+def _uncontrolled(plan: MonteCarlo) -> Mapping[str, np.ndarray] | None:
+    """Return the results of the same flights without control beside those with a filter."""
+    from hfa_flight.policies.filtered_policy import FilteredPolicy
+    from hfa_flight.policies.given import policy_and_scenario
+    from hfa_flight.samples.store import run_monte_carlo
+
+    if not isinstance(plan.policy, FilteredPolicy):
+        return None
+    policy, scenario = policy_and_scenario(None, plan.point, plan.scenario)
+    free = replace(plan, policy=policy, scenario=scenario)
+    return run_monte_carlo(free, 1, ProgressLine("simulate without control"))

@@ -20,7 +20,7 @@ from hfa_aircraft.signals import VECTORS
 from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight.air.names import ALPHA, limited_names
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.envelope import envelope_data, refuse_start
+from hfa_flight.envelope import control_limits, envelope_data, refuse_start
 from hfa_flight.flight import Flight, fly_within
 from hfa_flight.needs import ALL, refuse_share
 from hfa_flight.policies.policy import Policy
@@ -34,6 +34,8 @@ from trim.point.operating_point import OperatingPoint
 
 #: Compiled loops of each thread. Threads must not share a loop, whose memory each call overwrites.
 _OF_THREAD = threading.local()
+#: An input closer to a limit, relative to its range, is at the limit.
+_AT_LIMIT = 1e-9
 #: Stored result of a member -> its meaning, and its axis or, for a single number, its unit.
 KEPT = {
     "left": ("number in the attribute left; -1: stayed inside", ""),
@@ -50,6 +52,7 @@ KEPT = {
     "peak_error": ("largest error, over ground", "error_state"),
     "peak_angle_of_attack": ("largest angle of attack relative to the air, from trim", "rad"),
     "effort": ("root mean square from trim, over the same time as rms_error", "input"),
+    "at_limit": ("share of that time at or beyond a control limit", "input"),
     "lowest_input": ("lowest value inside the envelope", "input"),
     "highest_input": ("highest value inside the envelope", "input"),
     "final": ("at the end", "state"),
@@ -235,11 +238,19 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
         "peak_error": np.abs(errors).max(axis=0, initial=0.0),
         "peak_angle_of_attack": np.abs(angles).max(initial=0.0),
         "effort": _rms(inputs[begin:]),
+        "at_limit": _at_limits(control_limits(plan.model), inputs + trim),
         "lowest_input": inputs.min(axis=0, initial=np.inf) + trim,
         "highest_input": inputs.max(axis=0, initial=-np.inf) + trim,
         "final": result.states[end],
         "memory": flight.memory[end],
     }
+
+
+def _at_limits(limits: Limits, inputs: np.ndarray) -> np.ndarray:
+    """Return the share of the rows of inputs (N, m) at or beyond a limit, (m,)."""
+    near = _AT_LIMIT * (limits.highest - limits.lowest)
+    at = (inputs <= limits.lowest + near) | (inputs >= limits.highest - near)
+    return np.asarray(at.sum(axis=0) / max(len(inputs), 1))
 
 
 def _rms(rows: np.ndarray) -> np.ndarray:

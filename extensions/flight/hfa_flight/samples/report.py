@@ -11,8 +11,9 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.names import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
 from hfa_flight.envelope import control_limits
 from hfa_flight.needs import is_enough, need_text
+from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.samples.monte_carlo import MonteCarlo
-from hfa_flight.scenario import Uncertainty
+from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, short_number, shown_unit
@@ -20,29 +21,37 @@ from hfa_support.reporting.text import Table, short_number, shown_unit
 #: Levels of the reported quantiles.
 _QUANTILES = (0.05, 0.5, 0.95, 1.0)
 #: Note if all members are the same flight.
-_ALIKE = "all members are the same flight; give parameter errors, noise or turbulence"
+_ALIKE = "all flights are the same; give parameter errors, noise or turbulence"
 #: Function from the name of a result of `fly_members` to its values, (N, ...).
 Read = Callable[[str], np.ndarray]
 
 
-def member_report(plan: MonteCarlo, read: Read, where: str) -> Report:
-    """Return the report of a Monte Carlo plan: outcomes, and quantiles of the results.
+def member_report(
+    plan: MonteCarlo,
+    read: Read,
+    where: str,
+    uncontrolled: Mapping[str, np.ndarray] | None = None,
+) -> Report:
+    """Return the report of a Monte Carlo plan: flights lost, and quantiles of the results.
 
-    The quantiles are over the members inside the envelope.
+    The quantiles are over the flights inside the envelope.
 
-    read: function from the name of a result to its values, (N, ...), one row for each member
-    where: where the members are stored, for the title
+    read: function from the name of a result to its values, (N, ...), one row for each flight
+    where: where the flights are stored, for the title
+    uncontrolled: results of the same flights without control, by name, or None
     """
     found = _outcomes(plan, read)
     flown = (
-        f"Monte Carlo, {plan.point.model.title}, law {plan.policy.name}: {plan.members} members of "
+        f"Monte Carlo, {plan.point.model.title}, law {plan.policy.name}: {plan.members} flights of "
         f"{plan.scenario.duration:g} s, seed {plan.seed}, {where}"
     )
-    verdict = verdict_text(is_enough(found["within_limits"], plan.members, plan.share))
-    inside = f"{found['within_limits']} of {plan.members} members stayed within limits"
-    inside += need_text(plan.share)
-    title = "\n".join([f"{verdict}: {inside}", flown, *_failures(found)])
+    title = "\n".join([_verdict(plan, found), flown, *_failures(found)])
     parts: list[Part] = []
+    if uncontrolled is not None and isinstance(plan.policy, FilteredPolicy):
+        found |= _compared(plan, plan.policy, read, uncontrolled)
+        lost = found["uncontrolled_lost"]
+        parts.append(f"Without control, {lost} of {plan.members} of the same flights are lost.")
+        parts.append(_compared_table(plan, found))
     if found["held"]:
         parts.append(_quantile_table(plan, found))
         if plan.scenario.moving_air and has_angle_of_attack(plan.model):
@@ -50,8 +59,98 @@ def member_report(plan: MonteCarlo, read: Read, where: str) -> Report:
     gust = plan.member(0).gust
     if gust is not None and gust.text(plan.model):
         parts += [gust.text(plan.model), *gust.left_out(plan.model)]
+    if isinstance(plan.policy, FilteredPolicy):
+        parts.append(plan.policy.filter.text())
     alike = plan.scenario.uncertainty == Uncertainty() and plan.spread is None
     return Report(title, parts, [_ALIKE] if alike else [], found)
+
+
+def _verdict(plan: MonteCarlo, found: Mapping[str, Any]) -> str:
+    """Return the first line: flights within limits, and the share that is lost."""
+    within, members = found["within_limits"], plan.members
+    is_input = any(found["exceeded"].values()) or any(found["limit_cycle"].values())
+    inside = "stay within limits" if is_input else "stay inside"
+    line = (
+        f"{verdict_text(is_enough(within, members, plan.share))}: {within} of {members} flights of "
+        f"{plan.scenario.duration:g} s {inside}{_air_text(plan.scenario)}{need_text(plan.share)}"
+    )
+    lost = members - within
+    low, high = lost_band(lost, members)
+    if not lost:
+        return f"{line}; fewer than {100 * high:.2g} % lost (95 %)"
+    worst = max(found["left"], key=lambda name: found["left"][name])
+    by = f" by {worst}" if found["left"][worst] else ""
+    return f"{line}; {lost} lost{by} ({100 * low:.3g} to {100 * high:.3g} %, 95 %)"
+
+
+def lost_band(lost: int, members: int) -> tuple[float, float]:
+    """Return the ends of the 95 % band of the probability that a flight is lost.
+
+    The band is that of Clopper and Pearson (1934), one-sided if no flight or every one is lost.
+    """
+    from scipy.stats import beta
+
+    tail = 0.05 if lost in (0, members) else 0.025
+    low = beta.ppf(tail, lost, members - lost + 1) if lost else 0.0
+    high = beta.ppf(1.0 - tail, lost + 1, members - lost) if lost < members else 1.0
+    return float(low), float(high)
+
+
+def _air_text(scenario: Scenario) -> str:
+    """Return the noise and the turbulence of a scenario as text, such as " with noise"."""
+    words = ""
+    turbulence = scenario.uncertainty.turbulence
+    if turbulence is not None:
+        level = f"{turbulence.level} " if isinstance(turbulence.level, str) else ""
+        words = f" in {level}turbulence"
+    return words + " with noise" * any(scenario.uncertainty.noise.values())
+
+
+def _compared(
+    plan: MonteCarlo, policy: FilteredPolicy, read: Read, uncontrolled: Mapping[str, np.ndarray]
+) -> dict[str, Any]:
+    """Return the figures of flights with a filter beside those without control and linear ones.
+
+    The root mean squares are over all flights inside the envelope.
+    """
+    names = (*plan.model.linear, *plan.model.inputs)
+    free = uncontrolled.__getitem__
+    entries: dict[str, Any] = {
+        "rms": dict(zip(names, _pooled(read), strict=True)),
+        "uncontrolled_rms": dict(zip(names, _pooled(free), strict=True)),
+        "uncontrolled_lost": int((free("left") >= 0).sum()),
+        "at_limit": dict(
+            zip(plan.model.inputs, read("at_limit").mean(axis=0).tolist(), strict=True)
+        ),
+        "filter": policy.filter.contents(),
+    }
+    gain = policy.law.gain
+    if gain is not None:
+        loop = policy.filter.loop(gain)
+        linear = loop.rms(round(plan.scenario.duration / policy.dt)).tolist()
+        entries["linear_rms"] = dict(zip(names, linear, strict=True))
+        entries["loop_radius"] = loop.radius
+    return entries
+
+
+def _pooled(read: Read) -> list[float]:
+    """Return the root mean squares of states and inputs over all flights."""
+    seconds = read("flown")
+    squares = np.hstack([read("rms_error"), read("effort")]) ** 2
+    return np.sqrt(seconds @ squares / max(float(seconds.sum()), 1e-9)).tolist()
+
+
+def _compared_table(plan: MonteCarlo, found: Mapping[str, Any]) -> Table:
+    """Return the table of flights with a filter beside those without control and linear ones."""
+    rows = []
+    for name, value in found["rms"].items():
+        unit = plan.model.unit(name)
+        others = (found["uncontrolled_rms"][name], found.get("linear_rms", {}).get(name))
+        cells = ["-" if each is None else short_number(each, unit) for each in (value, *others)]
+        share = found["at_limit"].get(name)
+        at = "-" if share is None else f"{100 * share:.2g}"
+        rows.append((f"rms {name}", *cells, at, shown_unit(unit)))
+    return Table(("all flights", "policy", "no control", "linear", "% at limit", "unit"), rows)
 
 
 def _outcomes(plan: MonteCarlo, read: Read) -> dict[str, Any]:
@@ -74,7 +173,9 @@ def _outcomes(plan: MonteCarlo, read: Read) -> dict[str, Any]:
         "within_limits": int((inside & within.all(axis=1) & (cycle < 0)).sum()),
         "held": int(inside.sum()),
         "first_left": None if inside.all() else float(read("flown")[~inside].min()),
+        "left_an_hour": 3600.0 * int((~inside).sum()) / max(float(read("flown").sum()), 1e-9),
         "left": {name: int((left == index).sum()) for index, name in enumerate(states)},
+        "lost_95": lost_band(int((~inside).sum()), plan.members),
         "exceeded": dict(zip(model.inputs, (~within).sum(axis=0).tolist(), strict=True)),
         "limit_cycle": {name: int((cycle == at).sum()) for at, name in enumerate(oscillating)},
         "quantiles": np.array(_QUANTILES),
@@ -87,13 +188,11 @@ def _failures(found: Mapping[str, Any]) -> list[str]:
     """Return lines on the drawn aircraft, if any, and on each kind of failure that occurred."""
     lines = []
     if "drawn" in found:
-        lines.append(
-            "members are aircraft with drawn parameters, each simulated from the trim of the model"
-        )
+        lines.append("flights are of aircraft with drawn parameters, from the trim of the model")
     if found["first_left"] is not None:
         lines.append(
-            f"left the envelope (members by first state): {_listed(found['left'])};"
-            f" the earliest after {found['first_left']:.3g} s"
+            f"left the envelope (flights by first state): {_listed(found['left'])};"
+            f" the earliest after {found['first_left']:.3g} s, {found['left_an_hour']:.3g} an hour"
         )
     if any(found["exceeded"].values()):
         lines.append(f"exceeded control limits: {_listed(found['exceeded'])}")
@@ -141,4 +240,4 @@ def _quantile_table(plan: MonteCarlo, found: Mapping[str, Any]) -> Table:
             name = f"{quantity.replace('_', ' ')} {variable}"
             rows.append((name, *cells, shown_unit(unit)))
     shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in _QUANTILES]
-    return Table(("members inside the envelope", *shares, "unit"), rows)
+    return Table(("flights inside the envelope", *shares, "unit"), rows)

@@ -1,0 +1,258 @@
+"""Policies of the estimate of a Kalman filter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model
+from hfa_flight.policies.deployment.policy import DeployedPolicy
+from hfa_flight.policies.kalman import KalmanFilter
+from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
+from hfa_flight.policies.sampled_policy import SampledPolicy
+from hfa_flight.scenario import Scenario
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
+from hfa_support.native.bound import BoundFunction
+from trim.point.operating_point import OperatingPoint
+
+#: A sample is not used if an innovation is beyond this number of its standard deviations.
+IMPOSSIBLE = 8.0
+#: After this number of such samples in a row, the estimate begins anew at the measured values.
+_LOST = 10
+#: Function (number of the sample, deviations of all states) -> deviations of the inputs.
+_Law = Callable[[int, np.ndarray], np.ndarray]
+
+
+@dataclass
+class _Memory:
+    """Memory of one flight.
+
+    predicted: predicted states of the filter at the next sample, (n,)
+    waiting: commands that do not act yet
+    samples, unused: numbers of samples, and of samples that were not used
+    missed: number of samples in a row with an impossible innovation
+    law: the policy behind the filter, or None before the first sample
+    """
+
+    predicted: np.ndarray
+    waiting: list[np.ndarray]
+    samples: int = 0
+    unused: int = 0
+    missed: int = 0
+    law: _Law | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FilteredPolicy(SampledPolicy):
+    """Policy U = sat(law(x̂)) of the estimate x̂ of a Kalman filter.
+
+    A sample that is not finite, or with an innovation beyond 8 standard deviations, is not used
+    and counted. If the first sample, or ten in a row, are impossible, the estimate begins at the
+    measured values.
+
+    filter: the filter
+    law: the policy behind it
+    """
+
+    filter: KalmanFilter
+    law: Policy
+    _memory: _Memory = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Begin at the trim."""
+        super().__post_init__()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the samples of an earlier flight: the estimate is the trim."""
+        object.__setattr__(self, "_memory", self._new())
+
+    def _new(self) -> _Memory:
+        late = round(self.delay / self.dt)
+        still = [np.zeros(len(self.point.u)) for _ in range(late)]
+        return _Memory(np.zeros(len(self.filter.Phi)), still)
+
+    def __call__(self, t: float, y: Any) -> np.ndarray:
+        """Return the inputs U (m,) from the measured values of one sample, absolute.
+
+        Samples follow each other every dt; t only tells them apart.
+
+        t: time of the sample, s
+        y: measured values, (p,) in the order of `filter.sensors`, or by name. A value that is not
+          finite, or a name that is missing, leaves the sample out
+        """
+        sensors = self.filter.sensors
+        if isinstance(y, Mapping):
+            for name in y:
+                refuse_unknown("the unknown sensor", name, sensors)
+            y = [y.get(name, math.nan) for name in sensors]
+        measured = numbers_in("the measured values", y)
+        if measured.shape != (len(sensors),):
+            raise BadInputError(
+                f"the policy received {measured.size} measured values; give {len(sensors)} "
+                f"({', '.join(sensors)})"
+            )
+        trim = np.array([getattr(self.point.states, name) for name in sensors])
+        return np.asarray(self.point.u + self._next(self._memory, measured - trim))
+
+    @property
+    def estimate(self) -> dict[str, float]:
+        """Linear state -> predicted value at the next sample, absolute."""
+        return {
+            name: float(getattr(self.point.states, name) + value)
+            for name, value in zip(self.filter.states, self._memory.predicted, strict=False)
+        }
+
+    @property
+    def unused(self) -> int:
+        """Number of samples of the last flight that were not used."""
+        return self._memory.unused
+
+    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+        """Return the function (tick, measured) -> inputs as deviations from trim, (m,)."""
+        memory = self._new()
+        object.__setattr__(self, "_memory", memory)
+        ticks = round(self.dt / (self.tick or self.dt))
+        rows = self.point.model.state_places(self.filter.sensors)
+        held = [np.zeros(len(self.point.u))]
+
+        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
+            if tick % ticks == 0:
+                held[0] = self._next(memory, measured[rows])
+            return held[0]
+
+        return sample
+
+    def _next(self, memory: _Memory, y: np.ndarray) -> np.ndarray:
+        """Return the command of the next sample, as deviations from trim, (m,).
+
+        y: measured deviations from trim, (p,)
+        """
+        if memory.law is None:
+            memory.law = _law_of(self.law, self.point, self.dt)
+        updated = self._updated(memory, y)
+        k = len(self.filter.states)
+        x = np.zeros(len(self.point.x))
+        x[self.point.model.state_places(self.filter.states)] = updated[:k]
+        limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
+        command = memory.law(memory.samples, x) + self.point.u
+        u = np.clip(command, limits.lowest, limits.highest) - self.point.u
+        memory.waiting.append(u)
+        acting = memory.waiting.pop(0)
+        memory.predicted = self.filter.Phi @ updated + self.filter.Gamma @ acting
+        memory.samples += 1
+        return np.asarray(u)
+
+    def _updated(self, memory: _Memory, y: np.ndarray) -> np.ndarray:
+        """Return the states of the filter with the sample y, (n,)."""
+        known = self.filter
+        innovation = y - known.C @ memory.predicted
+        if not np.isfinite(innovation).all():
+            memory.unused += 1
+            return memory.predicted
+        if (np.abs(innovation) <= IMPOSSIBLE * known.innovation).all():
+            memory.missed = 0
+            return np.asarray(memory.predicted + known.L @ innovation)
+        memory.missed += 1
+        if memory.samples and memory.missed < _LOST:
+            memory.unused += 1
+            return memory.predicted
+        memory.missed = 0
+        begun = known.C.T @ y
+        begun[len(known.states) :] = memory.predicted[len(known.states) :]
+        return np.asarray(begun)
+
+    def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
+        """Return the policy and the scenario with ticks that divide samples and delays."""
+        flown, timed = super().in_scenario(scenario)
+        if isinstance(self.law, SampledPolicy):
+            flown = replace(flown, law=replace(self.law, delay=flown.delay))
+        return flown, timed
+
+    def sampled_modes(self) -> np.ndarray | None:
+        """Return the eigenvalues of the loop near the trim, 1/s, or None without a linear law."""
+        gain = self.law.gain
+        if gain is None:
+            return None
+        values = np.linalg.eigvals(self.filter.loop(gain).F)
+        return np.log(values[values != 0.0].astype(complex)) / self.dt
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """Return the JSON data on the policy: those of its law, and the filter."""
+        found = {**self.law.data(model), "law": self.name, "filter": self.filter.contents()}
+        return {**found, "unused_samples": self.unused}
+
+    def notes(self) -> tuple[str, ...]:
+        """Return the filter, and the number of samples that were not used."""
+        lines = [self.filter.text()]
+        if self.unused:
+            lines.append(f"{self.unused} of {self._memory.samples} samples were not used.")
+        return (*lines, *self.law.notes())
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields, without functions that are made at the next sample."""
+        memory = replace(self._memory, law=None, waiting=[*self._memory.waiting])
+        return {**self.__dict__, "_memory": memory}
+
+
+def filtered_policy(known: KalmanFilter, law: Any) -> FilteredPolicy:
+    """Return the policy of a filter's estimate.
+
+    law: policy in any form that `hfa.fly` accepts
+
+    Raises BadInputError for a policy without feedback, with a memory of its own, or with another
+    sample time.
+    """
+    from hfa_flight.policies.given import policy_and_scenario
+
+    if isinstance(law, FilteredPolicy):
+        raise BadInputError("the policy has a filter already; give the policy without its filter")
+    scenario = Scenario(tick=known.dt, step=known.dt, duration=known.dt)
+    behind = law if isinstance(law, Policy) else policy_and_scenario(law, known.point, scenario)[0]
+    if isinstance(behind, OpenLoop):
+        raise BadInputError("a policy without feedback needs no filter; give a policy")
+    if behind.start.size:
+        raise BadInputError(f"the policy {behind.name} has a memory; give one without a memory")
+    own = own_sample_time(behind, known.dt)
+    if isinstance(behind, SampledPolicy):
+        behind = replace(behind, tick=known.dt)
+    if not math.isclose(own, known.dt, rel_tol=1e-6):
+        raise BadInputError(
+            f"the filter has samples of {known.dt:g} s, the policy {behind.name} of {own:g} s; "
+            f"give the filter dt={own:g}"
+        )
+    identity = {"filter": known.contents(), **behind.identity}
+    name = f"{behind.name} behind a filter"
+    return FilteredPolicy(name, known.point, known.dt, known, behind, identity=identity)
+
+
+def own_sample_time(policy: Policy, otherwise: float) -> float:
+    """Return the sample time of a policy, s, or `otherwise` for one without samples."""
+    if isinstance(policy, SampledPolicy):
+        return policy.dt
+    return policy.tick if isinstance(policy, DeployedPolicy) else otherwise
+
+
+def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
+    """Return the law of the estimate: a sampler of the policy, or its expression."""
+    sampler = policy.sampler()
+    if sampler is not None:
+        return sampler
+    rows = point.model.state_places(point.model.linear)
+    t, z = ca.SX.sym("t"), ca.SX.sym("z", len(rows))
+    held = ca.SX.sym("held", policy.held.shape[1])
+    nothing = ca.SX(0, 1)
+    command = policy.control(t, Measurements(z, z, nothing, nothing), nothing, held)
+    function = BoundFunction(ca.Function("law", [t, z, held], [ca.densify(command)]))
+
+    def law(sample: int, x: np.ndarray) -> np.ndarray:
+        (u,) = function.at(sample * dt, x[rows], policy.held_inputs(sample, sample * dt))
+        return np.array(u)
+
+    return law

@@ -1,0 +1,411 @@
+"""Stationary Kalman filter of a linear model in turbulence, with sensor noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.turbulence import AirFilter, Turbulence, turbulence_of
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import (
+    BadInputError,
+    NoSolutionError,
+    refuse_unknown,
+    refuse_unless_positive,
+)
+from hfa_support.reporting.results import Result
+from trim.linear.kinks import linearization_at
+from trim.linear.linear_model import LinearModel
+from trim.linear.modes import modes_of
+from trim.point.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from hfa_flight.policies.filtered_policy import FilteredPolicy
+
+#: Default drift of a state in one second: share of its sensor noise, or without a sensor of a
+#: hundredth of its nominal value.
+DRIFT = 0.1
+_UNMEASURED = 0.01
+#: Smallest singular value of [A - s I; C] of an observable mode, relative to that of A.
+_OBSERVED = 1e-7
+#: Largest relative residual of the Riccati equation.
+_RESIDUAL = 1e-8
+
+
+class _Plant(NamedTuple):
+    """Aircraft and air, x' = A x + B u + G ν with white noise ν, y = C x.
+
+    x are the k linear states and the states of the turbulence filter; scale (n,) are their units.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    noise: np.ndarray  # G G', of the turbulence
+    drift: np.ndarray  # (n,), standard deviation of the drift in one second
+    scale: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class KalmanFilter(Result):
+    """Stationary filter x⁺ = Φ x̂ + Γ u, x̂ = x + L (y - C x) of the deviations from a trim.
+
+    x are the n states: the k linear states and those of the turbulence filter.
+
+    point: the trim.
+    dt: sample time, s.
+    noise: measured state -> standard deviation of its noise in a sample.
+    drift: linear state -> standard deviation of its unmodeled drift in one second.
+    turbulence: turbulence that the filter assumes, or None for still air.
+    Phi, Gamma, C: model of a sample, (n, n), (n, m), (p, n).
+    Q, R: covariance of the disturbances in a sample, and of the noise.
+    air: part of Q that is due to turbulence.
+    P: covariance of the error of the predicted states x.
+    L: gain, (n, p).
+    residual: residual of the Riccati equation of P, relative to P, in balanced units.
+    unobservable: names of decaying modes that the sensors do not observe.
+    """
+
+    point: OperatingPoint
+    dt: float
+    noise: Mapping[str, float]
+    drift: Mapping[str, float]
+    turbulence: Turbulence | None
+    Phi: np.ndarray
+    Gamma: np.ndarray
+    C: np.ndarray
+    Q: np.ndarray
+    R: np.ndarray
+    air: np.ndarray
+    P: np.ndarray
+    L: np.ndarray
+    residual: float
+    unobservable: tuple[str, ...]
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the measured states, in the order of y."""
+        return tuple(self.noise)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the k linear states."""
+        return tuple(self.drift)
+
+    @cached_property
+    def innovation(self) -> np.ndarray:
+        """Standard deviations of the innovations y - C x, (p,)."""
+        return np.sqrt(np.diag(self.C @ self.P @ self.C.T + self.R))
+
+    @cached_property
+    def radius(self) -> float:
+        """Spectral radius of the errors' dynamics Φ (I - L C)."""
+        errors = self.Phi @ (np.eye(len(self.Phi)) - self.L @ self.C)
+        return float(np.abs(np.linalg.eigvals(errors)).max())
+
+    @property
+    def estimated(self) -> dict[str, float]:
+        """State -> standard deviation of the error of its estimate x̂."""
+        P = self.P - self.L @ self.C @ self.P
+        return dict(zip(self.states, np.sqrt(np.diag(P)).tolist(), strict=False))
+
+    def policy(self, law: Any) -> FilteredPolicy:
+        """Return the policy U = law(estimate), sampled and saturated at the control limits.
+
+        The result is a policy: `policy(t, y) -> U`, `reset()`, and an argument of `hfa.fly`.
+
+        law: a gain K, a critic, a solution, a deployment or another policy that `hfa.fly` accepts
+        """
+        from hfa_flight.policies.filtered_policy import filtered_policy
+
+        return filtered_policy(self, law)
+
+    def loop(self, K: np.ndarray) -> _Loop:
+        """Return the loop of a gain u = -K x̂ and this filter.
+
+        K: (m, k)
+        """
+        return _Loop.of(self, K)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "dt": self.dt,
+            "noise": dict(self.noise),
+            "drift": dict(self.drift),
+            "L": self.L,
+            "residual": self.residual,
+            "spectral_radius": self.radius,
+            "estimation_error": self.estimated,
+            "unobservable": list(self.unobservable),
+        }
+
+    def text(self) -> str:
+        """Return one line on the filter: its sensors, its air and its certificate."""
+        missing = [name for name in self.states if name not in self.noise]
+        without = f", without a sensor of {', '.join(missing)}" if missing else ""
+        air = "still air"
+        if self.turbulence is not None:
+            level = self.turbulence.level
+            air = f"{level} turbulence" if isinstance(level, str) else "turbulence"
+        return (
+            f"Kalman filter for {air}, one sample every {1e3 * self.dt:g} ms{without}: spectral "
+            f"radius {self.radius:.5f}, Riccati residual {self.residual:.1e}, drift {DRIFT:g} of "
+            "the noise a second"
+        )
+
+
+class _Loop(NamedTuple):
+    """Loop of a gain and a filter, s⁺ = F s + (noise of covariance N), s = (x; x - x⁻).
+
+    outputs: matrix from s to the linear states and inputs
+    feed: covariance of the inputs by the noise of the same sample
+    """
+
+    F: np.ndarray
+    N: np.ndarray
+    outputs: np.ndarray
+    feed: np.ndarray
+
+    @classmethod
+    def of(cls, filtered: KalmanFilter, K: np.ndarray) -> _Loop:
+        Phi, Gamma, C, L = filtered.Phi, filtered.Gamma, filtered.C, filtered.L
+        n, k = len(Phi), len(filtered.states)
+        gain = np.hstack([K, np.zeros((len(K), n - k))])
+        kept = np.eye(n) - L @ C
+        F = np.block([[Phi - Gamma @ gain, Gamma @ gain @ kept], [np.zeros((n, n)), Phi @ kept]])
+        of_noise = np.vstack([-Gamma @ gain @ L, -Phi @ L])
+        both = np.vstack([np.eye(n), np.eye(n)])
+        N = both @ filtered.air @ both.T + of_noise @ filtered.R @ of_noise.T
+        states = np.eye(n)[:k]
+        outputs = np.block([[states, np.zeros((k, n))], [-gain, gain @ kept]])
+        feed = gain @ L @ filtered.R @ L.T @ gain.T
+        return cls(F, N, outputs, feed)
+
+    @property
+    def radius(self) -> float:
+        """Spectral radius of the loop, without the states of the air."""
+        return float(np.abs(np.linalg.eigvals(self.F)).max())
+
+    def rms(self, samples: int) -> np.ndarray:
+        """Return the root mean square of linear states and inputs, (k + m,), over the second half
+        of a flight that begins in calm at the trim.
+        """
+        k = len(self.outputs) - len(self.feed)
+        covariance = np.zeros_like(self.F)
+        total = np.zeros(len(self.outputs))
+        begin = samples // 2
+        for sample in range(samples):
+            if sample >= begin:
+                total += np.diag(self.outputs @ covariance @ self.outputs.T)
+                total[k:] += np.diag(self.feed)
+            covariance = self.F @ covariance @ self.F.T + self.N
+        return np.asarray(np.sqrt(total / max(samples - begin, 1)))
+
+
+@checks_arguments
+def filter(  # the field's word
+    linear: LinearModel,
+    noise: Mapping[str, float],
+    turbulence: Turbulence | str | None = None,
+    dt: float = 0.01,
+    *,
+    drift: Mapping[str, float] = MappingProxyType({}),
+) -> KalmanFilter:
+    """Return the stationary Kalman filter of an aircraft near a trim.
+
+      x⁺ = Φ x + Γ u + w,  y = C x + n,  P = Φ (P - P C'(C P C' + R)⁻¹ C P) Φ' + Q
+
+    x contains the states of the Dryden or von Karman filters of the turbulence.
+
+    linear: linear model at the trim
+    noise: measured state -> standard deviation of its noise in a sample, in its unit, white from
+      sample to sample. A linear state without noise has no sensor
+    turbulence: turbulence as in `hfa fly`, such as "moderate:40000", or None for still air
+    dt: sample time, s
+    drift: linear state -> standard deviation of its unmodeled drift in one second. Default: .1
+      times its noise; without a sensor .001 times its nominal value
+
+    Raises BadInputError for a wrong argument, and for a mode that does not decay and that the
+    sensors do not observe. Raises NoSolutionError if the Riccati equation is not solved.
+
+    Source: Anderson, Moore, *Optimal Filtering*, 1979, Chapters 3 and 4.
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> linear = hfa.linearize(model, hfa.trim(model))
+    >>> noise = {"speed": .3, "pitch": .002, "pitch_rate": .003, "dihedral": .002}
+    >>> hfa.filter(linear, noise, "light:20000").radius < 1.0
+    True
+    """
+    point = linear.point
+    if tuple(linear.states) != tuple(point.model.linear):
+        raise BadInputError(
+            f"the linear model has the states {', '.join(linear.states)}; give the linear model "
+            f"of all linear states ({', '.join(point.model.linear)})"
+        )
+    if not noise:
+        raise BadInputError("noise names no sensor; give the noise of at least one state")
+    refuse_unless_positive("dt", dt, " s")
+    for about, given in (("noise", noise), ("drift", drift)):
+        for name, value in given.items():
+            refuse_unknown(f"{about} names the unknown state", name, linear.states)
+            refuse_unless_positive(f"the {about} of {name}", value)
+    if isinstance(turbulence, str):
+        turbulence = turbulence_of(turbulence)
+    sensors = {name: float(noise[name]) for name in linear.states if name in noise}
+    drifts = {
+        name: drift.get(
+            name, DRIFT * sensors.get(name, _UNMEASURED * point.model.states[name].nominal)
+        )
+        for name in linear.states
+    }
+    plant = _plant(linear, sensors, drifts, turbulence, dt)
+    return _solved(plant, point, dt, sensors, drifts, turbulence)
+
+
+def _plant(
+    linear: LinearModel,
+    noise: Mapping[str, float],
+    drift: Mapping[str, float],
+    turbulence: Turbulence | None,
+    dt: float,
+) -> _Plant:
+    """Return aircraft and air in continuous time."""
+    point, model = linear.point, linear.point.model
+    k, m = linear.B.shape
+    A, B, E = linear.A, linear.B, np.zeros((k, 0))
+    scale = [noise.get(name, _UNMEASURED * model.states[name].nominal) for name in linear.states]
+    Aw, noise_of_air = np.zeros((0, 0)), np.zeros((0, 0))
+    if turbulence is not None:
+        air = turbulence.air(point, dt, 1, 0)
+        shape = AirFilter.of(air)
+        seen = air.factors.T @ shape.C
+        used = _used(shape.A, seen)
+        slopes, _ = linearization_at(
+            in_gusts(model), point.states, point.inputs, disturbances=air.names
+        )
+        rows = model.state_places(model.linear)
+        E = slopes.E[rows] @ seen[:, used]
+        Aw = shape.A[np.ix_(used, used)]
+        noise_of_air = np.pi * (shape.B @ shape.B.T)[np.ix_(used, used)]
+        scale += np.sqrt(np.diag(shape.covariance))[used].tolist()
+    n = k + len(Aw)
+    whole = np.block([[A, E], [np.zeros((len(Aw), k)), Aw]])
+    G = np.zeros((n, n))
+    G[k:, k:] = noise_of_air
+    drifts = np.zeros(n)
+    drifts[:k] = list(drift.values())
+    C = np.zeros((len(noise), n))
+    C[np.arange(len(noise)), [linear.states.index(name) for name in noise]] = 1.0
+    B = np.vstack([B, np.zeros((n - k, m))])
+    return _Plant(whole, B, C, G, drifts, np.array(scale))
+
+
+def _used(A: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Return the indices of the states of x' = A x that act on the outputs, seen x."""
+    used = (seen != 0.0).any(axis=0)
+    for _ in range(len(A)):
+        used |= (A[used] != 0.0).any(axis=0)
+    return np.flatnonzero(used)
+
+
+def _solved(
+    plant: _Plant,
+    point: OperatingPoint,
+    dt: float,
+    noise: Mapping[str, float],
+    drift: Mapping[str, float],
+    turbulence: Turbulence | None,
+) -> KalmanFilter:
+    """Return the filter, computed in balanced units."""
+    from scipy.linalg import expm, solve_discrete_are
+
+    n, m = plant.B.shape
+    sigma = np.array(list(noise.values()))
+    A = plant.A * plant.scale / plant.scale[:, None]
+    C = plant.C * plant.scale / sigma[:, None]
+    unobservable = _unobservable(plant, A, C, tuple(drift), tuple(noise))
+    both = np.outer(plant.scale, plant.scale)
+    held = expm(dt * np.block([[plant.A, plant.B], [np.zeros((m, n + m))]]))
+    air = _accumulated(A, plant.noise / both, dt)
+    Q = air + _accumulated(A, np.diag((plant.drift / plant.scale) ** 2), dt)
+    Phi = expm(dt * A)
+    try:
+        P = solve_discrete_are(Phi.T, C.T, Q, np.eye(len(C)))
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise NoSolutionError(
+            f"the Riccati equation of the filter has no solution: {error}"
+        ) from error
+    P = 0.5 * (P + P.T)
+    L = np.linalg.solve(C @ P @ C.T + np.eye(len(C)), C @ P).T
+    left = Phi @ (P - L @ C @ P) @ Phi.T + Q - P
+    residual = float(np.abs(left).max() / np.abs(P).max())
+    if not residual <= _RESIDUAL:
+        raise NoSolutionError(
+            f"the Riccati equation of the filter is solved only to {residual:.1e}; leave out "
+            "states that no sensor observes"
+        )
+    return KalmanFilter(
+        point=point,
+        dt=dt,
+        noise=noise,
+        drift=drift,
+        turbulence=turbulence,
+        Phi=held[:n, :n],
+        Gamma=held[:n, n:],
+        C=plant.C,
+        Q=Q * both,
+        R=np.diag(sigma**2),
+        air=air * both,
+        P=P * both,
+        L=L * plant.scale[:, None] / sigma,
+        residual=residual,
+        unobservable=unobservable,
+    )
+
+
+def _accumulated(A: np.ndarray, noise: np.ndarray, dt: float) -> np.ndarray:
+    """Return the covariance ∫ e^(A t) noise e^(A' t) dt of a sample (Van Loan 1978)."""
+    from scipy.linalg import expm
+
+    n = len(A)
+    grown = expm(dt * np.block([[-A, noise], [np.zeros((n, n)), A.T]]))
+    covariance = grown[n:, n:].T @ grown[:n, n:]
+    return np.asarray(0.5 * (covariance + covariance.T))
+
+
+def _unobservable(
+    plant: _Plant,
+    A: np.ndarray,
+    C: np.ndarray,
+    states: tuple[str, ...],
+    sensors: tuple[str, ...],
+) -> tuple[str, ...]:
+    """Return the names of the aircraft's decaying modes that the sensors do not observe.
+
+    Raises BadInputError for such a mode that does not decay.
+    """
+    k = len(states)
+    size = np.linalg.norm(A[:k, :k], 2)
+    names = []
+    for mode in modes_of(plant.A[:k, :k], states):
+        shifted = A[:k, :k] - mode.eigenvalue * np.eye(k)
+        observed = np.linalg.svd(np.vstack([shifted, size * C[:, :k]]), compute_uv=False)[-1]
+        if observed > _OBSERVED * size:
+            continue
+        if mode.eigenvalue.real >= -_OBSERVED * size:
+            missing = {name: mode.participation[name] for name in states if name not in sensors}
+            best = max(missing, key=lambda name: missing[name])
+            raise BadInputError(
+                f"the sensors {', '.join(sensors)} do not observe the mode {mode.name}, which "
+                f"does not decay; add a sensor of {best}"
+            )
+        names.append(mode.name)
+    return tuple(names)

@@ -1,0 +1,367 @@
+"""Kalman filters for noise and turbulence, and policies of their estimates."""
+
+import copy
+import json
+import pickle
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import assert_refused, hfa as run
+from scipy.linalg import expm, solve_discrete_lyapunov
+from scipy.stats import binom
+
+import hfa
+from hfa import BadInputError, Turbulence
+from hfa_flight import (
+    GainPolicy,
+    MonteCarlo,
+    Scenario,
+    Uncertainty,
+    flight_envelope,
+    lost_band,
+    run_monte_carlo,
+)
+
+DEG = np.pi / 180.0
+#: A sample's noise as in ordinary sensors: ft/s, rad, rad/s.
+NOISE = {
+    **{"speed": 0.3, "alpha": 0.003, "pitch": 0.002},
+    **{"pitch_rate": 0.003, "dihedral": 0.002, "dihedral_rate": 0.003},
+}
+TYPED = [f"--noise={name}={v if name == 'speed' else v / DEG}" for name, v in NOISE.items()]
+AIR = "moderate:40000"
+
+
+@pytest.fixture(scope="module")
+def point():
+    return hfa.trim(hfa.aircraft(), dihedral=10.0 * DEG)
+
+
+@pytest.fixture(scope="module")
+def linear(point):
+    return point.linearize()
+
+
+@pytest.fixture(scope="module")
+def gain(linear):
+    return np.array(hfa.solve(hfa.paper.published_game(linear)).K)
+
+
+@pytest.fixture(scope="module")
+def known(linear):
+    return hfa.filter(linear, NOISE, AIR)
+
+
+def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
+    """P of the aircraft's states is that of an own Dryden model, own columns of the gusts, an own
+    discretization by Simpson's rule, and the recursion iterated from 0.
+    """
+    dt, seconds = 0.25, 1750.0 / point["speed"]
+    found = hfa.filter(linear, NOISE, AIR, dt)
+    model = point.model
+    columns = []
+    for wind in ("headwind", "updraft"):
+        sides = []
+        for size in (-1e-4, 1e-4):
+            winds = [size * (name == wind) for name in model.disturbances]
+            vectors = [[*map(ca.SX, of)] for of in (point.x, point.u, model.p)]
+            rates = np.array(ca.DM(model.layout.expressions(vectors, (), winds)[0])).ravel()
+            sides.append(rates[model.state_places(model.linear)])
+        columns.append((sides[1] - sides[0]) / 2e-4)
+    sigma = float(np.interp(40000.0, [35000.0, 45000.0], [5.0, 4.2]))
+    along = -sigma * np.sqrt(2.0 / seconds)
+    across = -sigma * np.sqrt(3.0 / seconds) * np.array([1.0 / (np.sqrt(3.0) * seconds), 1.0])
+    A = np.zeros((9, 9))
+    A[:6, :6] = linear.A
+    A[:6, 6] = along * columns[0]
+    A[:6, 7:] = np.outer(columns[1], across)
+    A[6, 6] = -1.0 / seconds
+    A[7:, 7:] = [[0.0, 1.0], [-1.0 / seconds**2, -2.0 / seconds]]
+    driven = np.diag([*(np.array(list(found.drift.values())) ** 2), 1.0, 0.0, 1.0])
+    times = np.linspace(0.0, dt, 201)
+    parts = np.array([expm(A * t) @ driven @ expm(A * t).T for t in times])
+    weights = np.ones(201)
+    weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
+    Q = np.einsum("t,tij->ij", weights, parts) * dt / 600.0
+    Phi, R = expm(A * dt), np.diag(np.array(list(NOISE.values())) ** 2)
+    P = np.zeros((9, 9))
+    for _ in range(4000):
+        S = P[:6, :6] + R
+        P = Phi @ (P - P[:, :6] @ np.linalg.solve(S, P[:6])) @ Phi.T + Q
+    np.testing.assert_allclose(found.P[:6, :6], P[:6, :6], rtol=1e-5, atol=1e-12)
+
+
+def test_the_gain_is_the_optimal_one(known):
+    """The errors with the gain L have the covariance P; with other gains they are larger."""
+
+    def covariance(L):
+        kept = np.eye(len(known.Phi)) - L @ known.C
+        noise = known.Phi @ L @ known.R @ L.T @ known.Phi.T
+        return solve_discrete_lyapunov(known.Phi @ kept, noise + known.Q)
+
+    np.testing.assert_allclose(covariance(known.L), known.P, rtol=1e-6, atol=1e-12)
+    for wrong in (0.8, 1.2):
+        assert (np.diag(covariance(wrong * known.L)) > 1.001 * np.diag(known.P)).all()
+    assert known.residual < 1e-12
+    assert known.radius < 1.0
+    assert known.unobservable == ()
+
+
+def plane(length, angle):
+    """Return the linear model of a longitudinal aircraft whose units are multiples of m and rad.
+
+    length: ft per unit of length
+    angle: size of the unit of an angle, rad
+    """
+    of_states = np.array([length, angle, angle, angle])
+    A = np.array([[-0.05, 4, 0, -9.8], [-0.01, -2, 1, 0], [0.02, -9, -3, 0], [0, 0, 1, 0]])
+    A = A * of_states / of_states[:, None]
+    B = np.array([[0.1], [-0.2], [-10.0], [0.0]]) * angle / of_states[:, None]
+    E = np.array([0.02, 0.04, 0.18, 0.0]) * length / of_states
+    names = ("speed", "alpha", "pitch_rate", "pitch")
+    unit = {1.0: "m/s", 0.3048: "ft/s"}[length]
+
+    def rates(x, u, p, w):
+        z = (x.speed - 30.0 / length, x.alpha, x.pitch_rate, x.pitch)
+        return {
+            name: sum(a * each for a, each in zip(A[i].tolist(), z, strict=True))
+            + B[i, 0] * u.elevator
+            + E[i] * w.updraft
+            for i, name in enumerate(names)
+        }, {}
+
+    units = (unit, *["1/s" if name == "pitch_rate" else "1" for name in names[1:]])
+    nominals = np.array([3.0, 0.1, 0.2, 0.1]) / of_states
+    states = {
+        name: hfa.Signal(each, nominal=float(size))
+        for name, each, size in zip(names, units, nominals, strict=True)
+    }
+    model = hfa.Model(
+        "plane",
+        states,
+        {"elevator": hfa.Signal("1", nominal=0.1 / angle)},
+        rates,
+        disturbances={"updraft": hfa.Signal(unit)},
+        trim={"speed": 30.0 / length},
+    )
+    return hfa.trim(model, hold={"speed": 30.0 / length, "elevator": 0.0}).linearize(), of_states
+
+
+def test_a_filter_is_the_same_in_other_units():
+    """With lengths in ft and angles in 1e-7 rad, P, L and the radius scale as the units do.
+
+    One state has no sensor.
+    """
+    found = []
+    for length, angle in ((1.0, 1.0), (0.3048, 1.0), (1.0, 1e-7), (0.3048, 1e6)):
+        linear, units = plane(length, angle)
+        noise = np.array([0.1, 0.003, 0.002, 0.002]) / units
+        sensors = dict(zip(linear.states, noise.tolist(), strict=True))
+        del sensors["alpha"]
+        known = hfa.filter(linear, sensors, Turbulence((1.0 / length, 200.0 / length)))
+        measured = units[[0, 2, 3]]
+        P = known.P[:4, :4] * np.outer(units, units)
+        L = known.L[:4] * units[:, None] / measured
+        found.append((P, L, known.radius, known.sensors))
+    for P, L, radius, sensors in found[1:]:
+        np.testing.assert_allclose(P, found[0][0], rtol=1e-7, atol=1e-14)
+        np.testing.assert_allclose(L, found[0][1], rtol=1e-7, atol=1e-12)
+        assert radius == pytest.approx(found[0][2], rel=1e-10)
+        assert sensors == ("speed", "pitch_rate", "pitch")
+
+
+def test_modes_that_no_sensor_observes_are_named():
+    """A decaying one is noted; one that does not decay is refused with the sensor to add."""
+    states = {name: hfa.Signal(nominal=1.0) for name in ("x", "y")}
+
+    def linear(growth):
+        model = hfa.Model(
+            "two",
+            states,
+            {"u": hfa.Signal(nominal=1.0)},
+            lambda x, u, p, w: ({"x": -x.x + u.u, "y": growth * x.y}, {}),
+        )
+        return hfa.trim(model, hold={"u": 0.0}, free=("x", "y")).linearize()
+
+    assert hfa.filter(linear(-0.5), {"x": 0.1}).unobservable == ("y",)
+    with pytest.raises(BadInputError, match="add a sensor of y"):
+        hfa.filter(linear(0.5), {"x": 0.1})
+    assert hfa.filter(linear(0.5), {"x": 0.1, "y": 0.1}).radius < 1.0
+
+
+def flights(point, policy, members, duration, level="moderate"):
+    air = Turbulence(level, 40000.0 if level == "moderate" else 20000.0)
+    scenario = Scenario(duration, uncertainty=Uncertainty(noise=NOISE, turbulence=air))
+    policy, scenario = policy.in_scenario(scenario)
+    envelope = flight_envelope(point.model, point)
+    return MonteCarlo(members, 3, point.model, point, policy, scenario, envelope)
+
+
+def test_the_exact_gain_flies_behind_the_filter_alone(point, known, gain):
+    """With noise the exact gain leaves at once; behind the filter it stays inside."""
+    bare = run_monte_carlo(flights(point, GainPolicy("exact", gain), 2, 0.3))
+    assert (bare["left"] >= 0).all()
+    assert bare["flown"].max() < 0.1
+    behind = run_monte_carlo(flights(point, known.policy(gain), 2, 0.3))
+    assert (behind["left"] == -1).all()
+
+
+@pytest.mark.slow
+def test_flights_are_those_of_the_linear_covariance(point, gain, linear):
+    """In light turbulence the rms of 40 flights is that of the linear loop, within 20 %.
+
+    The speed's is left out: the drag of the gusts is of second order.
+    """
+    known = hfa.filter(linear, NOISE, "light:20000")
+    plan = flights(point, known.policy(gain), 40, 10.0, "light")
+    flown = run_monte_carlo(plan)
+    assert (flown["left"] == -1).all()
+    found = np.hstack([flown["rms_error"], flown["effort"]])
+    expected = known.loop(gain).rms(1000)
+    np.testing.assert_allclose(np.sqrt((found**2).mean(axis=0))[1:], expected[1:], rtol=0.2)
+    assert known.loop(gain).radius < 1.0
+
+
+def test_impossible_samples_are_not_used_and_counted(point, known, gain):
+    """nan and 9 sigma leave the prediction; ten of them in a row, or the first, begin anew."""
+    trim = np.array([point[name] for name in known.sensors])
+    policy = known.policy(gain)
+    policy(0.0, trim)
+    before = policy.estimate
+    far = trim + 9.0 * known.innovation[0] * np.eye(6)[0]
+    for y in (trim * np.nan, far, {"speed": 68.0}):
+        policy(0.01, y)
+    assert policy.unused == 3
+    assert policy.estimate == before
+    for _ in range(9):
+        policy(0.01, far)
+    assert policy.estimate["speed"] == pytest.approx(far[0], abs=0.1)
+    policy.reset()
+    policy(0.0, far)
+    assert policy.unused == 0
+    assert policy.estimate["speed"] == pytest.approx(far[0], abs=0.1)
+
+
+def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
+    """Absolute values, by name or not; saturated; copies and pickles have memories of their own."""
+    policy = known.policy(gain)
+    y = np.array([point[name] for name in known.sensors])
+    U = policy(0.0, dict(zip(known.sensors, y + known.innovation, strict=True)))
+    x = known.L @ known.innovation
+    np.testing.assert_allclose(U, point.u - gain @ x[:6], rtol=1e-12)
+    others = copy.copy(policy), pickle.loads(pickle.dumps(policy))
+    kept = policy.estimate
+    later = [other(0.01, y) for other in others]
+    assert policy.estimate == kept
+    assert np.array_equal(later[0], later[1])
+    np.testing.assert_array_equal(policy(0.01, y), later[0])
+    policy.reset()
+    np.testing.assert_allclose(policy(0.0, y), point.u, atol=1e-12)
+    limits = point.model.inputs["elevator_center"]
+    strong = known.policy(1e6 * gain)(0.0, y + known.innovation)
+    assert limits.min <= strong[3] <= limits.max
+    critic = known.policy(hfa.from_gain(hfa.paper.published_game(linear), gain))
+    np.testing.assert_allclose(critic(0.0, y + known.innovation), U)
+
+
+def test_a_delay_is_known_to_the_filter(point, linear, gain):
+    """The prediction moves with the command that acts, three samples late."""
+    known = hfa.filter(linear, NOISE)
+    late, _ = known.policy(gain).in_scenario(Scenario(1.0, delay=0.03))
+    late.reset()
+    y = np.array([point[name] for name in known.sensors])
+    late(0.0, y + known.innovation)
+    x = known.L @ known.innovation
+    moved = known.Phi @ x
+    np.testing.assert_allclose(
+        list(late.estimate.values()), [point[name] for name in linear.states] + moved[:6]
+    )
+
+
+def test_a_deployment_flies_behind_a_filter():
+    """Its samples are those of the filter; another sample time is refused."""
+    model = hfa.load_model("examples/gtm.py:GTM")
+    point = hfa.trim(model, at=45.0)
+    noise = {"speed": 0.1, "alpha": 0.002, "pitch_rate": 0.002, "pitch": 0.002}
+    linear = point.linearize()
+    deployed = hfa.Deployment.load("examples/gtm_policy/on_time.toml")
+    policy = hfa.filter(linear, noise, "light:1000", 0.02).policy(deployed)
+    air = Uncertainty(noise=noise, turbulence=Turbulence("light", 1000.0))
+    policy, scenario = policy.in_scenario(Scenario(1.0, uncertainty=air))
+    flight = hfa.fly(model, point, policy, scenario=scenario.drawn(1, 0, point))
+    assert flight.departure is None
+    assert policy.data(model)["unused_samples"] == 0
+    with pytest.raises(BadInputError, match=r"give the filter dt=0\.02"):
+        hfa.filter(linear, noise).policy(deployed)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"noise": {}}, "at least one state"),
+        ({"noise": {"speeed": 1.0}}, "unknown state 'speeed'"),
+        ({"noise": {"speed": 0.0}}, "noise of speed"),
+        ({"noise": NOISE, "dt": -1.0}, "dt"),
+        ({"noise": NOISE, "turbulence": "calm:3"}, "LEVEL"),
+        ({"noise": NOISE, "drift": {"speed": -1.0}}, "drift of speed"),
+    ],
+)
+def test_wrong_arguments_of_a_filter_are_refused(linear, given, said):
+    with pytest.raises(BadInputError, match=said):
+        hfa.filter(linear, **given)
+
+
+def test_the_band_of_lost_flights_is_that_of_the_binomial():
+    """The tails beyond both ends have 2.5 %; without a lost flight one has 5 %."""
+    for lost, members in ((1, 20), (17, 100), (19, 20)):
+        low, high = lost_band(lost, members)
+        assert binom.sf(lost - 1, members, low) == pytest.approx(0.025)
+        assert binom.cdf(lost, members, high) == pytest.approx(0.025)
+    assert lost_band(0, 200) == (0.0, pytest.approx(1.0 - 0.05 ** (1 / 200)))
+    assert lost_band(200, 200) == (pytest.approx(0.05 ** (1 / 200)), 1.0)
+
+
+def test_the_command_reports_flights_in_air():
+    """The first line has counts and band, the table the same flights without control."""
+    words = ("fly", "--dihedral", "10", "--law", "exact", "--turbulence", AIR, *TYPED)
+    flown = run(*words, "--filter", "--samples", "2", "--duration", "0.2", "--json")
+    assert flown.code == 0
+    data = json.loads(flown.out)
+    assert (data["within_limits"], data["uncontrolled_lost"]) == (2, 0)
+    assert data["lost_95"] == [0.0, pytest.approx(1.0 - 0.05**0.5)]
+    assert data["linear_rms"].keys() == data["rms"].keys() == data["uncontrolled_rms"].keys()
+    assert data["filter"]["spectral_radius"] < 1.0
+    assert set(data["at_limit"].values()) == {0.0}
+
+
+REFUSED = {
+    "--filter": "add --noise STATE=VALUE",
+    "--filter --noise speed=.3 --law none": "remove --law none",
+    "--filter --noise speed=.3 --command speed=1:2": "cannot be combined with --filter",
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_a_filter_cannot_be_is_refused(words):
+    assert_refused(run("fly", "--dihedral", "10", *words.split()), 2, REFUSED[words])
+
+
+def test_noise_of_one_flight_is_white(point):
+    """A flight alone is the first of --samples with the same seed, noise and turbulence."""
+    words = (
+        "fly",
+        "--dihedral",
+        "10",
+        "--law",
+        "exact",
+        *TYPED,
+        "--duration",
+        "0.02",
+        "--seed",
+        "3",
+    )
+    flown = run(*words, "--turbulence", AIR, "--json", "--filter")
+    many = run(*words, "--turbulence", AIR, "--json", "--filter", "--samples", "1")
+    one, first = json.loads(flown.out), json.loads(many.out)
+    assert one["final"]["speed"] == pytest.approx(first["final"]["speed"][0], rel=1e-9)
