@@ -77,7 +77,7 @@ def covariance(fit: Fit) -> np.ndarray:
     test data, Journal of Guidance, Control, and Dynamics 20 (1997) 74-80.
     """
     D = inverse(fit.information)
-    coloured = D @ sum(V for _, V, _ in weighted_scores(fit)) @ D
+    coloured = D @ _covariance_of_score(fit) @ D
     # A band is not narrower than for white residuals, because the estimate of R_vv is noisy.
     bound = white_covariance(fit)
     seen = np.isfinite(np.diag(bound))
@@ -86,35 +86,15 @@ def covariance(fit: Fit) -> np.ndarray:
     return np.asarray(bound * grown[:, None] * grown)
 
 
-#: Information, covariance of the score, and score of a part of the records.
-Score = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-
-def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
-    """Return (M, V, g) for each record, from the sensitivities S and residuals v of the fit.
-
-    M: information Σ S' R⁻¹ S, (p, p)
-    V: covariance of the score, computed with the autocovariance of the noise, (p, p)
-    g: score Σ S' R⁻¹ v, (p,)
-
-    halves: if True, each record is split into two halves with their own (M, V, g)
-    """
-    parts = []
+def _covariance_of_score(fit: Fit) -> np.ndarray:
+    """Return the covariance (p, p) of Σ S' R⁻¹ v, with the autocovariance of the noise."""
+    V = np.zeros((len(fit.theta), len(fit.theta)))
     for number, noise in enumerate(noise_of(fit)):
-        residual, projected = fit.residuals[number], fit.projected[number]
-        middle = len(residual) // 2
-        rows = [slice(0, middle), slice(middle, None)] if halves else [slice(None)]
-        weights = fit.weights(number)
-        for part in rows:
-            M, V, g = (np.zeros((len(fit.theta),) * size) for size in (2, 2, 1))
-            for quantity, each in noise.items():
-                S = projected[part, quantity]
-                weighted = S * weights[part, quantity, None]
-                M += weighted.T @ S
-                g += weighted.T @ residual[part, quantity]
-                V += variance_of_sum(weighted, each.variance * each.correlation)
-            parts.append((M, V, g))
-    return parts
+        projected, weights = fit.projected[number], fit.weights(number)
+        for quantity, each in noise.items():
+            weighted = projected[:, quantity] * weights[:, quantity, None]
+            V += variance_of_sum(weighted, each.variance * each.correlation)
+    return V
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,11 +20,9 @@ from hfa_identify.bands import (
     white_covariance,
     whiteness,
 )
-from hfa_identify.column_errors import column_errors
 from hfa_identify.excitation import refuse_still, still_quantities
 from hfa_identify.fit import Fit, OutputError
 from hfa_identify.identified import Estimate, FittedQuantity, Identified
-from hfa_identify.minima import AS_LIKELY, other_minimum, parts_disagree
 from hfa_identify.records import Record, columns_of_table, read_record, record_of
 from hfa_identify.residuals import partings
 from hfa_identify.response import Responses
@@ -55,7 +53,6 @@ def identify(
     hold: Mapping[str, float] | None = None,
     inputs: str = "linear",
     validate: Sequence[AnyRecord] = (),
-    columns: str | Path | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> Identified:
     """Identify parameters of a model from flight records by maximum likelihood.
@@ -75,7 +72,6 @@ def identify(
     inputs: "linear" or "steps", the interpolation between samples. Commands of a flight computer
         are steps.
     validate: records that are not fitted. Theil's coefficient is computed for them.
-    columns: TOML file that maps fields of PX4 logs (.ulg) to columns.
     progress: function called with (work done, total work).
 
     Raises BadInputError for an invalid record, name or combination of arguments. Raises
@@ -96,13 +92,8 @@ def identify(
     if not listed:
         raise BadInputError("no records are given; give at least one record")
     refuse_unknown("inputs are", inputs, INPUTS)
-    logs = [each for each in (*listed, *validate) if isinstance(each, str | Path)]
-    if columns is not None and not any(Path(each).suffix == ".ulg" for each in logs):
-        raise BadInputError(
-            "columns applies only to PX4 logs (.ulg), and no record is a log; remove columns"
-        )
-    read = _as_records(model, listed, held, inputs, columns)
-    kept_out = _as_records(model, validate, held, inputs, columns)
+    read = _as_records(model, listed, held, inputs)
+    kept_out = _as_records(model, validate, held, inputs)
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
     names = _free_names(model, free, fixed, measured)
     responses = Responses(model, names, measured)
@@ -120,11 +111,7 @@ def identify(
             "initial values, or shorter records, and check units and signs of the columns"
         ) from error
     refuse_still(search, fit)
-    other = other_minimum(search, fit)
-    if other is not None and other.likelihood < fit.likelihood - AS_LIKELY:
-        fit, other = other, None
-    theils = _theils(search, kept_out, fit)
-    return _identified(search, fit, other, theils)
+    return _identified(search, fit, _theils(search, kept_out, fit))
 
 
 def _listed(records: Any) -> list[Any]:
@@ -157,13 +144,12 @@ def _as_records(
     given: Sequence[Any],
     held: Mapping[str, float],
     inputs: str,
-    columns: str | Path | None,
 ) -> list[Record]:
     """Return a `Record` for each path, flight, table, dictionary or record."""
     read = []
     for number, each in enumerate(given, start=1):
         if isinstance(each, str | Path):
-            each = read_record(each, model, held, columns)
+            each = read_record(each, model, held)
         elif not isinstance(each, Record):
             if hasattr(each, "to_pandas"):  # the constant states of a flight are not frozen sensors
                 table = each.to_pandas().reset_index()
@@ -245,9 +231,7 @@ def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, fl
     return theils
 
 
-def _identified(
-    search: Search, fit: Fit, other: Fit | None, theils: Mapping[str, float]
-) -> Identified:
+def _identified(search: Search, fit: Fit, theils: Mapping[str, float]) -> Identified:
     """Return the result of an identification, from the best fit."""
     responses, theta, names = search.responses, fit.theta.tolist(), search.responses.free
     model = responses.model
@@ -273,7 +257,6 @@ def _identified(
         quantities=_quantities(responses, fit, theils),
         covariance=C,
         partings=tuple(partings(search, fit)),
-        column_errors=column_errors(search, fit, white),
         coloured=_widest(half, white),
         correlated=tuple(_correlated(names, C)),
         undetermined=still_quantities(search, wide),
@@ -283,8 +266,6 @@ def _identified(
             if value in ends
         ),
         unexplained=tuple(np.array(responses.measured)[unexplained(fit)].tolist()),
-        other_minimum={} if other is None else dict(zip(names, other.theta.tolist(), strict=True)),
-        parts_disagree=parts_disagree(search, fit),
         converged=fit.converged,
         steps=fit.steps,
         fitted=tuple(

@@ -11,7 +11,6 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.uncertain import ParameterSpread
 from hfa_identify.bands import WHITE
-from hfa_identify.column_errors import ColumnError
 from hfa_identify.records import Record
 from hfa_identify.residuals import Parting
 from hfa_support.arguments import checks_arguments
@@ -24,8 +23,6 @@ from hfa_support.reporting.text import WIDTH, Table, beside_unit, shown_unit, sh
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Kind of column error -> words in reports.
-_ERRORS = {"bias": "bias", "scale": "scale error", "delay": "delay"}
 #: Ratio of an estimate to its value before, above which a check of the record is advised.
 _FAR = 8.0
 #: A smaller factor is reported as no widening of the bands.
@@ -90,12 +87,6 @@ class Identified(Result, Reported):
     unexplained: quantities whose simulated motion contradicts the measured motion.
     partings: where records and model part, in quantities whose residuals are not noise, the
         clearest first.
-    column_errors: name of a bias, scale error or delay that is assumed to be 0 -> how far it could
-        shift the parameters.
-    other_minimum: name -> estimate at a second minimum that explains the records equally well,
-        empty if none was found.
-    parts_disagree: the parameter on which parts of the records disagree most beyond their bands, ""
-        if the parts agree.
     converged: whether the search converged to a maximum of the likelihood.
     steps: number of Gauss-Newton steps.
     """
@@ -110,14 +101,11 @@ class Identified(Result, Reported):
     quantities: Mapping[str, FittedQuantity]
     covariance: Matrix
     partings: tuple[Parting, ...]
-    column_errors: Mapping[str, ColumnError]
     coloured: float
     correlated: tuple[tuple[str, str, float], ...]
     undetermined: Mapping[str, str]
     at_bounds: tuple[str, ...]
     unexplained: tuple[str, ...]
-    other_minimum: Mapping[str, float]
-    parts_disagree: str
     converged: bool
     steps: int
     fitted: tuple[tuple[Record, np.ndarray], ...] = field(repr=False)
@@ -157,17 +145,6 @@ class Identified(Result, Reported):
             yield "residuals are colored beyond the correction of the bands"
         if self.at_bounds:
             yield f"at a limit of the model: {', '.join(self.at_bounds)}"
-        if self.other_minimum:
-            name, value = self._farthest()
-            found = self.parameters[name].value
-            records = "records" if len(self.records) > 1 else "record"
-            yield (
-                f"a second estimate explains the {records} equally well: {name} = {value:.4g} (or"
-                f" {found:.4g})"
-            )
-        if self.parts_disagree:
-            parts = "records" if len(self.records) > 1 else "halves of the record"
-            yield f"{parts} disagree on {self.parts_disagree} beyond the bands"
 
     def _parted(self, each: Parting) -> str:
         """Return the finding on a quantity whose record parts from the model."""
@@ -187,17 +164,6 @@ class Identified(Result, Reported):
         more = len(self.undetermined) - 1
         return f"not determined: {name}{why}" + (f" and {more} more" if more else "")
 
-    def _farthest(self) -> tuple[str, float]:
-        """Return the parameter that differs most at the second minimum, and its value there."""
-        # The difference is relative to the width of the parameter's band.
-
-        def moved(name: str) -> float:
-            each = self.parameters[name]
-            return abs(self.other_minimum[name] - each.value) / max(each.high - each.low, 1e-300)
-
-        name = max(self.other_minimum, key=moved)
-        return name, self.other_minimum[name]
-
     @property
     def far(self) -> tuple[str, ...]:
         """Parameters with another sign than at the start of the search, or 8 times its value."""
@@ -210,22 +176,13 @@ class Identified(Result, Reported):
 
     @property
     def first_line(self) -> str:
-        """The first line of the report: FAIL with at most two findings, or PASS.
-
-        After PASS, the line names at most two column errors that are assumed to be 0, because a
-        change of the parameters has the same effect.
-        """
+        """The first line of the report: FAIL with at most two findings, or PASS."""
         stated = self._stated
         if stated:
             return f"FAIL: {'; '.join(stated)}"
         parameters = "parameter" if len(self.parameters) == 1 else "parameters"
         records = "record" if len(self.records) == 1 else "records"
-        count = f"{len(self.parameters)} {parameters} of {len(self.records)} {records}"
-        absorbed = [name for name, each in self.column_errors.items() if each.bands is None]
-        if not absorbed:
-            return f"PASS: {count}"
-        more = f" and {len(absorbed) - 2} more" if len(absorbed) > 2 else ""
-        return f"PASS: {count}; assumed 0: {', '.join(absorbed[:2])}{more}"
+        return f"PASS: {len(self.parameters)} {parameters} of {len(self.records)} {records}"
 
     @property
     def _stated(self) -> list[str]:
@@ -265,7 +222,7 @@ class Identified(Result, Reported):
     def report(self) -> Report:
         """Return the report: estimates, quality of the fit, and findings."""
         further = list(self.findings)[len(self._stated) :]
-        parts: list[Any] = [*self._assumed(), self._estimates(), self._explained()]
+        parts: list[Any] = [self._estimates(), self._explained()]
         if self.far:
             values = ", ".join(
                 f"{name} ({self[name].value:.4g}, before {self[name].start:.4g})"
@@ -279,7 +236,6 @@ class Identified(Result, Reported):
         if self.correlated:
             rows = [(one, other, f"{value:.3f}") for one, other, value in self.correlated]
             parts.append(Table(("correlated", "with", "coefficient"), tuple(rows)))
-        parts += self._columns()
         factor = f"widen them by a factor of up to {self.coloured:.2g}"
         widened = factor if self.coloured > _WIDENED else "do not widen them"
         parts.append(f"The bands are 95 % bands. Colored residuals {widened}.")
@@ -317,41 +273,6 @@ class Identified(Result, Reported):
             white = f"{100.0 * each.white:.0f} %"
             rows.append((name, f"{100.0 * each.fit:.2f} %", noise, white, theil))
         return Table(("measured", "explained", "noise", "white lags", "Theil"), tuple(rows))
-
-    def _assumed(self) -> list[str]:
-        """Return a list with a sentence on the column errors assumed to be 0, or an empty list."""
-        # The records cannot distinguish these errors from changes of parameters.
-        columns: dict[str, list[str]] = {}
-        for name, each in self.column_errors.items():
-            kind, _, column = name.partition("_")
-            if each.is_assumed:
-                columns.setdefault(kind, []).append(column)
-        errors = [f"{_ERRORS[kind]} of {', '.join(names)}" for kind, names in columns.items()]
-        if not errors:
-            return []
-        stated = ", no ".join(errors)
-        text = (
-            f"The bands assume no {stated}, which the records cannot distinguish from parameters."
-        )
-        return [wrapped(text, WIDTH)]
-
-    def _columns(self) -> list[Any]:
-        """Return a list with a table of the column errors, or an empty list."""
-        rows = []
-        for name, each in self.column_errors.items():
-            if not each.is_assumed:
-                continue
-            half = "any" if each.half is None else shown_value(each.half, each.unit)
-            moved = "-"
-            if each.bands is None:
-                moved = f"{each.moves} without end"
-            elif each.bands > 1.0:
-                moved = f"{each.moves} by {each.bands:.2g} bands"
-            rows.append((name, half, shown_unit(each.unit), moved))
-        if not rows:
-            return []
-        head = ("assumed 0", "could be +-", "unit", "which moves")
-        return [Table(head, tuple(rows))]
 
     def figure(self) -> Figure:
         """Return a figure of measured and fitted quantities and their residuals versus time."""

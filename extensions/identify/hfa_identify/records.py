@@ -16,7 +16,6 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.jsbsim_log import TIME, log_columns
-from hfa_identify.ulog import ulog_columns
 from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
 from hfa_support.attributes import Advised
@@ -109,20 +108,6 @@ def columns_of(model: Model, record: Record) -> dict[str, np.ndarray]:
     return {"time": record.time, **inputs, **record.measured}
 
 
-def with_columns(model: Model, record: Record, changed: Mapping[str, np.ndarray]) -> Record:
-    """Return the record with some columns replaced.
-
-    changed: name of a column -> its new values, (N,)
-    """
-    columns = {**columns_of(model, record), **changed}
-    return replace(
-        record,
-        time=columns["time"],
-        inputs=_stacked(columns["time"], [columns[name] for name in model.inputs]),
-        measured={name: columns[name] for name in record.measured},
-    )
-
-
 def _stacked(time: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
     """Return the columns side by side, (N, m). Without columns, the shape is (N, 0)."""
     return np.column_stack([np.empty((len(time), 0)), *columns])
@@ -175,10 +160,8 @@ def record_of(
 
 
 @checks_arguments
-def read_record(
-    path: str | Path, model: Model, held: Mapping[str, float], table: str | Path | None = None
-) -> Record:
-    """Read a record from a CSV, .npz, .mat or .ulg file.
+def read_record(path: str | Path, model: Model, held: Mapping[str, float]) -> Record:
+    """Read a record from a CSV, .npz or .mat file.
 
     The first row of a CSV file contains names with or without units, such as "alpha [deg]". Cells
     are separated by commas, tabs or semicolons; with semicolons, the decimal may be a comma. An
@@ -187,7 +170,6 @@ def read_record(
     in radians.
 
     held: input without a column -> its constant value
-    table: TOML file that maps fields of a .ulg file to columns
 
     Raises BadInputError if the file cannot be read or is not a record of this model.
     """
@@ -195,8 +177,6 @@ def read_record(
         file = regular_file(path)
         if file.suffix == ".csv":
             columns = _csv_columns(file, model)
-        elif file.suffix == ".ulg":
-            columns = ulog_columns(file, None if table is None else Path(table), model)
         else:
             arrays = read_arrays(file)
             columns = {name: np.ravel(values) for name, values in arrays.items()}

@@ -36,8 +36,6 @@ _MOST_STEPS = 10
 #: Number of integration steps whose sensitivities are computed together, so that they fit into the
 #: cache.
 TOGETHER = 250
-#: Number of states at which rates are compared.
-_LOOKED_AT = 30
 #: If the sampling interval exceeds this many time constants of the fastest mode, the time is not in
 #: seconds.
 _FAR_TOO_LONG = 60.0
@@ -122,11 +120,6 @@ class Responses:
         arguments = [x, driven, theta]
         self._rates = RowFunction(ca.Function("rates", arguments, ca.cse([rates, slopes.T])))
         self._seen = RowFunction(ca.Function("seen", arguments, [seen]))
-        signals = model.signals
-        sizes = [each.rate or each.nominal for each in model.states.values()]
-        sizes += [signals[name].nominal for name in self.measured]
-        both = ca.cse([ca.vertcat(rates, seen) / ca.DM(sizes)])
-        self._moves_and_seen = RowFunction(ca.Function("moves_and_seen", arguments, both))
         seen_slopes = ca.densify(ca.jacobian(seen, unknowns))
         self._seen_slopes = RowFunction(ca.Function("seen_slopes", arguments, [seen_slopes.T]))
 
@@ -422,29 +415,6 @@ class Responses:
         n, p, _ = self.sizes
         rates, slopes = self._rates(states, inputs, thetas)
         return rates, slopes.reshape(-1, n, n + p)
-
-    def differences(self, simulated: Simulation, place: int, values: np.ndarray) -> np.ndarray:
-        """Return how much other values of an unknown change the equations along a simulation, (V,).
-
-        Each entry is the sum of squared changes of state derivatives and measured quantities,
-        relative to nominal values, at `_LOOKED_AT` samples.
-
-        place: index of the unknown
-        values: other values of the unknown, (V,)
-        """
-        driven, rest = self._driven(simulated.record, simulated.theta)
-        rows = np.linspace(0, len(driven) - 1, _LOOKED_AT).astype(int)
-        thetas = np.tile(rest, (len(values) + 1, 1))
-        thetas[1:, place] = values
-        count = len(thetas)
-        (moves,) = self._moves_and_seen(
-            np.tile(simulated.at_samples[rows], (count, 1)),
-            np.tile(driven[rows], (count, 1)),
-            np.repeat(thetas, _LOOKED_AT, axis=0),
-        )
-        moves = moves.reshape(count, -1)
-        with np.errstate(all="ignore"):  # values may be outside the domain of the equations
-            return np.asarray(((moves[1:] - moves[0]) ** 2).sum(axis=1))
 
     def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Return the measured quantities without delays, (N, k)."""

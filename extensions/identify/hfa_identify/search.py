@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
@@ -90,15 +89,6 @@ class Search:
             if any(np.ptp(record.inputs[:, place]) > 0.0 for record in self.records)
         ]
 
-    def steady_inputs(self) -> list[str]:
-        """Return the inputs that are constant in every record, and not 0 in at least one."""
-        moving = self.moving_inputs()
-        return [
-            name
-            for place, name in enumerate(self.responses.model.inputs)
-            if name not in moving and any(record.inputs[0, place] for record in self.records)
-        ]
-
     @cached_property
     def thinned(self) -> list[Record]:
         """The records, reduced to about one sample for each integration step."""
@@ -108,34 +98,6 @@ class Search:
             together = min(together, len(record.time) // FEWEST)
             thinned.append(record.thinned(together))
         return thinned
-
-    @cached_property
-    def _thin(self) -> OutputError:
-        """The search on the thinned records."""
-        return OutputError(self.responses, self.thinned, self.bounds, self.guesses)
-
-    def level(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> float:
-        """Return L on the thinned records, or inf if the simulation diverges.
-
-        theta: unknowns, (p,)
-        starts: initial state of each record, (n,) each
-        """
-        try:
-            return self._thin.at(theta, tuple(starts)).likelihood
-        except FloatingPointError:
-            return math.inf
-
-    def thin(
-        self, theta: np.ndarray, starts: Sequence[np.ndarray], most_steps: int = MOST_STEPS
-    ) -> Fit:
-        """Return the fit of the thinned records, from given unknowns (p,) and initial states.
-
-        starts: initial state of each record, (n,) each
-        most_steps: largest number of Gauss-Newton steps
-
-        Raises FloatingPointError as `OutputError.fit` does.
-        """
-        return self._thin.fit(theta, starts, small=_ROUGH, most_steps=most_steps)
 
     def whole(
         self,

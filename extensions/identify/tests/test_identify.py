@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -247,25 +246,6 @@ def test_errors_of_sensors_are_estimated() -> None:
     assert f"{math.degrees(result['bias_pitch'].value):.6g}" in str(result)
 
 
-def test_errors_that_parameters_absorb_are_stated() -> None:
-    """A bias of the elevator changes Cm_0 alone; one of 1 deg of alpha cannot be excluded, and would
-    shift the parameters by more than ten of their bands. The delay of the pitch rate is known.
-    """
-    errors = found().column_errors
-    assert errors["bias_elevator"].half is None
-    assert errors["bias_alpha"].half > math.radians(1.0)
-    assert errors["bias_alpha"].bands > 10.0
-    assert errors["delay_pitch_rate"].half < 0.005
-    assert "assumed 0: bias_elevator" in found().first_line
-
-
-def test_records_that_disagree_are_named() -> None:
-    other = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
-    result = identify(begun(1.2), [record(1), record(2, model=other)], FREE)
-    assert result.parts_disagree == "Cm_q"
-    assert not result.ok
-
-
 def lag(rates: Callable[[Any, Any, Any], Any], start: float) -> tuple[hfa.Model, dict[str, Any]]:
     """Return a model of one state x with x' = rates(u, k, x), and a record of x' = u - x.
 
@@ -288,25 +268,6 @@ def lag(rates: Callable[[Any, Any, Any], Any], start: float) -> tuple[hfa.Model,
     u = np.where((time > 0.999) & (time < 2.999), 1.0, 0.0)
     x += 0.01 * np.random.default_rng(0).standard_normal(len(time))
     return model, {"time": time, "u": u, "x": x}
-
-
-@pytest.mark.parametrize(
-    ("rates", "start", "one", "other"),
-    [
-        (lambda u, k, x: u - k**2 * x, 3.5, 1.0, -1.0),
-        (lambda u, k, x: u - (k - 1) * (3 - k) / 0.75 * x, 1.4, 1.5, 2.5),
-    ],
-)
-def test_a_second_minimum_is_named(rates: Any, start: float, one: float, other: float) -> None:
-    """The rate is equal at k and -k, or at k and 4 - k. Limits of k exclude the second value."""
-    model, columns = lag(rates, start)
-    result = identify(model, columns, ["k"], inputs="steps")
-    values = sorted([result["k"].value, result.other_minimum["k"]])
-    assert values == pytest.approx(sorted([one, other]), abs=0.1)
-    assert not result.ok
-    limited = hfa.Signal("1/s", 1.0, one - 0.7, one + 0.7, start=1.2 * one)
-    positive = replace(model, parameters={"k": limited})
-    assert identify(positive, columns, ["k"], inputs="steps").ok
 
 
 def test_noise_slower_than_the_maneuver_fails() -> None:

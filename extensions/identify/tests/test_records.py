@@ -1,19 +1,16 @@
-"""Records: units, separators, PX4 logs, and faults that are refused."""
+"""Records: units, separators, and faults that are refused."""
 
 from __future__ import annotations
 
 import json
 import pickle
-import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from cli import hfa as run
 from flown_records import AIRCRAFT, FREE, UAV, begun, record, true_value
-from scipy.spatial.transform import Rotation
 
 import hfa
 from hfa_identify import read_record
@@ -253,7 +250,6 @@ def test_the_command_writes_an_aircraft(is_python: bool, folder: Path) -> None:
         ("time,alpha\ns,deg", (), "time is 's'"),
         ("time,alpha [m]\n0,1", (), "alpha is in m"),
         ("", (), "is empty"),
-        ("time,alpha\n0,1", ("--columns", "columns.toml"), "columns applies only to"),
         ("time,alpha\n0,1", ("--hold", "elevater=0"), "'elevater'"),
     ],
 )
@@ -281,94 +277,3 @@ def test_a_flight_file_is_a_record(folder: Path) -> None:
     read = read_record("flown.csv", AIRCRAFT, {})
     for name in ("alpha", "speed"):
         np.testing.assert_array_equal(read.measured[name], columns[name])
-
-
-# PX4 logs. The messages of a log are given, so that pyulog is not needed.
-
-BEGIN = 5_000_000
-STAMPS = BEGIN + 20_000 * np.arange(100)
-ANGLES = np.random.default_rng(4).uniform(-1.2, 1.2, (20, 3))
-TABLE = """
-[columns]
-roll = "attitude.roll"
-pitch = "attitude.pitch"
-roll_rate = { field = "rates.xyz[0]", instance = 1, scale = 2.0, offset = -3.0 }
-"""
-
-
-@pytest.fixture
-def log(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return a function from a table of columns to the record of a log with rates at 50 Hz, the
-    attitude at 10 Hz 3 ms later, and two steps of a servo.
-    """
-    x, y, z, w = Rotation.from_euler("ZYX", ANGLES[:, ::-1]).as_quat().T
-    attitude = {f"q[{place}]": each for place, each in enumerate((w, x, y, z))}
-    rates = {"timestamp": STAMPS, "xyz[0]": np.arange(100.0), "xyz[1]": -np.arange(100.0)}
-    steps = {"timestamp": np.array([BEGIN, BEGIN + 1_000_000]), "u": np.array([0.5, -1.0])}
-    late = {"timestamp": STAMPS[::5] + 3_000, **attitude}
-    messages = [
-        SimpleNamespace(name="rates", multi_id=1, data=rates),
-        SimpleNamespace(name="attitude", multi_id=0, data=late),
-        SimpleNamespace(name="servo", multi_id=0, data=steps),
-    ]
-    content = SimpleNamespace(data_list=messages, start_timestamp=BEGIN)
-    monkeypatch.setitem(sys.modules, "pyulog", SimpleNamespace(ULog=lambda file: content))
-    Path("a.ulg").write_bytes(b"")
-
-    def read(table: str | None) -> Any:
-        if table is None:
-            return read_record("a.ulg", AIRCRAFT, dict.fromkeys(AIRCRAFT.inputs, 0.0))
-        Path("c.toml").write_text(table)
-        return read_record("a.ulg", AIRCRAFT, dict.fromkeys(AIRCRAFT.inputs, 0.0), "c.toml")
-
-    return read
-
-
-def test_columns_of_a_log_have_the_times_of_the_densest_message(log: Any) -> None:
-    """Angles of the quaternion at the nearest time, each value times scale plus offset."""
-    found = log(TABLE)
-    np.testing.assert_allclose(found.time, 0.02 * np.arange(100), atol=1e-9)
-    np.testing.assert_allclose(found.measured["roll_rate"], 2.0 * np.arange(100) - 3.0)
-    for name, angles in (("roll", ANGLES[:, 0]), ("pitch", ANGLES[:, 1])):
-        np.testing.assert_allclose(found.measured[name][::5], angles, atol=1e-9)
-        assert np.isnan(np.delete(found.measured[name], np.s_[::5])).all()
-
-
-def test_a_part_of_a_log_begins_at_zero(log: Any) -> None:
-    part = TABLE + "[flight]\nbegin = 0.5\nend = 1.401\n"
-    found = log(part)
-    np.testing.assert_allclose(found.time, 0.02 * np.arange(46), atol=1e-9)
-    assert found.measured["roll_rate"][0] == 2.0 * 25 - 3.0
-    np.testing.assert_allclose(found.measured["pitch"][::5], ANGLES[5:15, 1])
-
-
-@pytest.mark.parametrize(
-    ("table", "named"),
-    [
-        (None, "requires a file"),
-        ("[colums]\n", "'colums'"),
-        ("[columns]\n", "no .columns."),
-        ("[columns]\nroll = 'attitude'", "roll is"),
-        ("[columns]\nroll = { field = 'attitude.roll', skale = 2 }", "'skale'"),
-        ("[columns]\nroll = { field = 'attitude.roll', scale = 'x' }", "scale of roll"),
-        ("[columns]\nroll = 'altitude.roll'", "no message 'altitude'"),
-        ("[columns]\nroll_rate = 'rates.xyz[0]'", "no instance 0"),
-        ("[columns]\nroll = 'servo.roll'", "no field 'q"),
-        ("[columns]\nroll = 'servo.v'", "no field 'v'"),
-        ("[columns]\nelevator = 'servo.u'", "no column of a measured"),
-        (TABLE + "[flight]\nbegin = 9.0", "no samples"),
-        (TABLE + "[flight]\nstart = 1.0", "'start'"),
-        (TABLE + "[flight]\nend = 'x'", "end of"),
-    ],
-)
-def test_a_wrong_table_is_refused(log: Any, table: str | None, named: str) -> None:
-    with pytest.raises(hfa.BadInputError, match=named):
-        log(table)
-
-
-def test_inputs_are_held_between_messages(log: Any) -> None:
-    table = "[columns]\nroll_rate = { field = 'rates.xyz[0]', instance = 1 }\n"
-    table += "elevator = { field = 'servo.u', scale = 0.4 }\n"
-    place = list(AIRCRAFT.inputs).index("elevator")
-    held = np.where(0.02 * np.arange(100) < 0.9999, 0.2, -0.4)
-    np.testing.assert_allclose(log(table).inputs[:, place], held)

@@ -18,7 +18,7 @@ from hfa_support.errors import BadInputError, refuse_unknown
 #: Suffix of the file of an identified aircraft.
 AIRCRAFT = ".toml"
 #: Suffixes of records.
-RECORDS = (".csv", ".npz", ".mat", ".ulg")
+RECORDS = (".csv", ".npz", ".mat")
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -89,11 +89,6 @@ class IdentifyRequest(Request):
         "RECORD.csv",
         input_file(*RECORDS),
     )
-    columns: Path | None = option(
-        "file with the names and units of the columns of a PX4 log (.ulg)",
-        "FILE.toml",
-        input_file(".toml"),
-    )
 
 
 @command(IdentifyRequest)
@@ -120,7 +115,6 @@ def identify(request: IdentifyRequest) -> int:
         hold=request.hold,
         inputs=request.inputs,
         validate=kept_out,
-        columns=request.columns,
         progress=progress,
     )
     file = request.output.file
