@@ -11,6 +11,7 @@ from .air.gusts import OneMinusCosine as OneMinusCosine
 from .air.turbulence import (
     AirFilter as AirFilter,
     scales_and_intensities as scales_and_intensities,
+    turbulence_of as turbulence_of,
 )
 from .envelope import flight_envelope as flight_envelope
 from .policies.deployment.deployed import Deployed as Deployed

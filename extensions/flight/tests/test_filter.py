@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
+from project import ROOT
 from scipy.linalg import expm, solve_discrete_lyapunov
 from scipy.stats import binom
 
@@ -21,6 +22,7 @@ from hfa_flight import (
     flight_envelope,
     lost_band,
     run_monte_carlo,
+    turbulence_of,
 )
 
 DEG = np.pi / 180.0
@@ -294,6 +296,32 @@ def test_a_deployment_flies_behind_a_filter():
     assert policy.data(model)["unused_samples"] == 0
     with pytest.raises(BadInputError, match=r"give the filter dt=0\.02"):
         hfa.filter(linear, noise).policy(deployed)
+
+
+def test_a_deployment_file_names_its_filter(folder):
+    """Saved and loaded, [filter] is flown by `fly`; what cannot have a filter refuses it."""
+    model = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
+    point = hfa.trim(model, at=45.0)
+    noise = {"speed": 0.1, "alpha": 0.002, "pitch_rate": 0.002, "pitch": 0.002}
+    deployed = hfa.Deployment.load(ROOT / "examples/gtm_policy/on_time.toml")
+    deployed = deployed.changed(filter={"noise": noise, "turbulence": "light:1000"})
+    deployed.save("filtered.toml")
+    scenario = Scenario(0.2, tick=0.02, uncertainty=Uncertainty(noise=noise)).drawn(1, 0, point)
+    by_file = hfa.fly(model, point, "filtered.toml", scenario=scenario)
+    known = hfa.filter(point.linearize(), noise, "light:1000", 0.02)
+    by_hand = hfa.fly(model, point, known.policy(deployed.changed(filter=None)), scenario=scenario)
+    np.testing.assert_array_equal(by_file.states, by_hand.states)
+    words = ("--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--policy", "filtered.toml", "--at", "45")
+    assert_refused(run("export", *words, "-o", "c"), 2, "has a [filter]")
+    wrong = deployed.changed(filter={"noise": {"speeed": 1.0}})
+    with pytest.raises(BadInputError, match="unknown state 'speeed'"):
+        hfa.fly(model, point, wrong, 0.1)
+
+
+@pytest.mark.parametrize("given", ["karman-light:500.0:36.0", "moderate", "own:2.0:300.0:9.0"])
+def test_turbulence_is_read_from_its_own_text(given):
+    assert turbulence_of(given).text == given
+    assert turbulence_of(turbulence_of(given).text) == turbulence_of(given)
 
 
 @pytest.mark.parametrize(

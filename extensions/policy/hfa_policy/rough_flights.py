@@ -12,7 +12,8 @@ from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.envelope import Departure, flight_envelope
 from hfa_flight.flight import Flight
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.policy import DeployedPolicy, policy_about, sampled_scenario
+from hfa_flight.policies.deployment.policy import policy_about, sampled_scenario
+from hfa_flight.policies.filtered_policy import behind_own_filter
 from hfa_flight.samples.monte_carlo import MonteCarlo, fly_member, member_row
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_support.errors import BadInputError
@@ -91,33 +92,36 @@ def rough_flights(
     """
     found = []
     for number, (point, happens) in enumerate(zip(points, scenarios, strict=True)):
-        policy = policy_about(deployed, point, "deployment")
-        scenario = sampled_scenario(policy, happens, point)
+        policy = behind_own_filter(deployed.deployment, point)
+        scenario = sampled_scenario(policy_about(deployed, point, ""), happens, point)
+        policy, scenario = policy.in_scenario(scenario)
         is_random = scenario.uncertainty != Uncertainty()
         members = min(samples, _MOST_FLIGHTS) if is_random else 1
         envelope = flight_envelope(deployed.model, point)
         plan = MonteCarlo(members, seed, deployed.model, point, policy, scenario, envelope)
-        found.append(_simulated(plan, policy))
+        found.append(_simulated(plan, deployed))
         if progress is not None:
             progress(number + 1, len(points))
     return found
 
 
-def _simulated(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
+def _simulated(plan: MonteCarlo, deployed: Deployed) -> RoughFlights:
     """Return the results of the flights from one trim."""
     flights = [fly_member(plan, member) for member in range(plan.members)]
     rms = _rms(plan, flights)
-    still = sampled_scenario(policy, Scenario(plan.scenario.duration), plan.point)
+    about = policy_about(deployed, plan.point, "")
+    still = sampled_scenario(about, Scenario(plan.scenario.duration), plan.point)
     calm_plan = replace(plan, members=1, scenario=still)
     calm = _rms(calm_plan, [fly_member(calm_plan, 0)])
-    names = (*plan.model.linear, *policy.deployed.commanded)
+    names = (*plan.model.linear, *deployed.commanded)
     gust = plan.member(0).gust
     departures = [flight.departure for flight in flights if flight.departure is not None]
     return RoughFlights(
         flights=len(flights),
         inside=len(flights) - len(departures),
         seconds=plan.scenario.duration,
-        disturbed_by=_disturbed_by(plan.scenario),
+        disturbed_by=_disturbed_by(plan.scenario)
+        + ", behind a Kalman filter" * (deployed.deployment.filter is not None),
         rms={name: rms[name] for name in names},
         calm={name: calm[name] for name in names},
         departure=min(departures, key=lambda left: left.time, default=None),

@@ -1,11 +1,14 @@
 """Flights in `assess` with sensor noise, a gust or turbulence."""
 
+import json
+
 import numpy as np
 import pytest
-from policy_cases import aircraft, stored_deployment, trims
+from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
 
 import hfa
 from hfa import Turbulence, assess
+from hfa.main import main
 from hfa_flight import OneMinusCosine, Scenario, Uncertainty
 
 NOISE = Uncertainty(noise={"pitch_rate": 0.02})
@@ -91,3 +94,16 @@ def test_a_scenario_without_disturbances_is_refused(scenario, samples, said):
             scenario=scenario,
             best=0,
         )
+
+
+def test_flights_of_an_assessment_are_behind_the_filter(capsys):
+    """--filter is the filter of --noise and --turbulence; without the noise it is refused."""
+    words = ["assess", str(FOLDER / "ppo_gtm.toml"), "--aircraft", GTM, "--at", "45", "--best", "0"]
+    words += ["--samples", "1", "--filter"]
+    assert main(words) == 2
+    assert "add --noise STATE=VALUE" in capsys.readouterr().err
+    noise = [f"--noise={name}=0.1" for name in ("speed", "alpha", "pitch", "pitch_rate")]
+    assert main([*words, *noise, "--json"]) == 0
+    rough = json.loads(capsys.readouterr().out)["points"][0]["rough"]
+    assert rough["disturbed_by"] == "noise, behind a Kalman filter"
+    assert rough["inside"] == 1

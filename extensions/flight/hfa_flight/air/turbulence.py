@@ -130,6 +130,17 @@ class Turbulence(Advised):
                 "turbulence of your own intensity does not depend on altitude; remove the altitude"
             )
 
+    @property
+    def text(self) -> str:
+        """Text from which `turbulence_of` makes the same turbulence, such as "moderate:40000.0"."""
+        spectrum = "" if self.spectrum == SPECTRA[0] else f"{self.spectrum}-"
+        if isinstance(self.level, str):
+            values = [self.level, self.altitude, self.span]
+        else:
+            values = ["own", *self.level, self.span]
+        words = ["" if value is None else str(value) for value in values]
+        return (spectrum + ":".join(words)).rstrip(":")
+
     def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
         """Return the turbulence of a flight that begins at the trim `point`.
 

@@ -148,7 +148,7 @@ class FlyRequest(Request):
         Raises BadInputError if the options contradict each other.
         """
         from hfa_flight.commands.tracking import tracking_of
-        from hfa_flight.policies.deployment.policy import flown_deployment
+        from hfa_flight.policies.filtered_policy import behind_own_filter
         from hfa_flight.policies.given import command_steps
         from hfa_flight.policies.policy import GainPolicy, open_loop
         from hfa_flight.policies.scheduled_gains import scheduled_gains
@@ -179,7 +179,7 @@ class FlyRequest(Request):
         reference: Any = None
         policy: Policy
         if given.deployment is not None:
-            policy = flown_deployment(given.deployment, point)
+            policy = behind_own_filter(given.deployment, point)
         elif given.controller is not None:
             schedule = load_gain_schedule(given.controller, model)
             name = f"gains of {given.controller}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Self
 
 import casadi as ca
@@ -12,12 +13,13 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.policies.deployment.policy import DeployedPolicy
-from hfa_flight.policies.kalman import KalmanFilter
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
+from hfa_flight.policies.kalman import KalmanFilter, filter
 from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.scenario import Scenario
-from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown
 from hfa_support.native.bound import BoundFunction
 from trim.point.operating_point import OperatingPoint
 
@@ -256,3 +258,20 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
         return np.array(u)
 
     return law
+
+
+def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy:
+    """Return the policy of a deployment about a trim, behind the filter of its file if it has one.
+
+    Raises the errors of `flown_deployment` and of `hfa_flight.policies.kalman.filter`.
+    """
+    deployment = Deployment.of(given)
+    entries = deployment.filter
+    policy = flown_deployment(deployment.changed(filter=None), point)
+    if not isinstance(given, Deployment):
+        policy = replace(policy, name=f"of {given}")
+    if entries is None:
+        return policy
+    with prefix_errors(deployment.origin):
+        known = filter(point.linearize(), entries["noise"], entries.get("turbulence"), policy.tick)
+        return filtered_policy(known, policy)

@@ -30,7 +30,7 @@ from controller.game.linear_game import names_of_linear
 from controller.riccati.gare import Solution
 from controller.tracking import Tracking
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.policy import flown_deployment
+from hfa_flight.policies.filtered_policy import behind_own_filter
 from hfa_flight.policies.policy import (
     GainPolicy,
     OpenLoop,
@@ -102,7 +102,7 @@ def policy_and_scenario(
     if callable(given):
         return _python_policy(given, point, scenario.tick), scenario
     if isinstance(given, Deployment):
-        return flown_deployment(given, point).in_scenario(scenario)
+        return behind_own_filter(given, point).in_scenario(scenario)
     try:
         return GainPolicy("gain", numbers_in("policy", given)), scenario
     except BadInputError as error:

@@ -139,6 +139,7 @@ class KalmanFilter(Result):
             "dt": self.dt,
             "noise": dict(self.noise),
             "drift": dict(self.drift),
+            "turbulence": None if self.turbulence is None else self.turbulence.text,
             "L": self.L,
             "residual": self.residual,
             "spectral_radius": self.radius,

@@ -145,6 +145,12 @@ class AssessRequest(Request):
     )
     turbulence: Turbulence | None = turbulence_option()
     gust: tuple[float, ...] | None = gust_option()
+    filter: bool = option(
+        "Kalman filter of --noise and --turbulence before the policy in these flights; a state "
+        "without noise has no sensor",
+        default=False,
+        rare=True,
+    )
     best: int | None = option(
         "number of flights at each trim to compare with the best flights found; 0: only with the "
         "exact gain; default 5 for a deployment file with [cost], else 0",
@@ -191,6 +197,20 @@ class AssessRequest(Request):
             )
         raise BadInputError(f"{file}: a gain K requires a sample time; add --sample-time S")
 
+    def filtered(self, deployment: Deployment) -> Deployment:
+        """Return the deployment, with --filter behind the filter of the options."""
+        if not self.filter:
+            return deployment
+        noise = {name: value for name, value in self.noise.items() if value}
+        if not noise:
+            raise BadInputError(
+                "--filter requires the noise of the sensors; add --noise STATE=VALUE for each "
+                "measured state"
+            )
+        turbulence = at_held_altitude(self.turbulence, self.trim.hold)
+        air = {} if turbulence is None else {"turbulence": turbulence.text}
+        return deployment.changed(filter={"noise": noise, **air})
+
     def is_rough(self) -> bool:
         """Return whether flights with noise, a gust or turbulence are requested."""
         return bool(self.noise) or self.turbulence is not None or self.gust is not None
@@ -233,7 +253,7 @@ def assess(request: AssessRequest) -> int:
     from hfa_flight.policies.deployment.deployed import Deployed
 
     model = request.trim.aircraft
-    deployed = Deployed(request.deployment(model), model)
+    deployed = Deployed(request.filtered(request.deployment(model)), model)
     _refuse_contradictions(request, deployed)
     result = _assessment(request, deployed)
     request.show(result.report(), figure=result.figure, notes=result.warnings)

@@ -54,7 +54,12 @@ _ENTRIES: dict[Any, Any] = {
     "action*": {str: _ACTED},
     "timing*": {"dt*": _SAMPLE, "delay": _FROM_0, "history": Number(1, MOST_FRAMES)},
     "cost": {"Q*": {str: _FROM_0}, "R*": {str: POSITIVE}},
+    "filter": {"noise*": {str: POSITIVE}, "turbulence": str},
 }
+#: Tables of a deployment file that are required, and those that are not.
+_TABLES = ("policy", "observation", "action", "timing")
+_OPTIONAL = ("cost", "filter")
+_ALL = (*_TABLES, *_OPTIONAL)
 _NORMALIZER: dict[Any, Any] = {
     "mean*": [NUMBER],
     "variance*": [_FROM_0],
@@ -78,6 +83,8 @@ class Deployment(Reported):
         its action moves the input, s. history is the number of samples whose observations the
         policy uses, the oldest first, by default 1.
     cost: Q of states or outputs, R of inputs, or None if unknown.
+    filter: Kalman filter before the policy, as in `hfa.filter`, or None: noise of each measured
+        state, in its unit, and turbulence, such as "moderate:40000".
     folder: folder of relative file names.
     origin: name of the deployment file, for messages.
 
@@ -113,18 +120,17 @@ class Deployment(Reported):
     action: Mapping[str, Any]
     timing: Mapping[str, Any]
     cost: Mapping[str, Any] | None = None
+    filter: Mapping[str, Any] | None = None
     folder: Path = field(default_factory=Path)
     origin: str = "the deployment"
 
     def __post_init__(self) -> None:
         """Check every entry that can be checked without the aircraft."""
         with prefix_errors(self.origin):
-            entries = {
-                name: _plain(getattr(self, name))
-                for name in ("policy", "observation", "action", "timing", "cost")
-            }
-        if entries["cost"] is None:
-            del entries["cost"]
+            entries = {name: _plain(getattr(self, name)) for name in _ALL}
+        for name in _OPTIONAL:
+            if entries[name] is None:
+                del entries[name]
         for name, value in checked(self.origin, entries, _ENTRIES).items():
             object.__setattr__(self, name, value)
         with prefix_errors(self.origin):
@@ -154,10 +160,9 @@ class Deployment(Reported):
             )
         with file_faults(path):
             entries = read_toml(path)
-        tables = ("policy", "observation", "action", "timing", "cost")
         for name in entries:
-            refuse_unknown(f"{path}: unknown table", name, tables)
-        for name in tables[:-1]:
+            refuse_unknown(f"{path}: unknown table", name, _ALL)
+        for name in _TABLES:
             if name not in entries:
                 raise BadInputError(f"{path}: the table [{name}] is missing; add this table")
         if "file" not in entries["policy"]:
@@ -353,7 +358,8 @@ class Deployment(Reported):
                 file = os.path.relpath(self.folder / policy[name], Path(path).parent)
                 policy[name] = Path(file).as_posix()
         tables = {"policy": policy, "observation": self.observation, "action": self.action}
-        tables |= {"timing": self.timing} | ({"cost": self.cost} if self.cost else {})
+        tables |= {"timing": self.timing}
+        tables |= {name: getattr(self, name) for name in _OPTIONAL if getattr(self, name)}
         write_text(path, toml_text(tables))
 
     def changed(self, **changes: Any) -> Deployment:

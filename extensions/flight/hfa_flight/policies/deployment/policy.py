@@ -126,10 +126,15 @@ def flown_deployment(given: Deployment | Path, point: OperatingPoint) -> Deploye
     """Return the policy of a deployment, or of the deployment file with this path, about a trim.
 
     Warns of contradictions that the policy's files prove. Raises the errors of `Deployment.load`,
-    and BadInputError if the deployment does not fit the aircraft, or if an observation, the policy
-    or a map is not finite at the trim.
+    and BadInputError if the deployment does not fit the aircraft or has a filter, or if an
+    observation, the policy or a map is not finite at the trim.
     """
     deployed = Deployed(Deployment.of(given), point.model)
+    if deployed.deployment.filter is not None:
+        raise BadInputError(
+            f"{deployed.deployment.origin} has a [filter], which only hfa fly and hfa assess "
+            "apply; remove [filter]"
+        )
     deployed.refuse_undefined_at([point])
     for note in notes_on_files(deployed):
         warn(note)
