@@ -1,7 +1,6 @@
 """Zero-sum games, their exact solution, critics and learners."""
 
 from .critic.critic_file import critic_in as critic_in
-from .critic.critic_history import critics_over_time as critics_over_time
 from .game.basis import basis as basis
 from .hfa_files import load_game as load_game
 from .learning.recording import Stack as Stack, random_pool as random_pool, record as record

@@ -7,11 +7,10 @@ samples by least squares,
     (dpsi/dz)' W (F - B K z + E L z) = -z'(Q + K'R K - delta² L'L) z,
 
 and moves the weights by 10 % of the difference. The aircraft at 5 deg is stable without control, so
-the law can begin at W = 0. After np.savez("mine.npz", **run.history), the command for this check is
+the law can begin at W = 0. After np.savez("mine.npz", W=W), the command for this check is
 `hfa verify --dihedral 5 --weights mine.npz`. The script, run with .venv/bin/python, prints
 
     PASS on the linear game, typical box: optimal cost, exact within 1e-06
-    the largest error stays within 1e-06 from 18.3 s on
 """
 
 import numpy as np
@@ -70,7 +69,5 @@ aircraft = hfa.aircraft()
 model = hfa.paper.level_model(aircraft, 5 * hfa_model.DEGREE)
 game = hfa.paper.published_game(model)
 run = controller.run(DampedPolicyIteration(game, controller.random_pool(game, 60, seed=0)))
-history = controller.critics_over_time(game, run.history["time"], W=run.history["weights"])
-check = hfa.verify(game, history)
-print(check.headline())
-print(check.table.sentence)
+W = run.history["weights"][-1]
+print(hfa.verify(game, hfa.from_weights(game, W)).headline)

@@ -3,7 +3,6 @@
 from .hfa.front_view import trim_figure as trim_figure
 from .hfa.level_flight import load_condition as load_condition
 from .hfa.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
-from .linear.along import models_along as models_along
 from .linear.frequency import transfers as transfers
 from .linear.levels import Airplane as Airplane, graded as graded
 from .linear.modes import modes_of as modes_of

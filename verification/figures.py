@@ -1,4 +1,4 @@
-"""Figures of verdicts: learned and exact P or K, and errors over time or of several critics."""
+"""Figures of verdicts: learned and exact P or K, and errors of several critics."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_support.reporting.figure import new_figure
-from verification.error_table import COLUMNS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,13 +30,11 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
 
     - For a critic without P, the maps are those of K.
     - The relative difference is omitted if every entry is below `_LEAST_DIFFERENCE` in magnitude.
-    - If the verdict has a table of errors over time, the errors are drawn below the maps.
     The color scale is symmetric logarithmic and linear near 0.
 
     verdict: verdict on the critic
     make: function (width, height) -> empty figure, in inches
     """
-    table = verdict.table
     names = verdict.exact.names
     title = (
         f"Critic on {names.origin}\nagainst the exact {verdict.solution}: {verdict.grade_text()}"
@@ -59,9 +56,9 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
         title += f"; relative differences below {max(difference, _ROUNDED):.1g} in every entry"
     else:
         maps.append(("(learned - exact) / |exact|", relative, None))
-    figure = make(4.0 * len(maps) + 0.5, 4.0 if table is None else 7.6)
+    figure = make(4.0 * len(maps) + 0.5, 4.0)
     figure.suptitle(title, fontsize=11)
-    grid = figure.add_gridspec(1 if table is None else 2, len(maps))
+    grid = figure.add_gridspec(1, len(maps))
     for index, (map_title, entries, size) in enumerate(maps):
         axes = figure.add_subplot(grid[0, index])
         _heat_map(figure, axes, map_title, entries, size)
@@ -71,11 +68,6 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
             units = ", ".join(dict.fromkeys(names.state_units))
             per = "inputs per states" if name == "K" else "cost per states squared"
             axes.set_xlabel(f"{per}, states in {units}", fontsize=7)
-    if table is not None:
-        axes = figure.add_subplot(grid[1, :])
-        axes.axhline(table.limit, color="C3", linewidth=0.8, label=f"limit {table.limit:g}")
-        curves = {COLUMNS[name]: values for name, values in table.errors.items()}
-        _draw_errors(axes, table.times, curves)
     return figure
 
 
@@ -104,20 +96,18 @@ def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
         ),
     }
     _draw_errors(axes, positions, curves)
-    axes.set_xlabel("")
     names = [Path(name).name for name in verdicts]
     axes.set_xticks(positions, names, rotation=30, ha="right", fontsize=7)
     return figure
 
 
-def _draw_errors(axes: Axes, times: np.ndarray, curves: Mapping[str, np.ndarray]) -> None:
+def _draw_errors(axes: Axes, positions: np.ndarray, curves: Mapping[str, np.ndarray]) -> None:
     shown = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
     for (label, values), style in zip(shown.items(), ("-", "--", "-.", ":"), strict=False):
-        axes.semilogy(times, np.maximum(values, _ROUNDED), style, label=label)
+        axes.semilogy(positions, np.maximum(values, _ROUNDED), style, label=label)
     if any(np.nanmin(values, initial=np.inf) < _ROUNDED for values in shown.values()):
         axes.set_ylim(bottom=_ROUNDED)
         axes.text(0.0, 0.0, " rounding", transform=axes.transAxes, va="bottom", fontsize=7)
-    axes.set_xlabel("time, s")
     axes.set_ylabel("relative error")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)

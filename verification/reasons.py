@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -17,8 +16,6 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
-from controller.riccati.gare import solve
-from hfa_support.errors import NoSolutionError
 from verification.critic_errors import matrix_errors, relative_error
 from verification.judged_game import JudgedGame
 
@@ -30,22 +27,21 @@ NEAR = 0.05
 SMALL = 1e-5
 #: Smallest size of a column, in place of 0.
 TINY = 1e-300
-#: Largest error of an entry of the solution of the LQR problem, from which one of a large delta
-#: hardly differs.
-RIGHT_LQR = 1e-6
-#: A P with a smaller residual is a root of the Riccati equation, although possibly the wrong one.
-ROOT = 1e-9
 #: If K differs more from the gain that P implies, relatively, K and P do not belong together. A
 #: smaller difference may be rounding.
 APART = 0.05
 #: Factor on a slope per degree, and on the column of a state in degrees.
 DEGREE = math.pi / 180.0
+_ANGLES = "as degrees and radians are"
 #: Units other than the plant's -> factor on the column of a state in K.
 UNITS_OF_STATES = {
     "in degrees": DEGREE,
     "in metres in place of feet": 1.0 / 0.3048,
     "in feet in place of metres": 0.3048,
+    f"off by 180/pi, {_ANGLES}": 1.0 / DEGREE,
 }
+#: Units other than the plant's -> factor on the row of an input in K.
+UNITS_OF_INPUTS = {"in degrees": 1.0 / DEGREE, f"off by pi/180, {_ANGLES}": DEGREE}
 #: Factors of all entries, and their names.
 FACTORS = {-1.0: "has the wrong sign", 0.5: "is half the exact one", 2.0: "is twice the exact one"}
 
@@ -70,15 +66,12 @@ def reason_for(judged: JudgedGame, critic: Critic, limit: float) -> str:
     game, exact = judged.game, judged.exact
     if critic.P is None:
         mistakes = _of_gain(game, critic.K, exact.K)
-        return _first_mistake("K", critic.K, exact.K, mistakes) or _lqr(game, critic)
+        return _first_mistake("K", critic.K, exact.K, mistakes)
     if all(check.ok for check in matrix_errors(game, "P", critic.P, exact, limit)):
         return _reason_for_policy(judged, critic, critic.P)
     mistakes_of_P = itertools.chain(_of_value(game, critic.P, exact.P), _of_weights(critic))
-    return (
-        _first_mistake("P", critic.P, exact.P, mistakes_of_P)
-        or _lqr(game, critic)
-        or _not_of_value(judged, critic.K, critic.P)
-        or _another_root(judged, critic.P)
+    return _first_mistake("P", critic.P, exact.P, mistakes_of_P) or _not_of_value(
+        judged, critic.K, critic.P
     )
 
 
@@ -148,28 +141,14 @@ def _floored(lengths: np.ndarray) -> np.ndarray:
     return np.maximum(lengths, SMALL * lengths.max()) if lengths.any() else lengths + 1.0
 
 
-def _lqr(game: Game, critic: Critic) -> str:
-    """Return the sentence that a critic solves the LQR problem instead of the game, or ""."""
-    if not math.isfinite(game.delta):
-        return ""
-    without = f"(delta = inf), not the game's at delta = {game.delta:.6g}"
-    with suppress(NoSolutionError):
-        solution = solve(game.with_delta(math.inf))
-        if critic.P is None:
-            noun, errors = "gain", _entry_errors("K", critic.K, solution.K)
-        else:
-            noun, errors = "solution", _entry_errors("P", critic.P, solution.P)
-        if np.max(errors) <= RIGHT_LQR:
-            return f"this is the LQR {noun} {without}"
-    return ""
-
-
 def _of_value(game: Game, P: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
     """Yield the mistakes of P: a missing triangle, factors, weights for entries, order, units."""
-    for half in (np.triu(P), np.tril(P)):
-        says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
-        yield Mistake(says, half + half.T - np.diag(np.diag(half)))
-    P = (P + P.T) / 2.0
+    given, P = P, (P + P.T) / 2.0
+    if not np.array_equal(given, P):
+        yield Mistake("P is not symmetric; its symmetric part is exact", P)
+        for half in (np.triu(given), np.tril(given)):
+            says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
+            yield Mistake(says, half + half.T - np.diag(np.diag(half)))
     says = "the value has the wrong sign: it is of rewards; V is z'Pz, of costs, and positive"
     yield Mistake(says, -P)
     if game.dt not in (None, True):
@@ -214,15 +193,17 @@ def _factors_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
 
 def _of_gain(game: Game, K: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
     """Yield the mistakes of K: factors, shape, R⁻¹, order, units."""
-    with suppress(np.linalg.LinAlgError):  # a singular R in discrete time
-        yield Mistake("R⁻¹ is missing: this is B'P, and K is R⁻¹B'P", np.linalg.solve(game.R, K))
+    if not game.is_discrete:
+        paid = "(B'P + N')" if game.N.any() else "B'P"
+        says = f"R⁻¹ is missing: this is {paid}, and K is R⁻¹{paid}"
+        yield Mistake(says, np.linalg.solve(game.R, K))
     yield from _factors("K", "gain", "the policy is u = -K z", K, exact)
     if K.shape[0] == K.shape[1]:
         yield Mistake("K is transposed", K.T)
     says = "K was read row by row, but its entries are stored column by column"
     yield Mistake(says, K.reshape(K.shape[::-1]).T)
     for first, right in (("", K), ("the gain has the wrong sign, and ", -K)):
-        for says, undone in _of_rows("input", {"in degrees": 1.0 / DEGREE}, right, exact):
+        for says, undone in _of_rows("input", UNITS_OF_INPUTS, right, exact):
             yield Mistake(first + says, undone)
         for says, undone in _of_rows("state", UNITS_OF_STATES, right.T, exact.T):
             yield Mistake(first + says, undone.T)
@@ -262,12 +243,8 @@ def _factors(
         yield Mistake(f"the {noun} {wrong}: {meant}", given / factor)
     ratio = float(np.sum(given * exact)) / (float(np.sum(exact**2)) or 1.0)
     if ratio and math.isfinite(ratio) and np.count_nonzero(exact) > 1:
-        yield Mistake(f"every entry of {kind} is {ratio:.4g} times the exact one", given / ratio)
-
-
-def _power_of_ten(ratio: float) -> int:
-    """Return k with 10^k nearest to a ratio, or 0 if the ratio is not positive and finite."""
-    return round(math.log10(ratio)) if math.isfinite(ratio) and ratio > 0.0 else 0
+        shown = f"{ratio:.4g}" if abs(ratio - 1.0) > NEAR else f"{ratio:.8g}"
+        yield Mistake(f"every entry of {kind} is {shown} times the exact one", given / ratio)
 
 
 def _units(
@@ -295,22 +272,14 @@ def _order_text(noun: str, order: np.ndarray) -> str:
 
 
 def _one_entry(kind: str, given: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
-    """Yield that the entry with the largest error has a wrong sign, a decimal slip, or alone
-    differs.
-    """
+    """Yield that the entry with the largest error has a wrong sign, or alone differs."""
     if np.count_nonzero(np.triu(exact) if kind == "P" else exact) < 3:
         return  # a single number agrees with many mistakes
     errors = _entry_errors(kind, given, exact)
     place = np.unravel_index(int(np.argmax(errors)), errors.shape)
     name = f"{kind}({place[0] + 1}, {place[1] + 1})"
     wrong, right = float(given[place]), float(exact[place])
-    ratio = wrong / right if right else 0.0
-    factor = math.copysign(10.0 ** _power_of_ten(abs(ratio)), ratio)
-    if factor != 1.0 and abs(ratio / factor - 1.0) < NEAR:
-        says = f"{name} has the wrong sign"
-        if factor != -1.0:
-            says = f"{name} is {factor:g} times the exact one: a decimal slip"
-        yield Mistake(says, _with_entry(kind, given, place, wrong / factor))
+    yield Mistake(f"{name} has the wrong sign", _with_entry(kind, given, place, -wrong))
     says = f"only {name} differs: it is {wrong:.6g} in place of {right:.6g}"
     yield Mistake(says, _with_entry(kind, given, place, right))
 
@@ -372,16 +341,4 @@ def _beyond_quadratic(critic: Critic) -> str:
     return (
         f"weight {index + 1} is {critic.weights[index]:.6g}: on a linear plant the value is "
         "quadratic, and every weight beyond the quadratic ones must be 0"
-    )
-
-
-def _another_root(judged: JudgedGame, P: np.ndarray) -> str:
-    """Return a sentence that P is another root of the Riccati equation, or "" if P is not."""
-    residual = float(judged.residuals(P[None])[0])
-    loop = judged.game_loop(P)
-    if residual > ROOT or loop.ok:
-        return ""
-    return (
-        f"this is another root of the Riccati equation: its residual is {residual:.2g}, but "
-        f"{loop.reason}"
     )

@@ -18,7 +18,6 @@ from hfa_support.reporting.results import Result, given
 from hfa_support.reporting.text import Cell, Table, entry_rows
 from verification.box import Box
 from verification.critic_errors import Exact
-from verification.error_table import ErrorTable, shown_number
 from verification.nonlinear_game import NonlinearComparison
 
 #: Number of entries of P and K in a report, and in the report of a critic that fails. Files contain
@@ -59,7 +58,6 @@ class Details(Result):
     box: half-widths of the box of states in which V and the policies are compared, and their
         source.
     dt: sampling time of a sampled plant, s.
-    history: for a critic over time, the errors at each time.
     network: for a critic that is not quadratic, its outputs, V(0), the largest errors found
         in the box, and the results of its simulations.
     """
@@ -70,7 +68,6 @@ class Details(Result):
     discount: float | None = None
     box: Box | None = None
     dt: float | None = None
-    history: ErrorTable | None = None
     network: Mapping[str, Any] | None = None
 
 
@@ -107,7 +104,6 @@ class Verdict(Checked, Result, Reported):
     searched: number of states at which errors in the box were searched for, or 0 if the errors are
         bounds.
     sections: further findings.
-    table: errors over time of a history or a training run, or None.
     nonlinear: comparison of a critic that is not quadratic with the nonlinear game, or None.
 
     >>> import hfa
@@ -134,7 +130,6 @@ class Verdict(Checked, Result, Reported):
     flights: int | None = None
     searched: int = 0
     sections: tuple[Section, ...] = ()
-    table: ErrorTable | None = None
     nonlinear: NonlinearComparison | None = None
 
     @property
@@ -182,11 +177,25 @@ class Verdict(Checked, Result, Reported):
             the nonlinear game also that of its flights, if the loop is stable and the equilibrium
             is at the trim (`AT_TRIM`). With None, all checks must pass.
         """
+        return self._linear_holds(limit_cost) and self._nonlinear_holds(limit_cost)
+
+    def _linear_holds(self, limit_cost: float | None) -> bool:
+        """Return whether the critic passes on the game itself."""
         if limit_cost is None:
-            return self.ok
-        is_near = self.cost_lost <= limit_cost and self._rests_at_trim and self.stabilizing
-        flown = None if self.nonlinear is None else self.nonlinear.flown
-        return is_near and (flown is None or 100.0 * flown.excess <= limit_cost)
+            return self._passes_checks
+        return self.cost_lost <= limit_cost and self._rests_at_trim and self.stabilizing
+
+    def _nonlinear_holds(self, limit_cost: float | None) -> bool:
+        """Return whether the critic passes on the nonlinear game, True if it was not judged there.
+
+        A limit of the cost decides if flights were simulated.
+        """
+        if self.nonlinear is None:
+            return True
+        flown = self.nonlinear.flown
+        if limit_cost is None or flown is None:
+            return self.nonlinear.ok
+        return 100.0 * flown.excess <= limit_cost
 
     @property
     def _rests_at_trim(self) -> bool:
@@ -218,8 +227,9 @@ class Verdict(Checked, Result, Reported):
         is_near = self.cost_lost <= NEAR and self._rests_at_trim
         return "near" if is_near else "fail"
 
+    @property
     def headline(self) -> str:
-        """Return the first line of the report: the grade, the game, the box, the number of
+        """First line of the report: the grade, the game, the box, the number of
         simulations of a critic that is not quadratic, and the first finding.
 
         The first findings on such a critic are its cost, its equilibrium and its gain K.
@@ -279,7 +289,8 @@ class Verdict(Checked, Result, Reported):
         flown = nonlinear.flown
         about = "near the trim" if flown is None else f"in {flown.where}"
         headline = (
-            f"{verdict_text(nonlinear.ok)} on the nonlinear game {about}, linear part"
+            f"{verdict_text(self._nonlinear_holds(limit_cost))} on the nonlinear game {about}, "
+            "linear part"
             f" {self._grade_text(limit_cost)}"
         )
         findings = [nonlinear.sentence]
@@ -319,7 +330,7 @@ class Verdict(Checked, Result, Reported):
         limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the text is
             PASS or FAIL.
         """
-        if limit_cost is None and self.nonlinear is not None and not self.nonlinear.ok:
+        if not self._nonlinear_holds(limit_cost):
             return verdict_text(False)
         return self._grade_text(limit_cost)
 
@@ -329,7 +340,7 @@ class Verdict(Checked, Result, Reported):
             return Cell("NEAR", "bad")
         if limit_cost is None:
             return verdict_text(self._passes_checks)
-        return verdict_text(self.holds(limit_cost))
+        return verdict_text(self._linear_holds(limit_cost))
 
     def _exactness(self, failed: Sequence[Check]) -> str:
         said = () if self.flights is None else _OF_K
@@ -539,9 +550,9 @@ def verdicts_report(
             (
                 name,
                 verdict.grade_text(limit_cost),
-                shown_number(verdict.P_rel_error),
-                shown_number(verdict.K_rel_error),
-                shown_number(verdict.largest_error),
+                _shown(verdict.P_rel_error),
+                _shown(verdict.K_rel_error),
+                _shown(verdict.largest_error),
                 "yes" if verdict.stabilizing else "no",
                 f"{lost:.3g}",
                 "" if math.isnan(gain) else f"{gain:.4g}",
@@ -563,3 +574,8 @@ def verdicts_report(
         },
         records=Table(header, rows),
     )
+
+
+def _shown(value: float) -> str:
+    """Return a number as text with three digits, or "" for nan."""
+    return "" if math.isnan(value) else f"{value:.3g}"

@@ -48,12 +48,12 @@ class Critic(Reported):
         u = -½ R⁻¹B' ∂V/∂z - F z; None for 0
     L: (k, n), gain of the learned worst disturbance d = L z, or None if none was learned
     H: matrix of the learned Q-function over (x, u, w) or (x, u) in discrete time, or None
-    time: time of this critic in a history, s, or None
     network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for each known function of a
         network or a list of functions; empty for all other critics
     implies_policy: True if the policy in `network` is derived from V or ∂V/∂z of the network
     is_layer: True for a network with one layer on a basis
     has_weights: True if the value or the policy is given by the weights of listed functions
+    is_discrete: whether the critic was made with a game in discrete time; None without a game
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -78,11 +78,11 @@ class Critic(Reported):
     F: np.ndarray | None = None
     L: Matrix | None = None
     H: Matrix | None = None
-    time: float | None = None
     network: Mapping[str, ca.Function] = field(default_factory=dict)
     implies_policy: bool = False
     is_layer: bool = False
     has_weights: bool = False
+    is_discrete: bool | None = None
 
     @property
     def is_quadratic(self) -> bool:
@@ -220,7 +220,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     False
     """
     need(game, Game, "from_gain: game", Game._how_to_make)
-    return Critic(game.checked_gain(K))
+    return Critic(game.checked_gain(K), is_discrete=game.is_discrete)
 
 
 @checks_arguments
@@ -245,7 +245,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
         n = len(game.A)
         raise BadInputError(f"P is {shape_text(P.shape)}; give {n} x {n}, states x states")
     K = game.gain((P + P.T) / 2.0)  # z'Pz depends on this part
-    return Critic(K, P, "P", feedback=_feedback(game))
+    return Critic(K, P, "P", feedback=_feedback(game), is_discrete=game.is_discrete)
 
 
 def from_parts(
@@ -374,6 +374,7 @@ def from_functions(
         feedback=_feedback(game) if u is None else None,
         F=game.F if u is None and game.N.any() else None,
         network=network,
+        is_discrete=game.is_discrete,
     )
     return critic if u is not None else _with_implied_policy(game, critic)
 
@@ -507,6 +508,7 @@ def from_weights(
         precision=precision,
         feedback=_feedback(game),
         has_weights=True,
+        is_discrete=game.is_discrete,
     )
     return _with_implied_policy(game, critic)
 

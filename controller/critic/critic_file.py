@@ -1,4 +1,4 @@
-"""Reading of critic files: one critic, or a history with one critic for each time."""
+"""Reading of critic files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from controller.critic.reading import DIMENSIONS, CriticReader, Reading, Stated,
 from controller.game.basis import Basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
-from hfa_aircraft.readers.matrices_file import file_scales, found_in, sample_time
+from hfa_aircraft.readers.matrices_file import file_scales, found_in, sample_time, words
 from hfa_support.arguments import checks_arguments, need
 from hfa_support.arrays.one_matrix import UNKNOWN
 from hfa_support.arrays.read import read_arrays
@@ -35,16 +35,14 @@ if TYPE_CHECKING:
 #: Suffixes of critic files that the project reads. Arrays may contain a network.
 OWN_FILES = (*MATRIX_FILES, ".onnx", ".pkl", ".pt", ".pth", ".safetensors", ".zip")
 #: Alias of an entry -> its standard name.
-_ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
+_ALIASES = {"weights": "W", "gains": "K"}
 
 
-def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> tuple[Critic, ...]:
-    """Return the critics in a file: one critic, or one for each time of a history.
+@checks_arguments
+def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
+    """Return the critic in a file of a network (`is_network`) or of arrays.
 
-    - A network file (`is_network`) contains one critic.
     - A file of arrays contains at least one of W (also `weights`), P and K (also `gains`).
-    - A history also contains `time` (also `times`, `t`), and W (N, M), P (N, n, n) or K (N, m, n).
-      A matrix may be stored as one row per time, (N, m n), or as in MATLAB, (m, n, N).
     - An array without a name is W, P or K according to its shape.
     - `policy_weights` (m, M), weights of all monomials up to a degree, is the policy in place of K.
     - In discrete time, H of a Q-function replaces W, and gives the P, K and L that are missing. L
@@ -67,34 +65,29 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     if is_network(file):
         read = _network_reader(file.suffix.lower())
         with prefix_errors(path), file_faults(path):
-            return (read(game, path, reading),)
+            return read(game, path, reading)
     entries = entries_in(path)
     with prefix_errors(path):
-        return _critics_of(entries, game, reading)
+        return _critic_of(entries, game, reading)
 
 
-def _critics_of(entries: dict[str, Any], game: Game, reading: Reading) -> tuple[Critic, ...]:
-    """Return the critics in the entries of a file of arrays: one, or one for each time."""
+def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
+    """Return the critic in the entries of a file of arrays."""
     refuse_other_step(entries, game.dt)
+    _refuse_other_time(entries, game)
     if game.is_discrete and "H" in entries:
         beside_H: dict[str, Any] = {
             name: entries[name] for name in ("P", "K", "L") if name in entries
         }
-        return (from_q_function(game, entries["H"], beside_H),)
+        return from_q_function(game, entries["H"], beside_H)
     L = entries.get("L") if game.is_discrete else None
     if UNKNOWN in entries:
         entries = {part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
-    # Besides the rows over time, a file may contain the last row under its standard name.
-    renamed = entries | {own: entries[key] for key, own in _ALIASES.items() if key in entries}
-    if "basis" in renamed:
-        from controller.critic.critic_history import with_named_basis
-
-        reading = with_named_basis(reading, renamed)
-    if "time" in renamed and {*DIMENSIONS} & {*renamed}:
-        from controller.critic.critic_history import rows_over_time
-
-        if rows := rows_over_time(renamed, game, reading):
-            return rows
+    if reading.basis is None and "basis" in entries and "W" in entries:
+        named = words(entries, "basis")
+        if len(named) != 1:
+            raise BadInputError("the entry basis is not one name; give a name such as 'quadratic'")
+        reading = replace(reading, basis=named[0])
     psi = reading.psi(game)
     parts = single_parts(entries, game.names, psi)
     if is_list(reading.basis or "") and "W" not in parts:
@@ -102,7 +95,7 @@ def _critics_of(entries: dict[str, Any], game: Game, reading: Reading) -> tuple[
             "--basis lists functions, but the file contains no W; add W, or give --basis a name"
         )
     critic = from_parts(game, parts, psi, policy_in(entries, game.names))
-    return (critic if L is None else replace(critic, L=numbers_in("L", L)),)
+    return critic if L is None else replace(critic, L=numbers_in("L", L))
 
 
 def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
@@ -132,15 +125,26 @@ def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> No
         )
 
 
-@checks_arguments
-def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
-    """Return the critic in a file, or the last critic of a history.
+#: Schemas of files with P and K of a game, beside H in discrete time.
+_OF_A_GAME = ("hfa.learning-result/1", "hfa.game-solution/1")
 
-    path, game, reading: as for `critics_in`
 
-    Raises BadInputError, which names the file, if the file does not contain a critic of this game.
+def _refuse_other_time(entries: Mapping[str, Any], game: Game) -> None:
+    """Raise BadInputError if a file has a critic of a game in the other kind of time.
+
+    A Q-function H is one of discrete time. A file of `hfa learn` and `hfa solve` without H is of
+    continuous time.
     """
-    return critics_in(path, game, reading)[-1]
+    if "H" in entries and not game.is_discrete:
+        raise BadInputError(
+            "the file has H, a Q-function of discrete time, but the game is in continuous time; "
+            'add time = "discrete" to the plant, or give a critic of this game'
+        )
+    if game.is_discrete and "H" not in entries and str(entries.get("schema")) in _OF_A_GAME:
+        raise BadInputError(
+            "the file has the result of a game in continuous time, but the game is in discrete "
+            "time; learn or solve the game in discrete time"
+        )
 
 
 @checks_arguments
@@ -154,8 +158,7 @@ def read_critic(
     scale: Any = None,
     linear: LinearModel | None = None,
 ) -> Critic:
-    """Return the critic in a file of matrices, weights or a network, or the last critic of a
-    history.
+    """Return the critic in a file of matrices, weights or a network.
 
     path: the file (.npz, .mat, .json, .csv, or a suffix that an installed package reads)
     game: the game with the states and inputs of the critic. None is allowed only for a file with a
@@ -308,8 +311,6 @@ def single_parts(
     - if the states or inputs in the file are in another order.
     """
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
-    if not parts and "H" in entries:
-        raise BadInputError('H requires a discrete-time plant; remove H, or add time = "discrete"')
     if not parts:
         raise BadInputError(
             f"the file contains no W, P or K; add one of these matrices{found_in(entries)}"
@@ -321,6 +322,11 @@ def single_parts(
                 "--controller FILE, other commands a K of m x n"
             )
         is_row = max(values.shape, default=1) == values.size
+        if values.ndim == DIMENSIONS[name] + 1 and not is_row:
+            raise BadInputError(
+                f"{name} has shape {values.shape}, one for each time; give one of them, such as "
+                "the last row"
+            )
         if not values.size or (name == "W" and not is_row):
             raise BadInputError(
                 f"{name} has shape {values.shape}; give W as a row or column, P and K as matrices"

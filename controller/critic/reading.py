@@ -82,7 +82,7 @@ def in_plant_units(
     An array whose shape does not fit the plant is returned unchanged. W is also returned unchanged
     if `basis` is not a `Basis`.
 
-    parts: W (..., M), P (..., n, n), K (..., m, n)
+    parts: W (M,), P (n, n), K (m, n)
     scales: s, (n,)
     basis: ψ of W, or None without W
     """

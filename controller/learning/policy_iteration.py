@@ -12,7 +12,7 @@ The iterations begin with u = 0 and a discount rate β that makes the plant stab
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -70,7 +70,6 @@ class RecordedGame:
     control: B R⁻¹B', (n, n)
     disturbance: E E'/δ², (n, n)
     Q: (n, n)
-    iterates: P (n, n) after each iteration so far
     """
 
     psi: Basis
@@ -79,7 +78,6 @@ class RecordedGame:
     control: np.ndarray
     disturbance: np.ndarray
     Q: np.ndarray
-    iterates: list[np.ndarray] = field(default_factory=list)
 
     @classmethod
     def of(cls, game: Game, pool: Stack, scales: np.ndarray) -> RecordedGame:
@@ -142,7 +140,6 @@ class RecordedGame:
             P = after
             if not np.isfinite(step):
                 return None
-            self.iterates.append(P)
             if step < CONVERGED or (last < SMALL and step > 0.5 * last):
                 return P
         return P if step < SMALL else None
@@ -249,22 +246,17 @@ def policy_iteration(
     rank = excitation(samples)
     refuse_poor(rank.rank, rank.size, "the recorded samples")
     P = with_disturbance(recorded, without_discount(recorded, progress), game.delta, progress)
-    if not recorded.iterates or recorded.iterates[-1] is not P:
-        recorded.iterates.append(P)
-    residuals = np.array([recorded.residuals(iterate) for iterate in recorded.iterates])
-    outer = np.outer(scales, scales)
-    values = [iterate / outer for iterate in recorded.iterates]
+    of_cost, of_terms = recorded.residuals(P)
+    value = P / np.outer(scales, scales)
     return TrainingRun(
         law="policy-iteration",
         basis="quadratic",
-        time=np.arange(1.0, len(values) + 1.0),
-        weights=np.array([recorded.psi.weights(value) for value in values]),
-        residual_norm=residuals[:, 0],
-        settling_residual=residuals[:, 1],
-        K=game.gain(values[-1]),
+        W=recorded.psi.weights(value),
+        residual_norm=of_cost,
+        settling_residual=of_terms,
+        K=game.gain(value),
         excitation=rank,
         seed=seed,
         diagnostics={"drift_misfit": misfit},
         names=game.names,
-        clock="iterations",
     )

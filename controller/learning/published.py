@@ -152,15 +152,13 @@ class PublishedLaw:
         return weights
 
     def observe(self, tick: int, memory: np.ndarray) -> Mapping[str, Any]:
-        """Return the time, the weights and the residuals after `tick` ticks."""
-        slopes = np.einsum("jmi,m->ji", self.gradient, memory)
-        of_cost, of_terms = residual_sizes(slopes, self.drifts, self.costs, self.game.S)
-        return {
-            "time": tick * T_W / ROWS,
-            "weights": memory,
-            "residual_norm": of_cost,
-            "settling_residual": of_terms,
-        }
+        """Return the time after `tick` ticks, s."""
+        return {"time": tick * T_W / ROWS}
+
+    def residuals(self, weights: np.ndarray) -> tuple[float, float]:
+        """Return the relative norms of the residual of the weights (`residual_sizes`)."""
+        slopes = np.einsum("jmi,m->ji", self.gradient, weights)
+        return residual_sizes(slopes, self.drifts, self.costs, self.game.S)
 
 
 def published_law(
@@ -182,15 +180,15 @@ def published_law(
     if pool is None:
         pool = random_pool(game, max(SAMPLES, psi.size), seed, ordinary_deviations(game.names))
     law = PublishedLaw(game, psi, pool)
-    history = run(law, progress=progress).history
+    weights = run(law, progress=progress).memory
+    of_cost, of_terms = law.residuals(weights)
     return TrainingRun(
         law="published",
         basis=psi.name,
-        time=history["time"],
-        weights=history["weights"],
-        residual_norm=history["residual_norm"],
-        settling_residual=history["settling_residual"],
-        K=game.gain(psi.matrix(history["weights"][-1])),
+        W=weights,
+        residual_norm=of_cost,
+        settling_residual=of_terms,
+        K=game.gain(psi.matrix(weights)),
         excitation=excitation(psi.psi(pool.states / pool.channel_scales())),
         seed=seed,
         diagnostics=law.gains._asdict(),

@@ -8,7 +8,7 @@ of Q(x, u, w) = [x; u; w]'H [x; u; w]. Source: Al-Tamimi, Lewis and Abu-Khalaf, 
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -92,13 +92,11 @@ def learn_steps(game: Game, seed: int = 0, progress: Progress | None = None) -> 
         for _ in range(2**pause):
             H = learner.value_iteration(P)
             P = of_q_function(game, H)["P"]
-        learner.iterates.append((learner.iterations, H))
         with suppress(BadInputError, np.linalg.LinAlgError):
             for _ in range(MOST_POLICIES):
                 before, H = H, learner.policy_iteration(H)
-                learner.iterates.append((learner.iterations, H))
                 if learner.is_settled(before, H):
-                    return learner.training_run(seed)
+                    return learner.training_run(H, seed)
     raise NoSolutionError(
         f"Q-learning did not converge in {learner.iterations} iterations; check with `hfa solve`"
         " that a stabilizing policy exists and that delta is large enough, or record smaller steps"
@@ -107,17 +105,15 @@ def learn_steps(game: Game, seed: int = 0, progress: Progress | None = None) -> 
 
 @dataclass(eq=False)
 class QLearner:
-    """Iterations of the Q-function H, (s, s), on recorded steps, and their record.
+    """Iterations of the Q-function H, (s, s), on recorded steps.
 
     game: of which only the cost and the discount α are used
     iterations: number of iterations so far
-    iterates: (number of iterations, H) after each recorded iteration
     """
 
     game: Game
     steps: Steps
     iterations: int = 0
-    iterates: list[tuple[int, np.ndarray]] = field(default_factory=list)
 
     @cached_property
     def psi(self) -> Basis:
@@ -222,24 +218,22 @@ class QLearner:
         terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
         return error / float(np.linalg.norm(self.costs)), error / float(np.linalg.norm(terms))
 
-    def training_run(self, seed: int) -> TrainingRun:
-        """Return the record of the iterations. Its K and H are those of the last one."""
-        of_cost, of_terms = np.transpose([self.residuals(H) for _, H in self.iterates])
-        parts = [of_q_function(self.game, H) for _, H in self.iterates]
+    def training_run(self, H: np.ndarray, seed: int) -> TrainingRun:
+        """Return the result of the last iteration."""
+        of_cost, of_terms = self.residuals(H)
+        parts = of_q_function(self.game, H)
         values = basis("quadratic", len(self.game.A))
         return TrainingRun(
             law="Q-learning",
             basis=values.name,
-            time=np.array([float(iterations) for iterations, _ in self.iterates]),
-            weights=np.array([values.weights(part["P"]) for part in parts]),
+            W=values.weights(parts["P"]),
             residual_norm=of_cost,
             settling_residual=of_terms,
-            K=parts[-1]["K"],
+            K=parts["K"],
             excitation=excitation(self.features),
             seed=seed,
             names=self.game.names,
-            clock="iterations",
-            H=self.iterates[-1][1],
+            H=H,
         )
 
     def _after(self, P: np.ndarray) -> np.ndarray:

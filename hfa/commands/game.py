@@ -219,7 +219,7 @@ def _show_learned(
     judged = {"certificates": verdict.checks, "converged": verdict.ok}
     report = run.report()
     parts = (
-        verdict.headline(),
+        verdict.headline,
         named.weights_line(),
         *report.parts,
         checks_part(verdict.checks),
@@ -228,6 +228,5 @@ def _show_learned(
     if not verdict.ok:
         title = f"{verdict.grade.upper()}: K is off by {100.0 * verdict.K_rel_error:.2g} %\n{title}"
     report = replace(report, title=title, parts=parts).with_data(named, judged)
-    whole = run.report(history=True).with_data(judged).data
-    request.show(report, only_in_files=whole, notes=named.warnings)
+    request.show(report, notes=named.warnings)
     return 0 if verdict.ok else 1

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from controller.critic.critic_file import critic_suffixes, critics_in, is_network, stated_in
+from controller.critic.critic_file import critic_in, critic_suffixes, is_network, stated_in
 from controller.critic.reading import Stated
 from controller.game.zero_sum import Game
 from hfa.commands.game import GameRequest
@@ -66,7 +66,7 @@ def _about_weights(_: Model) -> str:
     known = (*MATRIX_FILES, _DEPLOYMENT)
     others = [suffix for suffix in critic_suffixes() if suffix not in known]
     return (
-        f"critic to check: W, P or K, optionally over `time` ({' '.join(MATRIX_FILES)}), or a "
+        f"critic to check: W, P or K ({' '.join(MATRIX_FILES)}), or a "
         f"network of V, dV/dx or u ({' '.join(others)}), or a deployment file (.toml); several "
         "files or a folder of checkpoints are reported in one table"
     )
@@ -79,9 +79,7 @@ class VerifyRequest(GameRequest):
     reading: ReadingGiven = part(ReadingGiven)
     output: Output = part(
         Output,
-        picture=picture_option(
-            "P, the exact P, their difference and errors over time, or errors of several critics"
-        ),
+        picture=picture_option("P, the exact P and their difference, or errors of several critics"),
     )
     weights: tuple[list[Path], ...] = option(
         _about_weights,
@@ -288,16 +286,15 @@ def _check_file(
     alone: whether it is the only file; only then is it also judged on the nonlinear game
     """
     reading = replace(request.reading.reading, linear=named.linear)
-    critics = critics_in(path, game, reading)
-    is_history = critics[-1].time is not None
-    if not critics[-1].is_quadratic and named.linear is not None:
+    critic = critic_in(path, game, reading)
+    if not critic.is_quadratic and named.linear is not None:
         from verification.scope import nonlinear_plant
 
         scope = replace(scope, plant=nonlinear_plant(named.linear))
     with prefix_errors(path):
         return judge(
             game,
-            critics if is_history else critics[-1],
+            critic,
             limit=request.limit_error,
             scope=scope,
             linear=named.linear if alone else None,

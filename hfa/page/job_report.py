@@ -152,8 +152,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
         judged = angle.check.report()
         picture = Picture(
             critic_picture(angle.dihedral_deg),
-            f"P learned, P exact and their difference at {angle.dihedral_deg:g} deg; "
-            "residual and error over time",
+            f"P learned, P exact and their difference at {angle.dihedral_deg:g} deg",
             partial(verdict_figure, angle.check),
         )
         reports["critic"] = replace(judged, parts=(*judged.parts, picture))

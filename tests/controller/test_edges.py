@@ -45,12 +45,9 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: hfa.read_critic(stored("P.npz", P=np.eye(2)), GAME, basis="x1**2, x2**2"),
         "add W, or give --basis a name",
     ),
-    "functions over time": (
-        lambda: hfa.read_critic(
-            stored("run.npz", W=np.ones((2, 3)), time=[0.0, 1.0]), GAME, basis="x1**2, x2"
-        ),
-        "give the name of a basis",
-    ),
+    "W over time": (lambda: of_file(W=np.ones((4, 3)), time=range(4)), "the last row"),
+    "P over time": (lambda: of_file(P=np.ones((4, 2, 2))), "one for each time; give one"),
+    "K over time": (lambda: of_file(K=np.ones((4, 1, 2))), "K has three dimensions"),
     "code in a list of functions": (
         lambda: hfa.read_critic(stored("W.npz", W=[1.0]), GAME, basis="__import__('os')"),
         "is not supported; use x1 to x2",

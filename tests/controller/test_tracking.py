@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from project import ROOT
+from scipy.optimize import brentq
 
 import hfa
 from hfa import track
@@ -56,7 +58,22 @@ def test_a_reachable_command_is_said_to_be_reachable() -> None:
     plant = hfa.LinearModel.of([[-1.0]], [[1.0]])
     solution = hfa.solve(hfa.Game(plant.A, plant.B, np.eye(1), np.eye(1), np.eye(1), 10.0))
     assert track(plant, solution, {"x1": 1.0}).reachable is None
-    assert tracking(15.0, {"pitch": 0.02}).reachable is None  # no variable of the HFA's trims
+
+
+def test_a_commanded_pitch_is_a_trim_of_this_pitch() -> None:
+    """The climb at which SciPy finds the pitch, where a trim holds gamma in place of the pitch."""
+    model = hfa.load_model(f"{ROOT}/examples/navion.py:NAVION")
+    point = hfa.trim(model)
+    linear = hfa.linearize(model, point)
+    solution = hfa.solve(hfa.game(linear))
+    pitch = point["pitch"] + 0.03
+    gamma = brentq(lambda gamma: hfa.trim(model, gamma=gamma)["pitch"] - pitch, 0.0, 0.1)
+    found = track(linear, solution, {"pitch": 0.03})
+    assert found.reachable
+    climb = hfa.trim(model, gamma=gamma)
+    for name, value in found.trims[0].needed.items():
+        assert value == pytest.approx(climb[name], rel=1e-6, abs=1e-9)
+    assert not track(linear, solution, {"pitch": 0.5}).reachable
 
 
 def test_a_ramp_is_judged_at_its_end() -> None:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from cli import answer, hfa
-from game_files import AT_15, HISTORY, LABELS, small
+from game_files import AT_15, LABELS, SMALL, small, stored
 from known_models import game_at
 
-from hfa.main import DONE, FAILED
+from hfa.main import FAILED
 from hfa_model import INPUTS, LINEAR_STATES
 
 # Solve.
@@ -89,36 +89,35 @@ def test_commands_accept_plants_with_missing_entries(changes: dict[str, Any]) ->
 # Learn.
 
 
-def test_learn_writes_the_history_to_files_only() -> None:
-    """`hfa learn` prints the final weights and writes their history only to the file."""
-    printed = answer("learn", *AT_15, "-o", "run.json")
-    assert (
-        set(printed)
-        >= {"schema", "law", "P", "K", "W", "converged", "certificates", "settling_time"} | LABELS
-    )
-    assert HISTORY.isdisjoint(printed)
-    assert printed["converged"] is True
-    assert all(row["ok"] for row in printed["certificates"])
-    filed = json.loads(Path("run.json").read_text(encoding="utf-8"))
-    assert {key: value for key, value in filed.items() if key not in HISTORY} == printed
-    assert set(filed) - set(printed) == HISTORY
-    assert np.shape(filed["iterates"]) == (len(filed["iterations"]), 21)
-    assert filed["iterates"][-1] == printed["W"]
+STEPS = {"A": [[1.0, 0.1], [0.0, 0.9]], "B": [[0.0], [0.1]], "Q": np.eye(2), "R": [[1.0]]}
+#: Plants that a law solves, learns wrongly, or learns in discrete time: options, entries of the file.
+LEARNED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
+    "policy iteration": ((), SMALL),
+    "published": (
+        ("--law", "published"),
+        {"A": [[-1.0]], "B": [[1.0]], "E": [[1.0]], "Q": [[1.0]], "R": [[1.0]], "delta": 2.0},
+    ),
+    "steps": ((), STEPS | {"time": "discrete"}),
+}
 
 
-def test_verify_passes_a_critic_of_learn() -> None:
-    """`hfa verify` passes a critic written by `learn`.
-
-    The names of the plant and its provenance are kept.
-    """
-    plant = small("plant.json")
-    assert hfa("learn", "--model", plant, "-o", "critic.npz").code == DONE
-    data = answer("verify", "--model", plant, "--weights", "critic.npz")
-    assert data["ok"] is True
-    assert data["P_rel_error"] <= 1e-13
-    assert (data["plant"], data["delta"]) == ("plant.json", 3.0)
-    assert (data["states"], data["inputs"], data["state_units"]) == (["x1", "x2"], ["u1"], ["", ""])
-    assert (data["provenance"]["model"], data["provenance"]["parameters"]) == (plant, "")
+@pytest.mark.parametrize("case", LEARNED)
+def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case: str) -> None:
+    """The file has the last weights, and `verify` computes the checks that `learn` has printed."""
+    options, entries = LEARNED[case]
+    plant = stored("plant.json", **entries)
+    run = hfa("learn", "--model", plant, *options, "-o", "learned.json")
+    learned = json.loads(Path("learned.json").read_text(encoding="utf-8"))
+    assert np.ndim(learned["W"]) == 1
+    assert not {"time", "times", "weights", "iterates"} & set(learned)
+    judged = hfa("verify", "--model", plant, "--weights", "learned.json", "--json")
+    assert judged.code == run.code
+    checks = {check["name"]: check for check in json.loads(judged.out)["checks"]}
+    for check in learned["certificates"]:
+        if check["name"] != "data_rank":
+            judged_too = checks[check["name"]]
+            assert judged_too["ok"] == check["ok"]
+            assert judged_too["value"] == pytest.approx(check["value"], rel=1e-6, abs=1e-12)
 
 
 def test_a_linear_model_keeps_its_names() -> None:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli import answer, hfa
-from game_files import AT_15, small, stored
+from game_files import AT_15, stored
 
-from controller import load_game
 from hfa import Game, solve
 from hfa.main import FAILED
 
@@ -38,32 +36,6 @@ def test_the_user_sets_the_error_limit(game: Game) -> None:
         1e-5, rel=1e-6
     )
     assert answer("verify", *AT_15, "--weights", file, "--limit-error", "2e-5")["ok"] is True
-
-
-# A critic over time.
-
-
-def test_the_last_critic_of_a_history_is_judged(game: Game) -> None:
-    """The errors at all times are listed, drawn and written; the last critic decides.
-
-    A history is also compared with the solution of the sampled game.
-    """
-    plant = small("plant.json")
-    exact = solve(load_game("plant.json")).P
-    times = np.arange(0.0, 4.5, 0.5)
-    sizes = np.where(times < 2.0, 0.5, 1e-9)
-    weights = np.outer(1.0 + sizes, [exact[0, 0], 2.0 * exact[0, 1], exact[1, 1]])
-    words = ("verify", "--model", plant, "--weights", stored("history.npz", time=times, W=weights))
-    data = answer(*words, "--picture", "over_time.png", "-o", "out.csv")
-    assert data["ok"] is True
-    assert data["history"]["settling_time"] == 2.0
-    assert data["history"]["K_rel_error"] == pytest.approx(sizes, rel=1e-4)
-    assert Path("over_time.png").read_bytes().startswith(b"\x89PNG\r\n")
-    with Path("out.csv").open(encoding="utf-8") as file:
-        assert [float(row["time [s]"]) for row in csv.DictReader(file)] == times.tolist()
-    discounted = answer(*words, "--discount", "0.99", "--dt", "0.1", code=FAILED)
-    assert discounted["history"]["time"] == times.tolist()
-    assert discounted["history"]["K_rel_error"][-1] > 1e-3
 
 
 # The cost of a critic.

@@ -56,12 +56,6 @@ def _margin() -> None:
     assert controller.disk_margin(GAME, EXACT.K).disk == pytest.approx(1.0 / worst, rel=1e-3)
 
 
-def _history() -> None:
-    rows = np.array([0.5 * WEIGHTS, WEIGHTS])
-    critics = controller.critics_over_time(GAME, np.array([0.0, 1.0]), W=rows)
-    _is_exact(critics[-1])
-
-
 def _smallest() -> None:
     smallest = controller.minimum_delta(GAME).value
     assert hfa.solve(GAME.with_delta(1.01 * smallest)).certificate.ok
@@ -93,7 +87,6 @@ HANDLED: dict[str, Callable[[], Any]] = {
     "from_network": lambda: _is_exact(hfa.from_network(GAME, V)),
     "read_critic": _read_critic,
     "critic_in": _read_critic,
-    "critics_over_time": _history,
     "bounded_real_gain": _gain,
     "disk_margin": _margin,
     "minimum_delta": _smallest,
@@ -142,15 +135,6 @@ def test_a_game_in_discrete_time_is_refused(name: str) -> None:
     assert "\n" not in str(refusal.value)
 
 
-def test_a_critic_of_the_other_time_is_refused() -> None:
-    """A value made with the game in continuous time implies another policy, and is not judged."""
-    still = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0)
-    quartic = ca.Function("V", [Z], [V(Z) + Z[0] ** 4])
-    for judged, made in ((GAME, still), (still, GAME)):
-        with pytest.raises(BadInputError, match="make the critic with this game"):
-            hfa.verify(judged, hfa.from_network(made, quartic))
-
-
 @pytest.mark.parametrize(
     ("stored", "dt", "is_read"),
     [
@@ -174,3 +158,23 @@ def test_a_gain_for_another_step_is_refused(stored: Any, dt: Any, is_read: bool)
         return
     with pytest.raises(BadInputError, match="give a policy of this game"):
         hfa.read_critic("K.npz", game)
+
+
+CONTINUOUS = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0)
+#: What is judged on a game in the other kind of time.
+OF_THE_OTHER: dict[str, Callable[[], Any]] = {
+    "gain": lambda: hfa.verify(GAME, hfa.from_gain(CONTINUOUS, EXACT.K)),
+    "value": lambda: hfa.verify(CONTINUOUS, hfa.from_value(GAME, EXACT.P)),
+    "weights": lambda: hfa.verify(CONTINUOUS, hfa.from_weights(GAME, WEIGHTS)),
+    "network": lambda: hfa.verify(GAME, hfa.from_network(CONTINUOUS, V)),
+    "solution": lambda: hfa.verify(CONTINUOUS, EXACT),
+    "run": lambda: hfa.verify(GAME, hfa.learn(CONTINUOUS)),
+    "file": lambda: hfa.verify(CONTINUOUS, str(hfa.learn(GAME).save("steps.npz") or "steps.npz")),
+    "other file": lambda: hfa.verify(GAME, str(hfa.learn(CONTINUOUS).save("c.json") or "c.json")),
+}
+
+
+@pytest.mark.parametrize("kind", OF_THE_OTHER)
+def test_a_critic_of_the_other_time_is_refused(kind: str) -> None:
+    with pytest.raises(BadInputError, match=r"discrete time"):
+        OF_THE_OTHER[kind]()

@@ -27,7 +27,7 @@ BREACHES = {
         f"{PROVE}/problem.py": "hfa_optimal.search",
         "hfa/options/output.py": "hfa.commands.trim",
     },
-    "The core imports no extension": {"verification/error_table.py": "hfa_prove.certificate"},
+    "The core imports no extension": {"verification/scope.py": "hfa_prove.certificate"},
     "Readers of aircraft import": {
         "extensions/daveml/hfa_daveml/read.py": "trim.point.solve",
         "extensions/fmu/hfa_fmu/read.py": "trim.point.solve",

@@ -74,14 +74,22 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
         lambda game: 0.913 * gain(game),
         "every entry of K is 0.913 times the exact one",
     ),
-    "LQR value": (
+    "upper triangle": ("P", lambda game: np.triu(value(game)), "P is not symmetric: the value"),
+    "weights in a triangle": (
         "P",
-        lqr,
-        "this is the LQR solution (delta = inf), not the game's at delta = 200",
+        lambda game: np.triu(value(game)) + np.triu(value(game), 1),
+        "P is not symmetric; its symmetric part is exact",
     ),
-    "LQR gain": ("K", lambda game: game.gain(lqr(game)), "this is the LQR gain (delta = inf)"),
-    "another root": ("P", other_root, "this is another root of the Riccati equation"),
-    "upper triangle": ("P", lambda game: np.triu(value(game)), "P is not symmetric"),
+    "gain per radian": (
+        "K",
+        lambda game: gain(game) * np.where(np.arange(6) == 2, 1 / DEGREE, 1.0),
+        "state 3 is off by 180/pi",
+    ),
+    "inputs per radian": (
+        "K",
+        lambda game: np.array([[1.0], [1.0], [1.0], [1.0], [DEGREE]]) * gain(game),
+        "input 5 is off by pi/180",
+    ),
     "sign of P": ("P", lambda game: -value(game), "the value has the wrong sign"),
     "sign of W": ("W", lambda game: -weights_of(value(game)), "the value has the wrong sign"),
     "sign of K": (
@@ -226,19 +234,21 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
         lambda game: changed(gain(game), -1, (3, 0)),
         "K(4, 1) has the wrong sign",
     ),
-    "decimal slip, P": (
+    "slip, P": (
         "P",
         lambda game: changed(value(game), 10, (2, 5), (5, 2)),
-        "P(3, 6) is 10 times the exact one: a decimal slip",
+        "only P(3, 6) differs",
     ),
-    "decimal slip, K": (
+    "slip, K": (
         "K",
         lambda game: changed(gain(game), 0.01, (4, 4)),
-        "K(5, 5) is 0.01 times the exact one: a decimal slip",
+        "only K(5, 5) differs",
     ),
 }
 #: Mistakes that cannot be recognized.
 UNNAMED: dict[str, tuple[str, Plant]] = {
+    "LQR value": ("P", lqr),
+    "another root": ("P", other_root),
     "weak E": ("P", lambda game: value(replace(game, E=game.E[:, 1:2]))),
     "recorded policy": ("P", recorded_policy),
     "Q and R doubled": ("P", lambda game: value(replace(game, Q=2.0 * game.Q, R=2.0 * game.R))),

@@ -66,7 +66,7 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -
     critic = hfa.from_weights(game, expansion.weights, basis=basis)
     verdict = hfa.verify(game, critic, scope=QUICK, linear=linear)
     assert (verdict.ok, verdict.grade) == (True, "exact")
-    assert verdict.headline().startswith("PASS on the nonlinear game in")
+    assert verdict.headline.startswith("PASS on the nonlinear game in")
     assert verdict.nonlinear is not None
     assert verdict.nonlinear.flown is not None
     assert verdict.nonlinear.flown.excess < 1e-9
@@ -160,6 +160,24 @@ def test_one_wrong_coefficient_is_found(factor: float) -> None:
         assert wrong.exact == pytest.approx(expansion.weights[index], rel=1e-9)
         assert (wrong.degree, wrong.error) == (degree, pytest.approx(error, rel=1e-6))
         assert f", off by {100.0 * wrong.error:.2g} %)" in found.sentence
+
+
+@pytest.mark.parametrize("changes", [{}, {4: 1.02}, {8: 30.0}, {0: 1.001}])
+def test_the_verdict_is_that_of_the_first_line(changes: dict[int, float]) -> None:
+    """With and without a limit of the cost, on both games: a value may be wrong beside its policy."""
+    linear, game, expansion = case(4)
+    weights = expansion.weights.copy()
+    for index, factor in changes.items():
+        weights[index] *= factor
+    critic = hfa.from_weights(game, weights, basis="quartic")
+    verdict = hfa.verify(game, critic, scope=QUICK, linear=linear)
+    assert verdict.nonlinear is not None
+    assert verdict.nonlinear.ok == (not changes)
+    for limit in (None, 1e-9, 1.0):
+        first = str(verdict.report(limit_cost=limit)).splitlines()[0]
+        assert verdict.holds(limit) == ("FAIL" not in first and "NEAR" not in first)
+    if changes == {4: 1.02}:
+        assert verdict.holds(1.0)
 
 
 def test_a_missing_degree_and_a_linear_term_are_found() -> None:

@@ -14,6 +14,10 @@ from trim.point.condition import release
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, trim
 
+#: Largest difference from a commanded pitch, and the most trims that are tried to find its gamma.
+_SAME_PITCH = 1e-9
+_MOST_PITCHES = 12
+
 
 @dataclass(frozen=True, eq=False)
 class CommandedTrim(Result):
@@ -67,15 +71,10 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
     """
     assert point.problem is not None  # required by the docstring
     for name in command:
-        if name not in point.model.holdable:
+        if name not in point.model.holdable and not _is_path(point.model, name):
             return CommandedTrim(command, {}, {}, point.model, unheld=name)
-    held = {name: point[name] + value for name, value in command.items()}
-    unlimited = (-math.inf, math.inf)
     try:
-        condition = release(point.problem.asked, hold=held)
-        limits = {name: condition.limits_of(name) for name in condition.free}
-        wide = release(condition, limits=dict.fromkeys(limits, unlimited))
-        found = trim(point.model, wide, point)
+        found, limits = _held(point, command)
     except (TrimError, BadInputError) as error:
         return CommandedTrim(command, {}, {}, point.model, str(error))
     needed = {name: found[name] for name in limits}
@@ -86,3 +85,35 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
         elif needed[name] > highest:
             beyond[name] = highest
     return CommandedTrim(command, needed, beyond, point.model)
+
+
+def _is_path(model: Model, name: str) -> bool:
+    """Return whether a name is that of the pitch of a model whose trims hold gamma in its place."""
+    return name == "pitch" and "gamma" in model.holdable
+
+
+def _held(
+    point: OperatingPoint, command: Mapping[str, float]
+) -> tuple[OperatingPoint, dict[str, tuple[float, float]]]:
+    """Return the trim at the commands, and the limits of its free variables.
+
+    A pitch is held by the gamma at which the trim has this pitch.
+
+    Raises TrimError or BadInputError if no trim is found.
+    """
+    assert point.problem is not None  # required by the caller
+    held = {name: point[name] + value for name, value in command.items()}
+    pitch = None
+    if "pitch" in held and "pitch" not in point.model.holdable:
+        pitch = held.pop("pitch")
+        held["gamma"] = point["gamma"] + command["pitch"] - command.get("alpha", 0.0)
+    for _ in range(_MOST_PITCHES):
+        condition = release(point.problem.asked, hold=held)
+        limits = {name: condition.limits_of(name) for name in condition.free}
+        wide = release(condition, limits=dict.fromkeys(limits, (-math.inf, math.inf)))
+        found = trim(point.model, wide, point)
+        missing = 0.0 if pitch is None else pitch - found["pitch"]
+        if abs(missing) <= _SAME_PITCH:
+            return found, limits
+        held["gamma"] += missing
+    raise TrimError("no trim: no gamma has the commanded pitch", found)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeGuard
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from controller.critic.critic import Critic, from_parts
-from controller.critic.critic_file import critics_in, part_by_shape
+from controller.critic.critic_file import critic_in, part_by_shape
 from controller.critic.reading import Reading
 from controller.critic.training_run import TrainingRun
 from controller.game.weights import weights_line
@@ -24,17 +22,11 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shown,
 )
-from hfa_support.reporting.checks import Check
+from hfa_support.reporting.checks import Check, at_least
 from hfa_support.reporting.report import Part
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import critic_errors, relative_error
-from verification.error_table import (
-    ErrorTable,
-    history_table,
-    rank_check,
-    run_table,
-)
 from verification.judged_game import JudgedGame
 from verification.scope import LIMIT, Scope
 from verification.verdict import Details, Section, Verdict, explained
@@ -55,7 +47,7 @@ _FLAT = 1e-6
 @checks_arguments
 def verify(
     game: Game,
-    critic: Critic | Sequence[Critic] | Solution | TrainingRun | ArrayLike | str | Path,
+    critic: Critic | Solution | TrainingRun | ArrayLike | str | Path,
     *,
     limit: float = LIMIT,
     scope: Scope | None = None,
@@ -72,8 +64,7 @@ def verify(
     - the residual of the Riccati equation
 
     A critic that is not quadratic is also searched for the largest errors in the box, and simulated
-    from states in the box. Of a history, the last critic is judged, and the errors of all critics
-    are listed.
+    from states in the box.
 
     In discrete time, the policy of a critic of V or dV/dx is optimal for one step, followed by V.
     A - B K and √α (A - B K) must be stable: if the exact policy does not stabilize, the exact
@@ -88,7 +79,7 @@ def verify(
     game: the game, in continuous or in discrete time
     critic: the critic, from `hfa.from_gain`, `from_value`, `from_weights`, `from_network` or
         `hfa.read_critic`; or the name of its file; or K, P or W as an array, told by its shape;
-        or critics over time, from `critics_over_time`; or a solution, or a training run
+        or a solution, or a training run
     limit: limit of the errors and the residual
     scope: further data for the checks; by default `Scope()`
     linear: the linear model of the game at a trim of an aircraft, or None
@@ -109,33 +100,27 @@ def verify(
     need(scope, Scope, "verify: scope", "verification.Scope(...)")
     if linear is not None:
         need(linear, LinearModel, "verify: linear", LinearModel._how_to_make)
-    critics = _critics(game, critic, linear)
+    given = _critic(game, critic, linear)
     judged = JudgedGame(game)
-    last = critics[-1]
-    if taylor and (linear is None or last.is_quadratic):
+    if taylor and (linear is None or given.is_quadratic):
         missing = "linear=LINEAR of an aircraft" if linear is None else "a network"
         raise BadInputError(f"verify: taylor requires {missing}")
     box = usual_box(judged.game) if scope.box is None else _given_box(scope.box, judged.game)
-    errors_of = partial(_errors, judged, box.half_widths, limit)
 
     nonlinear, about_nonlinear = None, None
-    if linear is not None and not last.is_quadratic and (taylor or last.has_weights):
-        nonlinear, about_nonlinear = _nonlinear(last, linear, judged, limit, box, scope)
-    errors = errors_of(last if nonlinear is None else last.linear_part)
-    loop = judged.linear_loop(last, all(check.ok for check in errors))
+    if linear is not None and not given.is_quadratic and (taylor or given.has_weights):
+        nonlinear, about_nonlinear = _nonlinear(given, linear, judged, limit, box, scope)
+    part = given if nonlinear is None else given.linear_part
+    errors = critic_errors(judged.game, part, judged.exact, limit, box.half_widths)
+    errors += judged.more_errors(part, box.half_widths, limit)
+    loop = judged.linear_loop(given, all(check.ok for check in errors))
     found = None
-    if nonlinear is None and not last.is_quadratic:
-        found = _searched(judged, last, box.half_widths, limit, scope)
-    over_time = _NO_TIME
-    if isinstance(critic, TrainingRun):
-        over_time = _run(judged, critic)
-    elif len(critics) > 1 or _is_history(critic):
-        table = history_table(critics, errors_of, judged.residuals, limit)
-        over_time = _OverTime(table, [], [_history_section(table)])
+    if nonlinear is None and not given.is_quadratic:
+        found = _searched(judged, given, box.half_widths, limit, scope)
 
     checks = [*errors, *loop.checks]
-    if last.P is not None and last.finite:
-        checks += judged.value_checks(last.P, limit)
+    if given.P is not None and given.finite:
+        checks += judged.value_checks(given.P, limit)
     sections = [Section((f"Box of states: {box.about}",), Details(box=box)), loop.section]
     if found is not None:
         errors = [*errors, *found.errors]
@@ -143,16 +128,16 @@ def verify(
         sections.append(found.section)
     if about_nonlinear is not None:
         sections.append(Section(about_nonlinear, Details()))
-    elif last.is_layer and found is None:
-        sections.append(_polynomial_section(last))
-    checks += over_time.checks
-    sections += over_time.sections
-    reason = over_time.reason
+    elif given.is_layer and found is None:
+        sections.append(_polynomial_section(given))
+    reason = ""
+    if isinstance(critic, TrainingRun):
+        checks.append(_rank_check(critic))
+        reason = checks[-1].reason
     if not reason and not all(check.ok for check in errors):
-        part = last if nonlinear is None else last.linear_part
         reason = _reason(judged, part, box.half_widths, limit)
     return Verdict(
-        last,
+        given,
         judged.exact,
         explained(checks, reason),
         limit,
@@ -165,32 +150,21 @@ def verify(
         flights=None if found is None else found.flown.flights,
         searched=0 if found is None else found.states,
         sections=tuple(sections),
-        table=over_time.table,
         nonlinear=nonlinear,
     )
 
 
-class _OverTime(NamedTuple):
-    """What a history or a training run adds to the verdict on its last critic."""
+def _rank_check(run: TrainingRun) -> Check:
+    """Return the check that the data of a training run have full rank.
 
-    table: ErrorTable | None  # errors over time, or None for a critic without a history
-    checks: list[Check]  # checks of the data
-    sections: list[Section]  # sections of the report
-    reason: str = ""  # why the data do not determine the critic, or ""
-
-
-_NO_TIME = _OverTime(None, [], [])
-
-
-def _run(judged: JudgedGame, run: TrainingRun) -> _OverTime:
-    """Return the errors and the rank of a training run."""
-    rank = rank_check(run)
-    return _OverTime(run_table(run, judged.exact.P, judged.residuals), [rank], [], rank.reason)
-
-
-def _history_section(table: ErrorTable) -> Section:
-    """Return the section of the report on a history, with the errors at all times as records."""
-    return Section((table.shown, table.sentence), Details(history=table), table.records)
+    Data with a lower rank do not determine the weights.
+    """
+    rank = run.excitation
+    poor = (
+        f"the data have rank {rank.rank} of {rank.size} and do not determine the weights, "
+        "however small the residual is"
+    )
+    return at_least("data_rank", rank.rank, rank.size, poor, kind="data")
 
 
 def _given_box(box: Box, game: Game) -> Box:
@@ -233,57 +207,37 @@ def _nonlinear(
     return compared, compared.part()
 
 
-def _critics(game: Game, given: object, linear: LinearModel | None) -> Sequence[Critic]:
-    """Return what is judged as critics: one, or one for each time of a history."""
+def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
+    """Return what is judged as a critic."""
     if isinstance(given, (str, Path)):
-        return critics_in(given, game, Reading(linear=linear))
-    if isinstance(given, (np.ndarray, list)) and not _is_history(given):
+        return critic_in(given, game, Reading(linear=linear))
+    if isinstance(given, (np.ndarray, list)):
         array = numbers_in("critic", given)
         instead = "write hfa.from_value(game, P) or hfa.from_gain(game, K)"
-        return (from_parts(game, {part_by_shape(array, game, instead): array}),)
-    if isinstance(given, Critic):
-        _refuse_other_time(game, given)
-        return (given,)
+        return from_parts(game, {part_by_shape(array, game, instead): array})
+    if isinstance(given, (TrainingRun, Solution)):
+        _refuse_other_time(game, given.H is not None)
     if isinstance(given, TrainingRun):
-        return (given.critic(game),)
+        return given.critic(game)
     if isinstance(given, Solution):
-        return (from_parts(game, {"P": given.P, "K": given.K}),)
-    if _is_history(given):
-        if not given or any(each.time is None for each in given):
-            raise BadInputError(
-                "a critic or its time is missing; create the history with critics_over_time"
-            )
-        for each in given:
-            _refuse_other_time(game, each)
-        return given
+        return from_parts(game, {"P": given.P, "K": given.K})
     need(given, Critic, "verify: critic", _CRITICS)
-    raise AssertionError
+    assert isinstance(given, Critic)
+    _refuse_other_time(game, given.is_discrete)
+    return given
 
 
-def _refuse_other_time(game: Game, critic: Critic) -> None:
-    """Raise BadInputError if a critic's policy follows from its value in the other kind of time."""
-    advice = "make the critic with this game"
-    if game.is_discrete and critic.feedback is not None:
+def _refuse_other_time(game: Game, is_discrete: bool | None) -> None:
+    """Raise BadInputError if a critic was made with a game in the other kind of time.
+
+    is_discrete: whether it was made in discrete time, None if this is not known
+    """
+    if is_discrete is not None and is_discrete != game.is_discrete:
+        kinds = {False: "continuous", True: "discrete"}
         raise BadInputError(
-            "the critic was made with a game in continuous time, but the game is in discrete time;"
-            f" {advice}"
+            f"the critic was made with a game in {kinds[is_discrete]} time, but the game is in "
+            f"{kinds[game.is_discrete]} time; make the critic with this game"
         )
-    if critic.implies_policy and not game.is_discrete:
-        raise BadInputError(
-            "the critic was made with a game in discrete time, but the game is in continuous time;"
-            f" {advice}"
-        )
-
-
-def _is_history(given: object) -> TypeGuard[Sequence[Critic]]:
-    """Return whether critics over time are given."""
-    return isinstance(given, (list, tuple)) and all(isinstance(each, Critic) for each in given)
-
-
-def _errors(judged: JudgedGame, box: np.ndarray, limit: float, critic: Critic) -> list[Check]:
-    """Return the checks of a critic's errors, without those that are searched for."""
-    errors = critic_errors(judged.game, critic, judged.exact, limit, box)
-    return errors + judged.more_errors(critic, box, limit)
 
 
 def _reason(judged: JudgedGame, critic: Critic, box: np.ndarray, limit: float) -> str:

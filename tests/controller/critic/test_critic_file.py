@@ -1,4 +1,4 @@
-"""Reading of critic files with W, P and K, given once or over time, and refusal of faulty files."""
+"""Reading of critic files with W, P and K, and refusal of faulty files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from game_files import stored
 from tolerances import FEW_ROUNDINGS
 
-from controller import basis, critic_in, critics_over_time
+from controller import basis, critic_in
 from hfa import BadInputError, Game, from_weights
 from hfa.extend import Reading
 from hfa.paper import published_game
@@ -56,7 +56,7 @@ def test_parts_of_a_critic_file_are_read(name: str, content: dict[str, Any]) -> 
     ("content", "message"),
     [
         ({"A": np.eye(2)}, r"the file contains no W, P or K; .* \(found: A\)"),
-        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape \(2, 2\); give W as a row or"),
+        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape .2, 2., one for each time"),
         ({"W": [1.0, math.inf]}, r"W\[1\] is inf"),
         ({"P": [1.0, 2.0]}, "the number of dimensions of P is 1; give 2"),
     ],
@@ -103,55 +103,20 @@ def test_a_critic_with_one_quartic_weight_is_not_quadratic() -> None:
         assert not from_weights(GAME, changed, "quadratic+quartic").is_quadratic
 
 
-# Critics over time.
-
-
-@pytest.mark.parametrize("suffix", ["npz", "json"])
-@pytest.mark.parametrize(
-    ("content", "has_gain"),
-    [
-        # as in files of `hfa learn`, with the last row stored separately
-        ({"times": TIMES, "weights": W, "W": W[-1], "other": 1.0}, False),
-        ({"t": TIMES, "W": W, "K": K}, True),
-        ({"time": TIMES, "W": W, "gains": np.moveaxis(K, 0, -1)}, True),
-        ({"t": TIMES, "W": W, "K": K.reshape(3, 4)}, True),
-    ],
-)
-def test_the_last_row_of_a_history_is_the_critic(
-    suffix: str, content: dict[str, Any], has_gain: bool
-) -> None:
-    """The last row of a history file is the critic, with its time, weights and gain."""
-    last = critic_in(stored(f"h.{suffix}", **content), GAME)
-    assert last.time == TIMES[-1]
-    np.testing.assert_array_equal(last.weights, W[-1])
-    if has_gain:
-        np.testing.assert_array_equal(last.K, K[-1])
-
-
 @pytest.mark.parametrize("times", [{}, {"t": TIMES}])
 def test_one_row_is_read_as_one_critic(times: dict[str, Any]) -> None:
-    """A file with one row of weights and P is read as one critic with this P and without a time."""
+    """A file with one row of weights and P is read as one critic with this P."""
     P = np.array([[0.0, 0.5], [0.5, 2.0]])
     critic = critic_in(stored("h.npz", W=W[0], P=P, **times), GAME)
-    assert critic.time is None
     np.testing.assert_array_equal(critic.P, P)
 
 
 def test_the_files_basis_applies_unless_another_is_named() -> None:
-    """The basis named in a critic file applies unless the caller names another basis.
-
-    The file contains W, once or over time.
-    """
-    path = stored("h.npz", time=TIMES, weights=np.ones((3, 5)), basis="quadratic+linear")
-    basis = critic_in(path, GAME).basis
-    assert basis is not None
-    assert basis.name == "quadratic+linear"
-    with pytest.raises(BadInputError, match="W is 3 x 5; give 3 x 3"):
-        critic_in(path, GAME, reading=Reading("quadratic"))
+    """The basis named in a critic file applies unless the caller names another basis."""
     single = stored("w.npz", W=np.arange(5.0), basis="quadratic+linear")
     found = critic_in(single, GAME).basis
     assert found is not None
-    assert np.array_equal(found.exponents, basis.exponents)
+    assert found.name == "quadratic+linear"
     with pytest.raises(
         BadInputError, match="W has 5 weights, but basis 'quadratic' of 2 states has 3"
     ):
@@ -163,34 +128,3 @@ def test_the_files_basis_applies_unless_another_is_named() -> None:
         critic_in(stored("w.npz", W=np.ones(5), basis=["quadratic", "paper"]), GAME)
     np.savez("P.npz", P=np.eye(2), basis=["of", "another", "program"])
     assert np.array_equal(critic_in("P.npz", GAME).P, np.eye(2))
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ({"times": [0.0, 1.0, 0.5], "W": W}, "time is 0.5 s at row 3; give increasing times"),
-        (
-            {"times": [-1.0, 0.0, 1.0], "W": W},
-            "time is -1 s at row 1; give increasing times of at least 0 s",
-        ),
-        (
-            {"times": TIMES, "W": W * np.array([[1.0], [np.inf], [1.0]])},
-            r"W\[1\]\[0\] is inf; give finite entries",
-        ),
-        (
-            {"times": TIMES, "W": W * np.array([[1.0], [1.0], [1e60]])},
-            r"W\[2\]\[0\] is 6e\+60; give entries of at most 1e\+50",
-        ),
-        (
-            {"times": TIMES[:2], "W": W},
-            "W has 3 rows, but time has 2; give one row per time",
-        ),
-        ({"times": TIMES, "K": np.ones((1, 2))}, "with W .rows of weights., P or K"),
-    ],
-)
-def test_a_wrong_history_is_refused(content: dict[str, Any], said: str) -> None:
-    """A history of a critic with wrong shapes or times is refused, and the message states the
-    reason.
-    """
-    with pytest.raises(BadInputError, match=said):
-        critics_over_time(GAME, **content)

@@ -164,7 +164,7 @@ def test_a_verdict_has_three_grades(game: Game) -> None:
         assert verdict.ok == (grade == "exact")
     near = verify(game, grades["near"])
     assert near.cost_lost < 1.0
-    assert near.headline().startswith("NEAR")
+    assert near.headline.startswith("NEAR")
     assert near.report(limit_cost=1.0).title.startswith("PASS")
     far = verify(game, from_gain(game, 1.5 * gain(game)))
     assert (far.grade, far.stabilizing) == ("fail", True)

@@ -92,11 +92,6 @@ def one_layer(path: str) -> str:
     return torch_file(path, {"v.weight": weights("paper")[None], "v.bias": np.zeros(1)})
 
 
-def history(**more: Any) -> str:
-    rows = np.array([0.5 * weights("paper"), weights("paper")])
-    return stored("h.npz", time=np.array([0.0, 1.0]), W=rows, **more)
-
-
 def steps_file(**more: Any) -> str:
     """Write the sampled plant as a plant in discrete time and return its path."""
     step = discounted()
@@ -126,7 +121,6 @@ COMMANDS: dict[str, Callable[[], tuple[str, ...]]] = {
         *("--weights", npz(), npz(path="other.npz")),
     ),
     "ONNX": lambda: (*AT_8, "--weights", quartic_onnx()),
-    "W over time": lambda: (*AT_8, "--weights", history(basis="paper")),
     "one layer": lambda: (*AT_8, "--basis", "paper", "--weights", one_layer("l.pt")),
     "discounted": lambda: (
         *(*AT_8, "--discount", str(DISCOUNT), "--dt", str(DT)),

@@ -103,7 +103,7 @@ def test_a_policy_exact_in_the_box_that_loses_flights_fails() -> None:
     verdict = verify(slow, critic_of(slow, policy=u), scope=replace(SCOPE, box=Box([1.0, 1.0], "")))
     assert failed_names(verdict.checks) == {"cost_lost_flown_percent"}
     assert not verdict.ok
-    assert "not all flights from the box converge" in verdict.headline()
+    assert "not all flights from the box converge" in verdict.headline
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -207,5 +207,5 @@ def test_rounding_of_an_accurate_value_at_the_trim_is_no_error() -> None:
         V = 2e6 * ca.sum1(ca.log((ca.exp(y) + ca.exp(-y)) / 2.0))
         critic = from_network(game, ca.Function("V", [z], [V]))
         verdict = verify(game, critic, scope=Scope(flights=5), limit=1e-3)
-        assert verdict.ok, verdict.headline()
+        assert verdict.ok, verdict.headline
         assert verdict.cost_lost < 1e-3

@@ -80,7 +80,7 @@ def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
     assert data["rest_point"] == pytest.approx(rest, rel=1e-9)
     assert data["cost_lost_flown_percent"] == pytest.approx(0.0, abs=1e-9)
     assert data["reach"] == 16.0
-    headline = verdict.headline()
+    headline = verdict.headline
     assert verdict.grade == "fail"
     assert ": equilibrium 0." in headline
     first = str(verdict).partition("\n\n")[0]
@@ -105,7 +105,7 @@ def test_only_the_clipping_of_an_exact_gain_is_named(factor: float) -> None:
     assert not verdict.ok
     says = "u1 is clipped at -0.3 and 0.3 in 88 % of the box; otherwise the policy is exact"
     assert (verdict.reason == says) == (factor == 1.0)
-    assert (says in verdict.headline() + str(verdict).replace("\n", " ")) == (factor == 1.0)
+    assert (says in verdict.headline + str(verdict).replace("\n", " ")) == (factor == 1.0)
 
 
 def biased(game: Game, share: float) -> Critic:
