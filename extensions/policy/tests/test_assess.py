@@ -52,6 +52,7 @@ def test_starts_without_a_best_flight_are_counted():
     assert all(count in assessment.report().title for count in ("(1 of 3)", "2 of 3", "from 1)"))
 
 
+@pytest.mark.slow  # a search of best flights
 def test_the_cost_ratio_is_that_of_the_closed_form():
     """v' = v + u with u = -8 v held for 20 ms: its cost over (1 + sqrt 2) v(0)^2 of the optimum.
 

@@ -113,9 +113,9 @@ def test_a_kink_of_the_policy_has_the_slope_above():
 
 def test_a_smooth_policy_has_no_kink():
     """tanh(c alpha) bends within a step of any fixed size if c is large, but has no kink."""
-    for c in (1e3, 1e5, 1e6):
-        found = place_of(lambda o, c=c: ca.vertcat(ca.tanh(c * o[0] + 0.3) / c, 0.0)).equilibrium
-        assert found.kinks == ()
+    c = 1e5
+    found = place_of(lambda o: ca.vertcat(ca.tanh(c * o[0] + 0.3) / c, 0.0)).equilibrium
+    assert found.kinks == ()
 
 
 @pytest.mark.parametrize(

@@ -89,6 +89,7 @@ def test_an_unobservable_slow_mode_is_reported(assessed, doubles, code):
     assert (told in found) is (code == 0)
 
 
+@pytest.mark.slow
 def test_an_uncontrolled_slow_mode_is_named_first(folder, capsys):
     """An unstable slow mode on which the policy has no gain is the first finding.
 
@@ -146,6 +147,7 @@ def test_a_gain_alone_is_assessed(folder, capsys):
     assert "--sample-time applies only to a file with a gain" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_weights_of_the_plant_file_are_those_of_the_cost(assessed):
     """The exact gain of Q and R in the plant file costs 1.00 times its own cost, as they are used.
 

@@ -47,6 +47,7 @@ def test_a_zip_with_normalizer_and_a_held_input_is_read() -> None:
     assert pytest.approx(-slope, rel=1e-6, abs=1e-5) == critic.K
 
 
+@pytest.mark.slow
 def test_the_command_judges_a_deployment_and_names_assess() -> None:
     """`hfa verify` judges the game of the moved inputs; the command line that it prints runs."""
     words = (*AT_8, "--weights", str(STATED))
