@@ -240,6 +240,9 @@ def test_impossible_samples_are_not_used_and_counted(point, known, gain):
         policy(0.01, far)
     assert policy.estimate["speed"] == pytest.approx(far[0], abs=0.1)
     policy.reset()
+    for _ in range(12):
+        np.testing.assert_allclose(policy(0.0, trim * np.nan), point.u, atol=1e-12)
+    policy.reset()
     policy(0.0, far)
     assert policy.unused == 0
     assert policy.estimate["speed"] == pytest.approx(far[0], abs=0.1)
