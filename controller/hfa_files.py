@@ -18,14 +18,12 @@ from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_aircraft.readers.matrices_file import file_scales
 from hfa_model.published import published_data
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
 
 
-@checks_arguments
 def published_game(
     A: LinearModel | np.ndarray, B: np.ndarray | None = None, **changes: Any
 ) -> Game:
@@ -61,7 +59,6 @@ def published_game(
     return paper_game(A, B, names, None, changes)
 
 
-@checks_arguments
 def load_game(path: str | Path, **changes: Any) -> Game:
     """Return the game of the plant in a file (`stored_game` with `paper_defaults`).
 

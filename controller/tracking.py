@@ -14,7 +14,6 @@ from controller.reference import Feedforward, feedforward, particular
 from controller.riccati.balancing import abscissa_of
 from controller.riccati.gare import Solution
 from hfa_aircraft.waveform import Waveform, channel, constant, stacked
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
@@ -223,7 +222,6 @@ def _needed_row(name: str, trims: Sequence[CommandedTrim]) -> tuple[str, ...]:
     return name, shown_unit(unit), *values
 
 
-@checks_arguments
 def track(
     linear: LinearModel,
     solution: Solution,
@@ -253,15 +251,11 @@ def track(
     >>> hfa.track(linear, solution, {"dihedral": 0.1}).reachable
     True
     """
-    need(linear, LinearModel, "track: linear", "hfa.linearize(point)")
-    need(solution, Solution, "track: solution", "hfa.solve(game)")
     refuse_unless_positive("the duration", duration)
-    need(reference, (Mapping, Waveform), "track: reference", "deviations {state: value or text}")
     if not isinstance(reference, Waveform):
         channels = {}
         for name, value in reference.items():
             refuse_unknown("unknown state", name, linear.states)
-            need(value, (int, float, str), f"track: {name}", "a number or a text of t")
             channels[name] = channel(value if isinstance(value, str) else f"{value:.17g}")
         reference = stacked(channels, linear.states)
     gain = solution.K if K is None else solution.game.checked_gain(K)

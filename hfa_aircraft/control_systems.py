@@ -12,14 +12,12 @@ import numpy as np
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
     import control
 
 
-@checks_arguments
 def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
     """Return a model as a python-control system x' = f(x, u, p), y = outputs.
 
@@ -54,7 +52,6 @@ def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.No
     )
 
 
-@checks_arguments
 def from_control(
     system: control.NonlinearIOSystem, units: Mapping[str, str | Signal], **declared: Any
 ) -> Model:

@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.attributes import Advised
 
 #: Tolerance beyond a limit, as a fraction of (nominal size + |limit|). It covers the rounding of a
 #: trim, whose equations balance to 1e-10 of their scales.
@@ -19,7 +18,7 @@ NEAR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Limits(Advised):
+class Limits:
     """Lowest and highest values of k named signals, in the units of their model.
 
     model: model of the signals

@@ -17,7 +17,6 @@ from typing import Any, Protocol
 from hfa_aircraft.local_sources import OWN_PACKAGES, fingerprint, hash_of_sources, local_file
 from hfa_aircraft.model import Model
 from hfa_aircraft.parameter_file import ParameterFile
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.entry_points import AIRCRAFT, loaded, offered
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, shown
 from hfa_support.files import read_toml, regular_file
@@ -44,7 +43,6 @@ class AircraftReader(Protocol):
         """
 
 
-@checks_arguments
 def load_model(
     text: str | Path, parameters: str | Path | None = None, *, mass: str | Path | None = None
 ) -> Model:
@@ -66,8 +64,6 @@ def load_model(
     >>> list(hfa.load_model("examples/navion.py:NAVION").inputs)
     ['thrust', 'elevator', 'aileron', 'rudder']
     """
-    how = "the name of a file, as in hfa.load_model('FILE.py:NAME')"
-    need(text, (str, Path), "load_model: text", how)
     text = str(text)
     kind = _format_of(text)
     if mass is not None:

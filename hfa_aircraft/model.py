@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import casadi as ca
 import numpy as np
@@ -23,7 +23,6 @@ from hfa_aircraft.layout import (
     linearized_rows,
 )
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import (
     BadInputError,
     NotFiniteError,
@@ -105,7 +104,6 @@ class _Imposed(dict[str, float]):
         )
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Model(Reported):
     """Aircraft model x' = f(x, u, p, w), y = h(x, u, p, w).
@@ -138,26 +136,6 @@ class Model(Reported):
     [[0.0], [0.5]]
     """
 
-    _instead: ClassVar[Mapping[str, str]] = {
-        "linearize": "hfa.linearize(model, hfa.trim(model))",
-        **dict.fromkeys(
-            ("changed", "replace", "copy", "set", "with_parameters"),
-            "model.with_parameters(NAME=VALUE)",
-        ),
-        "sweep": "hfa.sweep(model, speed=[...])",
-        "optimize": "hfa.optimize(model, point, {STATE: DEVIATION})",
-        "fly": "hfa.fly(model, point, policy)",
-        "fly(law)": "hfa.fly(model, point, hfa.predictive(model, point, Q, R))",
-        "predictive": "hfa.predictive(model, point, Q, R)",
-        **{name: f"hfa.trim(model).linearize().{name}" for name in ("A", "B", "poles")},
-        **{
-            name: f"hfa.{name}(model, deployment, points) with the trims as points, and "
-            "observations and actions in hfa.Deployment(policy, observation, action, timing)"
-            for name in ("environment", "vector_environment")
-        },
-    }
-    _how_to_make: ClassVar[str] = "hfa.load_model(FILE)"
-
     name: str
     states: Mapping[str, Signal]
     inputs: Mapping[str, Signal]
@@ -184,7 +162,6 @@ class Model(Reported):
 
         Raises BadInputError, as described for the class.
         """
-        need(self.name, str, "Model: name", "a text")
         self._check_signals()
         if not self.states:
             raise BadInputError(f"{self.name} declares no states; declare at least one")

@@ -6,16 +6,12 @@ import math
 from collections import namedtuple
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hfa_support.arguments import checks_arguments
-from hfa_support.attributes import advised
 from hfa_support.errors import refuse_unknown
 
 #: Vectors of a model's equations in CasADi's order -> declarations of their components.
 VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
 
 
-@checks_arguments
-@advised
 class Signal(NamedTuple):
     """Unit, magnitude and limits of a state, input, parameter, disturbance or output.
 

@@ -13,18 +13,15 @@ from typing import Any
 from hfa_aircraft.about import Domain, Source, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.units import si_factor, si_unit
 
 
-@checks_arguments
 def in_si(model: Model) -> Model:
     """Return a model with all signals in SI units.
 
     `source.native` of the result is the original model. A model without English units is returned
     unchanged.
     """
-    need(model, Model, "in_si: model", Model._how_to_make)
     if all(si_unit(signal.unit) == signal.unit for signal in model.signals.values()):
         return model
     conversion = _Conversion.of(model)

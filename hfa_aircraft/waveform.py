@@ -11,13 +11,11 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Result
 
 
-@checks_arguments
 class Harmonic(NamedTuple):
     """Harmonic signal sine sin(ω t) + cosine cos(ω t).
 
@@ -30,7 +28,6 @@ class Harmonic(NamedTuple):
     cosine: np.ndarray
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform(Result, Reported):
     """Signal s(t) = constant + slope t + Σ_i (sine_i sin ω_i t + cosine_i cos ω_i t), (n,).

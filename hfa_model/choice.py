@@ -6,8 +6,7 @@ from hfa_aircraft.model import Model
 from hfa_model.declaration import rigid_panels
 from hfa_model.parameters import Parameters, default_parameters
 from hfa_model.trim_loads import with_loads
-from hfa_model.variants import Newton, Published, Variant, variant_named
-from hfa_support.arguments import checks_arguments, need
+from hfa_model.variants import Variant, variant_named
 from hfa_support.errors import BadInputError, is_finite, shown
 
 #: Parameters that must not be negative. Inertias are not included: a fit to one printed angle does
@@ -15,7 +14,6 @@ from hfa_support.errors import BadInputError, is_finite, shown
 _SIZES = ("panel_mass", "panel_span", "chord")
 
 
-@checks_arguments
 def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
     """Return the highly flexible aircraft as a `Model`.
 
@@ -29,9 +27,6 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     >>> hfa.aircraft("newton").inputs["throttle"].max
     200.0
     """
-    need(dynamics, (str, Published, Newton), "aircraft: dynamics", 'text, such as "newton"')
-    if parameters is not None:
-        need(parameters, Parameters, "aircraft: parameters", "Parameters(...)")
     values = default_parameters().values if parameters is None else _checked_parameters(parameters)
     if not isinstance(dynamics, str):
         return rigid_panels(dynamics, values, with_loads)

@@ -12,7 +12,6 @@ import numpy as np
 
 from hfa_aircraft.uncertain import is_covariance, spread_of_set
 from hfa_model.vectors import T
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_whole
 from hfa_support.files import write_text
 from hfa_support.provenance import Change
@@ -165,7 +164,6 @@ NAMED = {
 }
 
 
-@checks_arguments
 def default_parameters() -> ParameterSet:
     """Return the identified parameters of the paper's aircraft, which are part of the package.
 
@@ -176,7 +174,6 @@ def default_parameters() -> ParameterSet:
     return load_parameters("identified")
 
 
-@checks_arguments
 def load_parameters(name: str | Path) -> ParameterSet:
     """Return a set of parameters of the aircraft.
 
@@ -238,7 +235,6 @@ def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
     return changes
 
 
-@checks_arguments
 def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
     """Write a parameter file, from which `load_parameters` restores the exact values.
 
@@ -269,7 +265,6 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
-@checks_arguments
 def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:
     """Return random samples of the identified parameters, p_i exp(z_i) with z ~ N(0, C_ij / (p_i
     p_j)).

@@ -11,7 +11,6 @@ from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
 from hfa_model.atmosphere import density
 from hfa_model.declaration import check_in_range, parameters_of, variant_of
 from hfa_model.vectors import INPUTS, STATES, Input, State
-from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, four_decimals
 from hfa_support.units import si_factor
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
-@checks_arguments
 def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
     """Return the forces and moments on the flexible aircraft and on its panels.
 

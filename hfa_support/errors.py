@@ -116,10 +116,7 @@ def choice_of(name: str, known: Iterable[str]) -> str:
 
 def advice(name: str, known: Iterable[str]) -> str:
     """Return a suggestion such as "; did you mean speed?", or "" if no known name is near."""
-    from hfa_support.other_words import NOTES
-
-    meant = [f"{each} ({NOTES[each]})" if each in NOTES else each for each in nearest(name, known)]
-    *others, last = meant or [""]
+    *others, last = nearest(name, known) or [""]
     either = f"{', '.join(others)} or {last}" if others else last
     return f"; did you mean {either}?" if last else ""
 
@@ -128,19 +125,15 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
     """Return the known names nearest to a name, regardless of case, or [] if none is near.
 
     The first nonempty of these lists is returned:
-    - the name itself and its synonyms in other tools
+    - the name itself
     - known names that begin with the name, if it has at least `_SHORTEST_BEGINNING` characters
     - known names that contain the name, under the same condition
     - the most similar known names
     """
-    from hfa_support.other_words import MEANINGS
-
     by_key = {each.lower().replace("-", "_"): each for each in known}
     wanted = name.lower().replace("-", "_")
-    meanings = [wanted, *MEANINGS.get(wanted, ())]
-    meant = [by_key[key] for key in meanings if key in by_key]
-    if meant:
-        return meant
+    if wanted in by_key:
+        return [by_key[wanted]]
     if len(wanted) >= _SHORTEST_BEGINNING:
         longer = [each for key, each in by_key.items() if key.startswith(wanted)]
         longer = longer or [each for key, each in by_key.items() if wanted in key]

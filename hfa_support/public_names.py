@@ -17,8 +17,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
     """Return the functions `__getattr__` and `__dir__` of a package, which import its public names.
 
     A public name is imported when it is first used. The stub of the package imports all public
-    names. The AttributeError for an unknown name suggests the nearest public name, or the call in
-    the package's `_instead`, name -> call.
+    names.
 
     package: name of the package
     file: `__file__` of the package, with the stub `__init__.pyi` in the same folder
@@ -40,11 +39,8 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
     def origin(name: str) -> tuple[ModuleType, str]:
         """Return the module that defines a public name, and the name in this module."""
         if name not in _origins(stub):
-            from hfa_support.errors import advice
-
-            instead = vars(sys.modules[package]).get("_instead", {}).get(name)
-            near = advice(name, _origins(stub)) if instead is None else f"; write {instead}"
-            raise AttributeError(f"module {package!r} has no attribute {name!r}{near}")
+            message = f"module {package!r} has no attribute {name!r}"
+            raise AttributeError(message, name=name, obj=sys.modules[package])
         module_name, name_there = _origins(stub)[name]
         try:
             return import_module(module_name, package), name_there

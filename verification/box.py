@@ -11,11 +11,9 @@ from controller.hfa_game import ordinary_deviations
 from controller.riccati.certificate import form_of
 from hfa_aircraft.names import PlantNames
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
-from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.results import Vector
 
 
-@checks_arguments
 class Box(NamedTuple):
     """Box |z_i| <= half_widths[i] of states in which V, its gradient and the policies are compared.
 

@@ -19,7 +19,6 @@ from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
 from controller.riccati.certificate import form_of
 from hfa_aircraft.names import PlantNames
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.checks import Check, at_most
 from hfa_support.reporting.results import Matrix
@@ -49,7 +48,6 @@ class Exact(Protocol):
         """Names and units of the game's states and inputs."""
 
 
-@checks_arguments
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     """Return the relative error |value - exact| / |exact| in Frobenius norms.
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_model.published import PublishedModel, published_models
-from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.checks import Check, Checked, at_most, checks_block, verdict_text
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.parts import Picture
@@ -193,7 +192,6 @@ def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
     return figure
 
 
-@checks_arguments
 def regenerate_all(aircraft: Model) -> Regeneration:
     """Return the comparison of both printed linear models with those of an aircraft at the printed
     trims.

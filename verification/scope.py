@@ -11,14 +11,11 @@ import numpy as np
 from controller.expansion.deviations import rates_about_trim
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
-from hfa_support.arguments import checks_arguments, need
-from hfa_support.attributes import Advised
 from hfa_support.errors import refuse_unless_whole
 from trim.linear.linear_model import LinearModel
 from verification.box import Box
 
 
-@checks_arguments
 class NonlinearPlant(NamedTuple):
     """Nonlinear plant in deviations z and u of state and input from its trim.
 
@@ -39,7 +36,6 @@ class NonlinearPlant(NamedTuple):
         return saturated(u, ca.DM(self.lowest), ca.DM(self.highest))
 
 
-@checks_arguments
 def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
     """Return the nonlinear plant about the trim of a linear model, with the limits of its inputs.
 
@@ -60,9 +56,8 @@ LIMIT = 1e-6
 FLIGHTS = 100
 
 
-@checks_arguments
 @dataclass(frozen=True)
-class Scope(Advised):
+class Scope:
     """Data for the checks of a critic besides the game.
 
     box: box of states in which V, its gradient and the policies are compared; by default the
@@ -78,6 +73,4 @@ class Scope(Advised):
 
     def __post_init__(self) -> None:
         """Raise BadInputError for another type of plant or number of flights."""
-        if self.plant is not None:
-            need(self.plant, NonlinearPlant, "Scope: plant", "verification.nonlinear_plant(linear)")
         refuse_unless_whole("Scope: flights", self.flights, 0)

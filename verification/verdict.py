@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from controller.critic.critic import Critic
 from controller.riccati.cost import FlightCost
-from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.checks import Check, Checked, verdict_text
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.results import Result, given
@@ -84,7 +83,6 @@ class Section(NamedTuple):
     records: Table | None = None
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Verdict(Checked, Result, Reported):
     """Verdict on one critic, which passes if every check passes.
@@ -112,8 +110,6 @@ class Verdict(Checked, Result, Reported):
     >>> type(verdict) is hfa.Verdict, verdict.ok
     (True, True)
     """
-
-    _how_to_make: ClassVar[str] = "hfa.verify(game, critic)"
 
     schema = "hfa.critic-check/1"
 

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from operator import mul
-from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -20,7 +19,7 @@ from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis, monomials
 from controller.game.q_function import of_q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
-from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
 from hfa_support.matrices import shape_text
 from hfa_support.reporting.report import Reported
@@ -30,7 +29,6 @@ from hfa_support.reporting.results import Matrix
 FUNCTIONS = ("V", "gradient", "policy")
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Critic(Reported):
     """Policy u(z) and its value V(z), with the linear part u = -K z and the quadratic part z'Pz.
@@ -61,11 +59,6 @@ class Critic(Reported):
     >>> type(critic) is hfa.Critic, critic.K.tolist()
     (True, [[2.5]])
     """
-
-    _instead: ClassVar[Mapping[str, str]] = {"V": "critic.value"}
-    _how_to_make: ClassVar[str] = (
-        "from_gain(game, K), from_value(game, P), from_weights(game, W), from_network, run.critic"
-    )
 
     K: Matrix
     P: Matrix | None = None
@@ -205,7 +198,6 @@ class Critic(Reported):
         return terms
 
 
-@checks_arguments
 def from_gain(game: Game, K: ArrayLike) -> Critic:
     """Return the critic with the policy u = -K z.
 
@@ -219,11 +211,9 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     >>> hfa.verify(game, hfa.from_gain(game, [[0.5]])).ok
     False
     """
-    need(game, Game, "from_gain: game", Game._how_to_make)
     return Critic(game.checked_gain(K), is_discrete=game.is_discrete)
 
 
-@checks_arguments
 def from_value(game: Game, P: ArrayLike) -> Critic:
     """Return the critic with the value V = z'Pz and the policy u = -R⁻¹(B'P + N') z.
 
@@ -239,7 +229,6 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     >>> hfa.from_value(game, [[3.0]]).K.tolist()
     [[3.0]]
     """
-    need(game, Game, "from_value: game", Game._how_to_make)
     P = numbers_in("P", P)
     if P.shape != game.A.shape:
         n = len(game.A)
@@ -446,7 +435,6 @@ def _gain_at_0(u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
 _TOGETHER = 1e-6
 
 
-@checks_arguments
 def from_weights(
     game: Game,
     weights: ArrayLike,
@@ -474,7 +462,6 @@ def from_weights(
     >>> hfa.from_weights(game, [3.0]).K.tolist()
     [[3.0]]
     """
-    need(game, Game, "from_weights: game", Game._how_to_make)
     weights = numbers_in("W", weights)
     n = len(game.A)
     if not is_finite(constant):

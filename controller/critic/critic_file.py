@@ -20,7 +20,6 @@ from controller.game.basis import Basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import file_scales, found_in, sample_time, words
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.arrays.one_matrix import UNKNOWN
 from hfa_support.arrays.read import read_arrays
 from hfa_support.entry_points import CRITICS, loaded, offered
@@ -38,7 +37,6 @@ OWN_FILES = (*MATRIX_FILES, ".onnx", ".pkl", ".pt", ".pth", ".safetensors", ".zi
 _ALIASES = {"weights": "W", "gains": "K"}
 
 
-@checks_arguments
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
     """Return the critic in a file of a network (`is_network`) or of arrays.
 
@@ -147,7 +145,6 @@ def _refuse_other_time(entries: Mapping[str, Any], game: Game) -> None:
         )
 
 
-@checks_arguments
 def read_critic(
     path: str | Path,
     game: Game | None = None,
@@ -177,7 +174,6 @@ def read_critic(
     >>> import hfa
     >>> critic = hfa.read_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP
     """
-    need(path, (str, Path), "read_critic: path", "the name of a file")
     if game is None:
         entries = {} if is_network(Path(path)) else entries_in(path)
         if "K" not in entries or "state_units" in entries:

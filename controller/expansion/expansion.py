@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,6 @@ from controller.expansion.series import Series, coefficient, directions, gradien
 from controller.game.basis import TO_DEGREE, Basis, basis as named_basis
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, shown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
@@ -42,7 +41,6 @@ _RAYS = 100
 _SEED = 1992
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Expansion(Result, Reported):
     """Value V = V2 + ... + VD of a nonlinear game and its policies, as polynomials of z.
@@ -68,8 +66,6 @@ class Expansion(Result, Reported):
     >>> type(expansion) is hfa.Expansion, expansion.basis.name
     (True, 'cubic')
     """
-
-    _how_to_make: ClassVar[str] = "hfa.expand(linear, solution, order)"
 
     order: int
     solution: Solution
@@ -215,7 +211,6 @@ class Expansion(Result, Reported):
         return ca.Function("disturbance", [z], [ca.densify(d)])
 
 
-@checks_arguments
 def expand(linear: LinearModel, solution: Solution, order: int, share: float = SHARE) -> Expansion:
     """Return the value and the policies of the nonlinear game about a trim, to a degree.
 
@@ -240,8 +235,6 @@ def expand(linear: LinearModel, solution: Solution, order: int, share: float = S
     >>> expansion.weights.shape, expansion.residual < 1e-12
     ((77,), True)
     """
-    need(linear, LinearModel, "expand: linear", LinearModel._how_to_make)
-    need(solution, Solution, "expand: solution", "a solution: hfa.solve(game)")
     _check_order(len(solution.P), order)
     if not (is_finite(share) and 0.0 < share < 1.0):
         raise BadInputError(f"share is {shown(share)}; give a number between 0 and 1, such as 0.05")

@@ -9,7 +9,6 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.report import Reported
 
@@ -104,7 +103,6 @@ class Basis(Reported):
         return np.prod(np.asarray(scales, dtype=float) ** self.exponents, axis=-1)
 
 
-@checks_arguments
 def basis(name: str, states: int) -> Basis:
     """Return a basis for the given number of states.
 

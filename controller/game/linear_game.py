@@ -12,7 +12,7 @@ from controller.game.weights import default_weight
 from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.names import PlantNames
-from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.arguments import ArrayLike
 from hfa_support.labels import in_order, labels_of
 from trim.linear.linear_model import LinearModel, is_state_space
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     import control
 
 
-@checks_arguments
 def game(
     linear: LinearModel | control.StateSpace,
     Q: ArrayLike | Mapping[str, float] | None = None,
@@ -56,7 +55,6 @@ def game(
     """
     if is_state_space(linear):
         linear = LinearModel.of(linear)
-    need(linear, LinearModel, "game: linear", LinearModel._how_to_make)
     names = names_of_linear(linear)
     if E is not None and linear.disturbances and np.array_equal(E, linear.E):
         names = names._replace(disturbances=linear.disturbances)

@@ -7,13 +7,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_aircraft.signals import StatesAndInputs
-from hfa_support.arguments import ArrayLike, checks_arguments
+from hfa_support.arguments import ArrayLike
 from hfa_support.errors import (
     BadInputError,
     is_finite,
@@ -36,7 +36,6 @@ SEMIDEFINITE = 1e-12
 SHORTEST = 1e-6
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Game(ByValue, Reported):
     """Zero-sum game J = ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt, z' = A z + B u + E d (paper Eq. 15-16).
@@ -68,18 +67,6 @@ class Game(ByValue, Reported):
     >>> game.S.tolist()
     [[0.75]]
     """
-
-    _instead: ClassVar[Mapping[str, str]] = {
-        "solve": "hfa.solve(game)",
-        "verify": "hfa.verify(game, hfa.from_gain(game, K))",
-        "track": 'hfa.track(linear, solution, {"STATE": "0.5sin(t)"})',
-        "solve(delta)": "hfa.solve(game.with_delta(delta))",
-        **dict.fromkeys(("changed", "replace"), "dataclasses.replace(game, delta=delta)"),
-        **{name: f"hfa.solve(game).{name}" for name in ("K", "P")},
-    }
-    _how_to_make: ClassVar[str] = (
-        "hfa.game(linear, Q, R, delta) or hfa.Game(A=A, B=B, Q=Q, R=R, delta=delta)"
-    )
 
     A: np.ndarray
     B: np.ndarray

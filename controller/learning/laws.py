@@ -9,7 +9,6 @@ from controller.learning.policy_iteration import policy_iteration
 from controller.learning.published import published_law
 from controller.learning.q_learning import learn_steps
 from controller.learning.recording import Stack
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.progress import Progress
 
@@ -17,7 +16,6 @@ from hfa_support.progress import Progress
 LAWS = dict(zip(LAW_NAMES, (policy_iteration, published_law), strict=True))
 
 
-@checks_arguments
 def learn(
     game: Game,
     law: str = DEFAULT_LAW,
@@ -52,7 +50,6 @@ def learn(
     >>> hfa.learn(game, seed=1).K.round(4).tolist()
     [[3.0972]]
     """
-    need(game, Game, "learn: game", "a game: hfa.game(linear, Q, R, delta)")
     refuse_unknown("unknown law", law, LAWS)
     if game.is_discrete:
         if law != DEFAULT_LAW or pool is not None:
@@ -61,8 +58,6 @@ def learn(
                 " law and pool"
             )
         return learn_steps(game, seed, progress)
-    if pool is not None:
-        need(pool, Stack, "learn: pool", Stack._how_to_make)
     if not game.without_cross_weights.Q.any():
         weight = "Q - N R^-1 N'" if game.N.any() else "Q"
         raise BadInputError(

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
 from controller.critic.training_run import Excitation
 from controller.game.zero_sum import Game
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
 from hfa_support.matrices import LARGEST, checked_matrix
 from hfa_support.reporting.report import Reported
@@ -20,7 +18,6 @@ from hfa_support.reporting.report import Reported
 RANK_TOLERANCE = 1e-8
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Stack(Reported):
     """N_h recorded samples of a plant.
@@ -33,8 +30,6 @@ class Stack(Reported):
 
     Raises BadInputError if the shapes differ or a number is not finite or too large.
     """
-
-    _how_to_make: ClassVar[str] = "record(game, states) or random_pool(game, count, seed)"
 
     states: np.ndarray
     drifts: np.ndarray
@@ -90,7 +85,6 @@ class Stack(Reported):
         return scales
 
 
-@checks_arguments
 def record(game: Game, states: np.ndarray) -> Stack:
     """Return samples of a plant at given states, with the exact drifts A z.
 
@@ -108,7 +102,6 @@ def record(game: Game, states: np.ndarray) -> Stack:
     return Stack(states, states @ game.A.T)
 
 
-@checks_arguments
 def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | None = None) -> Stack:
     """Return samples of a plant at random states, drawn uniformly from a box, without noise.
 

@@ -10,8 +10,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hfa_support.arguments import checks_arguments
-from hfa_support.attributes import Advised
 from hfa_support.progress import Progress
 
 #: Largest number of stored rows of the history.
@@ -23,7 +21,7 @@ SILENCE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Run(Advised):
+class Run:
     """Final state and history of a learner that has finished.
 
     memory: memory after the last tick
@@ -54,7 +52,6 @@ class Learner(Protocol):
         """
 
 
-@checks_arguments
 def run(learner: Learner, *, progress: Progress | None = None) -> Run:
     """Run all ticks of a learner, and return its last memory and its history.
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.meaning import bounded_real_gain, meaning_checks
 from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of, why_refused
 from hfa_aircraft.names import PlantNames
-from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     import control
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Result, Reported):
     """Value z'P z of a game, its policies u = -K z and d = L z, and its certificate.
@@ -54,19 +52,6 @@ class Solution(Result, Reported):
     (True, (1, 1))
     """
 
-    _how_to_make: ClassVar[str] = "hfa.solve(game)"
-
-    _instead: ClassVar[Mapping[str, str]] = {
-        "value": "solution.cost(z)",
-        "track": 'hfa.track(linear, solution, {"STATE": "0.5sin(t)"})',
-        "expand": "hfa.expand(linear, solution, 4)",
-        "gamma": "solution.delta",
-        **dict.fromkeys(("changed", "replace"), "hfa.solve(game.with_delta(delta))"),
-        **dict.fromkeys(("u", "policy", "predict", "act"), "-solution.K @ z"),
-        "A_cl": "solution.closed_loop.A",
-        "simulate": "control.initial_response(solution.closed_loop, T, z0)",
-        **dict.fromkeys(("S", "X"), "solution.P"),
-    }
     schema = "hfa.game-solution/1"
 
     P: Matrix
@@ -229,7 +214,6 @@ class Solution(Result, Reported):
         return solution_report(self)
 
 
-@checks_arguments
 def solve(game: Game, progress: Progress | None = None) -> Solution:
     """Return the exact solution of a game, certified and confirmed (paper Section 3.1).
 
@@ -258,7 +242,6 @@ def solve(game: Game, progress: Progress | None = None) -> Solution:
     >>> solution.K.round(4).tolist(), round(solution.delta_min, 4)
     ([[3.0972]], 1.0)
     """
-    need(game, Game, "solve: game", "a game: hfa.game(linear, Q, R, delta)")
     form = form_of(game)
     solved = certified(form, progress)
     meaning = meaning_checks(solved.form, solved.X)
@@ -275,7 +258,6 @@ def unconfirmed_solution(game: Game) -> Solution:
 
     For searches and sweeps that solve many games. The arguments and errors are those of `solve`.
     """
-    need(game, Game, "unconfirmed_solution: game", "a game: hfa.game(linear, Q, R, delta)")
     return solution_of(certified(form_of(game)), game)
 
 

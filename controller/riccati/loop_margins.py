@@ -14,8 +14,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.margins import ClosedLoop, disk_of, disk_sizes, loop_at_inputs
-from hfa_support.arguments import ArrayLike, checks_arguments, need
-from hfa_support.attributes import advised
+from hfa_support.arguments import ArrayLike
 from trim.linear.linear_model import LinearModel
 
 #: A gain below this, or above its inverse, is a crossover at infinite frequency, or none, that
@@ -39,7 +38,6 @@ _POINTS = 17
 Loci = Callable[[np.ndarray], np.ndarray]
 
 
-@advised
 class LoopMargin(NamedTuple):
     """Margins of one loop, or of several loops for one common factor, phase shift or delay.
 
@@ -82,7 +80,6 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
     return tuple(single_margin(loop, i) for i in range(game.B.shape[1]))
 
 
-@checks_arguments
 def margins(linear: LinearModel | Game, K: ArrayLike) -> dict[str, LoopMargin]:
     """Return the stability margins of u = -K x at each input, with the other loops closed.
 
@@ -98,7 +95,6 @@ def margins(linear: LinearModel | Game, K: ArrayLike) -> dict[str, LoopMargin]:
     >>> round(hfa.margins(linear, [[2.0]])["u1"].phase, 4)
     90.0
     """
-    need(linear, (LinearModel, Game), "margins: linear", LinearModel._how_to_make)
     if isinstance(linear, Game):
         plant, inputs = linear, linear.names.inputs
     else:

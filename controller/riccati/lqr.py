@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution, solve
-from hfa_support.arguments import ArrayLike, checks_arguments
+from hfa_support.arguments import ArrayLike
 
 
-@checks_arguments
 def lqr(
     A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, N: ArrayLike | None = None
 ) -> Solution:

@@ -20,8 +20,6 @@ from controller.riccati.balancing import abscissa_of, balanced
 from controller.riccati.bilinear import System, in_continuous_time
 from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.frequency_response import level_crossings, responses
-from hfa_support.arguments import checks_arguments, need
-from hfa_support.attributes import advised
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
 
@@ -60,7 +58,6 @@ BLOCK = 16
 Piece = tuple[float, float]
 
 
-@advised
 class DiskMargin(NamedTuple):
     """Disk margin: stability for simultaneous changes of all inputs by independent complex factors.
 
@@ -200,7 +197,6 @@ def loop_at_inputs(game: Game, K: np.ndarray) -> ClosedLoop:
     return closed_steps(System(closed, game.B, -K, 0.5 * np.eye(len(K))), dt)
 
 
-@checks_arguments
 def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     """Return the disk margin α = 1 / sup_ω μ(S(jω) - I/2) of u = -K z.
 
@@ -216,7 +212,6 @@ def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     stable.
     Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020), 78-95.
     """
-    need(game, Game, "disk_margin: game", "a game: hfa.game(linear, Q, R, delta)")
     return disk_of(loop_at_inputs(game, K))
 
 

@@ -13,7 +13,6 @@ from controller.riccati.double_double import exact, product_of_doubles
 from controller.riccati.form import LAST_CORRECTION, Form
 from controller.riccati.frequency_response import loop_gain, scaled_root
 from controller.riccati.lyapunov import Lyapunov
-from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.checks import Check, at_most, below
 
 #: Largest error of the cost, relative to |z0|² |P|: z0'P z0 itself may be 0.
@@ -113,7 +112,6 @@ def closed_loop(form: Form, K: np.ndarray) -> System:
     return System(form.A - form.inputs @ K, form.disturbance, C, nothing)
 
 
-@checks_arguments
 def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     """Return the L2 gain sup ‖y‖₂/‖d‖₂ of the closed loop with u = -K z, ‖y‖² = ∫ z'Qz + 2z'Nu +
     u'Ru.

@@ -9,8 +9,6 @@ from controller.game.zero_sum import Game
 from controller.riccati.certificate import certified_solution, form_of
 from controller.riccati.delta_search import smallest_delta
 from controller.riccati.form import Form
-from hfa_support.arguments import checks_arguments, need
-from hfa_support.attributes import advised
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -30,7 +28,6 @@ class ModeError(NoSolutionError):
     """
 
 
-@advised
 class DeltaMin(NamedTuple):
     """Bounds of delta_min = inf{δ : a solution exists}: refused < delta_min <= value.
 
@@ -81,7 +78,6 @@ class DeltaMin(NamedTuple):
         return f"delta = {delta:.9g} is {where}{what}"
 
 
-@checks_arguments
 def minimum_delta(game: Game) -> DeltaMin:
     """Return bounds of the smallest δ for which a game has a value.
 
@@ -98,7 +94,6 @@ def minimum_delta(game: Game) -> DeltaMin:
     >>> round(minimum_delta(game).value, 4)
     1.0
     """
-    need(game, Game, "minimum_delta: game", "a game: hfa.game(linear, Q, R, delta)")
     return smallest_delta_of(form_of(game))
 
 

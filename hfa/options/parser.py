@@ -11,9 +11,9 @@ from functools import partial
 from itertools import pairwise
 from typing import Any, NoReturn
 
+from hfa.options.other_options import INSTEAD, MEANINGS, NOTES
 from hfa.options.part import Option, is_installed
 from hfa_support.errors import BadInputError, advice, shortened
-from hfa_support.other_words import INSTEAD
 
 #: Options of an input file, by which a stray file may be given.
 _INPUTS = ("--aircraft", "--model", "--weights", "--policy", "--controller")
@@ -211,8 +211,8 @@ class _Named(argparse.Action):
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     """Return the error message for an unknown option or command, with the nearest known name.
 
-    If no known name is near, the message says what to do in place of the option, or names the help
-    of `program`.
+    The message says what to do in place of an option of other tools. If no known name is near, it
+    names the help of `program`.
 
     what: kind of word, with the word
     name: the unknown name
@@ -221,6 +221,11 @@ def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     """
     if instead := INSTEAD.get(f"{program} {name}"):
         return f"unknown {what}; {instead}"
+    known = [*known]
+    meant = [each for each in MEANINGS.get(name, ()) if each in known]
+    if meant:
+        either = " or ".join(f"{each} ({NOTES[each]})" if each in NOTES else each for each in meant)
+        return f"unknown {what}; did you mean {either}?"
     return f"unknown {what}{advice(name, known) or f' (see `{program} --help`)'}"
 
 

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, refuse_unknown
 
 if TYPE_CHECKING:
     import pandas
 
 
-class NamedArray(Advised, np.ndarray):
+class NamedArray(np.ndarray):
     """Array with names for the entries of each axis.
 
     names: for each axis, the names of its entries, or () for an axis without names
@@ -27,9 +26,6 @@ class NamedArray(Advised, np.ndarray):
     """
 
     names: tuple[tuple[str, ...], ...] = ()
-    _instead = MappingProxyType(
-        {"to_numpy": "np.array(array)", "loc": "array[NAME]", "iloc": "array[NUMBER]"}
-    )
 
     def __getitem__(self, index: Any) -> Any:
         """Return entries by name, or by any index of a NumPy array.
@@ -82,7 +78,7 @@ def with_names(values: np.ndarray, *names: tuple[str, ...]) -> NamedArray:
 Named = TypeVar("Named", covariant=True)
 
 
-class ByName(Advised, tuple[Named, ...]):
+class ByName(tuple[Named, ...]):
     """Tuple whose entries are found by number or by their `name`, as in modes["phugoid"].
 
     lacking: name of a missing entry -> why it is missing

@@ -9,7 +9,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from hfa_support.attributes import Advised
 from hfa_support.errors import shortened
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.parts import Picture
@@ -33,7 +32,7 @@ SUFFIXES = (".json", ".npz", ".mat", ".csv", ".md", ".html")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Report(Advised):
+class Report:
     """Report of a result, with its parts in reading order.
 
     title: heading, and further lines that are printed below the heading
@@ -167,7 +166,7 @@ class Report(Advised):
 Part: TypeAlias = "str | Table | tuple[str | Table, ...] | Picture | Report"
 
 
-class Reported(Advised):
+class Reported:
     """Base class of results that are displayed as reports at the Python prompt and in notebooks."""
 
     def report(self) -> Report:

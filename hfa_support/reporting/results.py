@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hfa_support.attributes import Advised
 from hfa_support.reporting.data_files import jsonable
 
 #: Arrays with one, two and three axes.
@@ -23,7 +22,7 @@ RootTable = np.ndarray
 Record = Any
 
 
-class Result(Advised):
+class Result:
     """Base class of dataclasses that are stored as files or as parts of other results.
 
     schema: name and version of the file format, or "" for a part of other results

@@ -12,11 +12,6 @@ from hfa_support.errors import choice_of, nearest
         ("c172q", ("c172x", "c172p", "c182"), "c172x or c172p"),
         ("sped", ("speed", "spiral"), "speed"),
         ("MACH", ("mach", "machine"), "mach"),
-        ("n", ("nose", "load_factor"), "load_factor"),
-        ("M", ("mass", "mach"), "mach"),
-        ("theta", ("pitch", "pitch_rate"), "pitch"),
-        ("gamma", ("delta", "alpha"), "delta"),
-        ("--angle", ("--at", "--dihedral"), "--dihedral"),
     ],
 )
 def test_similar_names_are_suggested(name, known, meant):

@@ -9,7 +9,6 @@ import numpy as np
 import hfa_model
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import unit_of
-from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.figure import new_figure
 from trim.point.operating_point import OperatingPoint
 
@@ -85,7 +84,6 @@ def scale_text(model: Model, scale: float) -> str:
     return f"arrows: {1 / scale:.3g} {unit_of(model, 'lbf')} per {length}"
 
 
-@checks_arguments
 def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     """Return a figure of the aircraft from the front at a trim.
 

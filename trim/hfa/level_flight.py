@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hfa_model.choice import aircraft
-from hfa_support.arguments import checks_arguments, need
 from trim.point.condition import TrimCondition, usual_condition
 
 #: Named condition -> its file in this folder.
@@ -18,7 +17,6 @@ CONDITIONS = {
 LEVEL_FLIGHT = usual_condition(aircraft())
 
 
-@checks_arguments
 def level_flight(
     dihedral: float, *, limits: Mapping[str, tuple[float, float]] | None = None, **held: float
 ) -> TrimCondition:
@@ -35,14 +33,11 @@ def level_flight(
     >>> hfa.paper.level_flight(0.2, speed=70.0).free
     ('throttle', 'aileron_outer', 'elevator_center', 'elevator_outer')
     """
-    if limits is not None:
-        need(limits, Mapping, "level_flight: limits", "{name: (lowest, highest)}")
     model = LEVEL_FLIGHT.model
     imposed = {**model.trim, model.schedule: dihedral, **held}
     return TrimCondition(model, imposed, limits=dict(limits or {}))
 
 
-@checks_arguments
 def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondition:
     """Return a trim condition by its name in `CONDITIONS`, or from a user's file.
 

@@ -22,7 +22,6 @@ from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.published import PublishedModel, published_models
 from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction
@@ -99,7 +98,6 @@ class EntryRow(Result):
         }
 
 
-@checks_arguments
 def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
     """Return all 66 entries of A (6 x 6) and B (6 x 5) of a model, each with the printed value.
 
@@ -130,7 +128,6 @@ def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ..
     )
 
 
-@checks_arguments
 def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
     """Return the linear model of an aircraft in the paper's trim at the dihedral angle of a printed
     pair.
@@ -343,7 +340,6 @@ def has_bands(parameters: ParameterSet) -> bool:
     return same and parameters.covariance.size > 0
 
 
-@checks_arguments
 def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
     """Return the error bands of the entries of a linear model with the paper's six states.
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
@@ -24,13 +23,11 @@ _MOST_PANELS = 6
 _STILL = 1e-6
 
 
-@checks_arguments
 def transfers(system: System) -> list[Transfer]:
     """Return the transfer functions of a system from each input to each output.
 
     All inputs of the first output come first, then those of the second output, and so on.
     """
-    need(system, System, "transfers: system", "linear.system")
     A, B, C, D = system.scaled()
     poles = spectrum(A)
     functions = []

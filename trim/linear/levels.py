@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table
 
@@ -30,7 +29,6 @@ _AGILE = ("I", "II-C", "IV")
 _TONES = {1: "good", 2: "near", 3: "far", NO_LEVEL: "bad"}
 
 
-@checks_arguments
 class Airplane(NamedTuple):
     """What decides the limits: class of the airplane and category of the flight phase."""
 
@@ -69,7 +67,6 @@ class Graded(Result):
     paragraph: str
 
 
-@checks_arguments
 def graded(
     qualities: Mapping[str, float], modes: Sequence[str], airplane: Airplane
 ) -> tuple[Graded, ...]:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hfa_aircraft.matrices import plant_model
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.signals import Signal, StatesAndInputs
-from hfa_support.arguments import ArrayLike, checks_arguments
+from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, file_faults, prefix_errors
 from hfa_support.files import read_json
 from hfa_support.labels import in_order, labels_of
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from trim.point.performance import Quantity
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     """Linear model x' = A x + B u + E w, y - Y0 = C x + D u + F w (Eq. 9 of the paper).
@@ -69,23 +68,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     (True, (6, 6), (6, 5))
     """
 
-    _instead: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("lqr", "solve"), "hfa.solve(hfa.game(linear, Q, R))"),
-        "K": "hfa.solve(hfa.game(linear, Q, R)).K",
-        "track": 'hfa.track(linear, solution, {"STATE": "0.5sin(t)"})',
-        "expand": "hfa.expand(linear, solution, 4)",
-        **dict.fromkeys(("ss", "to_ss", "sys"), "linear.to_control()"),
-        **{
-            name: f"linear.to_control().{name}"
-            for name in ("damp", "dcgain", "feedback", "minreal", "nstates", "sample")
-        },
-        **dict.fromkeys(("c2d", "discretize"), "linear.to_control().sample(dt)"),
-        "tf": "linear.transfer_function(input, output)",
-        **dict.fromkeys(("changed", "replace"), "dataclasses.replace(linear, A=A)"),
-    }
-    _how_to_make: ClassVar[str] = (
-        "hfa.linearize(model, point), or of matrices hfa.LinearModel.of(A, B, C, D)"
-    )
     schema = "hfa.linear-model/1"
 
     A: Matrix

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.named import NamedArray
 from hfa_support.reporting.results import Result
@@ -66,7 +65,6 @@ class Spectrum(NamedTuple):
     left: np.ndarray
 
 
-@checks_arguments
 def modes_of(
     A: np.ndarray,
     states: tuple[str, ...],
@@ -93,7 +91,6 @@ def modes_of(
     0.1
     """
     A = numbers_in("A", A)
-    need(states, (list, tuple), "modes_of: states", "the names of the states in a tuple")
     n = len(states)
     if A.shape != (n, n):
         raise BadInputError(f"A has shape {A.shape}; give shape {(n, n)}, one row for each state")

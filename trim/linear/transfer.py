@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hfa_aircraft.signals import Signal
-from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.results import Result, Roots
 from trim.linear.modes import Spectrum, fastest_first, order_fastest_first, spectrum
 
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 ROUNDING = 1e-12
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False)
 class Transfer(Result):
     """Transfer function gain Π(s - zero) / Π(s - pole), after pole-zero cancellation.
@@ -34,8 +32,6 @@ class Transfer(Result):
     zeros: (zeros,), 1/s.
     poles: (poles,), 1/s.
     """
-
-    _how_to_make: ClassVar[str] = "linear[output, input]"
 
     output: str
     input: str

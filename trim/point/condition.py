@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_support.arguments import checks_arguments, need
-from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.linear_table import LinearTable
 
@@ -20,9 +18,8 @@ from hfa_support.linear_table import LinearTable
 _ROUNDING = 1e-12
 
 
-@checks_arguments
 @dataclass(frozen=True)
-class TrimCondition(Advised):
+class TrimCondition:
     """Trim condition: f(X, U) = rates and y(X, U) = values, with free variables within limits.
 
     Some of X, U and y are imposed. The other X and U are free within limits. All values are in the
@@ -49,8 +46,6 @@ class TrimCondition(Advised):
     ('throttle', 'aileron_outer', 'elevator_center', 'elevator_outer')
     """
 
-    _how_to_make: ClassVar[str] = "TrimCondition(model, {name: value}), or say hold={name: value}"
-
     model: Model = field(compare=False)
     imposed: Mapping[str, Any]
     rates: Mapping[str, float] = None  # type: ignore[assignment]  # replaced below
@@ -64,8 +59,6 @@ class TrimCondition(Advised):
         Raises BadInputError for a faulty field.
         """
         model = self.model
-        need(model, Model, "TrimCondition: model", Model._how_to_make)
-        need(self.imposed, Mapping, "TrimCondition: imposed", "{name: value}")
         if self.rates is None:
             vars(self)["rates"] = dict.fromkeys(model.steady, 0.0)
         if not self.rates:
@@ -260,14 +253,12 @@ def refuse_unfit(condition: TrimCondition, model: Model) -> None:
         )
 
 
-@checks_arguments
 @lru_cache(maxsize=16)
 def usual_condition(model: Model) -> TrimCondition:
     """Return the trim condition that a model declares as its default."""
     return TrimCondition(model, model.trim)
 
 
-@checks_arguments
 def release(
     condition: TrimCondition,
     *,
@@ -286,10 +277,7 @@ def release(
     Raises BadInputError for an unknown name, for a name that is both set free and held, and as
     `TrimCondition` does.
     """
-    need(condition, TrimCondition, "release: condition", TrimCondition._how_to_make)
     hold = hold or {}
-    need(hold, Mapping, "release: hold", "{name: value}")
-    need(free, (tuple, list), "release: free", "a tuple of names")
     for name in (*free, *hold):
         condition.model.refuse_unheld("unknown trim variable", name)
     for name in free:

@@ -7,14 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.arguments import checks_arguments, need
 from trim.linear.kinks import linearization_at
 from trim.linear.linear_model import LinearModel
 from trim.linear.reduction import positions
 from trim.point.operating_point import OperatingPoint
 
 
-@checks_arguments
 def linearize(
     model: Model,
     point: OperatingPoint,
@@ -49,11 +47,6 @@ def linearize(
     >>> hfa.linearize(hfa.aircraft(), point).A.shape
     (6, 6)
     """
-    need(model, Model, "linearize: model", Model._how_to_make)
-    need(point, OperatingPoint, "linearize: point", "a trim: hfa.trim(model)")
-    for what, names in (("outputs", outputs), ("disturbances", disturbances)):
-        if names is not None:
-            need(names, (list, tuple), f"linearize: {what}", "a list or tuple of names")
     point._refuse_other(model)
     if states or inputs or residualize:
         kept = states or [name for name in model.linear if name not in residualize]

@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hfa_aircraft.model import Model, recognized
 from hfa_aircraft.signals import StatesAndInputs, record
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NotFiniteError, file_faults, refuse_unknown, shortened
 from hfa_support.files import read_json, write_text
 from hfa_support.reporting.data_files import json_text
@@ -44,7 +43,6 @@ _SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust")
 _LEVELS = 'trim.levels_of(point, trim.Airplane("III", "C"))'
 
 
-@checks_arguments
 @dataclass(frozen=True, repr=False)
 class OperatingPoint(StatesAndInputs, Result, Reported):
     """State X0 and input U0, with the residual of each equation.
@@ -67,16 +65,6 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     (True, 'trimmed')
     """
 
-    _how_to_make: ClassVar[str] = "trim(model)"
-    _instead: ClassVar[Mapping[str, str]] = {
-        **{name: f"point.linearize().{name}" for name in ("A", "B", "C", "D", "E", "poles")},
-        "eigenvalues": "point.linearize().poles()",
-        "linearize": "point.linearize()",
-        **dict.fromkeys(("outputs", "y", "controls"), "point[NAME]"),
-        **dict.fromkeys(("changed", "replace"), "hfa.trim(model, NAME=VALUE)"),
-        "levels": _LEVELS,
-        "report": f"point.report(), or for levels {_LEVELS}",
-    }
     schema = SCHEMA
 
     states: Record

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -59,7 +58,6 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
     return TrimError(f"no trim: {reason} ({details})", error.attempt, error.required)
 
 
-@checks_arguments
 def trim(
     model: Model,
     condition: TrimCondition | None = None,
@@ -103,15 +101,8 @@ def trim(
     >>> round(point["throttle"], 2)
     40.27
     """
-    need(model, Model, "trim: model", Model._how_to_make)
-    if condition is not None:
-        need(condition, TrimCondition, "trim: condition", TrimCondition._how_to_make)
-    if start is not None:
-        need(start, (OperatingPoint, Mapping), "trim: start", "a trim, or {name: value}")
     condition = condition or usual_condition(model)
     refuse_unfit(condition, model)
-    if hold:
-        need(hold, Mapping, "trim: hold", "{name: value}")
     held = {**(hold or {}), **held}
     if at is not None:
         if model.schedule in held:
@@ -193,7 +184,6 @@ def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np
     yield from others(problem, guess)
 
 
-@checks_arguments
 def level_model(model: Model, scheduled: float) -> LinearModel:
     """Return the linear model of an aircraft at the trim that its model declares.
 
@@ -208,6 +198,5 @@ def level_model(model: Model, scheduled: float) -> LinearModel:
     >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states
     ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
     """
-    need(model, Model, "level_model: model", Model._how_to_make)
     condition = usual_condition(model).at(hold={model.schedule: scheduled})
     return trim(model, condition).linearize()

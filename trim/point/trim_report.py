@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model, recognized
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import given
@@ -70,7 +69,6 @@ _PERFORMANCE = (
 )
 
 
-@checks_arguments
 def trim_report(
     model: Model,
     condition: TrimCondition,
@@ -93,9 +91,6 @@ def trim_report(
         all outputs
     airplane: class and flight phase category for the levels; by default class I, category B
     """
-    need(model, Model, "trim_report: model", Model._how_to_make)
-    need(condition, TrimCondition, "trim_report: condition", TrimCondition._how_to_make)
-    need(point, OperatingPoint, "trim_report: point", "a trim: hfa.trim(model)")
     margins = point.margins_under(condition)
     # Variables whose limits matter: free ones, and held inputs.
     limited = [
@@ -190,7 +185,6 @@ def _about_lines(
         yield tuple(lines)
 
 
-@checks_arguments
 def levels_of(point: OperatingPoint, airplane: Airplane) -> tuple[Graded, ...]:
     """Return the levels of the modes of a trim by MIL-F-8785C, () without a trim or a speed.
 

@@ -11,8 +11,6 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_support.arguments import checks_arguments
-from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError
 from trim.sweeps.sweep import Sweep
 
@@ -34,9 +32,8 @@ class Interpolated(NamedTuple):
     B: np.ndarray
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False)
-class InterpolatedModel(Advised):
+class InterpolatedModel:
     """Trim, A and B, interpolated linearly in each variable of a sweep.
 
     sweep: sweep over a grid, with a trim at every point

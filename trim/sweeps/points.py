@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
 from trim.point.condition import (
@@ -63,7 +62,6 @@ class Points(NamedTuple):
     one_by_one: np.ndarray
 
 
-@checks_arguments
 def trim_points(
     model: Model,
     variables: tuple[str, ...],
@@ -89,11 +87,6 @@ def trim_points(
 
     Raises BadInputError for values of a wrong shape, and for an unknown name.
     """
-    need(model, Model, "trim_points: model", Model._how_to_make)
-    if condition is not None:
-        need(condition, TrimCondition, "trim_points: condition", TrimCondition._how_to_make)
-    if start is not None:
-        need(start, OperatingPoint, "trim_points: start", "a trim: hfa.trim(model)")
     values = numbers_in("values", values)
     if values.ndim != 2 or values.shape[1] != len(variables):
         raise BadInputError(

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs, record
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.progress import Progress
 from hfa_support.reporting.figure import new_figure, pyplot_figure
@@ -177,13 +176,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     one_by_one: number of points that were trimmed one by one.
     """
 
-    _instead: ClassVar[Mapping[str, str]] = {
-        "linear": "sweep.at(speed=...) or sweep[0]",
-        "points": "sweep[0].point",
-        "at": "sweep.at(NAME=VALUE)",
-        "loc": "sweep.at(NAME=VALUE)",
-        "poles": "sweep.eigenvalues",
-    }
     schema = "hfa.sweep/1"
 
     plan: SweepPlan
@@ -550,7 +542,6 @@ def _mode_text(eigenvalues: np.ndarray) -> str:
     return ", ".join(words)
 
 
-@checks_arguments
 def sweep(
     model: Model,
     grid: Mapping[str, Sequence[float] | np.ndarray] | None = None,
@@ -586,13 +577,6 @@ def sweep(
     >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape
     (4, 6, 6)
     """
-    need(model, Model, "sweep: model", Model._how_to_make)
-    if grid is not None:
-        need(grid, Mapping, "sweep: grid", "{name: values}")
-    if condition is not None:
-        need(condition, TrimCondition, "sweep: condition", TrimCondition._how_to_make)
-    if start is not None:
-        need(start, OperatingPoint, "sweep: start", "a trim: hfa.trim(model)")
     grid = {**(grid or {}), **columns}
     if at is not None:
         if model.schedule in grid:

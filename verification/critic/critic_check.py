@@ -14,7 +14,7 @@ from controller.critic.training_run import TrainingRun
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
-from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.arguments import ArrayLike
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -44,7 +44,6 @@ _CRITICS = (
 _FLAT = 1e-6
 
 
-@checks_arguments
 def verify(
     game: Game,
     critic: Critic | Solution | TrainingRun | ArrayLike | str | Path,
@@ -94,12 +93,8 @@ def verify(
     >>> hfa.verify(game, hfa.from_gain(game, -K)).reason
     'the gain has the wrong sign: the policy is u = -K z'
     """
-    need(game, Game, "verify: game", "a game: hfa.game(linear, Q, R, delta)")
     refuse_unless_positive("limit", limit)
     scope = scope or Scope()
-    need(scope, Scope, "verify: scope", "verification.Scope(...)")
-    if linear is not None:
-        need(linear, LinearModel, "verify: linear", LinearModel._how_to_make)
     given = _critic(game, critic, linear)
     judged = JudgedGame(game)
     if taylor and (linear is None or given.is_quadratic):
@@ -169,7 +164,6 @@ def _rank_check(run: TrainingRun) -> Check:
 
 def _given_box(box: Box, game: Game) -> Box:
     """Return the box of a scope, refused unless it has a positive half-width for each state."""
-    need(box, Box, "verify: scope.box", "verification.Box(half_widths, about)")
     widths = numbers_in("scope.box.half_widths", box.half_widths)
     count = len(game.A)
     if widths.shape != (count,) or not np.all(widths > 0.0):
@@ -221,8 +215,8 @@ def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
         return given.critic(game)
     if isinstance(given, Solution):
         return from_parts(game, {"P": given.P, "K": given.K})
-    need(given, Critic, "verify: critic", _CRITICS)
-    assert isinstance(given, Critic)
+    if not isinstance(given, Critic):
+        raise BadInputError(f"critic is {shown(given)}; give {_CRITICS}")
     _refuse_other_time(game, given.is_discrete)
     return given
 

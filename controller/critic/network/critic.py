@@ -19,14 +19,12 @@ from controller.critic.reading import Reading
 from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, prefix_errors, shortened, warn
 
 #: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
 OUTPUTS = ("V", "gradient", "policy", "V+policy")
 
 
-@checks_arguments
 def from_network(
     game: Game,
     source: str | Path | ca.Function | Mapping[str, Any] | Callable[..., Any],
@@ -61,7 +59,6 @@ def from_network(
     >>> hfa.from_network(game, V).P.diagonal().tolist()
     [3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
     """
-    need(game, Game, "from_network: game", Game._how_to_make)
     n, m = game.B.shape
     scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
     if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):

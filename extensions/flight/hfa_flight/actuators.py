@@ -10,8 +10,6 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.march.march import saturated
-from hfa_support.arguments import checks_arguments
-from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 
 #: Longest integration step relative to the lag. For the actuators alone, the Runge-Kutta method of
@@ -19,7 +17,6 @@ from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_posi
 LONGEST_STEP = 2.5
 
 
-@checks_arguments
 @dataclass(frozen=True)
 class ActuatorFault:
     """Change of the actuator dynamics during a flight, from the time `begin` on.
@@ -48,9 +45,8 @@ class ActuatorFault:
             raise BadInputError(f"the start time of a fault is {self.begin:g} s; give at least 0 s")
 
 
-@checks_arguments
 @dataclass(frozen=True)
-class ActuatorBank(Advised):
+class ActuatorBank:
     """Actuators of the m inputs, with limits of position and rate.
 
     u is the command and a the position, as deviations from the trim U0.

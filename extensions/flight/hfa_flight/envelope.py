@@ -14,7 +14,6 @@ import numpy as np
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, limited_names
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_support.reporting.text import beside_unit, short_number, with_unit
 from trim.point.operating_point import OperatingPoint
@@ -82,7 +81,6 @@ def limits_text(lowest: float, highest: float, unit: str, assumed: bool = False)
     return f"{text}, assumed" if assumed else text
 
 
-@checks_arguments
 def flight_envelope(
     model: Model,
     point: OperatingPoint,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,7 +48,6 @@ from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.policy import GainPolicy
 from hfa_flight.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -90,7 +89,6 @@ _STORED_IF_ANY = ("decay", "integration", "largest_difference_from_linear", "cos
 _SMALL = 1e-3
 
 
-@checks_arguments
 def fly(
     model: Model,
     point: OperatingPoint,
@@ -139,8 +137,6 @@ def fly(
     >>> hfa.fly(model, point, solution, 1.0, initial={"alpha": 0.01}).states.shape
     (1001, 7)
     """
-    need(model, Model, "fly: model", Model._how_to_make)
-    need(point, OperatingPoint, "fly: point", "a trim: hfa.trim(model)")
     happens = _scenario_of_flight(
         model, Scenario() if scenario is None else scenario, duration, initial
     )
@@ -196,7 +192,6 @@ def _scenario_of_flight(
     model: Model, given: Scenario, duration: float | None, initial: Any
 ) -> Scenario:
     """Return the scenario for a flight of a model, with its duration and initial condition."""
-    need(given, Scenario, "fly: scenario", "hfa_flight.Scenario(...)")
     if given.uncertainty != Uncertainty():
         raise BadInputError(
             "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
@@ -285,7 +280,6 @@ def _refuse_invalid(point: OperatingPoint, flight: Deviations) -> None:
         )
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Flight(StatesAndInputs, Result, Reported):
     """A simulated flight, up to the first tick outside the envelope.
@@ -308,8 +302,6 @@ class Flight(StatesAndInputs, Result, Reported):
     >>> flight.ok, flight["alpha"].shape
     (True, (1001,))
     """
-
-    _how_to_make: ClassVar[str] = "hfa.fly(model, point, policy, ...)"
 
     schema = "hfa.flight/1"
 

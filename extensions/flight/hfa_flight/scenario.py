@@ -17,8 +17,6 @@ from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.signals import TimeVector
-from hfa_support.arguments import checks_arguments
-from hfa_support.attributes import Advised
 from hfa_support.errors import (
     BadInputError,
     is_finite,
@@ -39,9 +37,8 @@ _AIR = 2
 MOST_STEPS = 10_000_000
 
 
-@checks_arguments
 @dataclass(frozen=True)
-class Uncertainty(Advised):
+class Uncertainty:
     """Random quantities of the members of a simulation. By default there are none.
 
     errors: parameter -> relative standard deviation about the nominal value
@@ -105,7 +102,6 @@ def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(seed, spawn_key=(member, kind))
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Scenario(Reported):
     """Initial condition, reference, disturbances, noise, gusts and timing of a flight.

@@ -10,7 +10,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Result
@@ -22,7 +21,6 @@ COMMAND_FILTER = (0.5, 2.0)
 TimeVector = Any
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class CommandSteps(Reported):
     """Filtered command steps: r'' = ω² (r_step(t) - r) - 2 ζ ω r', with r = r' = 0 initially.
@@ -109,7 +107,6 @@ class CommandSteps(Reported):
         return 1 - even - middle * odd, self.bandwidth**2 * odd
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False)
 class CommandedStates(Result):
     """Reference x_d(t), (k,), of a flight: steps of some states, not filtered, 0 for the others.

@@ -28,7 +28,6 @@ from hfa_identify.residuals import partings
 from hfa_identify.response import Responses
 from hfa_identify.search import Search, begin_of
 from hfa_identify.sensors import sensor_errors
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unknown, shown
 
 #: Record, dictionary of arrays, or path of a file.
@@ -43,7 +42,6 @@ _MANY = 2000
 _WIDE = 2.0
 
 
-@checks_arguments
 def identify(
     model: Model,
     records: Any,
@@ -81,7 +79,6 @@ def identify(
     >>> import hfa
     >>> found = hfa.identify(model, "flight.csv", ["Cm_q"])  # doctest: +SKIP
     """
-    need(model, Model, "identify: model", Model._how_to_make)
     held = dict(hold or {})
     for name in held:
         refuse_unknown(
@@ -120,7 +117,6 @@ def _listed(records: Any) -> list[Any]:
     is_one = is_table or isinstance(records, Record | Mapping | str | Path)
     if is_one:
         return [records]
-    need(records, (list, tuple), "identify: records", "a record, or a list of records")
     return list(records)
 
 
@@ -161,7 +157,6 @@ def _as_records(
                 is_index = each.index.name == "time" and "time" not in each.columns
                 each = each.reset_index() if is_index else each
                 each = columns_of_table(each, model, f"record {number}")
-            need(each, Mapping, f"identify: record {number}", "a file, a flight, or arrays by name")
             each = record_of(model, each, held, f"record {number}")
         read.append(replace(each, has_steps=inputs == "steps"))
     return read

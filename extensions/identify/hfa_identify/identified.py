@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from hfa_aircraft.uncertain import ParameterSpread
 from hfa_identify.bands import WHITE
 from hfa_identify.records import Record
 from hfa_identify.residuals import Parting
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError, refuse_unknown
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report, Reported
@@ -69,7 +68,6 @@ class FittedQuantity(Result):
     unit: str
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Identified(Result, Reported):
     """Parameters of a model identified from flight records.
@@ -90,8 +88,6 @@ class Identified(Result, Reported):
     converged: whether the search converged to a maximum of the likelihood.
     steps: number of Gauss-Newton steps.
     """
-
-    _how_to_make: ClassVar[str] = "hfa.identify(model, records, ...)"
 
     schema = "hfa.identified/1"
 

@@ -16,9 +16,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.jsbsim_log import TIME, log_columns
-from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
-from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
 from hfa_support.files import regular_file
 from hfa_support.units import conversion, si_unit
@@ -39,9 +37,8 @@ _MORE_OFTEN = 5
 _FAR = 4.0
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False)
-class Record(Advised):
+class Record:
     """Flight record of one maneuver.
 
     name: name of the record, such as its file name.
@@ -159,7 +156,6 @@ def record_of(
     return Record(name, time, _stacked(time, inputs), arrays)
 
 
-@checks_arguments
 def read_record(path: str | Path, model: Model, held: Mapping[str, float]) -> Record:
     """Read a record from a CSV, .npz or .mat file.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from hfa_optimal.report_lines import (
 )
 from hfa_optimal.search import MESHES_AGREE, Found
 from hfa_optimal.smooth import has_kinks
-from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
@@ -84,7 +83,6 @@ class PolicyFlight(Result):
         )
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     """Best flight found from an initial condition to a trim within limits.
@@ -105,8 +103,6 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     >>> round(best.cost, 2), best.saturated  # (3³ - 1)/3 + 2 while the force is 1, then 1
     (11.67, ['force'])
     """
-
-    _how_to_make: ClassVar[str] = "hfa.optimize(model, point, start)"
 
     schema = "hfa.best-flight/1"
 

@@ -19,7 +19,6 @@ from hfa_flight.scenario import Scenario
 from hfa_optimal.commands_under_way import CommandsUnderWay
 from hfa_optimal.one_sample_filter import OneSampleFilter
 from hfa_optimal.scaled import ScaledProblem
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
 from trim.point.operating_point import OperatingPoint
@@ -142,7 +141,6 @@ class KeptInside(Policy):
         )
 
 
-@checks_arguments
 def keep_inside(
     policy: Policy | Deployment,
     model: Model,
@@ -177,7 +175,6 @@ def keep_inside(
     """
     if isinstance(policy, Deployment):
         policy = flown_deployment(policy, point)
-    need(policy, Policy, "keep_inside: policy", "a policy of hfa.fly")
     return kept_inside(policy, flight_problem(model, point, limits=limits))
 
 

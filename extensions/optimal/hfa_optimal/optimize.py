@@ -9,11 +9,10 @@ from hfa_aircraft.model import Model
 from hfa_flight.problem import flight_problem
 from hfa_optimal.best_flight import BestFlight
 from hfa_optimal.search import BestFlights
-from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.arguments import ArrayLike
 from trim.point.operating_point import OperatingPoint
 
 
-@checks_arguments
 def optimize(
     model: Model,
     point: OperatingPoint,
@@ -54,9 +53,5 @@ def optimize(
     >>> round(hfa.optimize(cart, point, {"position": 0.1}).cost, 4)  # sqrt(3) position²
     0.0173
     """
-    need(model, Model, "optimize: model", Model._how_to_make)
-    need(point, OperatingPoint, "optimize: point", "a trim: hfa.trim(model)")
-    starts = (Mapping, OperatingPoint)
-    need(initial, starts, "optimize: initial", "deviations {state: value}, or a trim")
     problem = flight_problem(model, point, Q, R, inputs, limits)
     return BestFlight(problem, BestFlights(problem).found(problem.deviations(initial)))

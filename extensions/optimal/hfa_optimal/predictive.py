@@ -22,7 +22,7 @@ from hfa_optimal.holds import HOLDS, grid_of
 from hfa_optimal.planner import Planner
 from hfa_optimal.receding import RecedingHorizon, Samples
 from hfa_optimal.scaled import ScaledProblem
-from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, refuse_unless_positive, shown
 from trim.point.operating_point import OperatingPoint
 
@@ -133,7 +133,6 @@ class Predictive(SampledPolicy):
         return tuple(lines)
 
 
-@checks_arguments
 def predictive(
     model: Model,
     point: OperatingPoint,
@@ -188,8 +187,6 @@ def predictive(
     >>> policy(0.0, [3.0]).round(3).tolist(), policy.dt  # as fast as the force permits
     ([-1.0], 0.2)
     """
-    need(model, Model, "predictive: model", Model._how_to_make)
-    need(point, OperatingPoint, "predictive: point", "a trim: hfa.trim(model)")
     if dt is not None:
         refuse_unless_positive("dt", dt, " s")
     problem = flight_problem(model, point, Q, R, inputs, limits)

@@ -24,7 +24,7 @@ from hfa_optimal.holds import sample_time
 from hfa_optimal.one_sample_filter import OneSampleFilter
 from hfa_optimal.scaled import ScaledProblem
 from hfa_optimal.smooth import smooth_slopes
-from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, refuse_unless_positive, shown
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
@@ -194,7 +194,6 @@ class RiccatiLaw:
         return P
 
 
-@checks_arguments
 def state_dependent(
     model: Model,
     point: OperatingPoint,
@@ -232,8 +231,6 @@ def state_dependent(
     >>> bool(abs(policy.K - hfa.solve(game).K).max() < 1e-8)
     True
     """
-    need(model, Model, "state_dependent: model", Model._how_to_make)
-    need(point, OperatingPoint, "state_dependent: point", "a trim: hfa.trim(model)")
     if dt is not None:
         refuse_unless_positive("dt", dt, " s")
     if not 0.0 <= limit_weight < math.inf:

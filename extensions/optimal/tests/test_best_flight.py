@@ -106,19 +106,6 @@ def test_a_cart_too_fast_to_stop_is_refused() -> None:
         best_of_cart({"position": 15.0, "velocity": 6.0})
 
 
-def test_wrong_words_of_optimize_are_refused() -> None:
-    """An unknown argument and a missing initial condition are refused."""
-    model = cart()
-    point = hfa.trim(model)
-    begin = {"position": 0.1}
-    for wrong, said in (
-        ({}, "'initial'"),
-        ({"x0": begin}, "did you mean initial"),
-    ):
-        with pytest.raises(hfa.BadInputError, match=said):
-            hfa.optimize(model, point, **wrong)
-
-
 def test_an_input_not_selected_is_constant() -> None:
     """An input that is not selected is constant. With both inputs, the cost is more than 10 %
     lower.

@@ -106,7 +106,6 @@ def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state() -> None:
     [
         (lambda: hfa.state_dependent(DUFFING, AT_REST, limit_weight=-1.0), "limit_weight is -1.0"),
         (lambda: hfa.state_dependent(DUFFING, AT_REST, dt=0.0), "dt is 0.0 s"),
-        (lambda: hfa.keep_inside(np.eye(2), DUFFING, AT_REST), "policy is an array of shape"),
     ],
 )
 def test_what_is_refused(refused: Any, says: str) -> None:

@@ -21,7 +21,6 @@ from hfa_policy.rough_flights import RoughFlights, rough_flights, rough_scenario
 from hfa_policy.trims import trims_of
 from hfa_policy.variations import changes_of, variations
 from hfa_policy.weights import has_weights
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -35,7 +34,6 @@ from hfa_support.progress import Progress
 COMPARED = 5
 
 
-@checks_arguments
 def assess(
     model: Model,
     deployment: Deployment | str | Path,
@@ -86,7 +84,6 @@ def assess(
     >>> hfa.assess(hfa.aircraft(), deployment, [0.1], samples=0).points[0].holds
     True
     """
-    need(model, Model, "assess: model", Model._how_to_make)
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
     if best is not None:

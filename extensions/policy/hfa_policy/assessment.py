@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from hfa_policy.assessment_report import records_table, report_parts
 from hfa_policy.findings import Finding, Severity, findings_at_trims, where_text, worst_first
 from hfa_policy.variations import Variation
 from hfa_policy.weights import has_weights
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.figure import new_figure, pyplot_figure
@@ -41,7 +40,6 @@ NEEDS = {
 _FIRST_LINE = 80
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Assessment(Result, Reported):
     """Assessment of a policy as it is deployed, at one or more trims.
@@ -55,13 +53,6 @@ class Assessment(Result, Reported):
     >>> import hfa
     >>> assessment = hfa.assess(deployment, points)  # doctest: +SKIP
     """
-
-    _how_to_make: ClassVar[str] = "hfa.assess(model, deployment)"
-    _instead: ClassVar[Mapping[str, str]] = {
-        **{name: f"assessment.points[0].{name}" for name in ("flights", "share")},
-        **dict.fromkeys(("cost", "costs"), "assessment.points[0].best.cost"),
-        "success_rate": "assessment.points[0].share",
-    }
 
     schema = "hfa.assessment/1"
 

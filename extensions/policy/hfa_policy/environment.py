@@ -17,7 +17,7 @@ from hfa_policy.episodes import SECONDS, Episodes
 from hfa_policy.start_boxes import sample_time
 from hfa_policy.trims import trims_of
 from hfa_policy.weights import diagonal_weights, usual_weights
-from hfa_support.arguments import ArrayLike, checks_arguments, need
+from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, missing_package, refuse_unless_whole, warn
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
 
 
-@checks_arguments
 def environment(
     model: Model,
     deployment: Deployment | str | Path | None = None,
@@ -84,7 +83,6 @@ def environment(
     >>> observation.shape, flights.action_space.shape
     ((2,), (1,))
     """
-    need(model, Model, "environment: model", Model._how_to_make)
     trims = training_trims(model, points)
     deployed = _deployment(model, trims, deployment, dt, Q, R)
     episodes = _episodes(model, deployed, trims, 1, seconds, turbulence, vary)
@@ -95,7 +93,6 @@ def environment(
     return made
 
 
-@checks_arguments
 def vector_environment(
     model: Model,
     deployment: Deployment | str | Path | None = None,
@@ -122,7 +119,6 @@ def vector_environment(
     >>> flights = hfa.vector_environment(model, deployment, count=16)  # doctest: +SKIP
     >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
-    need(model, Model, "vector_environment: model", Model._how_to_make)
     trims = training_trims(model, points)
     deployed = _deployment(model, trims, deployment, dt, Q, R)
     episodes = _episodes(model, deployed, trims, count, seconds, turbulence, vary)

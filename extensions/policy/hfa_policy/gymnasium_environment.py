@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -12,8 +12,6 @@ from gymnasium import spaces
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_policy.episodes import Episodes
-from hfa_support.arguments import checks_arguments
-from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, refuse_unless_whole, shown
 from trim.point.operating_point import OperatingPoint
 
@@ -22,21 +20,13 @@ _OPTIONS = ("state", "trim")
 _OBSERVED = np.dtype(np.float32)
 
 
-class AircraftEnvironment(Advised, gymnasium.Env):
+class AircraftEnvironment(gymnasium.Env):
     """Aircraft about its trims, with observation, action, timing and cost of a deployment.
 
     `info` contains `X`, `U`, the index of the trim and, with varied parameters, their drawn values
     `parameters`. If the aircraft leaves its limits, `info["left"]` reports the reason and the time.
     """
 
-    _instead: ClassVar[Mapping[str, str]] = {
-        "seed": "env.reset(seed=SEED)",
-        "save": "env.deployment.save(FILE)",
-        "timestep": "env.dt",
-        "x": "env.state",
-        "max_episode_steps": "hfa.environment(model, seconds=SECONDS)",
-        **dict.fromkeys(("Q", "R", "reward"), "hfa.environment(model, Q=Q, R=R)"),
-    }
     metadata = {"render_modes": ["rgb_array"], "render_fps": 1}  # noqa: RUF012
 
     def __init__(self, episodes: Episodes, render_mode: str | None = None) -> None:
@@ -95,7 +85,6 @@ class AircraftEnvironment(Advised, gymnasium.Env):
         """Longest duration of an episode, s."""
         return self.episodes.samples * self.dt
 
-    @checks_arguments
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:

@@ -10,7 +10,6 @@ from hfa_prove.problem import loop_at
 from hfa_prove.search.region import proved_region
 from hfa_prove.search.region_search import Region, RegionProblem
 from hfa_prove.statements.loop import Gain
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
@@ -28,7 +27,6 @@ class ReportedRegion(Reported, Region):
         return region_report(self)
 
 
-@checks_arguments
 def prove_region(
     model: Model,
     point: OperatingPoint,
@@ -54,8 +52,6 @@ def prove_region(
     >>> import hfa
     >>> region = hfa.prove_region(model, point, K, seconds=60.0)  # doctest: +SKIP
     """
-    need(model, Model, "prove_region: model", Model._how_to_make)
-    need(point, OperatingPoint, "prove_region: point", "a trim: hfa.trim(model)")
     linear = point.linearize()
     point._refuse_other(model)
     gain = numbers_in("K", getattr(K, "K", K))

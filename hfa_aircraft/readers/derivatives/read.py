@@ -39,7 +39,6 @@ from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY, LENGTH, Motion, rigid_ai
 from hfa_aircraft.rigid.atmosphere import air_at
 from hfa_aircraft.rigid.motion import inertia_matrix, wind_axes
 from hfa_aircraft.signals import Signal
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 
 #: Largest deviation of alpha from the reference condition, and of beta from 0, rad.
@@ -69,7 +68,6 @@ def read_avl(text: str) -> Model:
     return _model(read_table(table, path))
 
 
-@checks_arguments
 def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
     """Return the six-degree-of-freedom aircraft of a table of stability derivatives, as a `Model`.
 

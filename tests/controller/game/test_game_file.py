@@ -140,11 +140,11 @@ def test_structures_are_read_if_top_level_is_empty() -> None:
             "inputs contains .* which cannot be printed",
         ),
         (load_game, PLANT | {"delta": [1.0, 2.0]}, "delta has 2 elements; give a single number"),
-        (load_game, PLANT | {"gamma": 2.0}, "unknown entry 'gamma'; did you mean delta\\?"),
+        (load_game, PLANT | {"gamma": 2.0}, "unknown entry 'gamma'"),
         (
             load_game,
             PLANT | {"delta": 2.0, "Gamma": 0.98, "dt": 0.1},
-            "unknown entry 'Gamma'; did you mean delta or discount",
+            "unknown entry 'Gamma'",
         ),
         (load_game, PLANT | {"dt": -0.1}, "dt is -0.1; give the sample time in s"),
         (load_game, PLANT | {"dt": 0.1, "time": "continuous"}, "dt denotes discrete time, but"),

@@ -22,7 +22,6 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.motion import flow_rates, rotation, wind_axes
 from hfa_aircraft.signals import Signal
 from hfa_flight.air.names import UPDRAFT
-from hfa_support.arguments import checks_arguments
 
 #: Component of a gust -> disturbance that `in_gusts` adds for it.
 ADDED = {
@@ -101,7 +100,6 @@ def missing_states(model: Model, component: str) -> list[str]:
     ]
 
 
-@checks_arguments
 @lru_cache(maxsize=16)
 def in_gusts(model: Model) -> Model:
     """Return the model with added disturbances (`ADDED`) for undeclared gust components.

@@ -10,7 +10,6 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.names import UPDRAFT
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_positive
 
 
@@ -50,7 +49,6 @@ class Gust:
         return np.zeros(0)
 
 
-@checks_arguments
 @dataclass(frozen=True)
 class OneMinusCosine(Gust):
     """Discrete gust w = (peak/2) (1 - cos(2π V (t - begin) / length)).

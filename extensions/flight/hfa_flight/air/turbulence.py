@@ -20,8 +20,6 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import ADDED, missing_states, taken_components
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.names import UPDRAFT, gust_speed
-from hfa_support.arguments import checks_arguments
-from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, is_finite, shown
 from hfa_support.units import si_factor
 from trim.point.operating_point import OperatingPoint
@@ -81,9 +79,8 @@ FILTERS = {
 }
 
 
-@checks_arguments
 @dataclass(frozen=True)
-class Turbulence(Advised):
+class Turbulence:
     """Turbulence with the spectra of MIL-F-8785C.
 
     level: light, moderate or severe, with the intensities and scales of the specification; or
@@ -248,7 +245,6 @@ class Scales(NamedTuple):
     intensities: tuple[float, float, float]
 
 
-@checks_arguments
 def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales:
     """Return scale lengths, ft, and intensities, ft/s, of u, v and w at an altitude in ft.
 
@@ -402,7 +398,6 @@ class TurbulentAir(Gust):
         return [f"turbulence without {', '.join(names)}: {why}" for why, names in reasons.items()]
 
 
-@checks_arguments
 @dataclass(frozen=True)
 class AirFilter:
     """Filter x' = A x + B ν with the gust components (u, v, w, p, q, r) = C x.

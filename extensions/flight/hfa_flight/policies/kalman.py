@@ -12,7 +12,6 @@ import numpy as np
 
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.turbulence import AirFilter, Turbulence, turbulence_of
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -210,7 +209,6 @@ class _Loop(NamedTuple):
         return np.asarray(np.sqrt(total / max(samples - begin, 1)))
 
 
-@checks_arguments
 def filter(  # the field's word
     linear: LinearModel,
     noise: Mapping[str, float],

@@ -17,7 +17,6 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import CommandSteps
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.report import Reported
 from trim.point.operating_point import OperatingPoint
@@ -134,7 +133,6 @@ class Policy(Reported):
         return {"law": self.name}
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class GainPolicy(Policy):
     """Policy u = -K z + u_d(t), with the measured error z = x - x_d of the states of the linear

@@ -26,7 +26,6 @@ from hfa_flight.needs import ALL, refuse_share
 from hfa_flight.policies.policy import Policy
 from hfa_flight.scenario import Scenario, with_errors
 from hfa_flight.simulation import CompiledLoop
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_whole
 from hfa_support.native.bound import MAKING
 from hfa_support.reporting.report import Reported
@@ -60,7 +59,6 @@ KEPT = {
 }
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class MonteCarlo(Reported):
     """Plan of N flights (members), each with its own draw of one scenario.
@@ -187,7 +185,6 @@ def _compiled(plan: MonteCarlo) -> CompiledLoop:
         return CompiledLoop(plan.loop(), plan.members)
 
 
-@checks_arguments
 def fly_member(plan: MonteCarlo, member: int) -> Flight:
     """Draw the member with this number and return its flight."""
     scenario = plan.member(member)

@@ -10,7 +10,6 @@ import numpy as np
 
 from hfa_flight.air.names import limited_names
 from hfa_flight.samples.monte_carlo import KEPT, MonteCarlo, fly_members
-from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 from hfa_support.rows.store import RowJob, array_of_rows, fill_store
 from hfa_support.rows.workers import open_workers
@@ -28,7 +27,6 @@ def chunk_of(plan: MonteCarlo) -> int:
     return min(-(-CHUNK_STEPS // steps), plan.members)
 
 
-@checks_arguments
 def run_monte_carlo(
     plan: MonteCarlo, workers: int | str = 1, progress: Progress | None = None
 ) -> Mapping[str, np.ndarray]:
@@ -54,7 +52,6 @@ def run_monte_carlo(
     return {name: np.concatenate([rows[name] for rows in in_order]) for name in KEPT}
 
 
-@checks_arguments
 def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
     """Simulate all members of a plan into the store at `path` and return it as `xarray.Dataset`.
 

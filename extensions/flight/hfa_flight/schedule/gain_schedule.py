@@ -13,7 +13,6 @@ from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import file_scales, words
-from hfa_support.arguments import checks_arguments
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors
 from hfa_support.linear_table import LinearTable
@@ -26,7 +25,6 @@ _AT_THE_END = 1e-9
 _DIGITS = 10
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class GainSchedule(Reported):
     """Gain schedule u = -K(η) x, with K linear in the scheduling variable η between breakpoints.
@@ -98,7 +96,6 @@ class GainSchedule(Reported):
             )
 
 
-@checks_arguments
 def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     """Return the gain schedule in a file.
 

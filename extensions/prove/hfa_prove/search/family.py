@@ -14,7 +14,6 @@ from hfa_aircraft.model import Model
 from hfa_prove.check.trims import SteadyFlight
 from hfa_prove.statements.flight import Flight, in_model_unit, unknowns_of
 from hfa_prove.statements.schedule import Gains
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition, usual_condition
@@ -29,7 +28,6 @@ _FAR = 1e300
 _STEP = 2.0
 
 
-@checks_arguments
 @dataclass(frozen=True)
 class Family:
     """Trims of an aircraft at any value of its scheduling variable.
@@ -137,14 +135,12 @@ class Family:
         SteadyFlight(self.flight(low, high))
 
 
-@checks_arguments
 def breakpoints_of(family: Family, low: float, high: float) -> np.ndarray:
     """Return the breakpoints of exact gains from `low` to `high`, equally spaced."""
     count = max(2, math.ceil((high - low) / (_STEP * family.step)) + 1)
     return np.linspace(low, high, count)
 
 
-@checks_arguments
 def exact_gains(family: Family, breakpoints: np.ndarray, **changes: Any) -> Gains:
     """Return the gains of the exact game at scheduling values (g,).
 

@@ -18,7 +18,6 @@ from hfa_prove.enclosure.ball_function import Undecided
 from hfa_prove.fields import Rejected
 from hfa_prove.search.family import Family
 from hfa_prove.statements.schedule import Gains, ScheduleStatement, ScheduleWitness
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
@@ -68,7 +67,6 @@ class ScheduleFound(Reported):
         return found_report(self.statement, self.size)
 
 
-@checks_arguments
 def prove_schedule(
     family: Family,
     gains: Gains,

@@ -14,7 +14,6 @@ import numpy as np
 
 from hfa_prove.fields import Fields, Stated, Statement, Witness, entry, part, require
 from hfa_prove.statements.flight import Flight
-from hfa_support.arguments import checks_arguments
 
 #: Largest number of pieces that a certificate may state.
 _MOST_PIECES = 10_000_000
@@ -27,7 +26,6 @@ def _read_breakpoints(file: Fields, name: str, known: Any) -> np.ndarray:
     return values
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False)
 class Gains(Stated):
     """Gain schedule u = u0 - K(η) (x - x0), with K linear in η between breakpoints.

@@ -27,8 +27,6 @@ from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.formulas import Formula, read_formula
-from hfa_support.arguments import checks_arguments, need
-from hfa_support.attributes import Advised
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened
 from trim.point.operating_point import OperatingPoint
 
@@ -37,9 +35,8 @@ ACTION = "a"
 TRIM = "trim"
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False)
-class Deployed(Advised):
+class Deployed:
     """Deployment on an aircraft, as functions of the aircraft's states and inputs.
 
     deployment: the deployment.
@@ -55,7 +52,6 @@ class Deployed(Advised):
 
     def __post_init__(self) -> None:
         """Check every name of the deployment, its formulas and its cost."""
-        need(self.model, Model, "Deployed: model", Model._how_to_make)
         with prefix_errors(self.deployment.origin):
             _ = self.observed
             for name in self.deployment.action:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from hfa_flight.policies.deployment.actor import (
 )
 from hfa_flight.policies.deployment.normalizer import Normalizer, read_normalizer
 from hfa_flight.policies.deployment.toml_text import toml_text
-from hfa_support.arguments import checks_arguments, need
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown
 from hfa_support.files import read_toml, write_text
 from hfa_support.reporting.report import Reported
@@ -68,7 +67,6 @@ _NORMALIZER: dict[Any, Any] = {
 }
 
 
-@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Deployment(Reported):
     """Observations, actions and timing of a policy.
@@ -102,18 +100,6 @@ class Deployment(Reported):
     >>> deployment.dt, deployment.delay
     (0.02, 0.0)
     """
-
-    _instead: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("act", "predict"), "hfa.fly(model, point, deployment)"),
-        "sample_time": "deployment.dt",
-        **dict.fromkeys(
-            ("Deployment(delay)", "Deployment(dt)"),
-            "deployment.changed(timing={**deployment.timing, NAME: SECONDS})",
-        ),
-    }
-    _how_to_make: ClassVar[str] = (
-        "hfa.Deployment.load(FILE) or hfa.Deployment(policy, observation, action, timing)"
-    )
 
     policy: Mapping[str, Any]
     observation: Mapping[str, Any]
@@ -152,7 +138,6 @@ class Deployment(Reported):
 
         Raises a BadInputError that names the file, the wrong entry and the correction.
         """
-        need(path, (str, Path), "Deployment.load: path", "the name of a .toml file")
         if Path(path).suffix.lower() != ".toml":
             raise BadInputError(
                 f"{path} is not a deployment file (.toml); give a .toml file in which policy.file "
@@ -175,7 +160,6 @@ class Deployment(Reported):
     @staticmethod
     def of(given: Deployment | str | Path) -> Deployment:
         """Return a deployment unchanged, or load it from the TOML file with this path."""
-        need(given, (Deployment, str, Path), "deployment", Deployment._how_to_make)
         return given if isinstance(given, Deployment) else Deployment.load(given)
 
     @staticmethod
