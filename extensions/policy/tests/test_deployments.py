@@ -13,11 +13,11 @@ import zipfile
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, gtm_deployment, model_of, stored_deployment
+from policy_cases import FOLDER, GTM, gtm_deployment, model_of, stored_deployment
 from tolerances import FEW_ROUNDINGS
 
 import hfa
-from hfa import BadInputError, Deployment, assess, environment, vector_environment
+from hfa import BadInputError, Deployment, assess
 from hfa_flight import Deployed
 
 DEPLOYMENT = """
@@ -376,32 +376,6 @@ def test_a_deployment_read_from_files_is_pickled(folder):
     o = np.linspace(-0.4, 0.5, 4)
     known = read.actor.function(o)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(read)).actor.function(o), known)
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (
-            lambda _: Deployment({}, ["alpha"], {"u": {}}, {"dt": 0.02}),
-            "observation is \\['alpha'\\]",
-        ),
-        (lambda _: Deployment({}, {"alpha": {}}, {"u": {}}, None), "timing is None"),
-        (lambda _: Deployment({}, {1: {}}, {"u": {}}, {"dt": 0.02}), "the key 1 is not text"),
-        (lambda _: Deployment.load(5), "path is 5"),
-        (lambda _: Deployed(stored_deployment("ppo_gtm"), None), "Deployed: model is None"),
-        (lambda model: environment(model, "none.toml"), "none.toml cannot be read"),
-        (lambda _: environment(None, stored_deployment("ppo_gtm")), "environment: model is None"),
-        (lambda model: environment(model, seconds="long"), "an episode is 'long' s"),
-        (lambda model: vector_environment(model, count=2.5), "count is 2.5"),
-        (lambda model: assess(model, None), "deployment is None"),
-        (lambda model: assess(model, stored_deployment("ppo_gtm"), samples="x"), "samples is 'x'"),
-    ],
-)
-def test_wrong_argument_types_are_refused(make, said):
-    """Arguments of wrong types raise BadInputError with a message of one line."""
-    with pytest.raises(BadInputError, match=said) as refused:
-        make(aircraft("ppo_gtm"))
-    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(
