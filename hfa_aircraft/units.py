@@ -1,19 +1,34 @@
-"""Conversion of a model to SI units.
+"""Conversion of a model to SI units, or of its degrees to radians.
 
-The declaration and the equations are converted. All later computations are then in SI units.
+The declaration and the equations are converted. All later computations are then in these units.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
 
 from hfa_aircraft.about import Domain, Source, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
-from hfa_support.units import si_factor, si_unit
+from hfa_support.units import radian_factor, radian_unit, si_factor, si_unit
+
+
+class _System(NamedTuple):
+    """Units of a converted model.
+
+    unit: declared unit -> unit in the system
+    factor: declared unit -> number of units of the system in it
+    """
+
+    unit: Callable[[str], str]
+    factor: Callable[[str], float]
+
+
+_SI = _System(si_unit, si_factor)
+_RADIANS = _System(radian_unit, radian_factor)
 
 
 def in_si(model: Model) -> Model:
@@ -22,40 +37,58 @@ def in_si(model: Model) -> Model:
     `source.native` of the result is the original model. A model without English units is returned
     unchanged.
     """
-    if all(si_unit(signal.unit) == signal.unit for signal in model.signals.values()):
+    return _converted(model, _SI, in_si)
+
+
+@lru_cache(maxsize=16)
+def in_radians(model: Model) -> Model:
+    """Return a model with all angles in radians, as the figures of reports require.
+
+    A model without a signal in degrees is returned unchanged.
+    """
+    return _converted(model, _RADIANS, in_radians)
+
+
+def _converted(model: Model, system: _System, reload: Callable[[Model], Model]) -> Model:
+    """Return a model with all signals in the units of a system.
+
+    reload: function that converts the model again
+    """
+    if all(system.unit(signal.unit) == signal.unit for signal in model.signals.values()):
         return model
-    conversion = _Conversion.of(model)
+    conversion = _Conversion.of(model, system)
+    factors = {name: system.factor(signal.unit) for name, signal in model.signals.items()}
     scaled: dict[str, Any] = {
-        kind: {name: _signal_in_si(signal) for name, signal in getattr(model, kind).items()}
+        kind: {name: _signal_in(system, signal) for name, signal in getattr(model, kind).items()}
         for kind in (*VECTORS.values(), "outputs")
     }
     return replace(
         model,
         **scaled,
         equations=_Equations(conversion, model.equations),
-        trim={name: value * si_factor(model.unit(name)) for name, value in model.trim.items()},
-        domain=_domain_in_si(model, conversion),
-        trimming=_trimming_in_si(model),
-        source=Source(model.source.text, model.source.digest, native=model, reload=in_si),
+        trim={name: value * factors[name] for name, value in model.trim.items()},
+        domain=_converted_domain(model, conversion, factors),
+        trimming=_converted_trimming(model, factors),
+        source=Source(model.source.text, model.source.digest, native=model, reload=reload),
     )
 
 
-def _domain_in_si(model: Model, conversion: _Conversion) -> Domain:
+def _converted_domain(
+    model: Model, conversion: _Conversion, factors: Mapping[str, float]
+) -> Domain:
     domain = model.domain
     return Domain(
         range={
-            name: (low * si_factor(model.unit(name)), high * si_factor(model.unit(name)), source)
+            name: (low * factors[name], high * factors[name], source)
             for name, (low, high, source) in domain.range.items()
         },
-        envelope=domain.envelope and partial(_envelope_in_si, conversion, domain.envelope),
-        check=domain.check and partial(_check_in_si, conversion, domain.check),
-        reference={
-            name: value * si_factor(model.unit(name)) for name, value in domain.reference.items()
-        },
+        envelope=domain.envelope and partial(_envelope, conversion, domain.envelope),
+        check=domain.check and partial(_check, conversion, domain.check),
+        reference={name: value * factors[name] for name, value in domain.reference.items()},
     )
 
 
-def _envelope_in_si(
+def _envelope(
     conversion: _Conversion,
     envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]],
     x: Any,
@@ -63,24 +96,21 @@ def _envelope_in_si(
 ) -> Mapping[str, tuple[float, float]]:
     """Return state -> (lowest, highest) in flight, for the state and parameters of a trim."""
     declared = envelope(conversion.native("x", x), conversion.native("p", p))
-    return conversion.states_in_si(declared)
+    return conversion.states(declared)
 
 
-def _check_in_si(conversion: _Conversion, check: Callable[[Any], None], x: Any) -> None:
+def _check(conversion: _Conversion, check: Callable[[Any], None], x: Any) -> None:
     """Raise BadInputError, with values in the declared units, for a state outside the domain."""
     check(conversion.native("x", x))
 
 
-def _trimming_in_si(model: Model) -> Trimming:
+def _converted_trimming(model: Model, factors: Mapping[str, float]) -> Trimming:
     """Return the trimming without explanations, whose texts have values in declared units."""
     begin = model.trimming.begin
-    factors = {name: si_factor(signal.unit) for name, signal in model.signals.items()}
-    return replace(
-        model.trimming, begin=begin and partial(_begin_in_si, begin, factors), explain=None
-    )
+    return replace(model.trimming, begin=begin and partial(_begin, begin, factors), explain=None)
 
 
-def _begin_in_si(
+def _begin(
     begin: Callable[[Mapping[str, Any]], Mapping[str, Any]],
     factors: Mapping[str, float],
     imposed: Mapping[str, Any],
@@ -90,10 +120,10 @@ def _begin_in_si(
     return {name: value * factors.get(name, 1.0) for name, value in begin(native).items()}
 
 
-def _signal_in_si(signal: Signal) -> Signal:
-    factor = si_factor(signal.unit)
+def _signal_in(system: _System, signal: Signal) -> Signal:
+    factor = system.factor(signal.unit)
     return signal._replace(
-        unit=si_unit(signal.unit),
+        unit=system.unit(signal.unit),
         nominal=signal.nominal * factor,
         min=signal.min * factor,
         max=signal.max * factor,
@@ -104,7 +134,7 @@ def _signal_in_si(signal: Signal) -> Signal:
 
 @dataclass(frozen=True)
 class _Conversion:
-    """Factors from a model's declared units to SI units.
+    """Factors from a model's declared units to those of the converted model.
 
     vectors: pairs (name, factor) for the components of x, u, p and w, in this order
     outputs: pair (name, factor) for each output
@@ -114,13 +144,17 @@ class _Conversion:
     outputs: tuple[tuple[str, float], ...]
 
     @staticmethod
-    def of(model: Model) -> _Conversion:
-        """Return the factors from the declared units of a model to SI units."""
-        vectors = tuple(_factors(getattr(model, kind)) for kind in VECTORS.values())
-        return _Conversion(vectors, _factors(model.outputs))
+    def of(model: Model, system: _System) -> _Conversion:
+        """Return the factors from the declared units of a model to those of a system."""
 
-    def states_in_si(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return state -> value in SI units. A value may also be a pair of limits.
+        def factors(signals: Mapping[str, Signal]) -> tuple[tuple[str, float], ...]:
+            return tuple((name, system.factor(signal.unit)) for name, signal in signals.items())
+
+        vectors = tuple(factors(getattr(model, kind)) for kind in VECTORS.values())
+        return _Conversion(vectors, factors(model.outputs))
+
+    def states(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return state -> converted value. A value may also be a pair of limits.
 
         values: state -> value in the declared units
         """
@@ -136,7 +170,7 @@ class _Conversion:
         """Return a vector in the declared units, as a named tuple.
 
         kind: "x", "u", "p" or "w"
-        vector: the vector in SI units
+        vector: the converted vector
         """
         factors = dict(self.vectors[list(VECTORS).index(kind)])
         values = [value / factor for value, factor in zip(vector, factors.values(), strict=True)]
@@ -145,9 +179,9 @@ class _Conversion:
 
 @dataclass(frozen=True)
 class _Equations:
-    """Equations of motion in SI units, for a model with other declared units.
+    """Equations of motion in converted units.
 
-    conversion: factors from the declared units to SI
+    conversion: factors from the declared units
     equations: equations of the original model
     """
 
@@ -155,19 +189,15 @@ class _Equations:
     equations: Callable[..., Any]
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return state -> rate and output -> value, in SI units.
+        """Return state -> rate and output -> value.
 
-        x, u, p, w: state, input, parameters and disturbances in SI units
+        x, u, p, w: state, input, parameters and disturbances
         """
         vectors = zip(VECTORS, (x, u, p, w), strict=True)
         native = [self.conversion.native(kind, vector) for kind, vector in vectors]
         rates, outputs = self.equations(*native)
         seen = {name: outputs[name] * factor for name, factor in self.conversion.outputs}
-        return self.conversion.states_in_si(rates), seen
-
-
-def _factors(signals: Mapping[str, Signal]) -> tuple[tuple[str, float], ...]:
-    return tuple((name, si_factor(signal.unit)) for name, signal in signals.items())
+        return self.conversion.states(rates), seen
 
 
 def in_units_of(model: Model, value: Any, unit: str) -> Any:

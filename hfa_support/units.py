@@ -83,6 +83,16 @@ def si_factor(unit: str) -> float:
     return math.prod(sizes.get(name, 1.0) ** power for name, power in _powers(unit).items())
 
 
+def radian_unit(unit: str) -> str:
+    """Return a unit with radians in place of degrees, for example rad/s for deg/s."""
+    return re.sub(r"\bdeg\b", "rad", unit)
+
+
+def radian_factor(unit: str) -> float:
+    """Return the conversion factor from a unit to `radian_unit` of it."""
+    return float(math.radians(1.0) ** _powers(unit)["deg"])
+
+
 def conversion(stated: str, unit: str) -> float | None:
     """Return the factor that converts numbers in unit `stated` to numbers in `unit`.
 

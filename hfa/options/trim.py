@@ -14,14 +14,16 @@ from hfa.options.argument_types import breakpoint_value, quantity, span
 from hfa.options.part import OfModel, Part, option
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown, warn
+from hfa_support.reporting.text import shown_value
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, explained, trim
 
 #: Largest number of options that help a failed trim.
 _MOST_ADVICE = 3
-#: States that change in a steady climb or pull-up.
-_CLIMBING = ("altitude", "alt", "h", "pitch", "theta")
+#: States that change in a steady climb, and the state that changes in a pull-up.
+_CLIMBING = ("altitude", "alt", "h")
+_PULLED_UP = ("pitch", "theta")
 #: Options of the trim condition, without the scheduling variable.
 OF_THE_TRIM = ("given", "free", "hold", "limit", "start")
 
@@ -282,13 +284,21 @@ class Trim(Part):
     def _advice(self, failure: TrimError) -> str:
         """Return the imposed values of which one must be free, so that a trim exists, or "".
 
-        Each is tried: first the rates of altitude and pitch, as in a climb and a pull-up. Values
-        that the user imposed come last. If the equations balance only with a free rate, and beyond
-        a limit, the advice is this rate and the limit.
+        Each is tried: first the rate of altitude, as in a climb, and with an imposed load factor
+        that of pitch, as in a pull-up. Values that the user imposed come last. If only one input
+        is too weak, it is held at its limit, so that the advice is the steepest climb and not a
+        glide. If the equations balance only with a free rate, and beyond a limit, the advice is
+        this rate and the limit.
         """
         if failure.attempt._unmoved:
             return ""
-        imposed = [f"{name}_dot" for name in self.condition.rates if name.lower() in _CLIMBING]
+        changing = _CLIMBING + _PULLED_UP * ("load_factor" in self.condition.imposed)
+        imposed = [f"{name}_dot" for name in self.condition.rates if name.lower() in changing]
+        weak = self._too_weak(failure)
+        typed = "".join(
+            f"--hold {each}={shown_value(value, self.model.unit(each))} "
+            for each, value in weak.items()
+        )
         imposed += sorted(self.condition.imposed, key=lambda name: name in self.hold)
         declared = usual_condition(self.model).imposed
         found: list[str] = []
@@ -298,7 +308,7 @@ class Trim(Part):
             if is_swept or len(found) == _MOST_ADVICE or (is_extra and found):
                 continue
             is_rate = name not in self.condition.imposed
-            freed = release(self.condition, free=(name,))
+            freed = release(self.condition, free=(name,), hold={} if is_rate else weak)
             try:
                 point = trim(self.aircraft, freed, self.start_point)
             except TrimError as obstacle:
@@ -311,11 +321,22 @@ class Trim(Part):
                     found.append(f"--free {name}")
                 elif not (point._far_out or _is_equal(declared.get(name), point[name])):
                     value = self.model.describe(name, point[name])
-                    instead = f"--free {name} in place of --hold" if name in self.hold else ""
-                    found.append(f"{instead or f'--free {name}'} ({name} {value})")
+                    instead = " in place of --hold" if name in self.hold else ""
+                    found.append(f"{typed}--free {name}{instead} ({name} {value})")
         if not found:
             return ""
         return f"a trim exists with {' or '.join(found)}"
+
+    def _too_weak(self, failure: TrimError) -> dict[str, float]:
+        """Return the only free input at a limit beyond which the equations balance, name -> limit.
+
+        The result is {} if none or several are at a limit.
+        """
+        margins = failure.attempt.margins_under(self.condition).values()
+        bound = [each for each in margins if each.at_limit and each.role == "free"]
+        if not failure.required or len(bound) != 1 or bound[0].name not in self.model.inputs:
+            return {}
+        return {bound[0].name: bound[0].nearer_limit}
 
     def origin(self) -> dict[str, Any]:
         """Return the provenance of the trim condition."""

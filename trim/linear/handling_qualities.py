@@ -24,6 +24,7 @@ _OSCILLATING = ("short period", "phugoid", "dutch roll")
 
 def handling_qualities(point: OperatingPoint) -> list[Quantity]:
     """Return the handling qualities at a trim, as `OperatingPoint.handling_qualities` says."""
+    point = point.in_radians
     linear = point.linearize(disturbances=())
     quantities = []
     for name in _OSCILLATING:

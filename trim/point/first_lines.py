@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from hfa_aircraft.model import Model, recognized
 from hfa_support.reporting.text import ROUNDING, WIDTH, beside_unit, digits, shown_value, wrapped
+from trim.point.status import BALANCE
 
 if TYPE_CHECKING:
     from trim.linear.modes import Mode
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 _NEUTRAL = 1e-8
 #: Smaller flight-path angles and turn rates, rad and rad/s, are those of level, straight flight.
 _LEVEL = 1e-7
+#: Smaller differences of the load factor from cos γ are those of definitions.
+_LOAD = 1e-3
 #: Largest usual angle of attack, deg, and least negative drag that is doubted, per lift.
 _STEEPEST = 60.0
 _NEGATIVE = 1e-6
@@ -53,10 +56,10 @@ def first_line(point: OperatingPoint, done: str, modes: Iterable[Mode] | None) -
 
 def doubts_at(point: OperatingPoint) -> Iterator[str]:
     """Yield sentences on values of a point that data in wrong units cause: alpha, drag."""
+    point = point.in_radians
     model = point.model
     alpha = recognized(model.states).get("alpha", "")
-    unit = model.unit(alpha) if alpha else ""
-    size = abs(math.degrees(point[alpha])) if unit == "rad" else 0.0
+    size = abs(math.degrees(point[alpha])) if alpha else 0.0
     if size > _STEEPEST:
         yield f"alpha is {size:.4g} deg in size; the data may have degrees without a unit"
     if "drag" in model.outputs and "lift" in model.outputs:
@@ -98,7 +101,7 @@ def condition_words(point: OperatingPoint) -> Iterator[str]:
         if "altitude" in model.states:
             yield _number(model, "altitude", point["altitude"])
         names = [model.schedule] if model.schedule in (*model.states, *model.inputs) else []
-        names += [name for name in ("load_factor",) if name in imposed]
+        names += ["load_factor"] if "load_factor" in imposed or _has_other_load(point) else []
         yield from (_named(point, name) for name in names if name not in (speed, "altitude"))
     else:
         yield from (_named(point, name) for name in [*imposed][:_MOST_VALUES])
@@ -109,14 +112,11 @@ def condition_words(point: OperatingPoint) -> Iterator[str]:
 
 
 def _path_words(point: OperatingPoint) -> Iterator[str]:
-    """Yield texts on the flight path and the turn: "climb 2 deg", "turn 3 deg/s"."""
+    """Yield texts on the flight path and the turn: "climb 2 deg", "turn 3 deg/s", "accelerated"."""
+    point = point.in_radians
     model = point.model
     roles = recognized(model.states)
-    gamma = math.nan
-    if "gamma" in model.outputs:
-        gamma = point["gamma"]
-    elif {"theta", "alpha"} <= {*roles}:
-        gamma = point[roles["theta"]] - point[roles["alpha"]]
+    gamma = _flight_path(point)
     if abs(gamma) < _LEVEL:
         yield "level"
     elif math.isfinite(gamma):
@@ -124,6 +124,27 @@ def _path_words(point: OperatingPoint) -> Iterator[str]:
     turn = point["turn_rate"] if "turn_rate" in model.outputs else 0.0
     if abs(turn) >= _LEVEL:
         yield f"turn {_number(model, 'turn_rate', turn)}"
+    rates = model.rates_at(point.states, point.inputs)
+    if any(abs(rates[name]) > BALANCE * model.rate_scale(name) for name in roles.values()):
+        yield "accelerated"
+
+
+def _flight_path(point: OperatingPoint) -> float:
+    """Return the flight-path angle, in the unit of the point's angles, or nan if it is unknown."""
+    roles = recognized(point.model.states)
+    if "gamma" in point.model.outputs:
+        return point["gamma"]
+    if {"theta", "alpha"} <= {*roles}:
+        return point[roles["theta"]] - point[roles["alpha"]]
+    return math.nan
+
+
+def _has_other_load(point: OperatingPoint) -> bool:
+    """Return whether the load factor is not that of steady, straight flight, cos γ."""
+    point = point.in_radians
+    if "load_factor" not in point.model.outputs:
+        return False
+    return abs(point["load_factor"] - math.cos(_flight_path(point))) > _LOAD
 
 
 def _named(point: OperatingPoint, name: str) -> str:

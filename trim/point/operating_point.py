@@ -19,7 +19,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Record, Result
 from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.schema import NUMBER, checked
-from hfa_support.units import conversion, si_unit
+from hfa_support.units import conversion, radian_factor, si_unit
 from trim.point.first_lines import first_line, without_lines
 from trim.point.status import BALANCE, Status
 
@@ -320,6 +320,25 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             return trim_report(self.model, self.problem.asked, self)
 
         return saved_report(self)
+
+    @cached_property
+    def in_radians(self) -> OperatingPoint:
+        """The point with all angles in radians, from which the figures of reports are computed."""
+        from hfa_aircraft.units import in_radians
+
+        model = in_radians(self.model)
+        if model is self.model:
+            return self
+        states, inputs = (
+            values._replace(
+                **{
+                    name: value * radian_factor(self.model.unit(name))
+                    for name, value in values._asdict().items()
+                }
+            )
+            for values in (self.states, self.inputs)
+        )
+        return OperatingPoint(states, inputs, {}, self.status, model)
 
     @cached_property
     def modes(self) -> ByName[Mode]:

@@ -13,7 +13,7 @@ import numpy as np
 from hfa_aircraft.model import recognized
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.results import Result
-from hfa_support.units import conversion
+from hfa_support.units import conversion, radian_factor
 
 if TYPE_CHECKING:
     from trim.point.condition import TrimCondition
@@ -32,6 +32,8 @@ _ACCURACY = 1e-7
 _KNOTS = 0.5
 #: Condition number above which alpha and pitch rate have no steady state.
 _SINGULAR = 1e12
+#: Rounding of a derivative of 1 in converted units.
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -90,10 +92,11 @@ def figures_of(point: OperatingPoint, condition: TrimCondition) -> Figures:
     - speed: change of an input per knot between trims 0.5 kt slower and faster
     """
     figures = Figures()
+    given, point = point, point.in_radians
     model = point.model
-    outputs = model.outputs_at(point.states, point.inputs)
+    outputs = given.model.outputs_at(given.states, given.inputs)
     for name, value in outputs.items():
-        _add(figures.performance, name, value, model.unit(name))
+        _add(figures.performance, name, value, given.model.unit(name))
     if not {"speed", "alpha"} <= {*recognized(model.states)}:
         return figures
     _add_airspeeds(point, figures)
@@ -104,7 +107,7 @@ def figures_of(point: OperatingPoint, condition: TrimCondition) -> Figures:
         figures.not_in_model.update(dict.fromkeys(lacking, "a derivative is not a number"))
         return figures
     _add_static_margin(point, figures)
-    _add_gradients(point, condition, figures)
+    _add_gradients(point, given, condition, figures)
     return figures
 
 
@@ -281,8 +284,8 @@ def largest_lift(point: OperatingPoint) -> LargestLift | None:
         return LargestLift(point["dynamic_pressure"] * point["reference_area"] * declared)
     alpha = recognized(model.states)["alpha"]
     lowest, highest = model.states[alpha].min, model.states[alpha].max
-    if "alpha" in model.domain.range:
-        valid_from, valid_to, _ = model.domain.range["alpha"]
+    if alpha in model.domain.range:
+        valid_from, valid_to, _ = model.domain.range[alpha]
         lowest, highest = max(lowest, valid_from), min(highest, valid_to)
     if not np.isfinite([lowest, highest]).all():
         return None
@@ -378,7 +381,7 @@ def quasi_steady(point: OperatingPoint) -> QuasiSteady:
     names = model.state_names
     of_motion = {*recognized(model.states).values(), "altitude"}
     for position, row in enumerate(slopes.A):
-        is_rate_of_position = np.count_nonzero(row) == 1 and row.sum() == 1.0
+        is_rate_of_position = np.count_nonzero(row) == 1 and abs(row.sum() - 1.0) <= _ROUNDING
         if is_rate_of_position and not slopes.B[position].any():
             of_motion |= {names[position], names[int(np.argmax(row))]}
     lags = [i for i, name in enumerate(names) if name in model.linear and name not in of_motion]
@@ -403,8 +406,14 @@ def quasi_steady(point: OperatingPoint) -> QuasiSteady:
 _BY_LOAD_FACTOR = ("control per g", "short period CAP")
 
 
-def _add_gradients(point: OperatingPoint, condition: TrimCondition, figures: Figures) -> None:
-    """Add the changes of the pitching input per load factor and per knot."""
+def _add_gradients(
+    point: OperatingPoint, given: OperatingPoint, condition: TrimCondition, figures: Figures
+) -> None:
+    """Add the changes of the pitching input per load factor and per knot.
+
+    point: the trim, with angles in radians
+    given: the trim in the units of the condition
+    """
     model = point.model
     lacking = figures.not_in_model
     pulled = pull_up(point)
@@ -417,10 +426,11 @@ def _add_gradients(point: OperatingPoint, condition: TrimCondition, figures: Fig
         lacking.update(dict.fromkeys(_BY_LOAD_FACTOR, "no output load_factor"))
     elif pulled.load_factor:
         _add(figures.stability, f"{pulled.name}_per_g", 1.0 / pulled.load_factor, f"{unit}/g")
-    change = change_per_knot(point, condition, pulled.name)
+    change = change_per_knot(given, condition, pulled.name)
     if change is None:
         lacking["control per knot"] = "no trims 0.5 kt slower and faster that free the control"
     else:
+        change *= radian_factor(given.model.unit(pulled.name))
         _add(figures.stability, f"{pulled.name}_per_knot", change, f"{unit}/kt")
 
 
@@ -445,19 +455,15 @@ def pull_up(point: OperatingPoint) -> PullUp | None:
     input changes the rate of that state.
     """
     model = point.model
-    declared = model.modes.get("short period", ())
-    others = [name for name in declared if name in model.linear and name != "alpha"]
-    if (
-        "alpha" not in declared
-        or "alpha" not in model.linear
-        or len(others) != 1
-        or not model.inputs
-    ):
+    declared = [name for name in model.modes.get("short period", ()) if name in model.linear]
+    alpha = recognized(model.states).get("alpha", "")
+    others = [name for name in declared if name != alpha]
+    if alpha not in declared or len(others) != 1 or not model.inputs:
         return None
     steady = quasi_steady(point)
-    if not {"alpha", *others} <= {*steady.states}:
+    if not {alpha, *others} <= {*steady.states}:
         return None
-    places = [steady.states.index(name) for name in ("alpha", *others)]
+    places = [steady.states.index(name) for name in (alpha, *others)]
     A = steady.A[np.ix_(places, places)]
     B = steady.B[places]
     nominal = np.array([signal.nominal for signal in model.inputs.values()])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from hfa_aircraft.readers.derivatives.names import LARGEST_LIFT
 from hfa_aircraft.readers.derivatives.table import Table
 from hfa_aircraft.rigid.aircraft import GRAVITY
 from hfa_aircraft.rigid.atmosphere import air_at
@@ -12,8 +13,8 @@ from hfa_aircraft.rigid.motion import inertia_doubt
 
 #: Largest usual angle of attack, rad.
 _STEEPEST = math.radians(60.0)
-#: Largest change of alpha for which the lift is compared with the weight, rad.
-_ALPHA = 0.3
+#: Largest usual lift coefficient without flaps, for tables without CL_max.
+_LARGEST_LIFT = 2.0
 #: Ratio of lift and weight beyond which the mass is doubted; pounds as slugs are a factor 32.
 _RATIO = 8.0
 #: Usual slopes of the lift, 1/rad. Wings of small aspect ratio have about 1, thin airfoils 2 pi.
@@ -117,17 +118,22 @@ def _of_drag(table: Table) -> Iterator[str]:
 
 
 def _of_weight(table: Table) -> Iterator[str]:
-    """Yield a sentence if the lift at the stated condition is far from the weight."""
+    """Yield a sentence if the lift at the stated condition is far above the weight, or if the
+    largest lift is below it.
+    """
     values = table.values
     air = air_at(values.get("altitude", 0.0), table.system)
     pressure = 0.5 * float(air.density) * values["speed"] ** 2
     weight = values["mass"] * GRAVITY[table.system]
     carried = pressure * values["wing_area"] / weight
-    lift = table.derivatives["CL_0"] * carried
-    highest = lift + _ALPHA * abs(table.derivatives["CL_alpha"]) * carried
-    if lift > _RATIO or highest < 1.0 / _RATIO:
-        ratio = lift if lift > _RATIO else highest
-        yield (
-            f"the lift at {values['speed']:.4g} {table.unit('speed')} carries {ratio:.2g} times "
-            "the weight; check the unit of the mass (1 slug = 32.17 lb)"
-        )
+    coefficient = table.derivatives["CL_0"]
+    largest = values.get(LARGEST_LIFT) or max(coefficient, _LARGEST_LIFT)
+    share, which = carried * coefficient, "lift"
+    if share <= _RATIO:
+        share, which = carried * largest, f"largest lift (CL {largest:.3g})"
+        if share >= 1.0:
+            return
+    yield (
+        f"the {which} at {values['speed']:.4g} {table.unit('speed')} carries {share:.2g} times "
+        "the weight; check the unit of the mass (1 slug = 32.17 lb)"
+    )

@@ -26,6 +26,8 @@ DEGREE = 3.141592653589793 / 180.0
 #: Mistake -> changed entries, and a word of its doubt.
 MISTAKES = {
     "mass in pounds as slugs": ({"mass": 13.5 / 32.174}, "weight"),
+    "mass in slugs as kilograms": ({"mass": 13.5 * 14.594}, "weight"),
+    "mass 32 times too large": ({"mass": 13.5 * 32.174}, "weight"),
     "static instability": ({"Cm_alpha": 0.38}, "Cm_alpha"),
     "no pitch damping": ({"Cm_q": 0.0}, "Cm_q"),
     "sign of the roll damping": ({"Cl_p": 0.26}, "Cl_p"),

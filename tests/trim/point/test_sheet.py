@@ -245,15 +245,17 @@ def test_the_stall_is_the_first_maximum_and_beyond_it_is_said(alpha: float, stal
     assert ("speed_over_stall_speed" in data["performance"]) != stalled
 
 
-def test_lift_above_the_declared_largest_coefficient_is_said_in_line_three() -> None:
+def test_lift_above_the_declared_largest_coefficient_is_said() -> None:
     """A trim of a table with CL_max .3, which needs CL = (W - T sin α) / (q S), about .32."""
     table = tomllib.loads((EXAMPLES / "uav.toml").read_text("utf-8"))
     table["geometry"]["CL_max"] = 0.3
     point = hfa.trim(hfa.from_derivatives(table))
     lift = 13.5 * 9.80665 - point["thrust"] * math.sin(point["alpha"])
     coefficient = lift / (point["dynamic_pressure"] * 0.55)
-    title = point.report().title
-    assert title.splitlines()[2].startswith(f"STALLED: CL {coefficient:.4g} is above CL_max 0.3")
+    lines = point.report().title.splitlines()
+    assert any(
+        line.startswith(f"STALLED: CL {coefficient:.4g} is above CL_max 0.3") for line in lines
+    )
 
 
 def test_the_nearest_limit_is_named_also_if_it_is_assumed() -> None:

@@ -1,0 +1,76 @@
+"""The advice of a failed trim is obeyed, and leads to the flight that was asked for."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import answer, hfa
+from project import ROOT
+
+UAV = str(ROOT / "examples/uav.toml")
+
+
+def heavy(folder: Path) -> str:
+    """Return a table of the small aircraft whose mass is in slug in place of kg."""
+    text = (ROOT / "examples/uav.toml").read_text("utf-8")
+    path = folder / "heavy.toml"
+    path.write_text(text.replace("mass = 13.5", 'mass = "13.5 slug"'), "utf-8")
+    return str(path)
+
+
+def test_too_weak_an_engine_leads_to_the_steepest_climb() -> None:
+    """The advice holds full thrust; the climb found is T cos α - D = W sin γ with T = 60 N."""
+    refused = hfa("trim", "--aircraft", UAV, "--hold", "gamma=45")
+    assert refused.code == 1
+    advice = re.search(r"a trim exists with (.*) in place of --hold", refused.err)
+    assert advice is not None
+    found = answer("trim", "--aircraft", UAV, *advice[1].split())
+    point, figures = found["operating_point"], found["performance"]
+    assert point["inputs"]["thrust"] == 60.0
+    along = 60.0 * np.cos(point["states"]["alpha"]) - figures["drag"]
+    gamma = np.arcsin(along / (13.5 * 9.80665))
+    assert figures["gamma"] == pytest.approx(gamma, rel=1e-6)
+    assert np.degrees(gamma) > 15.0
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        "bank",
+        pytest.param("heavy", marks=pytest.mark.slow),
+        pytest.param("climb", marks=pytest.mark.slow),
+    ],
+)
+def test_no_advice_leads_to_a_falling_aircraft(case: str, tmp_path: Path) -> None:
+    """No rate of an attitude is freed by advice without a load factor. Freed by the user, the first
+    line says "accelerated" and the load factor, where a trim exists.
+    """
+    words = {
+        "heavy": ["--aircraft", heavy(tmp_path)],
+        "bank": ["--aircraft", UAV, "--hold", "roll=30"],
+        "climb": ["--aircraft", UAV, "--hold", "gamma=45"],
+    }[case]
+    refused = hfa("trim", *words)
+    assert (refused.code, "_dot" in refused.err) == (1, False)
+    assert ("check the unit of the mass" in refused.err) == (case == "heavy")
+    freed = hfa("trim", *words, "--free", "pitch_dot")
+    if freed.code == 0:
+        first = freed.out.partition("unstable")[0]
+        assert "accelerated" in first
+        assert "load_factor" in first
+
+
+@pytest.mark.slow
+def test_a_pull_up_is_advised_and_its_first_line_says_so() -> None:
+    """With a load factor held, the rate of pitch is freed by advice, and the trim is accelerated."""
+    words = ("trim", "--aircraft", UAV, "--hold", "load_factor=2")
+    assert "--free pitch_dot" in hfa(*words).err
+    first = hfa(*words, "--free", "pitch_dot").out.partition("unstable")[0]
+    assert "accelerated" in first
+    for steady in ((), ("--hold", "gamma=5")):
+        first = hfa("trim", "--aircraft", UAV, *steady).out.partition("unstable")[0]
+        assert "accelerated" not in first
+        assert "load_factor" not in first
