@@ -25,6 +25,8 @@ BARELY = 1e-10
 MODERATE = 1e4
 #: which takes at most so many turns of the states.
 TURNS = 3
+#: The price of an input below this fraction of the largest is the square of a rounding.
+UNPAID = 1e-28
 #: An eigenvalue of X below this fraction of the largest is rounding.
 RANK = 1e-13
 #: Largest number of Newton steps. Each gains about 16 digits minus those lost to the condition
@@ -61,7 +63,7 @@ class Turn(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Form(ABC):
-    """Game in balanced states y = T z and inputs v, u = diag(w) v - F z, without discount.
+    """Game in balanced states y = T z and inputs v, u = V v - F z, without discount.
 
     X is the solution of its Riccati equation, and P = T'X T that of the user's game. The discount
     is taken into √α A, √α B and √α E. All units are decided here: in any units of the user, a form
@@ -75,7 +77,7 @@ class Form(ABC):
     N: (n, m), 0 in continuous time, where F takes its place
     F: (m, n), R⁻¹ N' for the user's states and inputs, 0 in discrete time, where R may be singular
     T: (n, n), of powers of two in `balanced` units, so that the change of units does not round
-    input_units: w, (m,), powers of two
+    V: (m, m), after which the `price` is nearly the identity
     delta: delta of the game
     """
 
@@ -90,32 +92,31 @@ class Form(ABC):
     N: np.ndarray
     F: np.ndarray
     T: np.ndarray
-    input_units: np.ndarray
+    V: np.ndarray
     delta: float
 
     @classmethod
     @lru_cache(maxsize=8)
     def of(cls, game: Game) -> Self:
         """Return the balanced form of a game, cached for each game."""
-        plain = cls.plain(game)
         root = math.sqrt(game.discount)
-        return cls(
-            A=root * plain.A,
-            inputs=root * plain.B,
-            disturbance=root * plain.E,
-            Q=plain.Q,
-            R=plain.R,
-            N=plain.N,
-            F=0.0 * game.N.T if plain is game else game.F,
-            T=np.eye(len(plain.A)),
-            input_units=np.ones(len(plain.R)),
+        form = cls(
+            A=root * game.A,
+            inputs=root * game.B,
+            disturbance=root * game.E,
+            Q=game.Q,
+            R=game.R,
+            N=game.N,
+            F=np.zeros_like(game.N.T),
+            T=np.eye(len(game.A)),
+            V=np.eye(len(game.R)),
             delta=game.delta,
-        ).balanced()
+        )
+        return form._priced().without_cross_weights().balanced()
 
-    @staticmethod
     @abstractmethod
-    def plain(game: Game) -> Game:
-        """Return the game whose Riccati equation is solved, for the input u + F z."""
+    def without_cross_weights(self) -> Self:
+        """Return the game with N = 0, if its equation needs this."""
 
     @abstractmethod
     def effect(self) -> np.ndarray:
@@ -141,25 +142,45 @@ class Form(ABC):
         return replace(self, delta=delta)
 
     def balanced(self) -> Self:
-        """Return the game in units of states and inputs in which its terms are of similar size.
+        """Return the game in units of the states in which its terms are of similar size.
 
         The form must not be turned.
         """
-        price = np.diag(self.price)
-        w = np.exp2(np.round(-0.5 * np.log2(np.where(price > 0.0, price, 1.0))))
-        form = replace(
-            self,
-            inputs=self.inputs * w,
-            R=self.R * np.outer(w, w),
-            N=self.N * w,
-            input_units=self.input_units * w,
-        )
-        return form._in_units(units_of(form.A, form.effect() + form.E @ form.E.T, form.Q))
+        return self._in_units(units_of(self.A, self.effect() + self.E @ self.E.T, self.Q))
 
     @property
     @abstractmethod
     def price(self) -> np.ndarray:
         """R, in discrete time with the least cost of the next state, (m, m)."""
+
+    def _priced(self) -> Self:
+        """Return the game with inputs whose price is nearly the identity, rounded once, from twice
+        the digits.
+
+        Without this, R⁻¹ of an R that is nearly singular would be rounding.
+        """
+        form = self
+        for number in range(TURNS):
+            sizes = np.diag(form.price)
+            least = UNPAID * sizes.max() if number else 0.0  # at first, the units are the user's
+            form = form._with_inputs(np.diag(_power_of_two(sizes, sizes > least)))
+            sizes, W = np.linalg.eigh(form.price)
+            known = sizes > len(sizes) * np.finfo(float).eps * sizes[-1]
+            if not known.any() or sizes[known].max() < 4.0 * sizes[known].min():
+                break
+            form = form._with_inputs(W * _power_of_two(sizes, known))
+        return form
+
+    def _with_inputs(self, V: np.ndarray) -> Self:
+        """Return the game with inputs v, for which the inputs of this one are V v."""
+        R = (exact(V.T) @ exact(self.R) @ exact(V)).high
+        return replace(
+            self,
+            inputs=product_of_doubles(self.inputs, V).high,
+            R=(R + R.T) / 2.0,
+            N=product_of_doubles(self.N, V).high,
+            V=self.V @ V,
+        )
 
     def _in_units(self, units: np.ndarray) -> Self:
         """Return the game in states y / units, without rounding."""
@@ -206,7 +227,7 @@ class Form(ABC):
             return None
         if sizes[known].min() > 1.0 / moderate and sizes[-1] < moderate:
             return None
-        return Turn(W, np.exp2(np.round(0.5 * np.log2(np.where(known, sizes, 1.0)))))
+        return Turn(W, 1.0 / _power_of_two(sizes, known))
 
     def perturbed_by_rounding(self) -> Self:
         """Return the game with its entries changed as by rounding, to show how much K changes.
@@ -245,7 +266,7 @@ class Form(ABC):
     def policies(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return K (m, n) and L (k, n) of u = -K z and d = L z of the user."""
         K, L = self.gains(X)
-        return self.input_units[:, None] * (K @ self.T) + self.F, L @ self.T
+        return self.V @ K @ self.T + self.F, L @ self.T
 
     @abstractmethod
     def relative_residual(self, X: np.ndarray) -> float:
@@ -363,6 +384,11 @@ class Form(ABC):
             if is_undamped and dependence(A.T, on_boundary, Q, size) <= BARELY:
                 return hidden.format(f"{mode}{self.of_matrix}")
         return ""
+
+
+def _power_of_two(sizes: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return the powers of two next to sizes^-½, (m,), and 1 for sizes that are not known."""
+    return np.exp2(np.round(-0.5 * np.log2(np.where(known, sizes, 1.0))))
 
 
 @lru_cache(maxsize=8)

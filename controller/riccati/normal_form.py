@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -33,9 +33,11 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import LARGEST
 from hfa_support.reporting.checks import Check, at_least, at_most, below, checked
 
-#: Smallest relative distance to the imaginary axis, four orders above rounding. Nearer to the axis,
-#: rounding hides whether the Hamiltonian has n stable eigenvalues.
-AXIS_DISTANCE = 1e-12
+#: Smallest relative distance to the imaginary axis, above the rounding of this distance. Nearer to
+#: the axis, rounding hides whether the Hamiltonian has n stable eigenvalues.
+AXIS_DISTANCE = 2e-14
+#: An entry of Q - N R⁻¹ N' below this fraction of that of Q is the rounding of twice the digits.
+CANCELLED = 1e-26
 #: Relative change of A below which a matrix counts as rank-deficient.
 RANK = 1e-13
 #: Magnitude of a negative eigenvalue of X1'X2 that counts as rounding.
@@ -65,14 +67,28 @@ class NormalForm(Form):
     is_discrete = False
     of_matrix = ""
 
-    @staticmethod
-    def plain(game: Game) -> Game:
-        """Return the game without cross weights.
+    @classmethod
+    @lru_cache(maxsize=8)
+    def of(cls, game: Game) -> Self:
+        """Return the balanced form of a game, cached for each game.
 
         Raises BadInputError for a game in discrete time.
         """
         game.refuse_steps("this computation")
-        return game.without_cross_weights
+        return super().of(game)
+
+    def without_cross_weights(self) -> Self:
+        """Return the game with the input v + R⁻¹ N'y, from twice the digits."""
+        if not self.N.any():
+            return self
+        F = np.linalg.solve(self.R, self.N.T)
+        error = (exact(self.N.T) + -product_of_doubles(self.R, F)).high
+        precise = exact(F) + exact(np.linalg.solve(self.R, error))
+        A = (exact(self.A) + -(exact(self.inputs) @ precise)).high
+        Q = (exact(self.Q) + -(exact(self.N) @ precise)).high
+        sizes = np.sqrt(np.diag(self.Q))
+        Q = np.where(np.abs(Q) > CANCELLED * np.outer(sizes, sizes), Q, 0.0)
+        return replace(self, A=A, Q=(Q + Q.T) / 2.0, N=0.0 * self.N, F=self.V @ F)
 
     def effect(self) -> np.ndarray:
         """Return B R⁻¹ B', (n, n)."""

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
-from controller.game.zero_sum import Game, least_scaled_eigenvalue
+from controller.game.zero_sum import least_scaled_eigenvalue
 from controller.riccati.balancing import largest, largest_or_1
 from controller.riccati.delta_search import Answer
 from controller.riccati.double_double import exact, product_of_doubles
@@ -18,6 +19,7 @@ from controller.riccati.form import (
     INDEFINITENESS,
     LAST,
     RESIDUAL,
+    UNPAID,
     Form,
     doubled,
 )
@@ -26,7 +28,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 
-#: Lower bound of the smallest eigenvalue of I - E'X E and, relative, of R + B'X B.
+#: Lower bound of the smallest eigenvalue of I - E'X E.
 SADDLE = 1e-12
 
 
@@ -44,10 +46,9 @@ class StepForm(Form):
     is_discrete = True
     of_matrix = " of sqrt(discount) A"
 
-    @staticmethod
-    def plain(game: Game) -> Game:
+    def without_cross_weights(self) -> Self:
         """Return the game itself: R may be singular, so that cross weights stay."""
-        return game
+        return self
 
     def effect(self) -> np.ndarray:
         """Return B price⁺ B', (n, n)."""
@@ -196,7 +197,9 @@ class StepForm(Form):
         smallest = _least(X) / size
         paid = _least(np.eye(self.E.shape[1]) - self.E.T @ X @ self.E)
         price = self.R + self.inputs.T @ X @ self.inputs
-        weight = least_scaled_eigenvalue(price)
+        prices = np.diag(price)
+        paid_for = prices.min() > UNPAID * prices.max()
+        weight = least_scaled_eigenvalue(price) if paid_for else 0.0
         game_radius = spectral_radius(game_loop)
         radius = spectral_radius(self.A - self.inputs @ K)
         unsolved = f"the residual of Bellman's equation is {residual:.2g}"
@@ -210,7 +213,7 @@ class StepForm(Form):
             at_most("newton_correction", error, RESIDUAL, inexact),
             at_least("positive_semidefinite", smallest, -INDEFINITENESS, indefinite),
             at_least("disturbance_pays", paid, SADDLE, unpaid),
-            at_least("input_pays", weight, SADDLE, free),
+            at_least("input_pays", weight, 10.0 * len(price) * np.finfo(float).eps, free),
             below("game_loop_radius", game_radius, 1.0, grows("A - B K + E L", game_radius)),
             below("control_loop_radius", radius, 1.0, grows("A - B K", radius)),
         )

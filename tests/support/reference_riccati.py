@@ -124,6 +124,8 @@ def _solution(game: _Exact) -> tuple[Any, Any, Any] | None:
         return None
     P = _rows(Y, 0, n)
     P = ((P + P.transpose()) / 2).mid()
+    if _size(P) <= _size(W) * arb(2) ** (-BITS // 2):
+        P = arb_mat(n, n)
     if game.is_discrete:
         return _played(game, P)
     K = game.R.solve(game.B.transpose() * P + game.N.transpose()).mid()

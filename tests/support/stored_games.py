@@ -64,10 +64,11 @@ def units_of_answers(game: Game, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def errors(stored: Stored, P: np.ndarray, K: np.ndarray) -> tuple[float, float]:
-    """Return the largest errors of P and K in these units."""
+    """Return the largest errors of P and K in these units, that of K relative to K if K is large."""
     z, u = units_of_answers(stored.game, stored.P)
-    of_P = (P - stored.P) / np.outer(z, z)
-    return float(np.abs(of_P).max()), float(np.abs((K - stored.K) * u[:, None] / z).max())
+    of_P = np.abs((P - stored.P) / np.outer(z, z)).max()
+    of_K, size = (np.abs(each * u[:, None] / z).max() for each in (K - stored.K, stored.K))
+    return float(of_P), float(of_K / max(size, 1.0))
 
 
 @cache
@@ -157,7 +158,7 @@ def _discount(rng: np.random.Generator) -> Game:
 def _cheap(rng: np.random.Generator) -> Game:
     """Return a game with a cheap control, or with a small weight of the states."""
     game = (_discrete, _continuous)[rng.integers(2)](rng)
-    small = _ten(-int(rng.integers(2, 17)))
+    small = 2.0 ** -int(rng.integers(6, 54))
     if rng.random() < 0.5:
         return replace(game, Q=game.Q * small)
     if rng.random() < 0.5:
@@ -202,14 +203,16 @@ def _weak(rng: np.random.Generator) -> Game:
 def _scaled(rng: np.random.Generator) -> Game:
     """Return a game of another kind in other units."""
     kind = (_continuous, _discrete, _cross, _disturbance, _discount)[rng.integers(5)]
-    return in_units(kind(rng), rng)[0]
+    return in_units(kind(rng), rng, 2.0, 27)[0]  # of which the weights are exact, as all else
 
 
-def in_units(game: Game, rng: np.random.Generator, most: int = 8) -> tuple[Game, Units]:
-    """Return a game in other units of states, inputs, disturbance, time and cost, and the units."""
+def in_units(game: Game, rng: np.random.Generator, base: float, most: int) -> tuple[Game, Units]:
+    """Return a game in other units of states, inputs, disturbance, time and cost, and the units.
+
+    The units are powers of a base from `base`^-`most` to `base`^`most`.
+    """
     n, m = game.B.shape
-    z, u = _tens(rng, most, n), _tens(rng, most, m)
-    d, t, cost = _tens(rng, most, 3)
+    z, u, (d, t, cost) = (base ** rng.integers(-most, most + 1, k) for k in (n, m, 3))
     if game.is_discrete:
         t = 1.0
     other = replace(
@@ -281,16 +284,17 @@ def _smallest(game: Game) -> float:
     if not lqr.exists:
         return math.nan
     size = float(np.sqrt(np.abs(np.linalg.eigvalsh(game.E.T @ lqr.P @ game.E)).max())) or 1.0
-    low = high = size
+    low = high = 0.0
     try:
         hint = minimum_delta(game.with_delta(size)).value
         if hint and exists(hint * (1.0 + 3e-6)) and not exists(hint / (1.0 + 3e-6)):
             low, high = hint / (1.0 + 3e-6), hint * (1.0 + 3e-6)
     except NoSolutionError:
         pass
-    while low == high and not exists(high):
-        high *= 16.0
-    if low == size:
+    if not low:
+        low = high = size
+        while not exists(high):
+            high *= 16.0
         while exists(low):
             low /= 16.0
             if low < size * 1e-12:

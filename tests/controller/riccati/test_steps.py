@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference_riccati import reference_solution
 from scipy.linalg import block_diag, solve_discrete_are
 
 import hfa
@@ -172,12 +173,13 @@ def test_delta_min_separates_bounded_from_unbounded_costs() -> None:
 
 
 @pytest.mark.parametrize("share", [0.7, 1.0, 3.0])
-def test_two_inputs_that_only_act_together_are_refused(share: float) -> None:
-    """With R = 0 up to rounding, R + B'P B is singular: many u = -K x are equally good."""
+def test_two_inputs_that_only_act_together_need_a_weight(share: float) -> None:
+    """With R = 0, many u = -K x are equally good, and R = 1e-15 decides between them."""
     A, B = [[0.9, 0.2], [0.1, 0.7]], np.outer([0.1, 0.7], [1.0, share])
-    game = Game(A, B, np.zeros((2, 1)), np.eye(2), 1e-15 * np.eye(2), delta=math.inf, dt=True)
-    with pytest.raises(NoSolutionError, match=r"R .* discount B'P B is not positive definite"):
-        hfa.solve(game)
+    game = Game(A, B, Q=np.eye(2), R=1e-15 * np.eye(2), dt=True)
+    np.testing.assert_allclose(hfa.solve(game).K, reference_solution(game).K, rtol=1e-12)
+    with pytest.raises(NoSolutionError, match="not certified"):
+        hfa.solve(replace(game, R=np.zeros((2, 2))))
 
 
 def test_gain_and_margins_of_a_scalar_loop() -> None:

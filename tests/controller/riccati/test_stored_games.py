@@ -13,7 +13,7 @@ from hfa import NoSolutionError, solve
 
 EPS = float(np.finfo(float).eps)
 #: Largest error of P and K where the last digits of the game's entries do not change them,
-EXACT = 1e-11
+EXACT = 1e-10
 #: and otherwise their number of changes by these digits.
 CHANGES = 100.0
 #: Relative error of delta_min.
