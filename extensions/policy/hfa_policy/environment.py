@@ -59,7 +59,7 @@ def environment(
     dt: sample time of the default deployment, s. Default: at most 0.02, and so short that the
         fastest pole of the aircraft and of its LQR loop moves by less than 1 in a sample
     Q, R: diagonal weights of the default deployment's cost, as for `hfa.game`. Default: those of
-        the plant file, else 1/nominal²
+        the plant file, for the paper's aircraft the paper's, else 1/nominal²
 
     Each episode begins at a drawn state of a box about its trim: the box of `hfa.assess`, reduced
     so that flights without action stay within the limits for a second (`start_box`).

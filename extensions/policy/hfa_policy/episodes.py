@@ -67,9 +67,8 @@ class Episodes:
 
     The reward of a sample is -dt (x'Q x + u'R u). x are the deviations of states and outputs from
     the trim at the sample, and u the inputs commanded at the sample minus the trim, also if they
-    act later because of a delay. Q and R are those of the deployment file, by default 1/nominal² of
-    the linear states and the commanded inputs. If an episode leaves the limits, the cost of that
-    sample is also counted for each remaining sample.
+    act later because of a delay. Q and R are those of `cost_weights`. If an episode leaves the
+    limits, the cost of that sample is also counted for each remaining sample.
 
     states: (N, n), X of each episode.
     inputs: (N, m), the input just before the sample.

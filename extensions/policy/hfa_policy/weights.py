@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from controller.game.weights import default_weight
+from controller.game.zero_sum import Game
+from controller.hfa_game import usual_game
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
@@ -34,8 +34,8 @@ def refuse_cross_weights(model: Model) -> None:
 def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
     """Return Q of states and outputs, and R of inputs, by name, as given in the deployment file.
 
-    Without a cost, the weights of the linear states and the commanded inputs are those of the plant
-    file, by default 1/nominal².
+    Without a cost, the weights of the linear states and the commanded inputs are those of the
+    model's default game: the plant file's or the paper's, else 1/nominal².
 
     Raises BadInputError if a weight of the plant file is not diagonal.
     """
@@ -49,14 +49,19 @@ def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, 
 
 
 def usual_weights(matrix: str, model: Model) -> dict[str, float]:
-    """Return the diagonal of the default weight "Q" or "R" (`default_weight`), by name.
+    """Return the diagonal of Q or R of a model's default game, by name.
 
     Raises BadInputError if the matrix in a plant file is not diagonal.
     """
     names = tuple(model.linear if matrix == "Q" else model.inputs)
-    weight = default_weight(matrix, model, model.linear, tuple(model.inputs))
     with prefix_errors(model.name):
-        return diagonal_weights(matrix, weight, names)
+        return diagonal_weights(matrix, getattr(_usual_game(model), matrix), names)
+
+
+def _usual_game(model: Model) -> Game:
+    """Return the default game of a model (`usual_game`), with a plant of zeros."""
+    k, m = len(model.linear), len(model.inputs)
+    return usual_game(model, np.zeros((k, k)), np.zeros((k, m)))
 
 
 def diagonal_weights(matrix: str, given: Any, names: Sequence[str]) -> dict[str, float]:
@@ -89,8 +94,9 @@ def weights_at(
     model, linear = deployed.model, deployed.model.linear
     if deployed.deployment.cost is None:
         refuse_cross_weights(model)
-        usual = partial(default_weight, model=model, states=linear, inputs=deployed.commanded)
-        return usual("Q"), usual("R")
+        usual = _usual_game(model)
+        columns = model.input_places(deployed.commanded)
+        return np.array(usual.Q), np.array(usual.R)[np.ix_(columns, columns)]
     of_states, of_inputs = cost_weights(deployed)
     outputs = tuple(name for name in of_states if name not in linear)
     slopes = deployed.model.at(place.states, place.inputs, outputs)

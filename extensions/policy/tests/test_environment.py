@@ -353,3 +353,12 @@ def test_cost_weights_equal_those_of_a_game() -> None:
         BadInputError, match=r"R cannot be combined with a deployment; change cost\.R"
     ):
         environment(model, stored_deployment("ppo_gtm"), R=R)
+
+
+def test_the_papers_aircraft_is_trained_with_the_papers_weights() -> None:
+    """By default the reward has the Q and R that `hfa solve` takes for this aircraft."""
+    point = hfa.trim(hfa.aircraft(), dihedral=0.2)
+    game = hfa.paper.published_game(point.linearize())
+    cost = environment(point.model, points=[point]).deployment.cost
+    assert [*cost["Q"].values()] == np.diag(game.Q).tolist()
+    assert [*cost["R"].values()] == np.diag(game.R).tolist()
