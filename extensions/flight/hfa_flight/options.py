@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa.options.aircraft import is_own
 from hfa.options.argument_types import (
     among,
     input_file,
@@ -117,11 +118,11 @@ class PolicyGiven(Part):
     """The policy: a law with its game, or a file with a gain, a critic or a controller."""
 
     law: str = option(
-        f"policy: {NONE}; {EXACT}, that of the game (default); or {' or '.join(LAWS)}, which plan "
-        "on the nonlinear model",
+        f"policy: {NONE}; {EXACT}, that of the game; or {' or '.join(LAWS)}, which plan on the "
+        f"nonlinear model; default: {EXACT} for the HFA, {NONE} for another aircraft",
         "NAME",
         one_of(NONE, EXACT, *LAWS),
-        default=EXACT,
+        default="",
     )
     horizon: float | None = option(
         f"duration of a plan of --law {PREDICTIVE}, s; default from the linear model",
@@ -162,6 +163,19 @@ class PolicyGiven(Part):
     game: GameWeights = part(GameWeights, without=("N",))
     reading: ReadingGiven = part(ReadingGiven)
 
+    @property
+    def flown_law(self) -> str:
+        """The law that --law names, or the default of the aircraft; "" if a file replaces it."""
+        if any(name in self.typed for name in _IN_PLACE):
+            return ""
+        return self.law or (NONE if is_own(self.model) else EXACT)
+
+    def require(self, name: str) -> None:
+        """Raise BadInputError, which names the option that requires a policy, without a policy."""
+        if self.flown_law == NONE:
+            instead = f"remove --law {NONE}" if self.law else f"add --law {EXACT}"
+            raise BadInputError(f"{name} requires a policy; {instead}")
+
     def check(self, request: Request, prices: Sequence[str] = ()) -> None:
         """Raise BadInputError for an option that has no effect with the chosen policy.
 
@@ -172,10 +186,11 @@ class PolicyGiven(Part):
             if name in self.typed:
                 reason = f"has no effect with {self.typed[name]}; remove this option"
                 request.refuse([each for each in without_effect if each not in prices], reason)
-        if self.law == NONE:
+        if self.flown_law == NONE:
             of_law = [each for each in _OF_THE_GAME if each not in prices]
-            request.refuse(of_law, f"applies only to a law; remove this option or --law {NONE}")
-        if self.law != PREDICTIVE:
+            instead = f"remove this option or --law {NONE}" if self.law else f"add --law {EXACT}"
+            request.refuse(of_law, f"applies only to a law; {instead}")
+        if self.flown_law != PREDICTIVE:
             self.refuse(
                 ("horizon", "margin", "estimate"),
                 f"applies only to --law {PREDICTIVE}; remove this option",

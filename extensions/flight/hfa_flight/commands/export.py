@@ -51,7 +51,7 @@ class ExportRequest(Request):
             f"gain to export: {EXACT}; default: {EXACT} in C, none in an FMU",
             "NAME",
             one_of(EXACT),
-            default="",
+            default=EXACT,
         ),
     )
     output: Output = part(
@@ -86,8 +86,7 @@ def export(request: ExportRequest) -> int:
     policy, with normalizer, clipping and mapping.
     """
     policy = request.policy
-    files_of_policy = (policy.weights, policy.controller, policy.deployment)
-    names_no_policy = not policy.law and files_of_policy == (None, None, None)
+    names_no_policy = policy.typed.keys().isdisjoint(("law", "weights", "controller", "deployment"))
     if request.trim.at is None and not request.aircraft.is_given:
         request = replace(request, trim=replace(request.trim, at=_DIHEDRAL))
     # Computing the provenance checks options that the code below does not read, before any file is

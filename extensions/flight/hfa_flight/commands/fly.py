@@ -160,8 +160,7 @@ class FlyRequest(Request):
                 ("command", "policy.controller", "policy.deployment"),
                 "cannot be combined with --reference; remove one of these options",
             )
-            if given.law == NONE:
-                raise BadInputError(f"--reference requires a policy; remove --law {NONE}")
+            given.require("--reference")
         # Of a single flight, --Q and --R are the weights of its cost.
         prices = ("policy.game.Q", "policy.game.R") if self.members is None else ()
         given.check(self, prices)
@@ -185,9 +184,11 @@ class FlyRequest(Request):
             name = f"gains of {given.controller}"
             condition = self.trim.common_condition.at
             policy = scheduled_gains(name, schedule, point, condition, steps)
-        elif given.law == NONE:
+        elif given.flown_law == NONE:
+            if not given.law:
+                warn(f"no --law is given: no policy acts (--law {NONE})")
             policy = open_loop(steps, tuple(model.inputs))
-        elif given.law in LAWS and given.weights is None:
+        elif given.flown_law in LAWS:
             self.refuse(
                 ("command", "reference"),
                 f"cannot be combined with --law {given.law}; remove this option",
@@ -235,8 +236,7 @@ class FlyRequest(Request):
             ("command", "reference", "policy.keep_inside", "policy.controller"),
             "cannot be combined with --filter; remove one of the two",
         )
-        if self.policy.law == NONE:
-            raise BadInputError(f"--filter requires a policy; remove --law {NONE}")
+        self.policy.require("--filter")
         noise = {name: value for name, value in self.scenario.noise.items() if value}
         if not noise:
             raise BadInputError(
@@ -284,7 +284,8 @@ def fly(request: FlyRequest) -> int:
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(planned.policy, ScheduledGainPolicy)
     weights = None
-    if {"policy.game.Q", "policy.game.R"} & request.typed.keys() or request.policy.law in LAWS:
+    plans = request.policy.flown_law in LAWS
+    if plans or {"policy.game.Q", "policy.game.R"} & request.typed.keys():
         game = request.policy.game.game(linearize(planned.model, planned.point))
         weights = (game.Q, game.R)
     simulated = partial(
@@ -299,7 +300,7 @@ def fly(request: FlyRequest) -> int:
     )
     result = simulated(planned.policy)
     report = result.report()
-    if request.policy.law in LAWS:
+    if plans:
         first, *rest = report.title.split("\n")
         report = replace(report, title="\n".join([f"{first}; {_end_of(result)}", *rest]))
     if request.reference:
@@ -356,7 +357,7 @@ def _fly_members(request: FlyRequest) -> int:
     from hfa_flight.samples.stability import with_stability
     from hfa_flight.samples.store import run_monte_carlo, stream_members
 
-    if request.policy.law in LAWS or request.policy.keep_inside:
+    if request.policy.flown_law in LAWS or request.policy.keep_inside:
         request.processes.refuse(
             ("workers",),
             "cannot be combined with a law that plans or with --keep-inside; remove --workers",
