@@ -57,6 +57,7 @@ def test_norms_and_hulls_contain_every_member() -> None:
     assert doubles(matrix([[1.0, 2.0], [3.0, 4.0]])).tolist() == [[1.0, 2.0], [3.0, 4.0]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["hfa_prove.enclosure.balls", "hfa_prove.search.schedule"])
 def test_importing_balls_sets_their_precision(module: str) -> None:
     """Whoever imports balls in a new process computes with the bits of proofs."""

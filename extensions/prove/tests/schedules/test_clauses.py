@@ -310,6 +310,7 @@ def wu(angle: Any) -> Any:
     return a, (-12 * s * s + 9 * s * c, -1 - 9 * s * s - 12 * s * c)
 
 
+@pytest.mark.slow
 def test_a_motion_is_proved_only_at_a_stable_rate() -> None:
     """Wu's loop is stable at each angle and unstable at 344 deg/s: no proof claims that rate."""
     family = planar(wu)
@@ -651,6 +652,22 @@ def game_at(degrees: float) -> Any:
     return package.paper.published_game(point.linearize())
 
 
+def test_the_command_writes_what_it_checks(folder: Path) -> None:
+    """A gain of the paper's aircraft that is proved near 14 deg is verified; no gain is refused."""
+    game = game_at(14.0)
+    decay_rate = 0.9 * -np.linalg.eigvals(game.A - game.B @ package.solve(game).K).real.max()
+    np.savez("one.npz", K=package.solve(game).K)
+    np.savez("zero.npz", K=np.zeros((5, 6)))
+    words = ("--dihedral", "14:14.02", "--weights")
+    found = answer(
+        "prove", "schedule", *words, "one.npz", "--decay", f"{decay_rate}", "-o", "a.json"
+    )
+    assert found["decay_rate"] == decay_rate
+    assert answer("prove", "--check", "a.json", *words, "one.npz")["claim"] == found["claim"]
+    assert_refused(hfa("prove", "schedule", *words, "zero.npz"), 1, "the loop is not stable")
+
+
+@pytest.mark.slow
 def test_the_command_proves_writes_and_checks(folder: Path) -> None:
     """The paper's gains from 14 to 15 deg: any rate; a file of gains; refusals of false claims.
 
