@@ -40,6 +40,9 @@ if TYPE_CHECKING:
 
 _ANGLE = ("rad", "deg")
 _RATE = ("rad/s", "deg/s")
+_LENGTH = ("ft", "m", "km")
+#: Names of the altitude.
+_ALTITUDES = ("altitude", "alt", "h", "height")
 _SPEED = ("ft/s", "m/s", "kt", "kts", "knot", "km/h")
 #: State -> names, in lower case, and units by which it is recognized.
 _RECOGNIZED = {
@@ -73,6 +76,17 @@ def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
             if name.lower() in names and signal.unit in units:
                 found.setdefault(role, name)
     return found
+
+
+def altitudes(model: Model) -> list[str]:
+    """Return the names of the states that are recognized as altitudes of an aircraft."""
+    if not {"speed", "alpha"} <= {*recognized(model.states)}:
+        return []
+    return [
+        name
+        for name, signal in model.states.items()
+        if name.lower() in _ALTITUDES and signal.unit in _LENGTH
+    ]
 
 
 def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:

@@ -33,7 +33,7 @@ class TrimProblem:
     system: the equations; the unknowns z are scaled
     c: (1, ..), constants of the system
     free: names of the k unknowns
-    idle: names of free variables that are in no equation
+    idle: names of free variables that are in no equation, or that the equations do not determine
     names: names of the equations: states for their rates, then outputs
     count: number of equations that the unknowns affect, and number of unknowns
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.model import Model
+from hfa_aircraft.model import Model, altitudes
 from hfa_support.linear_table import LinearTable
 from hfa_support.native.bound import RowFunction
 from trim.point.condition import TrimCondition
@@ -76,6 +76,8 @@ class Structure(NamedTuple):
     unknowns: all variables that are not imposed
     rows: the equations, first those of rates
     watched: signals whose limits the solution must keep
+    altitude: altitude of an aircraft that its trim does not declare, or ""; it is an unknown only
+        if there are as many equations
     """
 
     layout: Layout
@@ -83,6 +85,7 @@ class Structure(NamedTuple):
     unknowns: tuple[Unknown, ...]
     rows: tuple[Row, ...]
     watched: tuple[Watched, ...]
+    altitude: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +95,8 @@ class Equations:
 
     layout: equations and names of the model
     solved: the k unknowns that affect an equation, in the order of z
-    idle: names of the free variables that are in no equation; their values are in c
+    idle: names of the free variables that are in no equation, and an altitude that the equations
+        do not determine; their values are in c
     rows: the e equations; those that the unknowns affect come first
     moved: m, number of equations that the unknowns affect
     constants: names of the values in c, which are followed by the parameters
@@ -248,6 +252,7 @@ def _structure(
         tuple(Unknown(name, model.signals[name].nominal) for name in free),
         tuple(rows),
         tuple(Watched(name, model.signals[name].nominal) for name in watched),
+        next((name for name in altitudes(model) if name in free and name not in model.trim), ""),
     )
 
 
@@ -280,6 +285,11 @@ def equations(structure: Structure) -> Equations:
     affected = np.flatnonzero(depends.any(axis=1)).tolist()  # rows
     unaffected = np.flatnonzero(~depends.any(axis=1)).tolist()
     active = np.flatnonzero(depends.any(axis=0)).tolist()  # columns
+    if len(active) > len(affected):
+        names = [structure.unknowns[column].name for column in active]
+        active = [
+            column for column, name in zip(active, names, strict=True) if name != structure.altitude
+        ]
     solved = tuple(structure.unknowns[column] for column in active)
     idle = tuple(name for name in free if name not in {unknown.name for unknown in solved})
     jacobian = ca.sparsify(sensitivity)[affected, active]

@@ -441,7 +441,7 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
         sentences.append(f"No limits are declared for {names}; check that the values are reachable")
     if problem.idle:
         names = ", ".join(problem.idle)
-        sentences.append(f"Used by no equation, kept at the initial value: {names}")
+        sentences.append(f"Neither held nor determined, kept at the initial value: {names}")
     sentences += [_other_trim(problem, point, other) for other in others]
     search = {
         "equations": equations,
