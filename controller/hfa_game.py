@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.game.linear_game import names_of_linear
-from controller.game.weights import default_weight
 from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
@@ -90,36 +89,3 @@ def paper_game(
         Q = Q / np.outer(of_states, of_states)
     parts = {"E": E, "Q": Q, "R": R, "delta": settings["delta"]}
     return Game(A=A, B=B, names=names, **(parts | changes))
-
-
-def usual_game(
-    model: Model, A: np.ndarray, B: np.ndarray, names: PlantNames | None = None, **changes: Any
-) -> Game:
-    """Return the default game of a model with the linear plant (A, B).
-
-    - all states and exactly the inputs of the paper's aircraft: the paper's game
-    - any other model: Q, R and N are those of a plant file, else diag(1/nominal²) and 0; E is the
-      identity and delta is inf
-
-    model: model of the plant
-    A: (n, n)
-    B: (n, m)
-    names: names of the plant; by default those of the model
-    changes: Q, R, delta, E or N in place of the defaults
-
-    Raises BadInputError as `Game` does.
-    """
-    names = names or PlantNames(
-        model.linear,
-        tuple(model.inputs),
-        model.units(model.linear),
-        model.units(tuple(model.inputs)),
-    )
-    if _is_flexible(model):
-        return paper_game(A, B, names, model, changes)
-    parts: dict[str, Any] = {
-        name: default_weight(name, model, model.linear, tuple(model.inputs))
-        for name in ("Q", "R", "N")
-        if name not in changes
-    }
-    return Game(A, B, names=names, **(parts | changes))

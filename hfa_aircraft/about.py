@@ -28,8 +28,11 @@ class About:
         default trim
     configuration: function (x, u, p) of arrays -> name -> (value, unit) of mass, center of gravity,
         inertias and sizes (`trim.point.configuration`); None if only signals have them
-    weights: "Q", "R" and "N" of the cost in the file of a linear plant, as they are stored, for
-        states and inputs divided by their nominal values; {} without them
+    weights: default cost, {} without one. Of the file of a linear plant "Q", "R" and "N" as they
+        are stored, for states and inputs divided by their nominal values. Of other models "Q" and
+        "R" as signal -> weight on the diagonal, "delta", and "E", the states that are disturbed;
+        all in the declared units
+    weights_source: where `weights` are from, in reports
     fault: function that returns why the last evaluation of a compiled program failed, or "". None
         for equations
     """
@@ -46,6 +49,7 @@ class About:
     trained_at: float | None = None
     configuration: Callable[[Any, Any, Any], Mapping[str, tuple[float, str]]] | None = None
     weights: Mapping[str, Any] = field(default_factory=dict)
+    weights_source: str = "file"
     fault: Callable[[], str] | None = None
 
     def failed(self) -> str:

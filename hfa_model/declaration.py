@@ -21,6 +21,7 @@ from hfa_model.published import published_data
 from hfa_model.variants import VARIANTS, Variant, variant_named
 from hfa_model.vectors import (
     INPUT_SIGNALS,
+    INPUTS,
     LINEAR_STATES,
     STATE_SIGNALS,
     STATES,
@@ -111,6 +112,16 @@ _TYPICAL = {
 _PAPER = published_data()["trim"]
 
 
+_GAME = published_data()["game"]
+#: The game of Section 5.1.
+_WEIGHTS = {
+    "Q": dict(zip(LINEAR_STATES, _GAME["Q_diag"], strict=True)),
+    "R": dict(zip(INPUTS, _GAME["R_diag"], strict=True)),
+    "delta": _GAME["delta"],
+    "E": LINEAR_STATES,
+}
+
+
 def hfa_about(dynamics: str) -> About:
     """Return the texts about the flexible aircraft with dynamics of this name."""
     subject = "HFA" if dynamics == "published" else f"HFA ({dynamics})"
@@ -122,6 +133,8 @@ def hfa_about(dynamics: str) -> About:
         equations="published" if subject == "HFA" else "",
         atmosphere="U.S. Standard 1976",
         trained_at=math.radians(15.0),
+        weights=_WEIGHTS,
+        weights_source="default",
         configuration=configuration,
     )
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.weights import default_weight
+from controller.game.weights import default_delta, default_disturbance, default_weight
 from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.names import PlantNames
@@ -24,20 +24,21 @@ def game(
     linear: LinearModel | control.StateSpace,
     Q: ArrayLike | Mapping[str, float] | None = None,
     R: ArrayLike | Mapping[str, float] | None = None,
-    delta: float = np.inf,
+    delta: float | None = None,
     E: ArrayLike | None = None,
     N: ArrayLike | None = None,
 ) -> Game:
     """Return the game J = ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt on a linear model.
 
-    The plant is z' = A z + B u + E d. The game keeps the names and units of the model. The game of
-    the paper on its flexible aircraft is `hfa.paper.published_game(linear)`.
+    The plant is z' = A z + B u + E d. The game keeps the names and units of the model. The defaults
+    are those of the commands: of the paper's flexible aircraft, the Q, R, delta and E of the paper.
 
     linear: the linear model, or a `StateSpace` in continuous time
     Q: (n, n), or its diagonal, (n,), or state -> weight, with 0 for all other states
     R: (m, m), or its diagonal, (m,), or input -> weight, for every input. The defaults of Q and R
-        are those in the file of a linear plant, else diag(1/nominal²)
-    delta: > 0; inf for LQR, without a disturbance
+        are those of the paper's aircraft, or in the file of a linear plant, else diag(1/nominal²)
+    delta: > 0; inf for LQR, without a disturbance; by default 200 for the paper's aircraft, for
+        others inf
     E: (n, k), disturbance matrix; by default the identity. E=linear.E is the matrix of the model's
         winds.
     N: (n, m), cross weights; by default 0, without Q or R those in the file of a linear plant
@@ -66,10 +67,12 @@ def game(
     return Game(
         A=linear.A,
         B=linear.B,
-        E=in_order("E", E, linear.states, ()),
+        E=default_disturbance(linear.model, linear.states)
+        if E is None
+        else in_order("E", E, linear.states, ()),
         Q=default("Q") if Q is None else _weights("Q", Q, linear.states),
         R=default("R") if R is None else _weights("R", R, linear.inputs),
-        delta=delta,
+        delta=default_delta(linear.model) if delta is None else delta,
         N=in_order("N", N, linear.states, linear.inputs),
         names=names,
         half_widths=widths_within_limits(linear),

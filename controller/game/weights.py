@@ -1,4 +1,4 @@
-"""Default weights of a game, and one-line text of weights."""
+"""Default cost and disturbance of a game, and one-line text of weights."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
 def default_weight(
     matrix: str, model: Model, states: Sequence[str], inputs: Sequence[str]
 ) -> np.ndarray:
-    """Return the default Q, R or N: that in the file of a linear plant, else diag(1/nominal²) or 0.
+    """Return the default Q, R or N: that of the model, else diag(1/nominal²) or 0.
 
     matrix: "Q", "R" or "N"
     states, inputs: linear states and inputs of the rows and columns
@@ -43,6 +43,10 @@ def default_weight(
         return np.zeros((len(states), len(inputs)))
     if stored is None:
         return nominal_weights(model, wanted[signals[0]])
+    if isinstance(stored, Mapping):
+        names = wanted[signals[0]]
+        declared = [stored.get(name, 0.0) for name in names]
+        return np.diag(declared / unit_factors(model, names) ** 2)
     with prefix_errors(model.name):
         weight = numbers_in(matrix, stored)
         if weight.ndim == 1 and matrix != "N":
@@ -55,6 +59,28 @@ def default_weight(
     places = [[of_model[each].index(name) for name in wanted[each]] for each in signals]
     rows, columns = ([model.signals[name].nominal for name in wanted[each]] for each in signals)
     return np.asarray(weight[np.ix_(*places)] / np.outer(rows, columns))
+
+
+def default_delta(model: Model) -> float:
+    """Return the default disturbance weight δ: that of the model, else inf (LQR)."""
+    return float(model.about.weights.get("delta", np.inf))
+
+
+def default_disturbance(model: Model, states: Sequence[str]) -> np.ndarray:
+    """Return the default E, (n, k): the identity, or the columns of the states that are disturbed.
+
+    These columns are a unit in which the model declares the state.
+    """
+    if "E" not in model.about.weights:
+        return np.eye(len(states))
+    disturbed = [place for place, name in enumerate(states) if name in model.about.weights["E"]]
+    return np.diag(unit_factors(model, states))[:, disturbed]
+
+
+def unit_factors(model: Model, names: Sequence[str]) -> np.ndarray:
+    """Return the units in which a model declares signals, in its own units, (k,)."""
+    declared = model.native.signals
+    return np.array([model.signals[name].nominal / declared[name].nominal for name in names])
 
 
 def weights_line(game: Game, whose: Mapping[str, str] | None = None) -> str:

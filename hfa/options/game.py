@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.linear_game import widths_within_limits
+from controller.game.linear_game import game as game_of
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
-from controller.hfa_game import plant_names, usual_game
+from controller.hfa_game import plant_names
 from controller.riccati.smallest_delta import ModeError
 from hfa.options.aircraft import Aircraft, is_own
 from hfa.options.argument_types import input_file, number
@@ -68,6 +68,12 @@ def _diagonal_option(name: str) -> Any:
     return option(about, "a,b,...", diagonal, names=f"--{name}", rare=True)
 
 
+def _of_file(linear: LinearModel) -> tuple[str, ...]:
+    """Return the names of the weights in the plant file of a linear model."""
+    about = linear.model.about
+    return tuple(about.weights) if about.weights_source == "file" else ()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GameWeights(Part):
     """The weights Q, R, delta and N of a game."""
@@ -97,13 +103,11 @@ class GameWeights(Part):
         """Return the game on a linear model, with the weights from options and default values for
         the others.
         """
-        names = plant_names(linear)
-        game = usual_game(linear.model, linear.A, linear.B, names, **self.changed)
-        return replace(game, half_widths=widths_within_limits(linear))
+        return replace(game_of(linear, **self.changed), names=plant_names(linear))
 
     def notes(self, linear: LinearModel) -> tuple[str, ...]:
         """Return notes on the weights of a file, and on default weights of a user's aircraft."""
-        sources = self.sources(tuple(linear.model.about.weights))
+        sources = self.sources(_of_file(linear))
         notes: tuple[str, ...] = ()
         if stored := [name for name, source in sources.items() if source == "file"]:
             notes += (f"used: {' and '.join(stored)} of {linear.model.name}",)
@@ -175,7 +179,7 @@ class GameGiven(Part):
         """Return the game on the linear model of an aircraft at a trim."""
         warnings = (*linear.point.warnings, *linear.kinks)
         warnings += self.weights.notes(linear)
-        weights_from = self.weights.sources(tuple(linear.model.about.weights))
+        weights_from = self.weights.sources(_of_file(linear))
         game = self.weights.game(linear)
         return NamedGame(game, warnings, linear=linear, weights_from=weights_from)
 

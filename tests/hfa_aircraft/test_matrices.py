@@ -56,9 +56,21 @@ def test_lqr_of_matrices_equals_python_control() -> None:
     for found in (
         hfa.lqr(A, B, np.eye(2), np.eye(1)),
         hfa.lqr(A, B, Q=np.eye(2), R=[1.0]),
+        hfa.lqr(hfa.LinearModel.of(A, B), np.eye(2), np.eye(1)),
+        hfa.lqr(control.ss(A, B, np.eye(2), 0), Q=np.eye(2), R=[1.0]),
         hfa.solve(hfa.game(hfa.LinearModel.of(A, B), np.eye(2), np.eye(1))),
     ):
         assert pytest.approx(expected) == found.K
+    N = 0.1 * np.ones((2, 1))
+    crossed, _, _ = control.lqr(A, B, np.eye(2), np.eye(1), N)
+    for found in (
+        hfa.lqr(A, B, np.eye(2), np.eye(1), N),
+        hfa.lqr(hfa.LinearModel.of(A, B), np.eye(2), np.eye(1), N),
+    ):
+        assert pytest.approx(crossed) == found.K
+    for call in (lambda: hfa.lqr(A, B), lambda: hfa.lqr(hfa.LinearModel.of(A, B), np.eye(2))):
+        with pytest.raises(hfa.BadInputError, match="is missing; write"):
+            call()
 
 
 def test_a_linear_model_is_read_from_its_file(tmp_path: Path) -> None:

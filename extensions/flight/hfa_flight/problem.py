@@ -349,7 +349,7 @@ def flight_problem(
         for name in inputs:
             refuse_unknown("there is no input", name, linear.inputs)
         linear = linear.select(inputs=tuple(inputs))
-    lqr = game(linear, Q, R)
+    lqr = game(linear, Q, R, np.inf)
     lqr.refuse_cross_weights("the cost of these flights")
     solution = unconfirmed_solution(lqr)
     envelope = flight_envelope(model, point, limits)
@@ -371,7 +371,8 @@ def cost_text(
     parts = []
     for name, weight in (("Q", Q), ("R", R)):
         usual = default_weight(name, model, names[: len(Q)], names[len(Q) :])
-        source = "file" if name in model.about.weights else "1/nominal^2, as by default"
+        about = model.about
+        source = about.weights_source if name in about.weights else "1/nominal^2, as by default"
         is_usual = np.allclose(weight, usual, rtol=1e-12, atol=0.0)
         parts.append(f"{name} {matrix_text(weight)}" + f" ({source})" * is_usual)
     return ", ".join(parts)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from controller.game.zero_sum import Game
-from controller.hfa_game import usual_game
+from controller.game.weights import default_weight
 from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
@@ -19,7 +19,9 @@ from trim.point.operating_point import OperatingPoint
 
 def has_weights(deployed: Deployed) -> bool:
     """Return whether the deployment file or the plant file contains the weights Q and R."""
-    return deployed.deployment.cost is not None or {"Q", "R"} <= set(deployed.model.about.weights)
+    about = deployed.model.about
+    is_of_file = about.weights_source == "file" and {"Q", "R"} <= set(about.weights)
+    return deployed.deployment.cost is not None or is_of_file
 
 
 def refuse_cross_weights(model: Model) -> None:
@@ -34,8 +36,8 @@ def refuse_cross_weights(model: Model) -> None:
 def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
     """Return Q of states and outputs, and R of inputs, by name, as given in the deployment file.
 
-    Without a cost, the weights of the linear states and the commanded inputs are those of the
-    model's default game: the plant file's or the paper's, else 1/nominal².
+    Without a cost, the weights of the linear states and the commanded inputs are those of the model
+    (`default_weight`).
 
     Raises BadInputError if a weight of the plant file is not diagonal.
     """
@@ -49,19 +51,14 @@ def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, 
 
 
 def usual_weights(matrix: str, model: Model) -> dict[str, float]:
-    """Return the diagonal of Q or R of a model's default game, by name.
+    """Return the diagonal of the default weight "Q" or "R" (`default_weight`), by name.
 
     Raises BadInputError if the matrix in a plant file is not diagonal.
     """
     names = tuple(model.linear if matrix == "Q" else model.inputs)
+    weight = default_weight(matrix, model, model.linear, tuple(model.inputs))
     with prefix_errors(model.name):
-        return diagonal_weights(matrix, getattr(_usual_game(model), matrix), names)
-
-
-def _usual_game(model: Model) -> Game:
-    """Return the default game of a model (`usual_game`), with a plant of zeros."""
-    k, m = len(model.linear), len(model.inputs)
-    return usual_game(model, np.zeros((k, k)), np.zeros((k, m)))
+        return diagonal_weights(matrix, weight, names)
 
 
 def diagonal_weights(matrix: str, given: Any, names: Sequence[str]) -> dict[str, float]:
@@ -94,9 +91,8 @@ def weights_at(
     model, linear = deployed.model, deployed.model.linear
     if deployed.deployment.cost is None:
         refuse_cross_weights(model)
-        usual = _usual_game(model)
-        columns = model.input_places(deployed.commanded)
-        return np.array(usual.Q), np.array(usual.R)[np.ix_(columns, columns)]
+        usual = partial(default_weight, model=model, states=linear, inputs=deployed.commanded)
+        return usual("Q"), usual("R")
     of_states, of_inputs = cost_weights(deployed)
     outputs = tuple(name for name in of_states if name not in linear)
     slopes = deployed.model.at(place.states, place.inputs, outputs)

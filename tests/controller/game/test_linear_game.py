@@ -12,12 +12,53 @@ from scipy.linalg import solve_continuous_are
 import hfa
 from hfa import BadInputError, LinearModel
 from hfa.main import main
+from hfa_aircraft import in_si
 
 
 @pytest.fixture(scope="module")
 def linear() -> LinearModel:
     model = hfa.aircraft()
     return hfa.linearize(model, hfa.trim(model, hold={"dihedral": 0.2}))
+
+
+@pytest.mark.parametrize("dynamics", ["published", "unsteady"])
+@pytest.mark.parametrize("units", ["ft", "si"])
+def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(
+    dynamics: str, units: str
+) -> None:
+    """Q, R, delta and E of Section 5.1, in the units of the model; lagged states have none."""
+    model = hfa.aircraft(dynamics=dynamics)
+    linear = hfa.linearize(model, hfa.trim(model))
+    feet = 1.0
+    if units == "si":
+        model, feet = in_si(model), 0.3048
+        linear = hfa.linearize(model, hfa.trim(model))
+    default = hfa.game(linear)
+    factors = np.array([feet, 1.0, 1.0, 1.0, 1.0, 1.0])
+    Q = np.array([1000.0, 1000.0, 0.01, 0.01, 1000.0, 0.01]) / factors**2
+    assert default.Q.diagonal() == pytest.approx([*Q, *[0.0] * (len(linear.states) - 6)])
+    assert default.R.diagonal().tolist() == [100.0, 400.0, 400.0, 400.0, 50.0]
+    assert pytest.approx(np.eye(len(linear.states), 6) * factors) == default.E
+    assert default.delta == 200.0
+    assert hfa.game(linear, delta=np.inf).delta == np.inf
+
+
+def test_commands_and_functions_have_one_default(
+    linear: LinearModel, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command solves the game of `hfa.game(linear)`."""
+    assert main(["solve", "--dihedral", "11.459155902616466", "--json"]) == 0
+    solved = json.loads(capsys.readouterr().out)
+    default = hfa.game(linear)
+    np.testing.assert_allclose(solved["K"], hfa.solve(default).K, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.slow  # test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper
+def test_plans_have_the_default_weights(linear: LinearModel) -> None:
+    default = hfa.game(linear)
+    planned = hfa.predictive(linear.model, linear.point).problem
+    np.testing.assert_array_equal(planned.Q, default.Q)
+    np.testing.assert_array_equal(planned.R, default.R)
 
 
 def test_weights_by_name_are_placed_on_diagonals(linear: LinearModel) -> None:

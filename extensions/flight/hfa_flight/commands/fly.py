@@ -339,7 +339,7 @@ def _end_of(result: Flight) -> str:
     if not np.isfinite(spent):
         return "not returned"
     linear = linearize(result.model, result.point)
-    P = unconfirmed_solution(game(linear, loop_cost.Q, loop_cost.R)).P
+    P = unconfirmed_solution(game(linear, loop_cost.Q, loop_cost.R, np.inf)).P
     places = [list(result.model.states).index(name) for name in result.model.linear]
     z = (result.states[-1] - np.array(result.point.states))[places]
     to_go = float(z @ np.array(P) @ z)

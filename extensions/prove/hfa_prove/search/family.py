@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.hfa_game import usual_game
+from controller.game.linear_game import game
 from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.model import Model
 from hfa_prove.check.trims import SteadyFlight
@@ -152,6 +152,5 @@ def exact_gains(family: Family, breakpoints: np.ndarray, **changes: Any) -> Gain
     for breakpoint in breakpoints.tolist():
         point = family.point(breakpoint)
         linear = linearize(point.model, point)
-        game = usual_game(family.model, linear.A, linear.B, **changes)
-        gains.append(np.asarray(unconfirmed_solution(game).K, dtype=float))
+        gains.append(np.asarray(unconfirmed_solution(game(linear, **changes)).K, dtype=float))
     return Gains(breakpoints, np.array(gains))
