@@ -27,7 +27,7 @@ def prove(request: CheckRequest) -> int:
     requires the package python-flint."""
     from hfa_prove.certificate import kind_in, read_certificate
     from hfa_prove.check import check
-    from hfa_prove.commands.given import given_for, refuse_other_kinds
+    from hfa_prove.commands.given import given_for, refuse_unfit
     from hfa_prove.enclosure.precision import flint_or_refusal
     from hfa_prove.report import checked_report
     from hfa_prove.statements.plant import Subject
@@ -41,7 +41,7 @@ def prove(request: CheckRequest) -> int:
             f"no statement to prove is given; choose from {known}, or add --check FILE"
         )
     kind = kind_in(path)
-    refuse_other_kinds(request, kind)
+    refuse_unfit(request, kind)
     own = _own_policy(request) if kind == "region" else None
     model = request.model if request.aircraft.is_given else None
     policy = None if own is None else own.problem(request.trim).loop.function

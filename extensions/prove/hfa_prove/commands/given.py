@@ -43,10 +43,8 @@ _GIVEN_BY: Mapping[str, tuple[str, ...]] = {
     "flight.range": ("trim.at",),
     "loop.disturbances": ("disturbance",),
 }
-#: Kind of a certificate -> its subject, and paths of options that do not apply to it.
-_OTHERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "schedule": ("a schedule", ("policy", "reading.", "disturbance", "trim.start")),
-}
+#: Paths of options that do not apply to the certificate of a schedule.
+_NOT_OF_SCHEDULES = ("policy", "reading.", "disturbance", "trim.start")
 
 
 def _typed(request: CheckRequest, paths: tuple[str, ...]) -> list[str]:
@@ -58,13 +56,13 @@ def _typed(request: CheckRequest, paths: tuple[str, ...]) -> list[str]:
     ]
 
 
-def refuse_other_kinds(request: CheckRequest, kind: str) -> None:
+def refuse_unfit(request: CheckRequest, kind: str) -> None:
     """Raise BadInputError for an option that does not apply to certificates of a kind."""
-    about, paths = _OTHERS.get(kind, ("this kind", ()))
-    request.refuse(
-        _typed(request, paths),
-        f"does not apply to the certificate of {about}; remove this option",
-    )
+    if kind == "schedule":
+        request.refuse(
+            _typed(request, _NOT_OF_SCHEDULES),
+            "does not apply to the certificate of a schedule; remove this option",
+        )
 
 
 def names_aircraft(request: CheckRequest) -> bool:
