@@ -37,6 +37,7 @@ from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_prove.subject import Given, compare, within
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.data_files import jsonable
+from hfa_support.reporting.text import Table
 
 Content = dict[str, Any]
 
@@ -604,6 +605,17 @@ def test_the_data_of_a_report_bound_the_set() -> None:
     assert np.all(returns[is_below & is_in])
     assert not np.any(returns[is_below & ~is_in])
     assert np.any(is_below & ~is_in)
+
+
+def test_ends_in_a_report_are_rounded_outward() -> None:
+    """The table of a report contains the extents, of which it shows four digits."""
+    content = tank()
+    content["statement"]["extents"] = {"level": [-0.912345, 0.912345], "heat": [-0.95, 0.95]}
+    statement, _ = read_content(content, Subject(TANK))
+    table = next(part for part in found_report(statement, 1).parts if isinstance(part, Table))
+    low, high = (float(cell.split()[0]) for cell in table.rows[0][1:3])
+    assert -0.9124 <= low < -0.912345
+    assert 0.912345 < high <= 0.9124
 
 
 @pytest.mark.parametrize(
