@@ -18,7 +18,7 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits, flight_envelope
 from hfa_flight.flight_report import series
-from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
+from hfa_support.errors import BadInputError, is_finite, numbers_in, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
 from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
@@ -134,9 +134,17 @@ class FlightProblem:
     def followed_of(self, X: Any) -> np.ndarray:
         """Return the deviations of the followed states in nominal values, (followed,).
 
-        X: all states, absolute, (n,) or by name in their order
+        X: all states of one sample, absolute, (n,) or by name in their order
+
+        Raises BadInputError for another number of states, and for rows of several samples.
         """
-        away: np.ndarray = np.asarray(X, dtype=float) - self.point.x
+        states, trim = numbers_in("X", X), self.point.x
+        if states.shape != trim.shape:
+            raise BadInputError(
+                f"X has shape {states.shape}; give the {len(trim)} states of one sample: "
+                f"{', '.join(self.model.states)}"
+            )
+        away: np.ndarray = states - trim
         return away[self.followed_places] / self.sizes[0]
 
     def inputs_of(self, v: np.ndarray) -> np.ndarray:

@@ -25,6 +25,11 @@ class CommandsUnderWay:
         self._model = model
         self._commands: list[np.ndarray] = []
 
+    @property
+    def count(self) -> int:
+        """Number of commands."""
+        return len(self._commands)
+
     def clear(self) -> None:
         """Forget all commands."""
         self._commands.clear()

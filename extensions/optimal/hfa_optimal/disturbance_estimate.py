@@ -5,6 +5,8 @@ Source: Pannocchia and Rawlings, AIChE Journal 49 (2003) 426.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hfa_optimal.planner import Planner, Target
@@ -13,6 +15,9 @@ from hfa_support.native.bound import BoundFunction
 #: Fraction of the difference between measured and predicted rates by which an estimate moves at
 #: each sample.
 _SHARE = 0.8
+#: Share of the rates that the inputs can make, by which one sample changes the estimate at most,
+#: besides the rates in the usual box. One wrong sample then loses no flight.
+_OF_MOVES = 0.1
 #: Largest magnitude of the model's own disturbance, nominal values.
 _MOST = 3.0
 #: Weights that make the cheapest equilibrium unique, relative to the largest weights.
@@ -21,47 +26,63 @@ _UNIQUE = 1e-10
 _WITHIN = 0.98
 
 
+class LastSample(NamedTuple):
+    """Last sample of a flight: states z (n,), the mean v (m,) of the inputs that act until the next
+    sample, and the states predicted for it, (n,).
+    """
+
+    z: np.ndarray
+    v: np.ndarray
+    predicted: np.ndarray
+
+
 class DisturbanceEstimate:
     """Estimate of disturbances d that explain the last samples, and the target of the flight.
 
       z' = f(z, v, w) + d,    d and w constant
 
     One constant is added to each rate. If the planner has a disturbance w of the model, w explains
-    what it can of the difference, and the rates the rest.
+    what it can of the difference, and the rates the rest. A vector of disturbances contains the
+    constants d, then w, in nominal values.
 
-    d: the constants added to the rates, then w, in nominal values
-    target: cheapest equilibrium under d, in the linear states
+    planner: plans of the policy, with its model
     """
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
         self._slopes = BoundFunction(planner.model.slopes)
-        self.clear()
+        scaled = planner.scaled
+        k, n, _ = scaled.sizes
+        A, B, _, _ = scaled.linear_states
+        lowest, highest = scaled.input_limits
+        ranges = np.where(np.isfinite(highest - lowest), highest - lowest, 1.0)
+        usual = np.maximum(np.abs(A) @ scaled.box, scaled.box)
+        #: Largest difference of a rate from its prediction that one sample may add, (n,).
+        self._most = np.append(usual + _OF_MOVES * np.abs(B) @ ranges, np.full(n - k, np.inf))
 
-    def clear(self) -> None:
-        """Begin again, without disturbance and with the trim as target."""
-        _, n, m = self._planner.scaled.sizes
-        self.d = np.zeros(self._planner.model.disturbances)
-        self.target = Target(np.zeros(n), np.zeros(m))
+    def __reduce__(self) -> tuple[type[DisturbanceEstimate], tuple[Planner]]:
+        """Return the constructor and its argument, for copies and pickle."""
+        return DisturbanceEstimate, (self._planner,)
 
-    def update(self, z: np.ndarray, before: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-        """Change the estimate by the difference of the measured states from their prediction.
+    def updated(self, d: np.ndarray, z: np.ndarray, before: LastSample) -> np.ndarray:
+        """Return the disturbances after a sample.
 
+        d: disturbances before it
         z: measured states, (n,)
-        before: states and inputs one sample earlier, and the states predicted from them for now
         """
         n = self._planner.scaled.sizes[1]
-        earlier, v, predicted = before
-        missing = (z - predicted) / self._planner.grid.dt
-        if len(self.d) > n:
-            _, _, gradient = self._slopes.at(np.concatenate([earlier, v]), self.d[n:])
+        d = d.copy()
+        missing = (z - before.predicted) / self._planner.grid.dt
+        missing = np.clip(missing, -self._most, self._most)
+        if len(d) > n:
+            _, _, gradient = self._slopes.at(np.concatenate([before.z, before.v]), d[n:])
             change = gradient @ missing / (gradient @ gradient + 1e-9)
             missing = missing - gradient * change
-            self.d[n] = np.clip(self.d[n] + _SHARE * change, -_MOST, _MOST)
-        self.d[:n] += _SHARE * missing
-        self.target = self._cheapest_equilibrium()
+            d[n] = np.clip(d[n] + _SHARE * change, -_MOST, _MOST)
+        d[:n] += _SHARE * missing
+        return d
 
-    def _cheapest_equilibrium(self) -> Target:
+    def target(self, d: np.ndarray, last: Target) -> Target:
         """Return the minimum of z'Qz + v'Rv subject to f(z, v, w) + d = 0 in the linear states.
 
         The equations are linearized at the last target, once a sample. Inputs beyond a limit are
@@ -74,15 +95,15 @@ class DisturbanceEstimate:
         weights = np.zeros((k + m, k + m))
         weights[:k, :k] = Q + _UNIQUE * np.abs(Q).max() * np.eye(k)
         weights[k:, k:] = R + _UNIQUE * np.abs(R).max() * np.eye(m)
-        z, v = self.target
-        rates, slopes, _ = self._slopes.at(np.concatenate([z, v]), self.d[n:])
+        z, v = last.z, last.v
+        rates, slopes, _ = self._slopes.at(np.concatenate([z, v]), d[n:])
         by_both = slopes.reshape(n + m, n).T[:k]
         moves = np.hstack([by_both[:, :k], by_both[:, n:]])
-        aim = moves @ np.concatenate([z[:k], v]) - rates[:k] - self.d[:k]
+        aim = moves @ np.concatenate([z[:k], v]) - rates[:k] - d[:k]
         both = _constrained(weights, moves, aim, lowest, highest)
         z = np.concatenate([both[:k], np.zeros(n - k)])
         v = np.clip(both[k:], *scaled.input_limits)
-        return Target(z, v)
+        return Target(d, z, v, last.P)
 
 
 def _constrained(

@@ -35,6 +35,10 @@ class HeldModel:
         self.disturbance = disturbance
         self._rates = disturbed_rates(scaled.problem, disturbance)
 
+    def __reduce__(self) -> tuple[type[HeldModel], tuple[Any, ...]]:
+        """Return the constructor and its arguments, for copies and pickle."""
+        return HeldModel, (self.scaled, self.holds, self.disturbance)
+
     @cached_property
     def _parts(self) -> list[int]:
         """Number of Runge-Kutta steps in each hold."""

@@ -19,6 +19,8 @@ _SLOW = 0.02
 _LONGER = 2.0
 #: Largest product of the sample time and the fastest pole of the aircraft.
 _FASTEST = 0.7
+#: Largest sample time that may be asked, relative to that of the rule.
+_COARSEST = 5.0
 #: Largest relative increase of the least linear cost over the usual box: by holding the inputs for
 #: ever, and by the holds of a plan that ends with z'Pz.
 _HOLD_PRICE = 0.005
@@ -157,11 +159,10 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     horizon: duration of a plan, s, or None for the rule. It is cut to 10 time constants of the
       fastest growing pole, and to the longest grid of the rule
 
-    Raises BadInputError for a horizon that is too short. Raises NoSolutionError if no sample time
-    fits.
+    Raises BadInputError for a dt that is too long and for a horizon that is too short. Raises
+    NoSolutionError if no sample time fits.
     """
-    if dt is None:
-        dt = sample_time(scaled)
+    dt = sample_time(scaled, dt)
     if horizon is not None and not dt <= horizon < math.inf:
         raise BadInputError(
             f"the horizon is {shown(horizon)} s; with samples of {dt:g} s, give at least {dt:g} s"
@@ -188,8 +189,26 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     return fitting
 
 
-def sample_time(scaled: ScaledProblem) -> float:
-    """Return the sample time of the rule of `grid_of`, s."""
+def sample_time(scaled: ScaledProblem, asked: float | None = None) -> float:
+    """Return the sample time of the rule of `grid_of`, or the asked one, s.
+
+    Raises BadInputError if the asked one is more than _COARSEST times as long as that of the rule.
+    """
+    if asked is None:
+        return _rule_of_samples(scaled)
+    try:
+        rule = _rule_of_samples(scaled)
+    except NoSolutionError:
+        rule = _FASTEST / scaled.fastest
+    if asked > _COARSEST * rule:
+        raise BadInputError(
+            f"dt is {shown(asked)} s; give at most {_COARSEST * rule:.3g} s, "
+            f"{_COARSEST:g} times the default of this aircraft"
+        )
+    return asked
+
+
+def _rule_of_samples(scaled: ScaledProblem) -> float:
     for dt in _SAMPLE_TIMES:
         if dt * scaled.fastest > _FASTEST:
             continue

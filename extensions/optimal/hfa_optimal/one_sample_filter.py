@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from hfa_optimal.held_model import HeldModel
@@ -31,9 +33,14 @@ class OneSampleFilter:
         below, above = (limit[:k] for limit in scaled.state_limits)
         ranges = 0.5 * (highest - lowest)
         self._kept = np.flatnonzero(scaled.reached(dt))
+        self._within = within
         self._limits = within * below[self._kept], within * above[self._kept]
         self._squares = np.where(np.isfinite(ranges), ranges, 1.0) ** 2
         self._no_disturbance = np.zeros(self.model.disturbances)
+
+    def __reduce__(self) -> tuple[type[OneSampleFilter], tuple[Any, ...]]:
+        """Return the constructor and its arguments, for copies and pickle."""
+        return OneSampleFilter, (self.model.scaled, float(self.model.holds[0]), self._within)
 
     @property
     def states(self) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ Source: Frison and Diehl, IFAC-PapersOnLine 53 (2020) 6563.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -25,6 +25,26 @@ _OPTIONS: dict[str, Any] = {
 _COST = 2500.0
 #: Bound that stands for none.
 _FAR = 1e8
+
+
+#: HPIPM's status of a program that is solved to the tolerance, and largest number of memories of a
+#: CasADi function that are searched for the one with this status.
+_SOLVED = 0
+_MEMORIES = 8
+
+
+class Change(NamedTuple):
+    """Solution of a quadratic program.
+
+    v, z: changes of the inputs (N, m) and states (N + 1, n)
+    cost: change of the cost, with the whole price of slacks
+    is_solved: whether HPIPM reached its tolerance
+    """
+
+    v: np.ndarray
+    z: np.ndarray
+    cost: float
+    is_solved: bool
 
 
 class PlanProgram:
@@ -84,6 +104,8 @@ class PlanProgram:
             for name in ("h", "a", "g", "lba", "uba", "lbx", "ubx")
         }
         found = solve(**{**given, "h": ca.MX(of_H, given["h"]), "a": ca.MX(of_A, given["a"])})
+        self._program = solve
+        self._memory: int | None = None
         # HPIPM writes to the memory of all results, also of those that nobody uses.
         results = [found[name] for name in ("x", "cost", "lam_a", "lam_x")]
         self._solve = BoundFunction(ca.Function("change", list(given.values()), results))
@@ -101,9 +123,8 @@ class PlanProgram:
         middle: tuple[np.ndarray, np.ndarray],
         inputs: tuple[np.ndarray, np.ndarray],
         cost: float,
-    ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return the changes of the inputs (N, m) and states (N + 1, n) that minimize the model,
-        and the change of the cost, with the whole price of slacks.
+    ) -> Change:
+        """Return the change that minimizes the model.
 
         The result may contain values that are not finite.
 
@@ -143,7 +164,20 @@ class PlanProgram:
         changes *= unit
         of_holds = changes[:-n].reshape(count, -1)
         moved = np.vstack([of_holds[:, :n], changes[-n:]])
-        return of_holds[:, n : n + m], moved, float(change[0]) * unit**2
+        is_solved = self._status() in (_SOLVED, None)
+        return Change(of_holds[:, n : n + m], moved, float(change[0]) * unit**2, is_solved)
+
+    def _status(self) -> int | None:
+        """Return HPIPM's status of the last program, None if CasADi does not tell."""
+        memories = range(_MEMORIES) if self._memory is None else [self._memory]
+        for memory in memories:
+            try:
+                status = self._program.stats(memory)["return_status"]
+            except (RuntimeError, KeyError):
+                continue
+            self._memory = memory
+            return int(status)
+        return None
 
 
 def _sparse(numbers: np.ndarray) -> tuple[ca.Sparsity, np.ndarray]:
@@ -151,6 +185,6 @@ def _sparse(numbers: np.ndarray) -> tuple[ca.Sparsity, np.ndarray]:
     the indices of the values in the order of CasADi, by columns.
     """
     height, width = numbers.shape
-    columns, rows = np.nonzero(numbers.T)
+    columns, rows = np.nonzero(np.ascontiguousarray(numbers.T))
     sparsity = ca.Sparsity.triplet(height, width, rows.tolist(), columns.tolist())
     return sparsity, numbers[rows, columns] - 1

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -17,13 +17,15 @@ from hfa_flight.hold import hold_of
 from hfa_flight.policies.laws import compared
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.problem import FlightProblem, flight_problem
+from hfa_flight.scenario import Scenario
 from hfa_optimal.end_law import EndLaw
 from hfa_optimal.holds import HOLDS, grid_of
 from hfa_optimal.planner import Planner
 from hfa_optimal.receding import RecedingHorizon, Samples
+from hfa_optimal.sample_gate import wrong_samples_note
 from hfa_optimal.scaled import ScaledProblem
 from hfa_support.arguments import ArrayLike
-from hfa_support.errors import BadInputError, refuse_unless_positive, shown
+from hfa_support.errors import BadInputError, numbers_in, refuse_unless_positive, shown
 from trim.point.operating_point import OperatingPoint
 
 #: Default fraction of the distances from trim to limits by which a plan's envelope is narrowed.
@@ -39,23 +41,71 @@ class Predictive(SampledPolicy):
 
     problem: aircraft, trim, weights and limits
     controller: the plans and the memory of a flight, in nominal units
+    initial: states at which a flight begins, deviations from the trim, (n,), or None if unknown
     """
 
     problem: FlightProblem
     controller: RecedingHorizon
 
+    initial: np.ndarray | None = field(default=None, kw_only=True)
+
     def reset(self) -> None:
         """Forget the plan, the estimates and the times of an earlier flight."""
         self.controller.reset()
 
-    def __call__(self, t: float, X: Any) -> np.ndarray:
+    def begin(self, X: Any) -> None:
+        """Begin a flight with a first plan, which takes longer than a sample.
+
+        X: all states that are expected at the first sample, absolute, (n,). The plan is improved
+            from the states of that sample, or made anew if they differ much
+        """
+        self.controller.begin(self.problem.followed_of(X), self.delay)
+
+    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+        """Return the function (tick, measured) -> inputs as deviations from trim, (m,).
+
+        The first plan is made before the flight, from its initial states.
+        """
+        sample = super().sampler()
+        if self.initial is not None:
+            self.begin(self.point.x + self.initial)
+        return sample
+
+    def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
+        """Return the policy and the scenario with ticks that divide samples and delays.
+
+        Raises BadInputError if the delay is not a whole number of the ticks.
+        """
+        policy, scenario = super().in_scenario(scenario)
+        initial = scenario.initial if np.size(scenario.initial) else None
+        return replace(policy, initial=initial), scenario
+
+    def __call__(self, t: float, X: Any, disturbance: ArrayLike | None = None) -> np.ndarray:
         """Return the inputs U of the sample at t, absolute, (m,).
+
+        A sample that is not finite or impossible is not used: its prediction is.
 
         t: s
         X: all states, absolute, (n,) or by name in their order
+        disturbance: constants that an estimator outside adds to the rates of the states, in their
+            units per second, (n,), or None for the own estimate. With it, X is its estimate too,
+            and used as it is
         """
         z = self.problem.followed_of(X)
-        return self.problem.inputs_of(self.controller(z, self.delay))
+        d = None if disturbance is None else self._scaled_rates(disturbance)
+        return self.problem.inputs_of(self.controller(z, self.delay, d))
+
+    def _scaled_rates(self, disturbance: ArrayLike) -> np.ndarray:
+        """Return disturbances of the rates of all states as the controller takes them."""
+        rates = numbers_in("disturbance", disturbance)
+        if rates.shape != (len(self.point.x),) or not np.isfinite(rates).all():
+            raise BadInputError(
+                f"disturbance is {shown(disturbance)}; give {len(self.point.x)} finite numbers, one"
+                " for the rate of each state"
+            )
+        known = rates[self.problem.followed_places] / self.problem.sizes[0]
+        own = np.zeros(len(self.controller.d) - len(known))
+        return np.concatenate([known, own])
 
     @property
     def holds(self) -> np.ndarray:
@@ -74,6 +124,12 @@ class Predictive(SampledPolicy):
         """Record of the samples since the last reset: plans, refused steps, times."""
         return self.controller.samples
 
+    @property
+    def first_plan(self) -> float | None:
+        """Cost of the first plan, or None without one and of a flight that begins at its target."""
+        first = self.samples.first
+        return None if first is None or first.cost <= self.controller.nothing else first.cost
+
     def sampled_modes(self) -> np.ndarray:
         """Return the eigenvalues of the held linear loop near the trim, 1/s, (k,)."""
         values = self.controller.nominal_end.poles
@@ -82,12 +138,18 @@ class Predictive(SampledPolicy):
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy, with counts and times of its samples."""
         done = self.samples
-        counts = {"planned": done.planned, "refused": done.refused, "linear": done.linear}
+        counts: dict[str, Any] = {
+            "planned": done.planned,
+            "refused": done.refused,
+            "unsolved": done.unsolved,
+            "late": done.late,
+            "linear": done.linear,
+            "wrong": self.controller.wrong,
+        }
         times: dict[str, float | None] = {"median_seconds": None, "seconds_99": None}
         if len(done.seconds):
             times = dict(zip(times, np.quantile(done.seconds, (0.5, 0.99)).tolist(), strict=True))
-        first = None if done.first is None else done.first.cost
-        samples = {**counts, **times, "first_plan": first, "rise": done.rise}
+        samples = {**counts, **times, "first_plan": self.first_plan, "rise": done.rise}
         return {**super().data(model), "dt": self.dt, "holds": self.holds, "samples": samples}
 
     def notes(self) -> tuple[str, ...]:
@@ -110,23 +172,31 @@ class Predictive(SampledPolicy):
                 f"The horizon of {asked:g} s was cut to {self.holds.sum():.3g} s: plans are "
                 f"open-loop flights of at most {2 * HOLDS} holds."
             )
-        if done.first is not None:
+        if self.first_plan is not None:
+            when = "made before" if self.initial is not None else "made in the first sample of"
             lines.append(
-                f"First plan: cost {done.first.cost:.6g}, after {1e3 * done.first_seconds:.3g} ms."
+                f"First plan: cost {self.first_plan:.6g}, {when} the flight in "
+                f"{1e3 * done.first_seconds:.3g} ms."
             )
         if len(done.seconds):
             median, most = np.quantile(done.seconds, (0.5, 0.99))
             lines.append(
                 f"Processor time of a sample: median {1e3 * median:.2g} ms, 99 % below "
-                f"{1e3 * most:.2g} ms."
+                f"{1e3 * most:.2g} ms. No further program begins after "
+                f"{1e3 * self.controller.budget:.3g} ms, which ended {done.late} samples."
             )
+        if done.unsolved:
+            lines.append(
+                f"HPIPM ended {done.unsolved} programs before its tolerance. Flights judged them."
+            )
+        lines += wrong_samples_note(self.controller.wrong)
         if done.radius is not None:
             own = self.controller.planner.model.disturbance
             nominal = self.problem.model.disturbances[own].nominal
             unit = self.problem.model.unit(own)
             unstable = "un" * (done.radius > 1.0)
             lines.append(
-                f"Estimated {own}: {nominal * self.controller.estimate.d[-1]:.3g} {unit}. There, "
+                f"Estimated {own}: {nominal * self.controller.d[-1]:.3g} {unit}. There, "
                 f"the exact gain of the trim is {unstable}stable (spectral radius "
                 f"{done.radius:.4f})."
             )
@@ -144,6 +214,7 @@ def predictive(
     horizon: float | None = None,
     margin: float = MARGIN,
     estimate: str = RATES,
+    budget: float | None = None,
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
 ) -> Predictive:
@@ -172,6 +243,9 @@ def predictive(
     margin: fraction of the distances from trim to limits by which a plan's envelope is narrowed
     estimate: "rates" for one constant disturbance of each rate, estimated from the samples; the
         name of a disturbance of the model, which is estimated too; or "nothing"
+    budget: processor time of a sample after which no further quadratic program begins, s, by
+        default half of dt. The plan of the sample before is then flown on. With math.inf, flights
+        do not depend on the machine
     inputs: inputs that move, by default all
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
 
@@ -191,7 +265,7 @@ def predictive(
         refuse_unless_positive("dt", dt, " s")
     problem = flight_problem(model, point, Q, R, inputs, limits)
     at_end = game(problem.linear, problem.Q, problem.R, delta=delta)
-    return policy_of(problem, at_end, dt, horizon, margin, estimate)
+    return policy_of(problem, at_end, dt, horizon, margin, estimate, budget)
 
 
 def policy_of(
@@ -201,13 +275,14 @@ def policy_of(
     horizon: float | None = None,
     margin: float = MARGIN,
     estimate: str = RATES,
+    budget: float | None = None,
 ) -> Predictive:
     """Return the predictive policy of a problem. The arguments are those of `predictive`.
 
     at_end: game whose P and K are at the end of a plan
 
-    Raises BadInputError for a wrong margin, estimate or horizon, and NoSolutionError if the game
-    has no solution.
+    Raises BadInputError for a wrong margin, estimate, budget, dt or horizon, and NoSolutionError if
+    the game has no solution.
     """
     if not 0.0 <= margin < 1.0:
         raise BadInputError(f"margin is {shown(margin)}; give a fraction from 0 to less than 1")
@@ -215,12 +290,16 @@ def policy_of(
     if own and own not in problem.model.disturbances:
         names = ", ".join([RATES, NOTHING, *problem.model.disturbances])
         raise BadInputError(f"estimate is {shown(estimate)}; give one of {names}")
+    if budget is not None and not budget > 0.0:
+        raise BadInputError(f"budget is {shown(budget)}; give a time above 0 s")
     scaled = ScaledProblem(problem)
     grid = grid_of(scaled, dt, horizon)
     P, K = _end_of(scaled, grid.dt, at_end)
     planner = Planner(scaled, grid, P, margin, own)
     end = EndLaw(scaled, hold_of(*scaled.linear_states, grid.dt), K)
-    controller = RecedingHorizon(planner, end, estimates=estimate != NOTHING)
+    most = 0.5 * grid.dt if budget is None else budget
+    controller = RecedingHorizon(planner, end, estimates=estimate != NOTHING, budget=most)
+    controller.rehearse()
     identity = {
         "predictive": [problem.Q.tolist(), problem.R.tolist(), at_end.delta, margin, estimate],
         "holds": grid.at(0).seconds.tolist(),

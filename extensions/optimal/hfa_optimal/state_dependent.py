@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from hfa_flight.problem import FlightProblem, flight_problem
 from hfa_optimal.commands_under_way import CommandsUnderWay
 from hfa_optimal.holds import sample_time
 from hfa_optimal.one_sample_filter import OneSampleFilter
+from hfa_optimal.sample_gate import SampleGate, wrong_samples_note
 from hfa_optimal.scaled import ScaledProblem
 from hfa_optimal.smooth import smooth_slopes
 from hfa_support.arguments import ArrayLike
@@ -82,7 +84,8 @@ class StateDependent(SampledPolicy):
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy, with the number of samples without a solution."""
-        return {**super().data(model), "dt": self.dt, "unsolved": self.unsolved}
+        counts = {"unsolved": self.unsolved, "wrong_samples": self.law.wrong}
+        return {**super().data(model), "dt": self.dt, **counts}
 
     def notes(self) -> tuple[str, ...]:
         """Return what the samples of the last flight needed."""
@@ -96,7 +99,7 @@ class StateDependent(SampledPolicy):
             lines.append(
                 f"At {self.unsolved} samples the game has no solution; P of the trim was used."
             )
-        return tuple(lines)
+        return (*lines, *wrong_samples_note(self.law.wrong))
 
 
 class RiccatiLaw:
@@ -125,15 +128,30 @@ class RiccatiLaw:
         self._P = P
         self._kept = [scaled.problem.states.index(name) for name in self.filter.states]
         self._limit_weight = limit_weight
-        self._slopes = BoundFunction(machine_code(smooth_slopes(scaled.problem)))
         nodes, shares = np.polynomial.legendre.leggauss(_POINTS)
         self._ray = 0.5 * (1.0 + nodes), 0.5 * shares
         self._commands = CommandsUnderWay(self.filter.model)
+        self._gate = SampleGate(scaled, self._commands, dt)
+        self._calm = np.zeros(self.filter.model.disturbances)
         self.reset()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes without the compiled function, for copies and pickle."""
+        return {name: value for name, value in vars(self).items() if name != "_slopes"}
+
+    @cached_property
+    def _slopes(self) -> BoundFunction:
+        return BoundFunction(machine_code(smooth_slopes(self._scaled.problem)))
+
+    @property
+    def wrong(self) -> int:
+        """Number of samples since the last reset in whose place the prediction was used."""
+        return self._gate.wrong
 
     def reset(self) -> None:
         """Begin a flight."""
         self._commands.clear()
+        self._gate.clear()
         self.unsolved = 0
 
     def __call__(self, z: np.ndarray, delay: float) -> np.ndarray:
@@ -142,11 +160,17 @@ class RiccatiLaw:
         z: measured states, (n,)
         delay: time after which the inputs act, s
         """
-        z = self._commands.moved(z, delay, np.zeros(self.filter.model.disturbances))
-        K = self.gain_at(z)
-        v = np.clip(-K @ z[: K.shape[1]], *self._scaled.input_limits)
-        v = self.filter(z, v)
+        used = self._gate.used(z)
+        if used is None:  # nothing is known about the states yet
+            v = np.zeros(self._scaled.sizes[2])
+            self._commands.append(v)
+            return v
+        acted = self._commands.moved(used, delay, self._calm)
+        K = self.gain_at(acted)
+        v = np.clip(-K @ acted[: K.shape[1]], *self._scaled.input_limits)
+        v = self.filter(acted, v)
         self._commands.append(v)
+        self._gate.predict(used, z, delay, self._calm)
         return v
 
     def gain_at(self, z: np.ndarray) -> np.ndarray:
@@ -253,7 +277,7 @@ def state_dependent_of(
     scaled = ScaledProblem(problem)
     of_states = problem.sizes[0][: scaled.sizes[0]]
     P = np.array(solve(at_trim).P) * np.outer(of_states, of_states)
-    step = sample_time(scaled) if dt is None else dt
+    step = sample_time(scaled, dt)
     E = np.array(at_trim.E) / of_states[:, None]
     law = RiccatiLaw(scaled, step, E, at_trim.delta, P, limit_weight)
     weights = [each.tolist() for each in (at_trim.Q, at_trim.R, at_trim.E)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
@@ -11,6 +12,7 @@ import numpy as np
 from hfa_flight.policies.policy import Policy
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError
+from hfa_support.reporting.report import Report
 from trim.point.operating_point import OperatingPoint
 
 #: Tolerance of a ratio of times that must be a whole number.
@@ -40,6 +42,10 @@ class SampledPolicy(Policy):
         """Hold the inputs of a sample."""
         object.__setattr__(self, "held", np.zeros((1, len(self.point.u))))
 
+    def __copy__(self) -> Self:
+        """Return a policy that flies another flight, with its own memory."""
+        return deepcopy(self)
+
     def __call__(self, t: float, X: Any) -> np.ndarray:
         """Return the inputs U (m,) from the time of the sample, s, and all states X (n,).
 
@@ -49,6 +55,10 @@ class SampledPolicy(Policy):
 
     def reset(self) -> None:
         """Forget the samples of an earlier flight."""
+
+    def report(self) -> Report:
+        """Return a report of the policy and of what the samples of its last flight needed."""
+        return Report(f"Policy: {self.name}", self.notes(), data=self.data(self.point.model))
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,).
