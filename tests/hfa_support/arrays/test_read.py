@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 GAME = hfa.Game([[0.0, 1.0], [-2.0, -3.0]], np.eye(2), Q=np.eye(2), R=np.eye(2))
 
 
-@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("compressed", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_damaged_mat_file_is_refused_in_one_line(compressed: bool) -> None:
     """A file that lacks its last bytes is refused; the whole one gives its matrix."""
     K = np.arange(4.0).reshape(2, 2)

@@ -186,6 +186,7 @@ def begun(path: Path) -> bool:
     return bool(list(path.glob("pole/c/*")))
 
 
+@pytest.mark.slow
 def test_a_killed_run_keeps_finished_chunks(finished_store: Path, tmp_path: Path) -> None:
     """A killed run keeps at least one of four chunks, and the resumed run gives the same bytes."""
     (tmp_path / "killed.py").write_text(KILLED)
