@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.text import numbered
+
+
+def identifiers(names: Iterable[str]) -> dict[str, str]:
+    """Return name in a file -> name in the model, an identifier that no other name has."""
+    found: dict[str, str] = {}
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "variable"
+        plain = f"v_{plain}" if plain[0].isdigit() else plain
+        while plain in found.values():
+            plain += "_"
+        found[name] = plain
+    return found
 
 
 class PlantNames(NamedTuple):

@@ -12,6 +12,7 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,6 +52,19 @@ def missing_package(use: str, *packages: str) -> BadInputError:
     noun = "package" if len(packages) == 1 else "packages"
     command = f"python -m pip install {' '.join(packages)}"
     return BadInputError(f"{use} the {noun} {', '.join(packages)}; type {command}")
+
+
+def imported(package: str, use: str) -> Any:
+    """Return an optional package.
+
+    use: subject and verb, such as "data frames require"
+
+    Raises BadInputError, with the command that installs the package, if it is missing.
+    """
+    try:
+        return import_module(package)
+    except ImportError:
+        raise missing_package(use, package) from None
 
 
 @contextmanager

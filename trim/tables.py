@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.errors import missing_package
+from hfa_support.errors import imported
 from hfa_support.reporting.figure import pyplot_figure
 from hfa_support.reporting.text import beside_unit, shown_values
 
@@ -26,10 +26,7 @@ def dataset(
 
     Raises BadInputError if xarray is missing.
     """
-    try:
-        import xarray
-    except ImportError:
-        raise missing_package("labelled arrays require", "xarray") from None
+    xarray = imported("xarray", "labelled arrays require")
     return xarray.Dataset(variables, coordinates, {"model": title})
 
 

@@ -72,6 +72,8 @@ def number_and_factor(model: Model, name: str, text: str) -> tuple[float, float 
     found = re.fullmatch(rf"({digits})\s*({unit})", text.strip())
     if found is None:
         return number(text), None
+    if name not in model.signals:
+        model.refuse_unheld("is the unknown variable", name)
     typed_number, typed_unit = found.groups()
     declared = _unit(model, name)
     factor = conversion(typed_unit, declared)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError, imported, refuse_unknown
 
 if TYPE_CHECKING:
     import pandas
@@ -115,8 +115,7 @@ class ByName(tuple[Named, ...]):
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a `pandas.DataFrame` with one row for each entry, indexed by its name."""
-        import pandas
-
+        pandas = imported("pandas", "data frames require")
         rows = [
             {name: value for name, value in fields.items() if not isinstance(value, dict)}
             for fields in (

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from hfa_support.errors import shortened
+from hfa_support.errors import imported, shortened
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.results import Result, plain
@@ -179,8 +179,7 @@ class Reported:
 
     def to_pandas(self) -> Any:
         """Return the records of the report as a `pandas.DataFrame`. Requires pandas."""
-        import pandas
-
+        pandas = imported("pandas", "data frames require")
         records = self.report().records
         return pandas.DataFrame(list(records.rows), columns=records.header)
 

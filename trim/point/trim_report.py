@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from hfa_support.reporting.text import (
     shown_value,
 )
 from trim.linear.levels import Airplane, Graded, graded, levels_table
-from trim.linear.modes import modes_table
+from trim.linear.modes import Mode, modes_table
 from trim.point.condition import TrimCondition
 from trim.point.configuration import (
     atmosphere_of,
@@ -171,9 +171,24 @@ def trim_report(
     controls = control_lines(point, margins, _lift_over_drag(figures))
     title = "\n".join(filter(None, [point.title, *figures.stalled, controls]))
     notes = point.warnings if full else without_lines(point.warnings)
-    report = Report(title, parts, notes, data, point_records(point))
+    states = point_records(point)
+    records = Table(states.header, [*states.rows, *_figure_records(figures, limited, modes, model)])
+    report = Report(title, parts, notes, data, records)
     described = model.trimming.describe
     return report if described is None else described(point, report)
+
+
+def _figure_records(
+    figures: Figures, limited: Sequence[Margin], modes: Iterable[Mode], model: Model
+) -> Iterator[tuple[str, str, float, str]]:
+    """Yield rows (kind, name, value, unit) of the figures, the margins and the modes."""
+    for kind, found in (("performance", figures.performance), ("stability", figures.stability)):
+        yield from ((kind, each.name, each.value, each.unit) for each in found.values())
+    for margin in limited:
+        yield "margin", margin.name, margin.distance, margin.unit
+    for mode in modes:
+        yield "mode", f"{mode.name} real", mode.eigenvalue.real, f"1/{model.time_unit}"
+        yield "mode", f"{mode.name} imaginary", mode.eigenvalue.imag, f"rad/{model.time_unit}"
 
 
 def _about_lines(

@@ -10,7 +10,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs, record
-from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
+from hfa_support.errors import BadInputError, NoSolutionError, imported, refuse_unknown
 from hfa_support.progress import Progress
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.named import ByName, with_names
@@ -485,8 +485,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         The columns are the swept values, states, inputs, damping and frequency of each mode, and
         the reason if there is no trim.
         """
-        import pandas
-
+        pandas = imported("pandas", "data frames require")
         names = dict.fromkeys((*self.variables, *self.model.states, *self.model.inputs))
         columns = {**self._columns(names), **self._mode_columns(), "reason": list(self.reasons)}
         return pandas.DataFrame(columns)

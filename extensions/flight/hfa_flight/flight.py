@@ -51,6 +51,7 @@ from hfa_flight.simulation import CompiledLoop
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
+    imported,
     numbers_in,
     refuse_unknown,
     refuse_unless_positive,
@@ -530,8 +531,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a `pandas.DataFrame` of states and inputs, absolute, indexed by time in s."""
-        import pandas
-
+        pandas = imported("pandas", "data frames require")
         columns = [*self.model.states, *self.model.inputs]
         index = pandas.Index(self.time, name="time")
         return pandas.DataFrame(np.hstack([self.states, self.inputs]), index, columns)
@@ -541,8 +541,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
         A linear prediction is included as NAME_linear for each state.
         """
-        import xarray
-
+        xarray = imported("xarray", "labelled arrays require")
         model = self.model
         columns = dict(zip(model.states, self.states.T, strict=True))
         columns |= dict(zip(model.inputs, self.inputs.T, strict=True))

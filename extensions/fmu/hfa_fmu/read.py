@@ -14,12 +14,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from multiprocessing.util import get_temp_dir
 from pathlib import Path
@@ -30,6 +29,7 @@ import numpy as np
 
 from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
+from hfa_aircraft.names import identifiers
 from hfa_aircraft.signals import Signal
 from hfa_fmu.description import Description, Variable, described, library_of
 from hfa_fmu.function import STEP, Evaluator, casadi_function
@@ -140,9 +140,7 @@ def _model(
 ) -> Model:
     """Return the model of the variables of an FMU."""
     of = description
-    names = _identifiers(
-        each.name for each in (*of.states, *of.inputs, *of.parameters, *of.outputs)
-    )
+    names = identifiers(each.name for each in (*of.states, *of.inputs, *of.parameters, *of.outputs))
     states, inputs, parameters, outputs = (
         {names[each.name]: _signal(each) for each in group}
         for group in (of.states, of.inputs, of.parameters, of.outputs)
@@ -269,15 +267,3 @@ def _signal(variable: Variable) -> Signal:
     if nominal in (0.0, 1.0):  # not stated
         nominal = max(1.0, abs(of.start))
     return Signal(of.unit or "1", nominal, of.low, of.high, of.start)
-
-
-def _identifiers(names: Iterable[str]) -> dict[str, str]:
-    """Return name in the FMU -> name in the model, an identifier that no other variable has."""
-    found: dict[str, str] = {}
-    for name in names:
-        plain = re.sub(r"\W+", "_", name).strip("_") or "variable"
-        plain = f"v_{plain}" if plain[0].isdigit() else plain
-        while plain in found.values():
-            plain += "_"
-        found[name] = plain
-    return found

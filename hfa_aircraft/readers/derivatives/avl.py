@@ -19,6 +19,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from hfa_aircraft.names import identifiers
 from hfa_aircraft.readers.derivatives.entries import Entry, number
 from hfa_aircraft.readers.derivatives.names import COEFFICIENTS, INDUCED, THRUST_INPUT, UNITS
 from hfa_support.errors import BadInputError, shown
@@ -62,7 +63,7 @@ class StabilityFile:
     path: path of the file
     content: its bytes
     values: name in the file -> value and place
-    controls: name of a control variable -> deflection in deg and place
+    controls: name of a control variable, as an identifier -> deflection in deg and place
     """
 
     path: str
@@ -146,7 +147,9 @@ def read_stability_file(path: str) -> StabilityFile:
         raise BadInputError(
             f"{path}: {count} controls have derivatives, but {len(controls)} a deflection; {_AGAIN}"
         )
-    of_controls = dict(list(controls.items())[:count])  # before the design variables
+    plain = identifiers(controls)
+    before_design_variables = list(controls.items())[:count]
+    of_controls = {plain[name]: entry for name, entry in before_design_variables}
     file = StabilityFile(path, content, values, of_controls)
     for place, line in lines:
         if "Geometric axis orientation" in line:
@@ -257,7 +260,7 @@ def with_stability_file(
     for name in _OF_FILE:
         if name in given:
             raise given[name].error(f"{name} is in {file.path} too; remove {name}")
-    own = dict(given)
+    own = {_plain(name, file): entry for name, entry in given.items()}
     length = _length(own, where)
     _refuse_other_center(own, file, where)
     fixed = _fixed_deflections(own, file, where)
@@ -278,6 +281,12 @@ def with_stability_file(
         else:
             entries |= _of_coefficient(coefficient, file, fixed)
     return {**entries, **own}
+
+
+def _plain(name: str, file: StabilityFile) -> str:
+    """Return the name of an entry, for a control the identifier in place of AVL's name."""
+    (plain,) = identifiers([name]).values()
+    return plain if plain in file.controls else name
 
 
 def _of_coefficient(
@@ -352,7 +361,7 @@ def _fixed_deflections(own: dict[str, Entry], file: StabilityFile, where: str) -
     """
     fixed = {}
     for control, entry in file.controls.items():
-        if not control.isidentifier() or control in (*UNITS, THRUST_INPUT):
+        if control in (*UNITS, THRUST_INPUT):
             raise entry.error(
                 f"the control {shown(control)} cannot be the name of an input; rename it in the "
                 ".avl file"

@@ -134,7 +134,8 @@ def _reference(table: Table) -> dict[str, float]:
     """Return the condition of the derivatives, state or output -> value."""
     altitude = table.values.get("altitude", 0.0)
     speed = table.values["speed"]
-    mach = speed / float(air_at(altitude, table.system).sound)
+    sound = float(air_at(altitude, table.system).sound)
+    mach = speed / sound if table.mach is None else table.mach
     alpha = table.values.get("alpha", 0.0)
     return {"alpha": alpha, "speed": speed, "altitude": altitude, "mach": mach}
 

@@ -71,6 +71,7 @@ class Table:
     axes: axes of the rolling and yawing moments and rates, "body" or "stability".
     notes: sentences for every report.
     center: center of gravity in the axes of a stability file and unit of length, or None.
+    mach: Mach number of a stability file, or None.
     """
 
     name: str
@@ -84,6 +85,7 @@ class Table:
     axes: str
     notes: tuple[str, ...] = ()
     center: tuple[tuple[float, ...], str] | None = None
+    mach: float | None = None
 
     def unit(self, name: str) -> str:
         """Return the unit of an entry that is not a derivative, in the table's system of units."""
@@ -139,7 +141,8 @@ def _table(
     table = _checked(with_stability_file(entries, file, source.text or _DICTIONARY), source, stem)
     sound = float(air_at(table.values.get("altitude", 0.0), table.system).sound)
     notes = tuple(file.notes("CD_0" in entries, table.values["speed"] / sound))
-    return replace(table, notes=notes, center=(file.reference_point, length))
+    center = (file.reference_point, length)
+    return replace(table, notes=notes, center=center, mach=file.value("Mach"))
 
 
 def table_of(values: Mapping[str, Any]) -> Table:

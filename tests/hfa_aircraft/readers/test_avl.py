@@ -183,7 +183,7 @@ def test_both_ways_name_the_same_aircraft(glider: Path) -> None:
         ("Standard axis orientation,  X fwd, Z down", "Geometric axis orientation,  X aft, Z up",
          "x is aft"),
         ("Clp =  -0.650798", "Clp =   0.000000", "Clp is 0"),
-        ("   aileron  ", "   left flap", "the control 'left flap' cannot be"),
+        ("   aileron  ", "   mass     ", "the control 'mass' cannot be"),
     ],
 )  # fmt: skip
 def test_faulty_stability_files_are_refused(old: str, new: str, message: str, glider: Path) -> None:
@@ -289,3 +289,24 @@ def test_two_run_cases_in_a_file_are_refused(glider: Path) -> None:
     """A file with two run cases is refused at the first line of the second one."""
     Path("glider.st").write_text(PRINTED + PRINTED)
     refused("given twice; write each run case to a file of its own")
+
+
+def test_names_of_controls_become_identifiers(glider: Path) -> None:
+    """The aircraft with controls `elevon-L` and `1elev` is that with `elevator` and `aileron`."""
+    plain = trim(tool.load_model("glider.toml"))
+    file = PRINTED.replace("elevator ", "elevon-L ").replace("aileron ", "1elev   ")
+    Path("glider.st").write_text(file)
+    Path("glider.toml").write_text(
+        TABLE.replace("elevator =", "elevon-L =").replace("aileron =", "1elev =")
+    )
+    named = trim(tool.load_model("glider.toml"))
+    assert set(named.inputs._fields) == {"thrust", "elevon_L", "v_1elev", "rudder"}
+    assert named["elevon_L"] == pytest.approx(plain["elevator"], rel=1e-12)
+    assert named["v_1elev"] == pytest.approx(plain["aileron"], abs=1e-12)
+
+
+def test_the_mach_number_of_the_derivatives_is_that_of_the_file(glider: Path) -> None:
+    """The sheet compares the Mach number with that of the file, 0, not with that of the table."""
+    reference = trim(tool.load_model("glider.toml")).report().data["reference"]["mach"]
+    assert reference["reference"] == 0.0
+    assert reference["difference"] == pytest.approx(reference["value"])

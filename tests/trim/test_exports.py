@@ -1,0 +1,55 @@
+"""What results of trims and sweeps are exported to: data frames, arrays and tables."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import hfa
+from hfa import BadInputError
+from hfa.paper import level_flight
+
+
+@pytest.fixture(scope="module")
+def point() -> hfa.OperatingPoint:
+    return hfa.trim(hfa.aircraft(), level_flight(0.17))
+
+
+EXPORTS: dict[str, Callable[[Any], Any]] = {
+    "sweep to pandas": lambda point: hfa.sweep(point.model, dihedral=[0.1, 0.2]).to_pandas(),
+    "sweep to xarray": lambda point: hfa.sweep(point.model, dihedral=[0.1, 0.2]).to_xarray(),
+    "point to pandas": lambda point: point.to_pandas(),
+    "point to xarray": lambda point: point.to_xarray(),
+    "linear model to pandas": lambda point: point.linearize().to_pandas(),
+    "modes to pandas": lambda point: point.modes.to_pandas(),
+    "flight to pandas": lambda point: hfa.fly(point.model, point, None, duration=0.01).to_pandas(),
+    "flight to xarray": lambda point: hfa.fly(point.model, point, None, duration=0.01).to_xarray(),
+}
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_a_missing_package_is_named(
+    name: str, point: hfa.OperatingPoint, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without pandas or xarray an export is refused in one line with the command that installs it."""
+    package = name.split()[-1]
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(BadInputError) as caught:
+        EXPORTS[name](point)
+    assert str(caught.value).endswith(f"python -m pip install {package}")
+    assert "\n" not in str(caught.value)
+
+
+def test_records_of_a_sheet_contain_its_figures(point: hfa.OperatingPoint) -> None:
+    """The records have airspeed, load factor, L/D, margins and modes, as the sheet's data have."""
+    report = point.report()
+    found = {(kind, name): value for kind, name, value, _ in report.records.rows}
+    for name in ("calibrated_airspeed", "load_factor", "lift_over_drag"):
+        assert found["performance", name] == report.data["performance"][name]
+    assert found["stability", "static_margin"] == report.data["stability"]["static_margin"]
+    assert found["margin", "throttle"] == min(point["throttle"], 200.0 - point["throttle"])
+    for mode in point.modes:
+        assert found["mode", f"{mode.name} real"] == mode.eigenvalue.real
