@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
@@ -15,13 +16,17 @@ from hfa.options.output import Output
 from hfa.options.part import option, part
 from hfa.options.request import Request, command
 from hfa.options.trim import Trim
+from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.export.c_text import write_texts
 from hfa_flight.options import (
     EXACT,
     PolicyGiven,
     actuators_of,
     actuators_option,
+    at_held_altitude,
+    noise_option,
     noted_linear_model,
+    turbulence_option,
 )
 from hfa_support.errors import BadInputError, printable
 from hfa_support.files import write_text
@@ -66,6 +71,14 @@ class ExportRequest(Request):
         ),
     )
     actuators: tuple[float, ...] | None = actuators_option()
+    filter: bool = option(
+        "C source of the policy behind the Kalman filter of --noise and --turbulence too",
+        default=False,
+    )
+    noise: Mapping[str, float] = noise_option(
+        "standard deviation of the noise of a sensor of --filter, degrees for angles; repeatable"
+    )
+    turbulence: Turbulence | None = turbulence_option()
 
     @property
     def target(self) -> Path:
@@ -102,6 +115,7 @@ def export(request: ExportRequest) -> int:
             "file; give a folder for C source, which is called once a sample"
         )
     policy.check(request)
+    _check_filter(request)
     model = request.trim.aircraft
     point = request.trim.point()
     if policy.deployment is not None:
@@ -111,6 +125,18 @@ def export(request: ExportRequest) -> int:
         written = _written(request, model, point, origin, with_gain=not is_aircraft_alone)
     request.print(_report(written), notes=point.warnings)
     return 0
+
+
+def _check_filter(request: ExportRequest) -> None:
+    """Raise BadInputError for options of a filter that have no effect or contradict others."""
+    if not request.filter:
+        request.refuse(("noise", "turbulence"), "applies only with --filter; add --filter")
+        return
+    if not request.noise:
+        raise BadInputError("--filter requires the noise of the sensors; add --noise STATE=VALUE")
+    request.refuse(("policy.controller", "policy.deployment"), "cannot be combined with --filter")
+    if _is_fmu(request):
+        raise BadInputError(f"{request.target}: an FMU has no filter; give a folder for C source")
 
 
 def _is_fmu(request: ExportRequest) -> bool:
@@ -153,7 +179,9 @@ def _written(
     """Write the aircraft, with a policy or alone, as C or as an FMU."""
     from hfa_flight.export.aircraft_c import c_model_texts
     from hfa_flight.export.exported_loop import exported_loop, following_a_reference
+    from hfa_flight.export.filter_c import c_filter_texts
     from hfa_flight.export.fmu import write_fmu
+    from hfa_flight.policies.kalman import filter
     from hfa_flight.policies.scheduled_gains import scheduled_gains
     from hfa_flight.schedule.gain_schedule import load_gain_schedule
 
@@ -171,7 +199,13 @@ def _written(
         loop = exported_loop(model, point, steering, actuators)
         write_fmu(loop, request.target, request.provenance)
         return [request.target]
-    return write_texts(request.target, c_model_texts(linear, policy, origin))
+    texts = c_model_texts(linear, policy, origin)
+    if request.filter:
+        known = filter(
+            linear, request.noise, at_held_altitude(request.turbulence, request.trim.hold)
+        )
+        texts |= c_filter_texts(known.policy(policy), origin)
+    return write_texts(request.target, texts)
 
 
 def _report(written: list[Path]) -> Report:

@@ -26,7 +26,7 @@ from trim.point.operating_point import OperatingPoint
 #: A sample is not used if an innovation is beyond this number of its standard deviations.
 IMPOSSIBLE = 8.0
 #: After this number of such samples in a row, the estimate begins anew at the measured values.
-_LOST = 10
+LOST = 10
 #: Function (number of the sample, deviations of all states) -> deviations of the inputs.
 _Law = Callable[[int, np.ndarray], np.ndarray]
 
@@ -162,7 +162,7 @@ class FilteredPolicy(SampledPolicy):
             memory.missed = 0
             return np.asarray(memory.predicted + known.L @ innovation)
         memory.missed += 1
-        if memory.samples and memory.missed < _LOST:
+        if memory.samples and memory.missed < LOST:
             memory.unused += 1
             return memory.predicted
         memory.missed = 0
@@ -249,8 +249,7 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
     rows = point.model.state_places(point.model.linear)
     t, z = ca.SX.sym("t"), ca.SX.sym("z", len(rows))
     held = ca.SX.sym("held", policy.held.shape[1])
-    nothing = ca.SX(0, 1)
-    command = policy.control(t, Measurements(z, z, nothing, nothing), nothing, held)
+    command = command_of(policy, t, z, held)
     function = BoundFunction(ca.Function("law", [t, z, held], [ca.densify(command)]))
 
     def law(sample: int, x: np.ndarray) -> np.ndarray:
@@ -258,6 +257,12 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
         return np.array(u)
 
     return law
+
+
+def command_of(policy: Policy, t: ca.SX, z: ca.SX, held: Any) -> ca.SX:
+    """Return the command of a policy without a memory at the state z, as deviations, (m,)."""
+    nothing = ca.SX(0, 1)
+    return policy.control(t, Measurements(z, z, nothing, nothing), nothing, held)
 
 
 def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy:

@@ -142,3 +142,28 @@ def test_an_fmu_simulates_the_flight_in_fmpy(
         states = np.array([found[name] for name in STATES]).T
         np.testing.assert_allclose(states, known, rtol=1e-8, atol=1e-8, err_msg=how)
     assert np.abs(known - known[0]).max() > 0.01
+
+
+def test_an_exported_filter_equals_the_policy_behind_it(folder: Path) -> None:
+    """Random samples, impossible ones, and some that are no numbers: commands equal to rounding."""
+    noise = {"speed": 0.3, "pitch": 0.002, "pitch_rate": 0.003, "dihedral": 0.002}
+    words = [
+        f"--noise={name}={math.degrees(size) if name != 'speed' else size}"
+        for name, size in noise.items()
+    ]
+    exported("--filter", *words, "--turbulence", "moderate:40000", "-o", "c")
+    compiled(folder / "c", "-shared", "-fPIC", "hfa_filter.c", "-o", "library.so")
+    linear = model_at(10.0, "published")
+    policy = hfa.filter(linear, noise, "moderate:40000").policy(exact_gain(10.0))
+    trim = np.array([linear.point[name] for name in policy.filter.sensors])
+    random = np.random.default_rng(1)
+    memory, u = np.zeros(len(policy.filter.Phi) + 2), np.zeros(5)
+    for number in range(60):
+        y = trim + policy.filter.innovation * random.uniform(-1.0, 1.0, 4)
+        if number in (0, 20, 21) or 30 <= number < 45:
+            y[1] += 20.0 * policy.filter.innovation[1]
+        if number in (5, 33):
+            y[number % 4] = math.nan
+        called(folder / "c", "hfa_filter", memory, y, u)
+        np.testing.assert_allclose(u, policy(0.01 * number, y), rtol=1e-9, atol=1e-10)
+    assert policy.unused > 0
