@@ -40,7 +40,7 @@ def _positions(prefix: str, units: dict[str, str]) -> str:
 
 
 def _sample(policy: FilteredPolicy) -> ca.Function:
-    """Return the function (memory, y) -> (U, memory) of one sample, as `FilteredPolicy` computes it.
+    """Return the function (memory, y) -> (U, memory) of a sample, as in `FilteredPolicy`.
 
     The memory has the predicted states, the number of missed samples in a row, and 1 once a sample
     was taken.
