@@ -16,6 +16,7 @@ from controller.expansion.monomials import homogeneous, name_of
 from controller.expansion.series import directions, least_squares
 from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part
 from hfa_support.reporting.results import Result, given
 from hfa_support.reporting.text import Table
@@ -176,6 +177,7 @@ def compare_with_nonlinear(
     limit: float,
     box: Box | None = None,
     flights: int = FLIGHTS,
+    progress: Progress | None = None,
 ) -> NonlinearComparison:
     """Return the errors of a critic's terms against the nonlinear game, and its flights.
 
@@ -187,10 +189,13 @@ def compare_with_nonlinear(
     limit: limit of the error of each coefficient
     box: box of states, of which a part is flown, or None for no flights
     flights: number of flights
+    progress: called with (parts done, parts, text), or None
 
     Raises BadInputError if the aircraft or the critic has no power series at the trim.
     """
     widths = np.sqrt(np.diag(np.linalg.inv(solution.P)))
+    report = progress or _silent
+    report(0, 3, "power series")
     terms = _terms(critic, widths)
     order = max(degree + (of == "u") for of, degrees in terms.items() for degree in degrees)
     expansion = expand(linear, solution, min(max(order, LOWEST), HIGHEST))
@@ -199,13 +204,22 @@ def compare_with_nonlinear(
         for of, degrees in terms.items()
         for degree, learned in sorted(degrees.items())
     ]
+    report(1, 3, "flights from the box")
     flown = None
     if box is not None and flights:
         by_value = not _is_policy_given(critic)
         exact = _by_value(critic, expansion) if by_value else expansion.policy
         plant = nonlinear_plant(linear)
         flown = box_flights(critic.policy, exact, expansion, plant, box, flights)
-    return NonlinearComparison(tuple(errors), limit, expansion, flown)
+    report(2, 3, "flights within the radius of the series")
+    compared = NonlinearComparison(tuple(errors), limit, expansion, flown)
+    _ = compared.radius  # is computed once, by flights
+    report(3, 3)
+    return compared
+
+
+def _silent(done: float, total: float, what: str = "", /) -> None:
+    """Report nothing."""
 
 
 def _is_policy_given(critic: Critic) -> bool:

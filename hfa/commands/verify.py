@@ -299,4 +299,5 @@ def _check_file(
             scope=scope,
             linear=named.linear if alone else None,
             taylor=request.taylor,
+            progress=ProgressLine("verify"),
         )

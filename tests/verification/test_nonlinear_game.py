@@ -64,7 +64,11 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -
     """
     linear, game, expansion = case(order)
     critic = hfa.from_weights(game, expansion.weights, basis=basis)
-    verdict = hfa.verify(game, critic, scope=QUICK, linear=linear)
+    said: list[str] = []
+    verdict = hfa.verify(
+        game, critic, scope=QUICK, linear=linear, progress=lambda *done: said.append(done[-1])
+    )
+    assert said[:2] == ["power series", "flights from the box"]
     assert (verdict.ok, verdict.grade) == (True, "exact")
     assert verdict.headline.startswith("PASS on the nonlinear game in")
     assert verdict.nonlinear is not None

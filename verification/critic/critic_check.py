@@ -22,6 +22,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shown,
 )
+from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least
 from hfa_support.reporting.report import Part
 from trim.linear.linear_model import LinearModel
@@ -52,6 +53,7 @@ def verify(
     scope: Scope | None = None,
     linear: LinearModel | None = None,
     taylor: bool = False,
+    progress: Progress | None = None,
 ) -> Verdict:
     """Return the verdict on a critic, compared with the exact solution of its game.
 
@@ -83,6 +85,7 @@ def verify(
     scope: further data for the checks; by default `Scope()`
     linear: the linear model of the game at a trim of an aircraft, or None
     taylor: whether a network is judged on the nonlinear game, which requires `linear`
+    progress: called with (parts done, parts, text) of the comparison there, or None
 
     Raises NoSolutionError if the game has no certified solution, and BadInputError if `game` is not
     a game, `critic` is not a critic, or the limit is not positive.
@@ -104,7 +107,7 @@ def verify(
 
     nonlinear, about_nonlinear = None, None
     if linear is not None and not given.is_quadratic and (taylor or given.has_weights):
-        nonlinear, about_nonlinear = _nonlinear(given, linear, judged, limit, box, scope)
+        nonlinear, about_nonlinear = _nonlinear(given, linear, judged, limit, box, scope, progress)
     part = given if nonlinear is None else given.linear_part
     errors = critic_errors(judged.game, part, judged.exact, limit, box.half_widths)
     errors += judged.more_errors(part, box.half_widths, limit)
@@ -188,6 +191,7 @@ def _nonlinear(
     limit: float,
     box: Box,
     scope: Scope,
+    progress: Progress | None,
 ) -> tuple[NonlinearComparison | None, Part]:
     """Return the comparison with the nonlinear game, or None, and its part of the report."""
     from verification.nonlinear_game import compare_with_nonlinear
@@ -195,7 +199,9 @@ def _nonlinear(
     if judged.game.is_discrete:
         return None, ("Nonlinear game: not compared in discrete time",)
     try:
-        compared = compare_with_nonlinear(critic, linear, judged.exact, limit, box, scope.flights)
+        compared = compare_with_nonlinear(
+            critic, linear, judged.exact, limit, box, scope.flights, progress
+        )
     except (BadInputError, NoSolutionError) as error:
         return None, (f"Nonlinear game: not compared: {error}",)
     return compared, compared.part()

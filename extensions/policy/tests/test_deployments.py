@@ -462,3 +462,19 @@ def test_policies_for_frame_stacks_are_refused():
     one = gtm_deployment({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})
     with pytest.raises(BadInputError, match=r"history = 4"):
         _ = one.actor
+
+
+def test_a_squash_without_gsde_has_no_tanh_and_is_refused(tmp_path):
+    """As in Stable-Baselines3 before 2.2, which mapped such an output to the box as it is; later
+    versions do not load it.
+    """
+    with zipfile.ZipFile(FOLDER / "ppo_squash.zip") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    data = json.loads(members["data"])
+    old = {"use_sde": False, "policy_kwargs": {"squash_output": True}}
+    members["data"] = json.dumps(data | old).encode()
+    with zipfile.ZipFile(tmp_path / "old.zip", "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    with pytest.raises(BadInputError, match=r"old\.zip: .* without tanh or clip"):
+        _ = gtm_deployment({"file": str(tmp_path / "old.zip")}).actor

@@ -136,6 +136,12 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
     observation_space = _box(data, "observation_space", "observations")
     uses_sde = bool(settings.get("use_sde", data.get("use_sde", False)))
     squash = algorithm != "PPO or A2C" or bool(settings.get("squash_output", False))
+    if algorithm == "PPO or A2C" and squash and not uses_sde:
+        raise BadInputError(
+            "policy_kwargs sets squash_output without use_sde, whose output is mapped to the box "
+            "without tanh or clip, and which Stable-Baselines3 no longer loads; export the policy "
+            "to ONNX"
+        )
     clips_mean = algorithm == "SAC" and uses_sde
     clip_mean = _number(settings, "clip_mean", _CLIP_MEAN) if clips_mean else 0.0
     actor = [array for name, array in tensors.items() if _is_weight(name, part)]
