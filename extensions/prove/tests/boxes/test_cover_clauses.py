@@ -184,24 +184,25 @@ def _still(rates: ca.Function) -> Any:
     )
 
 
-def test_a_loop_without_an_equilibrium_is_refused() -> None:
-    """The equilibrium of x' = x² - 1 is enclosed. x' = x² + 1 has no equilibrium and is refused."""
-    x = ca.SX.sym("x")
-    for constant in (1.0, -1.0):
-        near: Any = (_still(ca.Function("f", [x], [x**2 + constant])), np.array([0.7]))
-        if constant < 0.0:
-            assert equilibrium_near(*near).x == pytest.approx([1.0])
-        else:
-            with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
-                equilibrium_near(*near)
-
-
-def test_every_coordinate_of_an_equilibrium_is_enclosed() -> None:
-    """The equations (x - 1, y² + 1), whose second entry has no zero, are refused."""
+@pytest.mark.parametrize(
+    ("rates", "root"),
+    [
+        (lambda x: ca.vertcat(x[0] ** 2 - 1, x[1]), [1.0, 0.0]),
+        (lambda x: ca.vertcat(x[0] ** 2 + 1, x[1]), None),
+        (lambda x: ca.vertcat(x[0] - 1, x[1] ** 2 + 1), None),
+    ],
+)
+def test_an_equilibrium_is_enclosed_in_every_coordinate(
+    rates: Callable[[ca.SX], ca.SX], root: list[float] | None
+) -> None:
+    """A root is enclosed; rates of which the first or the second entry has none are refused."""
     x = ca.SX.sym("x", 2)
-    plant = _still(ca.Function("f", [x], [ca.vertcat(x[0] - 1, x[1] ** 2 + 1)]))
+    loop = _still(ca.Function("f", [x], [rates(x)]))
+    if root is not None:
+        assert equilibrium_near(loop, np.array([0.7, 0.2])).x == pytest.approx(root)
+        return
     with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
-        equilibrium_near(plant, np.array([0.9, 0.7]))
+        equilibrium_near(loop, np.array([0.7, 0.2]))
 
 
 def _bump(x: Any) -> Any:

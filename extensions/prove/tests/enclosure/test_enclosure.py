@@ -197,35 +197,22 @@ def test_the_chain_rule_encloses_every_derivative() -> None:
 
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
-def test_a_margin_of_1e13_is_decided_correctly(margin: float) -> None:
-    """The sign of a function value of ±1e-13 is proved.
-
-    The function (1 + y)² - 4 y + margin has the value `margin` at y = 1.
+@pytest.mark.parametrize(
+    ("function", "centre", "half_width"),
+    [(lambda y: (1 + y) ** 2 - 4 * y, 1.0, 1e-8), (lambda y: 5 * (0.2 * y) - y, 0.5, 0.5)],
+)
+def test_a_margin_of_1e13_is_decided_correctly(
+    function: Callable[[ca.SX], ca.SX], centre: float, half_width: float, margin: float
+) -> None:
+    """The sign of a margin of ±1e-13 is proved: of (1 + y)² - 4 y at y = 1, and of 5 (0.2 y) - y, which
+    CasADi simplifies to 0, although 5 times the double 0.2 is not 1.
     """
     y = ca.SX.sym("y")
-    function = ca.Function("f", [y], [(1 + y) ** 2 - 4 * y + margin])
-    models = TaylorProgram(Program(function, "f"), 1).over(np.array([[1.0]]), np.array([[1e-8]]))
-    exact = Fraction(margin)
-    assert Fraction(float(lowest(models, 1)[0, 0])) <= exact
-    assert Fraction(float(highest(models, 1)[0, 0])) >= exact
-    assert (lowest(models, 1)[0, 0] > 0.0) == (margin > 0.0)
-    assert (highest(models, 1)[0, 0] < 0.0) == (margin < 0.0)
-
-
-@pytest.mark.parametrize("margin", [1e-13, -1e-13])
-def test_folded_constants_do_not_change_the_function(margin: float) -> None:
-    """The sign of 5 (0.2 y) - y + margin is proved, although 5 times the double 0.2 is not 1.
-
-    CasADi simplifies the product to y.
-    """
-    y = ca.SX.sym("y")
-    folded = 5 * (0.2 * y) - y + margin
-    assert Fraction(0.2) * 5 != 1
-    models = TaylorProgram(Program(ca.Function("f", [y], [folded]), "f"), 1).over(
-        np.array([[0.5]]), np.array([[0.5]])
-    )
-    assert (lowest(models, 1)[0, 0] > 0.0) == (margin > 0.0)
-    assert (highest(models, 1)[0, 0] < 0.0) == (margin < 0.0)
+    program = Program(ca.Function("f", [y], [function(y) + margin]), "f")
+    models = TaylorProgram(program, 1).over(np.array([[centre]]), np.array([[half_width]]))
+    low, high = lowest(models, 1)[0, 0], highest(models, 1)[0, 0]
+    assert Fraction(float(low)) <= Fraction(margin) <= Fraction(float(high))
+    assert (low > 0.0, high < 0.0) == (margin > 0.0, margin < 0.0)
 
 
 def test_the_lowest_value_of_a_model_is_not_rounded_up() -> None:
