@@ -220,10 +220,7 @@ class Instance:
 
     def _iterate_event(self) -> None:
         """Iterate an event, and enter continuous-time mode."""
-        again = True
         for _ in range(_MOST_ITERATIONS):
-            if not again:
-                break
             if self._of.version == 2:
                 info = _EventInfo()
                 self._call("NewDiscreteStates", ctypes.byref(info))
@@ -236,7 +233,11 @@ class Instance:
             if ends:
                 self._end()
                 raise FmuError(f"the FMU ends the simulation{self._reason()}")
-        self._call("EnterContinuousTimeMode")
+            if not again:
+                self._call("EnterContinuousTimeMode")
+                return
+        self._end()
+        raise FmuError(f"an event of the FMU takes more than {_MOST_ITERATIONS} iterations")
 
     def _indicated(self) -> list[bool]:
         found = (c_double * self._of.indicators)()
@@ -250,13 +251,13 @@ class Instance:
         if status < 2:
             return
         said = _STATUS[status] if status < len(_STATUS) else str(status)
-        if status >= _ERROR:
+        if status >= _ERROR or name[:3] not in ("Get", "Set"):
             self._end(status)
         raise FmuError(f"fmi{self._of.version}{name} returns {said}{self._reason()}")
 
     def _end(self, status: int = _ERROR) -> None:
-        """Give up the instance. After an error, FMI permits nothing else."""
-        if status == _ERROR:
+        """Give up the instance, which has no known state after an error or within an event."""
+        if status <= _ERROR:
             self._function("FreeInstance", None)(self._component)
         self._is_dead = status == _FATAL
         self._component = None

@@ -3,6 +3,7 @@
  *   height = -length cos(angle).
  * Value references are indices of `v`. The GUID or token names faults and variants of the model:
  *   error, discard: the rates fail where the angle exceeds 1;  hangs: they do not return
+ *   unready: initialization is discarded;  endless: an event has no end
  *   dead, stuck: the library aborts or does not return when it is initialized
  *   timed: torque (1 + .3 sin(t + 1));  kinked: - |rate| beside - damping rate
  *   nodd: directional derivatives fail;  scaled: one of them is 10 % off
@@ -103,7 +104,7 @@ void *fmi3InstantiateModelExchange(const char *n, const char *t, const char *r, 
 void fmi3FreeInstance(void *c) { free(c); }
 int fmi3SetDebugLogging(void *c, int l, size_t n, const char **s) { return 0; }
 int fmi3EnterInitializationMode(void *c, int d, double t, double s, int e, double p) { return 0; }
-NOTHING(fmi3ExitInitializationMode)
+int fmi3ExitInitializationMode(void *c) { return is(c, "unready") ? 2 : 0; }
 NOTHING(fmi3EnterContinuousTimeMode)
 NOTHING(fmi3EnterEventMode)
 NOTHING(fmi3Terminate)
@@ -116,8 +117,8 @@ int fmi3SetFloat64(void *c, const unsigned *r, size_t n, const double *x, size_t
     int fmi3Set##type(void *c, const unsigned *r, size_t n, const void *x, size_t m) { return 0; }
 EMPTY(Float32) EMPTY(Int8) EMPTY(UInt8) EMPTY(Int16) EMPTY(UInt16) EMPTY(Int32) EMPTY(UInt32)
 EMPTY(Int64) EMPTY(UInt64) EMPTY(Boolean) EMPTY(String)
-int fmi3UpdateDiscreteStates(void *c, int *a, int *b, int *d, int *e, int *f, double *t)
-{ *a = *b = *d = *e = *f = 0; *t = 0.0; return happen(c); }
+int fmi3UpdateDiscreteStates(void *c, char *a, char *b, char *d, char *e, char *f, double *t)
+{ *a = *b = *d = *e = *f = 0; *a = is(c, "endless"); *t = 0.0; return happen(c); }
 int fmi3GetEventIndicators(void *c, double *x, size_t n) { x[0] = ((Model *)c)->v[ANGLE] - .5; return 0; }
 int fmi3CompletedIntegratorStep(void *c, int n, int *a, int *b) { *a = *b = 0; return 0; }
 int fmi3SetContinuousStates(void *c, const double *x, size_t n) { memcpy(((Model *)c)->v, x, 16); return 0; }
@@ -135,7 +136,7 @@ void fmi2FreeInstance(void *c) { free(c); }
 int fmi2SetDebugLogging(void *c, int l, size_t n, const char **s) { return 0; }
 int fmi2SetupExperiment(void *c, int d, double t, double s, int e, double p) { return 0; }
 NOTHING(fmi2EnterInitializationMode)
-NOTHING(fmi2ExitInitializationMode)
+int fmi2ExitInitializationMode(void *c) { return is(c, "unready") ? 2 : 0; }
 NOTHING(fmi2EnterContinuousTimeMode)
 NOTHING(fmi2EnterEventMode)
 NOTHING(fmi2Terminate)
@@ -147,7 +148,7 @@ int fmi2SetReal(void *c, const unsigned *r, size_t n, const double *x) { return 
     int fmi2Get##type(void *c, const unsigned *r, size_t n, void *x) { return 0; } \
     int fmi2Set##type(void *c, const unsigned *r, size_t n, const void *x) { return 0; }
 EMPTY(Integer) EMPTY(Boolean) EMPTY(String)
-int fmi2NewDiscreteStates(void *c, void *info) { memset(info, 0, 32); return happen(c); }
+int fmi2NewDiscreteStates(void *c, void *info) { memset(info, 0, 32); *(int *)info = is(c, "endless"); return happen(c); }
 int fmi2CompletedIntegratorStep(void *c, int n, int *a, int *b) { *a = *b = 0; return 0; }
 int fmi2SetContinuousStates(void *c, const double *x, size_t n) { memcpy(((Model *)c)->v, x, 16); return 0; }
 int fmi2GetContinuousStates(void *c, double *x, size_t n) { memcpy(x, ((Model *)c)->v, 16); return 0; }

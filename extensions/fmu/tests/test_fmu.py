@@ -232,6 +232,8 @@ FAILURES = {
     "discard": ("linearize --hold body_angle=70", "returns discard"),
     "timed": ("trim --hold torque=1", "depend on time"),
     "event jump": ("trim --hold body_angle=40 --hold rate=1", "changes its states"),
+    "unready": ("trim", "ExitInitializationMode returns discard"),
+    "endless": ("trim", "100 iterations"),
     "dead": ("trim", "ends the process"),
     "stuck": ("trim", "does not return within"),
 }
