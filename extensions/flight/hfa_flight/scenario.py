@@ -16,6 +16,7 @@ from hfa_flight.actuators import ActuatorBank
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.turbulence import Turbulence
+from hfa_flight.delay import in_samples
 from hfa_flight.signals import TimeVector
 from hfa_support.errors import (
     BadInputError,
@@ -167,7 +168,7 @@ class Scenario(Reported):
             refuse_unless_positive(f"the factor on {name}", factor)
         if not 0.0 <= self.delay < math.inf:
             raise BadInputError(f"delay is {self.delay:g} s; give a finite time of at least 0 s")
-        if not math.isclose(self.delay, self.delayed_ticks * self.tick, rel_tol=1e-6):
+        if not in_samples(self.delay, self.tick).is_whole:
             raise BadInputError(
                 f"delay is {self.delay:g} s; give a multiple of the tick, {self.tick:g} s"
             )
@@ -189,7 +190,7 @@ class Scenario(Reported):
     @property
     def delayed_ticks(self) -> int:
         """Number of ticks by which every command is delayed."""
-        return round(self.delay / self.tick)
+        return in_samples(self.delay, self.tick).whole
 
     @property
     def moving_air(self) -> bool:

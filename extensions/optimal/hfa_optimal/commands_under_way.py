@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
+from hfa_flight.delay import WHOLE, in_samples
 from hfa_optimal.held_model import HeldModel
-
-#: Relative tolerance of times that are whole numbers of samples.
-_WHOLE = 1e-9
 
 
 class CommandsUnderWay:
@@ -46,13 +42,12 @@ class CommandsUnderWay:
         seconds: duration, s
         """
         dt = float(self._model.holds[0])
-        late = math.floor(delay / dt + _WHOLE)
-        until = delay - late * dt
+        late, until = in_samples(delay, dt)
         begin = 0.0
         acting = []
         for number in range(sample - late - 1, sample + 1):
             end = min(until, seconds)
-            if end - begin > _WHOLE * dt:
+            if end - begin > WHOLE * dt:
                 acting.append((self._command(number), end - begin))
                 begin = end
             until += dt

@@ -23,6 +23,7 @@ import numpy as np
 
 from controller.critic.network.row_network import RowNetwork
 from hfa_aircraft.march.steppers import Stepper, Unobserved
+from hfa_flight.delay import WHOLE, in_samples
 from hfa_flight.held_step import held_step
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
@@ -32,8 +33,6 @@ from hfa_support.native.row_code import row_code
 COMPILE_FROM = 50_000
 #: Interval at which flights are checked, s.
 WINDOW = 1.0
-#: A delay this close to a complete number of samples, in samples, is rounded to it.
-_WHOLE = 1e-9
 #: Largest number of stored values of the flights that one thread simulates together.
 _STORED = 10_000_000
 
@@ -78,21 +77,15 @@ class SampledFlight:
     moves: ca.Function | None = None
     winds: tuple[str, ...] = ()
 
-    @cached_property
+    @property
     def whole(self) -> int:
         """Number of complete samples in the delay."""
-        samples = self.delay / self.dt
-        nearest = round(samples)
-        return nearest if abs(samples - nearest) <= _WHOLE else math.floor(samples)
+        return in_samples(self.delay, self.dt).whole
 
-    @cached_property
+    @property
     def early(self) -> float:
-        """Time after a sample, s, during which the earlier of two delayed commands still acts.
-
-        The time is 0 for a delay of complete samples.
-        """
-        rest = self.delay - self.whole * self.dt
-        return rest if rest > _WHOLE * self.dt else 0.0
+        """Time after a sample, s, during which the earlier of two delayed commands still acts."""
+        return in_samples(self.delay, self.dt).rest
 
     @cached_property
     def has_past(self) -> bool:
@@ -143,11 +136,11 @@ class SampledFlight:
         acting = U if self.whole == 0 else memory[(self.whole - 1) * m : self.whole * m]
         after = X
         if self.early:
-            early_parts = max(1, math.ceil(self.parts * self.early / self.dt - _WHOLE))
+            early_parts = max(1, math.ceil(self.parts * self.early / self.dt - WHOLE))
             early = held_step(model, self.early, early_parts, self.winds)
             after, on_the_way = early(after, before, push, p)
         late = self.dt - self.early
-        late_parts = max(1, math.ceil(self.parts * late / self.dt - _WHOLE))
+        late_parts = max(1, math.ceil(self.parts * late / self.dt - WHOLE))
         after, extremes = held_step(model, late, late_parts, self.winds)(after, acting, push, p)
         if self.early:
             lowest = ca.fmin(on_the_way[:n], extremes[:n])

@@ -9,14 +9,12 @@ from typing import Any, Self
 
 import numpy as np
 
+from hfa_flight.delay import WHOLE, in_samples
 from hfa_flight.policies.policy import Policy
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from trim.point.operating_point import OperatingPoint
-
-#: Tolerance of a ratio of times that must be a whole number.
-_WHOLE = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,18 +81,14 @@ class SampledPolicy(Policy):
         Raises BadInputError if the delay is not a whole number of the ticks.
         """
         tick = scenario.tick
-        if not _is_whole(self.dt / tick):
+        if not in_samples(self.dt, tick).is_whole:
             tick = self.dt
-            if not _is_whole(scenario.delay / tick):
+            if not in_samples(scenario.delay, tick).is_whole:
                 raise BadInputError(
                     f"the delay is {scenario.delay:g} s; give a multiple of the sample time "
                     f"{self.dt:g} s, or a tick that divides both"
                 )
-            parts = max(1, int(np.ceil(tick / scenario.step - _WHOLE)))
+            parts = max(1, int(np.ceil(tick / scenario.step - WHOLE)))
             count = max(1, round(scenario.duration / tick))
             scenario = replace(scenario, duration=count * tick, tick=tick, step=tick / parts)
         return replace(self, tick=tick, delay=scenario.delay), scenario
-
-
-def _is_whole(ratio: float) -> bool:
-    return round(ratio) >= 0 and abs(ratio - round(ratio)) <= _WHOLE * max(ratio, 1.0)

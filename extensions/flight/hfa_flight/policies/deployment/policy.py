@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_flight.delay import in_samples
 from hfa_flight.held_step import parts_of_a_sample
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
@@ -51,7 +52,8 @@ class DeployedPolicy(Policy):
         number of at most `_PARTS`.
         """
         deployment = self.deployed.deployment
-        samples = deployment.delay / deployment.dt
+        delay = in_samples(deployment.delay, deployment.dt)
+        samples = delay.whole + delay.rest / deployment.dt
         ratio = Fraction(samples).limit_denominator(_PARTS)
         if not math.isclose(samples, float(ratio), rel_tol=1e-9, abs_tol=1e-9):
             raise BadInputError(
@@ -70,7 +72,7 @@ class DeployedPolicy(Policy):
         states = self.point.x
         inputs = self.point.u
         ticks = round(deployment.dt / self.tick)
-        late = round(deployment.delay / self.tick)
+        late = in_samples(deployment.delay, self.tick).whole
         waiting: list[tuple[int, np.ndarray]] = []
         acting = [inputs]
         past: list[np.ndarray] = []

@@ -20,6 +20,7 @@ import numpy as np
 
 from controller.riccati.loop_margins import LoopMargin, single_margin
 from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of
+from hfa_flight.delay import in_samples
 from hfa_flight.policies.deployment.deployment import MOST_SAMPLES
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
 
@@ -27,8 +28,6 @@ from hfa_flight.policies.deployment.equilibrium import Equilibrium
 MOST_SECONDS = 3.0
 #: Steps per sample of the search for the first unstable delay.
 _PARTS = 20
-#: A delay this close to a complete number of samples, in samples, is rounded to it.
-_WHOLE = 1e-9
 
 
 class Chain(NamedTuple):
@@ -92,9 +91,7 @@ def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
 
     dt, delay: sample time and delay, s
     """
-    samples = delay / dt
-    whole = round(samples) if abs(samples - round(samples)) <= _WHOLE else math.floor(samples)
-    early_time = max(0.0, delay - whole * dt) if samples - whole > _WHOLE else 0.0
+    whole, early_time = in_samples(delay, dt)
     n, m = equilibrium.B.shape
     blocks = whole + 1
     past = n + blocks * m
@@ -162,7 +159,8 @@ def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays
 
     dt, deployed_delay: s
     """
-    first = math.ceil(deployed_delay / dt - _WHOLE)
+    deployed = in_samples(deployed_delay, dt)
+    first = deployed.whole + (not deployed.is_whole)
     most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
     radii: list[float] = []
     for samples in range(most + 1):

@@ -1,0 +1,38 @@
+"""A delay in samples."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+#: A time this close to a whole number of samples, in samples, is that number.
+WHOLE = 1e-6
+
+
+class Delay(NamedTuple):
+    """A delay of `whole` samples and `rest` seconds, with 0 <= rest < sample time.
+
+    The command of sample k acts from `rest` after sample k + whole on; until then the one before it
+    acts.
+    """
+
+    whole: int
+    rest: float
+
+    @property
+    def is_whole(self) -> bool:
+        """True if the delay is a whole number of samples."""
+        return self.rest == 0.0
+
+
+def in_samples(delay: float, dt: float) -> Delay:
+    """Return a delay in samples.
+
+    delay, dt: delay and sample time, s
+    """
+    samples = delay / dt
+    nearest = round(samples)
+    if abs(samples - nearest) <= WHOLE:
+        return Delay(nearest, 0.0)
+    whole = math.floor(samples)
+    return Delay(whole, delay - whole * dt)
