@@ -55,3 +55,16 @@ def quadratic_forms(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     matrix: M, (n, n)
     """
     return np.asarray(np.einsum("ki,ij,kj->k", rows, matrix, rows))
+
+
+def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the balanced form D⁻¹ M D of a matrix M, (n, n), and the diagonal of D, (n,).
+
+    Rows and columns of the balanced form have similar size. The diagonal consists of powers of two.
+
+    Raises ValueError if an entry is not finite.
+    """
+    from scipy.linalg.lapack import dgebal
+
+    scaled, _, _, scaling, _ = dgebal(np.asarray_chkfinite(matrix), scale=1, permute=0)
+    return scaled, scaling

@@ -22,7 +22,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shown,
 )
-from hfa_support.matrices import LARGEST, checked_matrix, shape_text
+from hfa_support.matrices import LARGEST, balanced, checked_matrix, shape_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue
 from hfa_support.reporting.text import matrix_table, numbered
@@ -345,13 +345,18 @@ class Game(ByValue, Reported):
         discount: discount of one step
 
         Raises BadInputError if dt is not positive, if dt is below `SHORTEST` divided by the largest
-        entry of A, or if the game is in discrete time already.
+        entry of A in balanced units, or if the game is in discrete time already.
         """
         from scipy.linalg import expm
 
+        if dt is True:
+            raise BadInputError(
+                "dt is True; give the sample time in s, with which to sample a game"
+            )
         refuse_unless_positive("dt", dt, " s")
         self.refuse_steps("Game.sampled")
-        fastest = float(np.abs(self.A).max())
+        A, units = balanced(self.A)
+        fastest = float(np.abs(A).max())
         if dt * fastest < SHORTEST and fastest > 0.0:
             raise BadInputError(
                 f"dt = {dt:g} s is too short: A of a step would differ from the identity by less"
@@ -359,9 +364,13 @@ class Game(ByValue, Reported):
                 f" {SHORTEST / fastest:.2g} s, or solve the game in continuous time"
             )
         n, m = self.B.shape
-        rates = np.hstack([self.A, self.B, self.E])
+        driven = np.hstack([self.B, self.E])
+        sizes = np.abs(driven / units[:, None]).max(axis=0)  # of each column, a power of two
+        sizes = np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0)))) * (fastest or 1.0)
+        rates = np.hstack([A, driven / units[:, None] / sizes])
         still = np.zeros((rates.shape[1] - n, rates.shape[1]))
-        A, B, E = np.split(expm(dt * np.vstack([rates, still]))[:n], [n, n + m], axis=1)
+        moved = units[:, None] * expm(dt * np.vstack([rates, still]))[:n]
+        A, B, E = np.split(moved * np.append(1.0 / units, sizes), [n, n + m], axis=1)
         return replace(
             self,
             A=A,

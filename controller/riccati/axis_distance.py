@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import balanced, hamiltonian
+from controller.riccati.balancing import hamiltonian
+from hfa_support.matrices import balanced
 
 #: The search begins at the frequencies of so many eigenvalues nearest to the boundary.
 STARTS = 4

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_support.matrices import spectral_radius
+from hfa_support.matrices import balanced, spectral_radius
 
 
 def spectrum(matrix: np.ndarray) -> np.ndarray:
@@ -46,19 +46,6 @@ def stability(loop: np.ndarray, *, is_discrete: bool) -> Stability:
     if not np.isfinite(loop).all():
         return Stability(np.inf, limit)
     return Stability(spectral_radius(loop) if is_discrete else abscissa_of(loop), limit)
-
-
-def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the balanced form D⁻¹ M D of a matrix M, (n, n), and the diagonal of D, (n,).
-
-    Rows and columns of the balanced form have similar size. The diagonal consists of powers of two.
-
-    Raises ValueError if an entry is not finite.
-    """
-    from scipy.linalg.lapack import dgebal
-
-    scaled, _, _, scaling, _ = dgebal(np.asarray_chkfinite(matrix), scale=1, permute=0)
-    return scaled, scaling
 
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:

@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import abscissa_of, balanced
+from controller.riccati.balancing import abscissa_of
 from controller.riccati.bilinear import System, in_continuous_time
 from controller.riccati.frequency_grid import frequency_grid
 from controller.riccati.frequency_response import level_crossings, responses
 from hfa_support.errors import NoSolutionError
-from hfa_support.matrices import spectral_radius
+from hfa_support.matrices import balanced, spectral_radius
 
 #: Relative distance of the level above the largest bound found. Values below the level everywhere
 #: are proved,

@@ -83,9 +83,10 @@ def _margins(solution: Solution) -> Iterator[Part]:
     if disk is None:
         return
     yield _margins_table(solution)
+    unit = "rad/step" if solution.game.dt is True else "rad/s"
     yield (
         f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g},"
-        f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} rad/s"
+        f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} {unit}"
     )
 
 

@@ -17,12 +17,12 @@ from reference_riccati import reference_solution, relative_error
 from tolerances import SAME_SOLUTION
 
 from controller.riccati.axis_distance import distance_to_instability
-from controller.riccati.balancing import balanced
 from controller.riccati.certificate import Certificate, agreement, gain_change
 from controller.riccati.normal_form import NormalForm
 from hfa import Game, NoSolutionError, solve
 from hfa.extend import Check
 from hfa.main import FAILED
+from hfa_support.matrices import balanced
 
 I2 = np.eye(2)
 EPS = np.finfo(float).eps

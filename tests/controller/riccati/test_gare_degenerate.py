@@ -147,3 +147,21 @@ def test_games_below_smallest_delta_are_never_solved(a: float, apart: float) -> 
         ), message
     else:
         assert error(game, P) <= max(EXACT, 1e-15 / abs(apart))
+
+
+@pytest.mark.parametrize("q", [1.0, 1e-6, 1e-10, 1e-14])
+def test_the_smallest_delta_is_right_where_q_is_small(q: float) -> None:
+    """Of x' = -1.5 x + u + d it is 1 / sqrt(1 + 1.5²/q)."""
+    game = Game([[-1.5]], [[1.0]], [[1.0]], [[q]], [[1.0]])
+    assert minimum_delta(game).value == pytest.approx((1.0 + 2.25 / q) ** -0.5, rel=3e-6)
+
+
+@pytest.mark.parametrize("reach", [1e-3, 1e-6])
+def test_weak_inputs_of_an_unstable_plant_hide_nothing(reach: float) -> None:
+    """A turned plant with one mode that the input barely reaches has the P and K of the reference."""
+    game = elsewhere(
+        Game(np.diag([1.0, -2.0, 0.5]), [[reach], [1.0], [reach]], Q=np.eye(3), R=[1.0]), 0
+    )
+    assert error(game) <= EXACT
+    exact = reference_solution(game).K
+    np.testing.assert_allclose(solve(game).K, exact, rtol=1e-9, atol=1e-9 * np.abs(exact).max())

@@ -1,0 +1,115 @@
+"""An answer does not depend on units: the same game in units that differ by 2^-27 to 2^27, 1e-8 to 1e8."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stored_games import Units, drawn, in_units
+
+import hfa
+from controller import minimum_delta
+from hfa import Game, NoSolutionError
+
+#: Relative size of errors of numbers.
+CLOSE = 1e-7
+
+
+def game_of(kind: str, seed: int) -> Game:
+    """Return a game whose delta is far above its smallest one."""
+    game = drawn(kind, seed)
+    smallest = minimum_delta(game).value
+    return game.with_delta(3.0 * smallest if smallest > 0.0 else math.inf)
+
+
+def in_other_units(game: Game, seed: int) -> tuple[Game, Units]:
+    """Return the game in random units, powers of two, which change no digit."""
+    return in_units(game, np.random.default_rng(seed), 2.0, 27)
+
+
+def words(text: object) -> str:
+    """Return a text without its numbers."""
+    return " ".join(word for word in str(text).split() if not any(map(str.isdigit, word)))
+
+
+def refusal_of(game: Game) -> str:
+    """Return the words with which a game is refused, or ""."""
+    try:
+        hfa.solve(game)
+    except NoSolutionError as refusal:
+        return words(refusal)
+    return ""
+
+
+def agree(found: np.ndarray, right: np.ndarray, sizes: np.ndarray) -> bool:
+    """Return whether two arrays agree, relative to typical sizes of their entries."""
+    return bool(np.abs((found - right) / sizes).max() <= CLOSE)
+
+
+CASES = [
+    ("continuous", 3),
+    ("continuous", 8),
+    ("discrete", 4),
+    ("discrete", 11),
+    ("cross", 2),
+    ("cross", 9),
+    ("disturbance", 5),
+    ("discount", 6),
+]
+MORE = [
+    pytest.param(kind, seed, marks=pytest.mark.slow)
+    for kind in ("continuous", "discrete", "cross", "disturbance", "discount")
+    for seed in range(34, 50)
+]
+
+
+@pytest.mark.parametrize(("kind", "seed"), CASES + MORE)
+def test_solutions_scale_with_the_units(kind: str, seed: int) -> None:
+    """P, K, L, delta_min, the L2 gain and the eigenvalues scale, margins and words are the same."""
+    drawn_game = drawn(kind, seed)
+    refused = [refusal_of(each) for each in (drawn_game, in_other_units(drawn_game, seed)[0])]
+    assert refused[0] == refused[1]
+    if refused[0]:
+        return
+    game = game_of(kind, seed)
+    other, (z, u, d, t, cost) = in_other_units(game, seed)
+    found, right = hfa.solve(other), hfa.solve(game)
+    of_P, of_u = np.sqrt(np.diag(right.P)), np.sqrt(np.diag(right.price))
+    of_P = np.where(of_P > 1e-6 * of_P.max(), of_P, of_P.max() or 1.0)
+    assert agree(found.P * np.outer(z, z) / cost, right.P, np.outer(of_P, of_P))
+    large = max(1.0, float(np.abs(right.K * of_u[:, None] / of_P).max()))
+    assert agree(found.K / u[:, None] * z, right.K, large * of_P / of_u[:, None])
+    size = math.sqrt(cost / t) / d
+    assert found.delta_min / size == pytest.approx(right.delta_min, rel=3e-6, abs=1e-12)
+    assert found.l2_gain / size == pytest.approx(right.l2_gain, rel=1e-6, abs=1e-9)
+    poles = np.sort_complex(found.poles() * t), np.sort_complex(right.poles())
+    np.testing.assert_allclose(*poles, rtol=1e-5, atol=1e-6)
+    assert words(found.certificate.checks) == words(right.certificate.checks)
+    for margins, exact in zip(found.loops, right.loops, strict=True):
+        same = margins._replace(crossover=margins.crossover * t, delay=margins.delay / t)
+        assert same == pytest.approx(exact, rel=1e-5, abs=1e-7, nan_ok=True)
+    if game.delta < math.inf:
+        refused = [refusal_of(each.with_delta(0.3 * each.delta)) for each in (game, other)]
+        assert refused[0] == refused[1] != ""
+
+
+@pytest.mark.parametrize(
+    "seed", [2, 7, *(pytest.param(k, marks=pytest.mark.slow) for k in range(9, 40))]
+)
+def test_sampled_games_scale_with_the_units(seed: int) -> None:
+    """The matrices of a sampled game scale, and a too short step is refused in all units."""
+    game = drawn("continuous", seed)
+    other, (z, u, d, t, cost) = in_other_units(game, seed)
+    found, right = other.sampled(0.1 * t, 0.9), game.sampled(0.1, 0.9)
+    sizes = np.abs(right.A).max()
+    assert agree(found.A / z[:, None] * z, right.A, sizes)
+    assert agree(found.B / z[:, None] * u, right.B, np.abs(right.B).max() or 1.0)
+    assert agree(found.E / z[:, None] * d, right.E, np.abs(right.E).max() or 1.0)
+    assert agree(found.Q * np.outer(z, z) / cost, right.Q, np.abs(right.Q).max())
+    for each, step in ((game, 1e-9), (other, 1e-9 * t)):
+        with pytest.raises(hfa.BadInputError, match="too short"):
+            each.sampled(step)
+    with pytest.raises(hfa.BadInputError, match="dt is True"):
+        replace(game).sampled(True)
