@@ -3,8 +3,10 @@ energy."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -15,11 +17,13 @@ from random_points import (
     by_name,
     random_points,
     rates,
+    rates_function,
     symbols,
     wind_of,
 )
 from standard_air import density
 
+import hfa
 from hfa_model import STATES, Input, Parameters, State
 
 
@@ -141,3 +145,30 @@ def energy_growth(dynamics: str, parameters: Parameters, seconds: float) -> floa
 def test_newton_conserves_energy_in_free_flight(parameters: Parameters) -> None:
     """ "newton" conserves the energy for 20 s without air and damping."""
     assert energy_growth("newton", parameters, seconds=20.0) <= 1e-10
+
+
+# Rigid bodies.
+
+
+def test_newton_equals_the_rigid_bodies_of_mujoco(parameters: Parameters) -> None:
+    """With inertias that a body can have, the rates of "newton" are MuJoCo's to 1e-8.
+
+    `mujoco_bodies.py` stored MuJoCo's rates, of which those of speed and alpha are differences.
+    """
+    stored = json.loads(Path(__file__).with_name("mujoco_rates.json").read_text("utf-8"))
+    p = np.array(parameters._replace(**stored["inertias"]))
+    newton = rates_function("newton")
+    for case in stored["cases"]:
+        found = np.array(newton(case["x"], case["u"], p)).ravel()
+        np.testing.assert_allclose(
+            found / RATE_SCALES, case["rates"] / np.array(RATE_SCALES), 1e-8, 1e-8
+        )
+
+
+def test_no_body_has_the_inertias_of_a_panel(parameters: Parameters) -> None:
+    """Ixx of a panel is above Iyy + Izz, and the sheet of the aircraft says so."""
+    assert parameters.inertia_roll > parameters.inertia_pitch + parameters.inertia_yaw
+    sheet = str(hfa.trim(hfa.aircraft(), hfa.paper.level_flight(0.17)).report())
+    possible = hfa.aircraft().with_parameters(inertia_roll=180.0)
+    other = str(hfa.trim(possible, hfa.paper.level_flight(0.17)).report())
+    assert ["no rigid body has them" in each for each in (sheet, other)] == [True, False]

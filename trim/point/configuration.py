@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from hfa_aircraft.model import recognized
+from hfa_aircraft.model import Model, recognized
+from hfa_aircraft.rigid.motion import inertia_doubt
 from hfa_support.reporting.text import Table, beside_unit, digits, shown_unit, shown_value
 from hfa_support.units import conversion, si_factor, si_unit
 from trim.point.performance import Quantity
@@ -80,13 +81,25 @@ def configuration_parts(point: OperatingPoint, found: Mapping[str, Quantity]) ->
     if {"c.g. x", "c.g. z"} <= {*missing}:
         missing = ["c.g.", *(label for label in missing if not label.startswith("c.g."))]
     line = f"{', '.join(missing)}: not in this model"
+    doubt = _inertia_doubt(point.model, found)
+    line = "\n".join([line] * bool(missing) + [doubt] * bool(doubt))
     table = Table(("configuration", "value", "unit"), rows)
-    if rows and missing:
+    if rows and line:
         yield table, line  # one block
     elif rows:
         yield table
     else:
         yield line
+
+
+def _inertia_doubt(model: Model, found: Mapping[str, Quantity]) -> str:
+    """Return a sentence if no rigid body has the inertias and the model does not say so, or ""."""
+    if not {"Ixx", "Iyy", "Izz"} <= {*found}:
+        return ""
+    xx, yy, zz = (found[name].value for name in ("Ixx", "Iyy", "Izz"))
+    xz = found["Ixz"].value if "Ixz" in found else 0.0
+    doubt = inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
+    return "" if doubt in model.about.doubts else doubt
 
 
 def atmosphere_of(point: OperatingPoint) -> str:

@@ -170,7 +170,7 @@ SLED = Model("sled", STATES, INPUTS, equations, trim={"vx": 0.0, "vy": 0.0})
         ("sweep --hold vx=0,0", 1),
         ("solve --Q 1,1 --R 1,1 --delta inf", 1),
         ("learn --Q 1,1 --R 1,1 --delta inf", 1),
-        ("fly --duration 1 --Q 1,1 --R 1,1 --delta inf", 1),
+        ("fly --law exact --duration 1 --Q 1,1 --R 1,1 --delta inf", 1),
     ],
 )
 def test_a_derivative_that_is_not_a_number_is_one_line(words: str, code: int, folder: Path) -> None:
