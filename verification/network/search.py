@@ -6,8 +6,7 @@ A search returns a lower bound on the largest error.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
@@ -15,7 +14,6 @@ import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
 from hfa_support.reporting.checks import Check, at_most, below
-from verification.axis import quadratic_at
 from verification.box import starts_in
 from verification.critic_errors import SMALL, Exact, error_check
 from verification.judged_game import JudgedGame
@@ -80,15 +78,14 @@ class Comparison(NamedTuple):
     weights: (m,), square roots of the weights of the inputs, by which errors of inputs are
         compared.
     box: half-widths b (n,) of the box |z_i| <= b_i.
-    exact_at: function (kind, z) -> exact function, as `JudgedGame.exact_at`, or None for z'Pz and
-        -K z.
+    exact_at: function (kind, z) -> exact function, as `JudgedGame.exact_at`.
     """
 
     critic: Critic
     exact: Exact
     weights: np.ndarray
     box: np.ndarray
-    exact_at: Callable[[str, ca.SX], ca.SX] | None = None
+    exact_at: Callable[[str, ca.SX], ca.SX]
 
     @property
     def functions(self) -> dict[str, ca.Function]:
@@ -99,22 +96,18 @@ class Comparison(NamedTuple):
         kinds = {"value": critic.value, "gradient": critic.gradient, "policy": critic.policy}
         return {kind: function for kind, function in kinds.items() if function is not None}
 
-    def errors(self, z: ca.SX, kinds: Sequence[str] = ()) -> tuple[list[str], ca.SX]:
+    def errors(self, z: ca.SX) -> tuple[list[str], ca.SX]:
         """Return the kind of each error, and the errors as expressions of the symbols z.
 
         Errors of V are relative to b'|P| b, an upper bound on the exact V in the box. Other errors
         are relative to the largest exact dV/dz_i or u_i in the box, bounded below (`_floored`). The
         constant of V is subtracted, because no policy depends on it.
-
-        kinds: the functions to compare, or () for all that the critic has
         """
         exact = self.exact
-        exact_at = self.exact_at or partial(quadratic_at, exact)
         names = []
         errors = []
-        functions = self.functions
-        for kind in kinds or functions:
-            given = functions[kind](z)
+        for kind, function in self.functions.items():
+            given = function(z)
             if kind == "value":
                 given -= self.critic.constant
                 sizes = np.atleast_1d(self.box @ np.abs(exact.P) @ self.box)
@@ -124,16 +117,8 @@ class Comparison(NamedTuple):
                 inputs = np.abs(exact.K) @ self.box
                 sizes = _floored(self.weights * inputs) / self.weights
             names += [kind] * len(sizes)
-            errors.append((given - exact_at(kind, z)) / ca.DM(sizes))
+            errors.append((given - self.exact_at(kind, z)) / ca.DM(sizes))
         return names, ca.vertcat(*errors)
-
-    def function(self, kinds: Sequence[str]) -> ca.Function:
-        """Return the CasADi Function z -> errors of the given kinds, as a graph of scalars (SX).
-
-        kinds: as for `errors`
-        """
-        z = ca.SX.sym("z", len(self.box))
-        return ca.Function("errors", [z], [self.errors(z, kinds)[1]])
 
 
 def _floored(sizes: np.ndarray) -> np.ndarray:
