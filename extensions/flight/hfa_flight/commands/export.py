@@ -74,6 +74,7 @@ class ExportRequest(Request):
     filter: bool = option(
         "C source of the policy behind the Kalman filter of --noise and --turbulence too",
         default=False,
+        rare=True,
     )
     noise: Mapping[str, float] = noise_option(
         "standard deviation of the noise of a sensor of --filter, degrees for angles; repeatable"

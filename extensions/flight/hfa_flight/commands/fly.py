@@ -104,6 +104,7 @@ class FlyRequest(Request):
         "Kalman filter before the policy, for the --noise of the sensors (a state without noise "
         "has no sensor) and the --turbulence; --samples compares with no control",
         default=False,
+        rare=True,
     )
     samples: int | None = option(
         "simulate N flights, each with its own random errors, noise and turbulence",
