@@ -170,15 +170,17 @@ class FlightProblem:
         lowest = (self.envelope.lowest - trim)[self.followed_places]
         return lowest, (self.envelope.highest - trim)[self.followed_places]
 
-    def inner_limits(self, start: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+    def inner_limits(
+        self, start: np.ndarray, margin: float | np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return lowest and highest deviations of the followed states, (followed,) each, for an
-        optimizer.
+        optimizer, or (N, followed) for N margins.
 
         The limits are narrower than `state_limits`. A limit that would exclude the initial
         condition is moved to the initial condition.
 
         start: initial deviations of the followed states, (followed,)
-        margin: fraction by which each limit is narrowed
+        margin: fraction by which each limit is narrowed, or several, (N, 1)
         """
         lowest, highest = self.state_limits
         lowest = np.minimum((1.0 - margin) * lowest, start)

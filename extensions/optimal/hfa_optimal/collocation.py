@@ -286,7 +286,7 @@ class Transcription:
         lengths: np.ndarray,
         z: np.ndarray,
         v: np.ndarray,
-        margin: float = MARGIN,
+        margin: float | np.ndarray = MARGIN,
         price: float = 1.0,
     ) -> Proposal:
         """Return the proposal that IPOPT finds from a guess. The proposal may be infeasible.
@@ -295,7 +295,8 @@ class Transcription:
         lengths: lengths of the intervals of the guess, s, (N,)
         z: guess at the collocation points, (N DEGREE, k) or (N DEGREE, followed)
         v: guess at the ends of the intervals, (N + 1, m)
-        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`
+        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`, or
+            that of each interval, (N, 1)
         price: factor on R, also in the cost of the proposal
         """
         problem = self.problem
@@ -329,15 +330,17 @@ class Transcription:
             feasible=bool(np.isfinite(row).all() and violation <= FEASIBLE),
         )
 
-    def _bounds(self, begin: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+    def _bounds(
+        self, begin: np.ndarray, margin: float | np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return lower and upper bounds of the unknowns."""
         problem = self.problem
         of_states, of_inputs = problem.sizes
-        points = self.intervals * DEGREE
+        of_intervals = self.intervals, len(of_states)
         sides = zip(problem.inner_limits(begin, margin), problem.input_limits, strict=True)
         below, above = (
             unknowns_in_order(
-                np.tile(limit_z / of_states, (points, 1)),
+                np.repeat(np.broadcast_to(limit_z / of_states, of_intervals), DEGREE, axis=0),
                 np.tile(limit_v / of_inputs, (self.intervals + 1, 1)),
             )
             for limit_z, limit_v in sides

@@ -31,10 +31,18 @@ _DIVISIONS = 4
 #: the last mesh that agreed.
 _TIGHTER = 3.0
 _TIGHTEST = 9.0
+#: Number of corrections of a proposal whose flight leaves a limit between its points. Each narrows
+#: the limits of the intervals concerned by this multiple of the excess, and a reserve.
+_CORRECTIONS = 4
+_CORRECTED = 1.1
+_RESERVE = 5e-4
 #: Largest relative difference of the costs on two meshes, and largest relative excess of the cost
 #: of a flight over that of its proposal.
 MESHES_AGREE = 0.005
 FLIGHT_AGREES = 0.01
+#: Relative excess of a flight's cost over that of the proposal with the usual margin, above which a
+#: finer mesh is tried.
+_WORTH = 0.002
 #: An input alternates if it changes this often between half of one limit and half of the other. A
 #: mesh of _ALTERNATING_MESH intervals is then not refined, because the input would only alternate
 #: faster.
@@ -263,8 +271,13 @@ class BestFlights:
         best: Proposal,
         simulated: list[SimulatedFlight],
     ) -> tuple[SimulatedFlight, Proposal, dict[int, float]]:
-        """Return the confirmed flight, its proposal, and number of intervals -> cost."""
+        """Return the confirmed flight, its proposal, and number of intervals -> cost.
+
+        A flight that is dearer than the optimizer's proposal by more than _WORTH, because of
+        narrower limits, is compared with those on finer meshes.
+        """
         agreed = None
+        confirmed: list[tuple[SimulatedFlight, Proposal, dict[int, float]]] = []
         intervals = len(best.lengths)
         for _ in range(_DIVISIONS):
             change = difference_of_meshes(meshes)
@@ -275,7 +288,9 @@ class BestFlights:
                 simulated.append(flown._replace(name=REFUSED))
                 reason = refutation(flown, followed)
                 if not reason:
-                    return flown, followed, meshes
+                    confirmed.append((flown, followed, meshes))
+                    if flown.cost <= (1.0 + _WORTH) * best.cost:
+                        break
                 agreed = best, meshes
             elif alternating and intervals >= _ALTERNATING_MESH:
                 break
@@ -287,6 +302,8 @@ class BestFlights:
                 break
             best = finer
             meshes = {**meshes, intervals: best.cost}
+        if confirmed:
+            return min(confirmed, key=lambda each: each[0].cost)
         if agreed is not None:
             flown, followed = self._simulated(agreed[0], seconds, _TIGHTEST)
             simulated.append(flown._replace(name=REFUSED))
@@ -315,13 +332,55 @@ class BestFlights:
         self, best: Proposal, seconds: float, factor: float
     ) -> tuple[SimulatedFlight, Proposal]:
         """Return the simulated flight that follows a proposal, and the followed proposal."""
-        flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
+        duration = (1.0 + AFTER) * seconds
+        flown = self.flights.follow(best, duration)
         if flown.departure is None:
             return flown, best
+        corrected = self._corrected(best, flown, duration)
         tighter = self._finer(len(best.lengths), best, factor * MARGIN)
-        if not tighter.feasible:
-            return flown, best
-        return self.flights.follow(tighter, (1.0 + AFTER) * seconds), tighter
+        tried = [corrected] if corrected else []
+        if tighter.feasible:
+            tried.append((self.flights.follow(tighter, duration), tighter))
+        within = [each for each in tried if each[0].departure is None]
+        return min(within or [(flown, best)], key=lambda each: each[0].cost)
+
+    def _corrected(
+        self, proposal: Proposal, flown: SimulatedFlight, seconds: float
+    ) -> tuple[SimulatedFlight, Proposal] | None:
+        """Return a flight within the limits that follows a proposal with limits narrowed where a
+        flight exceeded them, or None.
+
+        flown: flight of the proposal, which exceeds limits between its points
+        """
+        program = self._transcription(len(proposal.lengths))
+        margins = np.full((len(proposal.lengths), 1), MARGIN)
+        for _ in range(_CORRECTIONS):
+            margins += self._exceeded(proposal, flown)
+            z, v = sampled(proposal.at, proposal.lengths)
+            proposal = program.solve(proposal.start, proposal.lengths, z, v, margins)
+            if not proposal.feasible:
+                return None
+            flown = self.flights.follow(proposal, seconds)
+            if flown.departure is None:
+                return flown, proposal
+        return None
+
+    def _exceeded(self, proposal: Proposal, flown: SimulatedFlight) -> np.ndarray:
+        """Return by how much a flight that follows a proposal exceeds limits in each interval or
+        the next one, as a fraction of the distance from trim to limit, (N, 1).
+        """
+        problem = self.problem
+        places = problem.followed_places
+        z = flown.states[:, places] - np.array(problem.point.states)[places]
+        lowest, highest = problem.state_limits
+        beyond = np.maximum(z / highest, z / lowest).max(axis=1) - 1.0
+        interval = np.searchsorted(proposal.ends, flown.times, side="right") - 1
+        count = len(proposal.lengths)
+        excess = np.zeros(count + 1)
+        flies = interval < count
+        np.maximum.at(excess, interval[flies], beyond[flies])
+        near = np.maximum(excess[:-1], excess[1:])
+        return np.where(near > 0.0, _CORRECTED * near + _RESERVE, 0.0)[:, None]
 
     def _from_guesses(
         self, start: np.ndarray, seconds: float, linear: SimulatedFlight

@@ -118,7 +118,7 @@ def test_what_is_refused(refused: Any, says: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("delta", [np.inf, 200.0])
 def test_the_flexible_aircraft_converges_inside_its_envelope(delta: float) -> None:
-    """From x(0) at 10 deg, at 1.2 times the cost of the best flight, 4611."""
+    """From x(0) at 10 deg, at 1.2 times the cost of the best flight, 4560."""
     model = hfa.aircraft()
     point = hfa.trim(model, dihedral=np.radians(10.0))
     game = hfa.paper.published_game(hfa.linearize(model, point))
@@ -127,5 +127,5 @@ def test_the_flexible_aircraft_converges_inside_its_envelope(delta: float) -> No
     weights = game.Q, game.R
     flight = hfa.fly(model, point, policy, 3.0, initial=start, weights=weights)
     assert flight.ok
-    assert flight.cost < 1.2 * 4611.0
+    assert flight.cost < 1.2 * 4560.0
     assert policy.unsolved == 0
