@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-#: A time this close to a whole number of samples, in samples, is that number.
+#: A time this close to a whole number of samples, in samples, is that number, if it is not 0.
 WHOLE = 1e-6
 
 
@@ -32,7 +32,7 @@ def in_samples(delay: float, dt: float) -> Delay:
     """
     samples = delay / dt
     nearest = round(samples)
-    if abs(samples - nearest) <= WHOLE:
+    if abs(samples - nearest) <= WHOLE * min(samples, 1.0):
         return Delay(nearest, 0.0)
     whole = math.floor(samples)
     return Delay(whole, delay - whole * dt)

@@ -51,6 +51,7 @@ def test_the_band_of_a_trim_agrees_with_a_linear_prediction(
 
 
 @pytest.mark.usefixtures("folder")
+@pytest.mark.slow
 def test_drawn_aircraft_fly_from_the_trim_of_the_given_one(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
