@@ -195,6 +195,7 @@ def test_the_equilibrium_of_a_shifted_network_is_found() -> None:
     np.testing.assert_allclose(rest, np.linalg.solve(np.eye(2) - A + B @ K, B @ bias), rtol=1e-6)
 
 
+@pytest.mark.slow  # test_networks_of_exact_values_and_policies_pass
 def test_rounding_of_an_accurate_value_at_the_trim_is_no_error() -> None:
     """V = Σ log cosh(ε y) / ε² is y'y up to ε², with rounding errors of its slope of 1e-16/ε."""
     rng = np.random.default_rng(0)

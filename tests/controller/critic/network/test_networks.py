@@ -42,6 +42,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 # Right networks.
 
 
+@pytest.mark.slow  # test_exact_gradient_and_policy_networks_pass
 def test_a_network_that_equals_the_value_passes(game: Game) -> None:
     """A network that equals V passes, with float64 and with float32 weights."""
     wide, narrow = (
@@ -120,6 +121,7 @@ def test_the_scale_of_inputs_is_applied(game: Game) -> None:
     )
 
 
+@pytest.mark.slow  # test_v_and_a_policy_are_checked_together
 def test_value_and_policy_of_one_file_are_named(game: Game) -> None:
     """A value and a policy in one file are selected by --network.
 
@@ -172,6 +174,7 @@ def test_v_and_a_policy_are_checked_together(game: Game) -> None:
 FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i, 7))])
 
 
+@pytest.mark.slow  # test_scale_applies_to_the_inputs_of_a_basis
 def test_a_basis_is_accepted_as_text_or_function(game: Game) -> None:
     """A basis of a critic is accepted in words, or as a function with a constant.
 
