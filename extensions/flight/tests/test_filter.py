@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -282,6 +283,15 @@ def test_a_delay_is_known_to_the_filter(point, linear, gain):
     np.testing.assert_allclose(
         list(late.estimate.values()), [point[name] for name in linear.states] + moved[:6]
     )
+
+
+def test_a_delayed_gain_acts_on_the_state_ahead(point, known, gain):
+    """Three samples late the exact gain stays inside; on the state of the sample it would leave."""
+    plan = flights(point, known.policy(gain), 2, 0.6)
+    air = plan.scenario.uncertainty
+    policy, scenario = known.policy(gain).in_scenario(Scenario(0.6, delay=0.03, uncertainty=air))
+    late = run_monte_carlo(replace(plan, policy=policy, scenario=scenario))
+    assert (late["left"] == -1).all()
 
 
 def test_a_deployment_flies_behind_a_filter():

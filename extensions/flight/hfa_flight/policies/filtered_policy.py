@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -56,7 +56,7 @@ class FilteredPolicy(SampledPolicy):
 
     A sample that is not finite, or with an innovation beyond 8 standard deviations, is not used
     and counted. If the first sample, or ten in a row, are impossible, the estimate begins at the
-    measured values.
+    measured values. With a delay the law acts on the state predicted over the commands under way.
 
     filter: the filter
     law: the policy behind it
@@ -138,16 +138,19 @@ class FilteredPolicy(SampledPolicy):
         """
         if memory.law is None:
             memory.law = _law_of(self.law, self.point, self.dt)
+        known = self.filter
         updated = self._updated(memory, y)
-        k = len(self.filter.states)
+        ahead = updated  # when the command of this sample acts
+        for under_way in memory.waiting:
+            ahead = known.Phi @ ahead + known.Gamma @ under_way
         x = np.zeros(len(self.point.x))
-        x[self.point.model.state_places(self.filter.states)] = updated[:k]
+        x[self.point.model.state_places(known.states)] = ahead[: len(known.states)]
         limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
         command = memory.law(memory.samples, x) + self.point.u
         u = np.clip(command, limits.lowest, limits.highest) - self.point.u
         memory.waiting.append(u)
         acting = memory.waiting.pop(0)
-        memory.predicted = self.filter.Phi @ updated + self.filter.Gamma @ acting
+        memory.predicted = known.Phi @ updated + known.Gamma @ acting
         memory.samples += 1
         return np.asarray(u)
 
@@ -169,13 +172,6 @@ class FilteredPolicy(SampledPolicy):
         begun = known.C.T @ y
         begun[len(known.states) :] = memory.predicted[len(known.states) :]
         return np.asarray(begun)
-
-    def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
-        """Return the policy and the scenario with ticks that divide samples and delays."""
-        flown, timed = super().in_scenario(scenario)
-        if isinstance(self.law, SampledPolicy):
-            flown = replace(flown, law=replace(self.law, delay=flown.delay))
-        return flown, timed
 
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop near the trim, 1/s, or None without a linear law."""
