@@ -25,7 +25,7 @@ def test_too_weak_an_engine_leads_to_the_steepest_climb() -> None:
     """The advice holds full thrust; the climb found is T cos α - D = W sin γ with T = 60 N."""
     refused = hfa("trim", "--aircraft", UAV, "--hold", "gamma=45")
     assert refused.code == 1
-    advice = re.search(r"a trim exists with (.*) in place of --hold", refused.err)
+    advice = re.search(r"with (.*) in place of --hold \(gamma (.*) deg\)", refused.err)
     assert advice is not None
     found = answer("trim", "--aircraft", UAV, *advice[1].split())
     point, figures = found["operating_point"], found["performance"]
@@ -33,6 +33,7 @@ def test_too_weak_an_engine_leads_to_the_steepest_climb() -> None:
     along = 60.0 * np.cos(point["states"]["alpha"]) - figures["drag"]
     gamma = np.arcsin(along / (13.5 * 9.80665))
     assert figures["gamma"] == pytest.approx(gamma, rel=1e-6)
+    assert np.degrees(gamma) == pytest.approx(float(advice[2]), rel=1e-4)
     assert np.degrees(gamma) > 15.0
 
 
