@@ -152,10 +152,11 @@ class RecedingHorizon:
         self._memory.waits = True
 
     def rehearse(self) -> None:
-        """Fly two samples, so that no function is loaded in a flight."""
+        """Fly samples with all lengths of holds, so that no function is loaded in a flight."""
         k, n, _ = self.planner.scaled.sizes
         z = np.pad(self.planner.scaled.box, (0, n - k))
-        for _ in range(2):
+        for _ in range(1 + self.planner.grid.most_samples[0].max()):
+            self._memory.near = False
             self(z)
         self.reset()
 
@@ -180,7 +181,8 @@ class RecedingHorizon:
             self._commands.append(v)
             return v
         planned, first = memory.samples.planned, memory.samples.first
-        v = self._input(self._commands.moved(used, delay, self.d), began + self.budget)
+        with np.errstate(over="ignore", invalid="ignore"):  # the flight may be lost
+            v = self._input(self._commands.moved(used, delay, self.d), began + self.budget)
         self._commands.append(v)
         self._remember(used, z, delay)
         if memory.samples.planned > planned and first is not None:
