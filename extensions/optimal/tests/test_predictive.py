@@ -309,6 +309,7 @@ def test_a_delay_is_bridged_by_the_commands_under_way() -> None:
     assert late == pytest.approx(start @ drift @ start + prompt, rel=5e-4)
 
 
+@pytest.mark.slow
 def test_a_constant_disturbance_leaves_the_cheapest_equilibrium() -> None:
     """Under a constant push, the estimate leads to the cheapest equilibrium: of the cart, at rest
     in the position 0, of a torque-controlled pendulum at min z'Qz + v'Rv with all moments balanced.
