@@ -634,6 +634,7 @@ def test_the_anticipation_parameter_is_that_by_hand(name: str) -> None:
     assert found["CAP"] == pytest.approx(found["short period frequency"] ** 2 / by_alpha, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
     """The sheet grades the qualities of the linear model; modes without a rule are named."""
     point, data = sheet(f"{EXAMPLES}/cessna182.toml")
@@ -671,6 +672,7 @@ def test_a_sheet_of_degrees_taken_as_radians_is_doubted(folder: Path) -> None:
         assert name in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "works"),
     [
@@ -686,6 +688,7 @@ def test_the_advice_of_a_failed_trim_works(options: tuple[str, ...], works: str)
     assert command("trim", *options, "--free", works).code == 0
 
 
+@pytest.mark.slow
 def test_several_conditions_have_one_sheet_each(folder: Path) -> None:
     """Lists of angles and of held values give a grid of sheets, in JSON and HTML."""
     words = ("trim", "--dihedral", "5,15", "--hold", "speed=67,68")
