@@ -52,14 +52,12 @@ def agree(found: np.ndarray, right: np.ndarray, sizes: np.ndarray) -> bool:
 
 
 CASES = [
-    ("continuous", 3),
-    ("continuous", 8),
-    ("discrete", 4),
-    ("discrete", 11),
-    ("cross", 2),
-    ("cross", 9),
-    ("disturbance", 5),
-    ("discount", 6),
+    ("continuous", 39),
+    ("discrete", 41),
+    ("cross", 34),
+    ("cross", 43),
+    ("disturbance", 39),
+    ("discount", 40),
 ]
 MORE = [
     pytest.param(kind, seed, marks=pytest.mark.slow)
