@@ -40,8 +40,6 @@ class Outcome(StrEnum):
 
     CONVERGED = "converges"
     LEFT = "leaves the envelope"
-    CYCLES = "limit cycle"
-    ELSEWHERE = "converges to another equilibrium"
     UNDECIDED = "does not converge"
 
 
