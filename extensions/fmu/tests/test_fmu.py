@@ -160,6 +160,7 @@ def test_wrong_derivatives_of_an_fmu_are_doubted() -> None:
     assert "differ from differences of its rates by 0.1" in point.report().text()
 
 
+@pytest.mark.slow
 def test_the_exported_aircraft_is_the_aircraft() -> None:
     """Trim, outputs, A and B of the FMU that `hfa export` writes are those of the aircraft."""
     assert run("export", "--dihedral", "10", "-o", "aircraft.fmu").code == 0

@@ -267,6 +267,7 @@ def test_the_command_refuses_in_one_line(
     assert not Path("found.toml").exists()
 
 
+@pytest.mark.slow
 def test_a_flight_file_is_a_record(folder: Path) -> None:
     """The last column of a file of `hfa fly`, the provenance, is ignored."""
     columns = record(model=AIRCRAFT)
