@@ -43,7 +43,7 @@ def test_a_closed_pipe_changes_no_exit_code(words: str, code: int, unbuffered: s
             stdout=pipe,
             stderr=subprocess.PIPE,
             env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
-            timeout=60,
+            timeout=20,
         )
     assert (done.returncode, done.stderr) == (code, b"")
 
@@ -56,7 +56,7 @@ def test_a_full_standard_output_is_refused() -> None:
             [SCRIPT, "trim", "--dihedral", "15"],
             stdout=full,
             stderr=subprocess.PIPE,
-            timeout=60,
+            timeout=20,
         )
     assert done.returncode == BAD_INPUT
     assert re.fullmatch(rb"hfa: [^\n]*No space left on device\n", done.stderr)
@@ -82,7 +82,7 @@ def test_progress_is_erased_at_the_end(tmp_path: Path) -> None:
             [SCRIPT, "learn", "--dihedral", "15"],
             stdout=subprocess.PIPE,
             stderr=stream,
-            timeout=60,
+            timeout=20,
         )
     seen = os.read(controller, 65536).decode()
     os.close(controller)
@@ -118,7 +118,7 @@ def test_commands_import_no_packages_that_they_do_not_need() -> None:
     """No command imports a heavy package or an extension without need, no trim a game."""
     program = IN_TURN.format(lists=[commands for commands, _ in LIGHT])
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=True
     )
     imported = [line.split() for line in done.stdout.splitlines() if line.startswith("imported ")]
     for names, (_, unwanted) in zip(imported, LIGHT, strict=True):

@@ -69,7 +69,7 @@ def run_in_turn(site: Path, folder: Path, *commands: str) -> list[Result]:
         check=True,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=20,
     )
     return [Result(*each) for each in json.loads(done.stdout.splitlines()[-1])]
 

@@ -126,7 +126,7 @@ def hfa_process(*words: str, folder: Path, **environment: str) -> Result:
         capture_output=True,
         text=True,
         encoding="utf-8",
-        timeout=120,
+        timeout=20,
     )
     return Result(done.returncode, done.stdout, done.stderr)
 

@@ -223,7 +223,7 @@ def test_a_failed_cluster_leaves_the_result_unchanged(
         job = around.enter_context(running(tmp_path, "killed.py", address))
         assert until(lambda: begun(path))
         cluster[0 if lost == "scheduler" else 1].kill()
-        code = job.wait(timeout=60)
+        code = job.wait(timeout=20)
         said = (tmp_path / "log-3").read_text()
     assert (code, said.count("\n")) == ((1, 1) if lost == "scheduler" else (0, 0)), said
     resumed(path)
