@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import largest, largest_or_1
-from controller.riccati.form import Form
+from controller.riccati.form import ROUNDED, Form
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.step_form import StepForm
 from hfa_support.errors import NoSolutionError
@@ -71,12 +71,14 @@ def certified_solution(form: Form) -> Certified:
 
     Raises NoSolutionError with the reason of the first failed test.
     """
-    changed = form.perturbed_by_rounding()
+    balanced, changed = form, form.perturbed_by_rounding()
     try:
         form, X, turns = form.levelled()
     except NoSolutionError:
         _passed(form.axis_checks())  # they have a better reason
         raise
+    if turns and (cause := balanced.obstacle(barely=ROUNDED)):
+        raise NoSolutionError(cause)  # the states in which X is level make a cost of rounding
     for turn in turns:
         changed = changed.turned(turn)
     checks = _passed(form.axis_checks())

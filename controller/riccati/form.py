@@ -14,6 +14,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.balancing import largest, units_of
 from controller.riccati.delta_search import Answer
 from controller.riccati.double_double import exact, product_of_doubles
+from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import Check
 
 RESIDUAL = 1e-10
@@ -21,6 +22,8 @@ RESIDUAL = 1e-10
 INDEFINITENESS = 1e-10
 #: A refusal names a mode whose reach or whose cost in Q is below this fraction of the largest rate.
 BARELY = 1e-10
+#: A mode that is reached, or that costs, by less than this fraction does so by rounding alone.
+ROUNDED = 1e-14
 #: Eigenvalues of X between this and its inverse are near enough to 1,
 MODERATE = 1e4
 #: which takes at most so many turns of the states.
@@ -306,13 +309,22 @@ class Form(ABC):
         """Return the game in states in which no eigenvalue of X is far from 1, its X, not refined,
         and the turns to these states.
 
+        A turn that ends in an indefinite X is left out: small eigenvalues of X were rounding.
+
         Raises NoSolutionError if the game has no stable subspace.
         """
         form, X = self, self.unrefined()
         turns: list[Turn] = []
         while len(turns) < TURNS and (turn := form.levelling(X, MODERATE)):
-            form = form.turned(turn)
-            X = form.unrefined()
+            turned = form.turned(turn)
+            try:
+                levelled_X = turned.unrefined()
+            except NoSolutionError:
+                break
+            sizes = np.linalg.eigvalsh((levelled_X + levelled_X.T) / 2.0)
+            if not sizes[0] >= -sizes[-1] / MODERATE:
+                break
+            form, X = turned, levelled_X
             turns.append(turn)
         return form, X, turns
 
@@ -359,7 +371,9 @@ class Form(ABC):
         point of the boundary.
         """
 
-    def obstacle(self, unreached: str = UNREACHED, hidden: str = HIDDEN) -> str:
+    def obstacle(
+        self, unreached: str = UNREACHED, hidden: str = HIDDEN, barely: float = BARELY
+    ) -> str:
         """Return the mode because of which no delta has a solution, as one sentence, or "".
 
         The Riccati equation without disturbance has a stabilizing solution if and only if two
@@ -369,6 +383,7 @@ class Form(ABC):
         - [A - λI; Q] for every λ on the boundary of stability, else a mode has no cost
 
         unreached, hidden: sentences about a mode that no input reaches, and about one without cost
+        barely: fraction of the largest rate below which a mode is not reached, or costs nothing
 
         Source: Zhou, Doyle and Glover, Theorem 13.7.
         """
@@ -378,10 +393,10 @@ class Form(ABC):
             excess, on_boundary = self.beyond(mode.value)
             if excess < -mode.rounding:
                 continue
-            if dependence(A, mode.value, self.reach.T, size) <= BARELY:
+            if dependence(A, mode.value, self.reach.T, size) <= barely:
                 return unreached.format(f"{mode}{self.of_matrix}")
             is_undamped = excess <= mode.rounding
-            if is_undamped and dependence(A.T, on_boundary, Q, size) <= BARELY:
+            if is_undamped and dependence(A.T, on_boundary, Q, size) <= barely:
                 return hidden.format(f"{mode}{self.of_matrix}")
         return ""
 

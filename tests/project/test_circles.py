@@ -36,6 +36,11 @@ ALLOWED = [
     {"verification.figures", "verification.verdict"},
     {"controller.riccati.gare", "controller.riccati.solution_report"},
     {"hfa_flight.flight", "hfa_flight.flight_report"},
+    {
+        "hfa_flight.policies.filtered_policy",
+        "hfa_flight.policies.given",
+        "hfa_flight.policies.kalman",
+    },
 ]
 
 
