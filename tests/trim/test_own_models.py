@@ -349,6 +349,7 @@ def test_a_wrong_model_file_is_refused(text: str, words: str, tmp_path: Path) ->
 OWN = ("--aircraft", "examples/f16.py:F16")
 
 
+@pytest.mark.slow
 def test_commands_accept_a_users_model(tmp_path: Path) -> None:
     """The commands trim, linearize, sweep and solve accept the F-16 and the names of its variables.
 

@@ -247,6 +247,7 @@ def test_assess_orders_two_policies_by_their_flights(capsys: pytest.CaptureFixtu
     assert late["lqr_over_best"]["worst"] == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_slow_stable_policy_converges_by_every_command(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -77,6 +77,7 @@ def test_the_equilibrium_balances_the_offset_of_the_policy():
     )
 
 
+@pytest.mark.slow
 def test_the_equilibrium_drifts_with_the_altitude_and_lags_behind():
     """0 = (A - B K) dx/dh + a; in a climb h', (A - B K) lag = dx/dh h'."""
     place = place_of(offset_gain)
@@ -89,6 +90,7 @@ def test_the_equilibrium_drifts_with_the_altitude_and_lags_behind():
     np.testing.assert_allclose(place.lag, expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_inputs_that_follow_themselves_have_a_larger_gain():
     """u = -K x + .5 of the elevator before: the settled gain is twice K; an integrator has none."""
     names = ("alpha", "speed", "elevator")

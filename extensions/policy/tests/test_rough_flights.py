@@ -53,6 +53,7 @@ def test_rms_with_noise_equals_that_of_fly(noisy_assessment):
     assert said in noisy_assessment.findings
 
 
+@pytest.mark.slow
 def test_a_flight_that_leaves_in_a_gust_fails():
     """The assessment fails if a flight leaves the envelope in a gust."""
     (point,) = trims("ppo_hfa")

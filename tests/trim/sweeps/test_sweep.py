@@ -435,6 +435,7 @@ def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:
     pyplot.close("all")
 
 
+@pytest.mark.slow
 def test_points_trimmed_alone_are_counted(tmp_path: Path) -> None:
     """A note states how many points were trimmed one by one, in memory and in a store.
 
