@@ -135,8 +135,7 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     def locus(frequencies: np.ndarray) -> np.ndarray:
         return only.at(frequencies)[:, 0]
 
-    margin = margin_of(locus, grid, only)
-    return margin._replace(disk=disk_of(only, _peak_of(locus, grid)).disk)
+    return margin_of(locus, grid, only, disk_of(only, _peak_of(locus, grid)).disk)
 
 
 def _peak_of(locus: Loci, grid: np.ndarray) -> float:
@@ -165,7 +164,7 @@ def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
     return unit * np.abs(zeros[np.isfinite(zeros)].imag)
 
 
-def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> LoopMargin:
+def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop, disk: float) -> LoopMargin:
     """Return the stability margins of k loops for one common factor, phase shift or delay.
 
     M = S - I/2 has k eigenvalues at each frequency. The gain margins follow from the frequencies at
@@ -173,10 +172,9 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
     These frequencies are searched for wherever Im M or Re M changes its sign on the grid.
 
     loci: function ω (N,) -> eigenvalues of M, (N, k), in any order
-    grid: (N,), rad/s, with 0, fine enough for every resonance; the disk margin is computed on the
-        grid
-    loop: the loop of the loci, for its M at infinite frequency and its sampling time; None if there
-        is neither
+    grid: (N,), rad/s, with 0, fine enough for every resonance
+    loop: the loop of the loci, for its M at infinite frequency and its sampling time
+    disk: disk margin of the loop
 
     Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
     """
@@ -190,11 +188,8 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
         grid = np.insert(grid, jumps + 1, (grid[jumps] + grid[jumps + 1]) / 2.0)
     at_zero = seen[0]
     static = at_zero[np.abs(at_zero.imag) <= ROUNDING * np.abs(at_zero)]
-    real_values = np.concatenate([static.real, real.values.real])
-    frequencies = imaginary.frequencies
-    if loop is not None:
-        real_values = np.append(real_values, loop.D)
-        frequencies = loop.rate(frequencies)
+    real_values = np.append(np.concatenate([static.real, real.values.real]), loop.D)
+    frequencies = loop.rate(imaginary.frequencies)
     # With M = S - I/2, a factor f on the loop reaches -1 where f = (M + 1/2) / (M - 1/2).
     with np.errstate(divide="ignore"):
         gains = (real_values + 0.5) / (real_values - 0.5)
@@ -207,7 +202,7 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
         phase=float(phases.min(initial=math.inf)),
         crossover=float(frequencies[phases.argmin()]) if phases.size else math.nan,
         delay=float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)),
-        disk=min(1.0 / float(np.abs(seen).max()), 2.0),
+        disk=disk,
     )
 
 
