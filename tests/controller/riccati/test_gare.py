@@ -189,7 +189,6 @@ def test_the_smallest_delta_is_found_where_p_is_nearly_singular(seed: int) -> No
     assert not smallest.uncertain
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_an_undamped_costless_mode_is_named(size: float) -> None:
     """An undamped mode without cost is named, although rounding moves its eigenvalues off the
