@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import imported
+from hfa_support.files import written_whole
 from hfa_support.reporting.figure import pyplot_figure
 from hfa_support.reporting.text import beside_unit, shown_values
 
@@ -28,6 +30,21 @@ def dataset(
     """
     xarray = imported("xarray", "labelled arrays require")
     return xarray.Dataset(variables, coordinates, {"model": title})
+
+
+def write_netcdf(labelled: xarray.Dataset, path: str | Path) -> None:
+    """Write a dataset as a NetCDF file (version 3), completely or not at all.
+
+    NetCDF has no complex numbers: `NAME` is written as `NAME_real` and `NAME_imag`.
+    """
+    is_complex = [name for name, each in labelled.items() if np.iscomplexobj(each)]
+    parts = {
+        f"{name}_{part}": getattr(labelled[name], part)
+        for name in is_complex
+        for part in ("real", "imag")
+    }
+    with written_whole(path) as stream:
+        stream.write(labelled.drop_vars(is_complex).assign(parts).to_netcdf(engine="scipy"))
 
 
 def draw_curves(

@@ -22,7 +22,7 @@ from hfa.options.workers import Workers
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import regular_file
 from trim.point.condition import TrimCondition
-from trim.sweeps.sweep import MOST_POINTS, run_plan
+from trim.sweeps.sweep import MOST_POINTS, NETCDF, run_plan
 from trim.sweeps.sweep_plan import SweepPlan
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ class SweepRequest(Request):
     processes: Workers = part(Workers)
     output: Output = part(
         Output,
-        file=output_option(stores=(STORE,), purpose=_PURPOSE),
+        file=output_option(NETCDF, stores=(STORE,), purpose=_PURPOSE),
         picture=picture_option("the root locus"),
     )
 
@@ -161,7 +161,9 @@ def _in_memory(request: SweepRequest) -> int:
         notes.append(f"nothing to draw: {picture} is not written")
         figure = None
     # Notes are printed on standard error, so that standard output contains only the table.
-    request.show(replace(report, notes=()), figure=figure, notes=notes)
+    is_netcdf = request.output.file is not None and request.output.file.suffix.lower() == NETCDF
+    write = result.save if is_netcdf else None
+    request.show(replace(report, notes=()), figure=figure, write=write, notes=notes)
     return 0 if result.trimmed.any() else 1
 
 

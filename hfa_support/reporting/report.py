@@ -28,7 +28,7 @@ NO_RECORDS = Table((), ())
 _MOST = 12
 _LONGEST = 110
 #: Suffixes of the files that `Report.save` writes, besides .pdf.
-SUFFIXES = (".json", ".npz", ".mat", ".csv", ".md", ".html")
+SUFFIXES = (".json", ".npz", ".mat", ".csv", ".md", ".html", ".tex")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -120,6 +120,12 @@ class Report:
 
         return as_page(self.html())
 
+    def latex(self) -> str:
+        """Return the tables of the report in LaTeX. Requires pandas and Jinja2."""
+        from hfa_support.reporting.latex import latex_tables
+
+        return latex_tables(self.title, self.parts)
+
     def json(self) -> str:
         """Return the data of the report as JSON text. Numbers that are not finite become null."""
         from hfa_support.reporting.data_files import json_text
@@ -132,13 +138,14 @@ class Report:
         - .json, .npz, .mat: `data`
         - .csv: `records`
         - .html, .md, .pdf: the text, in HTML and PDF with pictures
+        - .tex: the tables alone, with the rules of booktabs. Requires pandas and Jinja2
 
         Raises BadInputError for another suffix.
         """
         from hfa_support.files import write_text
         from hfa_support.reporting.data_files import save_data
 
-        texts = {".html": self.page, ".md": self.markdown}
+        texts = {".html": self.page, ".md": self.markdown, ".tex": self.latex}
         suffix = Path(path).suffix.lower()
         if suffix in texts:
             write_text(path, texts[suffix]())

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import hfa
@@ -53,3 +55,33 @@ def test_records_of_a_sheet_contain_its_figures(point: hfa.OperatingPoint) -> No
     assert found["margin", "throttle"] == min(point["throttle"], 200.0 - point["throttle"])
     for mode in point.modes:
         assert found["mode", f"{mode.name} real"] == mode.eigenvalue.real
+
+
+def test_a_report_in_latex_has_the_cells_of_its_tables(
+    point: hfa.OperatingPoint, tmp_path: Path
+) -> None:
+    """A .tex file has a booktabs table with each value of the printed modes, and escapes names."""
+    pytest.importorskip("pandas")
+    file = tmp_path / "sheet.tex"
+    point.report().save(file)
+    text = file.read_text("utf-8")
+    assert text.count(r"\toprule") == text.count(r"\bottomrule") == text.count(r"\begin{tabular}")
+    assert r"pitch\_rate" in text
+    assert "pitch_rate" not in text
+    for mode in point.modes:
+        assert f"{mode.damping:.4f} & " in text
+
+
+def test_a_sweep_in_netcdf_is_read_back(point: hfa.OperatingPoint, tmp_path: Path) -> None:
+    """A .nc file contains each array of the sweep, and the parts of its complex eigenvalues."""
+    xarray = pytest.importorskip("xarray")
+    swept = hfa.sweep(point.model, dihedral=[0.1, 0.2])
+    swept.save(tmp_path / "sweep.nc")
+    read = xarray.load_dataset(tmp_path / "sweep.nc", engine="scipy")
+    held = swept.to_xarray()
+    assert np.array_equal(read["A"], held["A"])
+    assert np.array_equal(
+        read["eigenvalues_real"] + 1j * read["eigenvalues_imag"], held["eigenvalues"]
+    )
+    assert read["A"].attrs == held["A"].attrs
+    assert list(read["state"].values) == list(held["state"].values)

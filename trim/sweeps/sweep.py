@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -43,7 +44,7 @@ from trim.sweeps.points import (
 )
 from trim.sweeps.sweep_arrays import ARRAYS, labels_of
 from trim.sweeps.sweep_plan import SweepPlan
-from trim.tables import draw_curves
+from trim.tables import draw_curves, write_netcdf
 
 if TYPE_CHECKING:
     import pandas
@@ -53,6 +54,8 @@ if TYPE_CHECKING:
 
 #: Largest number of points of a sweep in memory.
 MOST_POINTS = 1_000_000
+#: Suffix of the files in NetCDF.
+NETCDF = ".nc"
 #: Width and height of the root locus, inches.
 _LOCUS_INCHES = (10.0, 5.2)
 #: A mode is slow if its eigenvalue is always below this fraction of the fastest.
@@ -478,6 +481,16 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         for name, unit in zip(plan.variables, plan.units, strict=True):
             swept_points[name].attrs["units"] = unit
         return swept_points
+
+    def save(self, path: str | Path) -> None:
+        """Write the report to a file, as `Report.save` does, or `to_xarray` to a .nc file.
+
+        A .nc file (NetCDF) contains complex numbers as `NAME_real` and `NAME_imag`.
+        """
+        if Path(path).suffix.lower() == NETCDF:
+            write_netcdf(self.to_xarray(), path)
+        else:
+            super().save(path)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a `pandas.DataFrame` with one row for each point.
