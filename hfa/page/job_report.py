@@ -282,7 +282,7 @@ def any_angle(job: MainJob, drawn: Report) -> str:
     """Return the upper part of the page as HTML.
 
     The upper part contains the slider over the sweep, the aircraft beside its modes at the chosen
-    angle, the verdicts, the root locus, the sheet and the linear model at the chosen angle, and the
+    angle and the verdicts, the root locus, the sheet and the linear model at the chosen angle, and the
     costs of flights.
     """
     labels = [f"{point.dihedral_deg:g} deg" for point in job.points]
@@ -305,8 +305,7 @@ def any_angle(job: MainJob, drawn: Report) -> str:
 <p class="slider"><label for="dihedral">Dihedral angle</label>
 <input type="range" id="dihedral" min="0" max="{len(labels) - 1}" value="{first}" aria-valuetext="{labels[first]}">
 <output for="dihedral" id="angle">{labels[first]}</output> <span class="noscript">The slider needs scripts.</span></p>
-<div class="first"><div>{aircraft}</div><div>{"".join(beside)}</div></div>
-<section class="verdicts">{checks}</section>
+<div class="first"><div>{aircraft}</div><div>{"".join(beside)}<section class="verdicts">{checks}</section></div></div>
 {locus}
 {"".join(below)}
 <section>{flights}</section>
