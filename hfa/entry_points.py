@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa.options.part import is_installed
 from hfa_support.entry_points import COMMANDS as GROUP, loaded, offered, package_of
@@ -16,8 +16,6 @@ from hfa_support.errors import BadInputError, choice_of, shortened
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
-
-    from hfa.options.request import Command
 
 
 class CommandEntry(NamedTuple):
@@ -36,7 +34,7 @@ class CommandEntry(NamedTuple):
     example: str = ""
     install: tuple[str, ...] = ()
 
-    def load(self) -> Command:
+    def load(self) -> Any:
         """Return the command, imported from its module, with the example and install text of the
         entry.
 
@@ -46,6 +44,10 @@ class CommandEntry(NamedTuple):
         from hfa.options.request import Command
 
         found = getattr(import_module(module), name)
+        from hfa.options.command import Command as PlainCommand
+
+        if isinstance(found, PlainCommand):
+            return found._replace(install=self.install, example=self.example)
         if not (isinstance(found, Command) and hasattr(found.request, "declared")):
             raise BadInputError(
                 f"{self.command} is not a command; write @command(OPTIONS) above the function, "

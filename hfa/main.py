@@ -13,10 +13,11 @@ import shlex
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hfa.entry_points import command_named, commands, found_in, words_after
 from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED, TERMINATED
+from hfa.options.option import options_of
 from hfa.options.parser import Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
 from hfa_support.progress import drop, print_notes, print_to_stderr
@@ -129,9 +130,7 @@ def _run(words: list[str], find: Find) -> int:
             return command.run(request)
         except BadInputError as error:
             name = error.options[0] if error.options else ""
-            if name not in {
-                flag for each in request.options(request.model).values() for flag in each.flags
-            }:
+            if name not in _flags(request):
                 raise
             kept = list(options)
             if name in kept and name != "--set":
@@ -141,7 +140,7 @@ def _run(words: list[str], find: Find) -> int:
             raise BadInputError(f"{error}; type {typed}") from error
         except SystemExit as error:
             raise BadInputError(
-                f"the equations of {request.model.name} call sys.exit; raise a ValueError instead"
+                f"the equations of {_name_of(request)} call sys.exit; raise a ValueError instead"
             ) from error
         except ModuleNotFoundError as error:
             if not command.install:
@@ -156,11 +155,32 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
     """Return the request of a command, with the values of the options in its command line."""
     from hfa_support.provenance import now
 
+    if not hasattr(command.request, "declared"):
+        return _plain_request(command, program, words)
     is_help = bool({"-h", "--help"} & {*words})
     model = _model(command.request, program, [] if is_help else words)
     values = with_options(Parser(prog=program), command, model).parse_words(words)
     line = shlex.join([*program.split(), *words])
     return command.request.parsed(model, values, line=line, date=now())
+
+
+def _plain_request(command: Any, program: str, words: list[str]) -> Any:
+    from hfa_support.provenance import now
+
+    parser = with_options(Parser(prog=program), command)
+    values = parser.parse_words(words)
+    line = shlex.join([*program.split(), *words])
+    return command.request(**values, line=line, date=now())
+
+
+def _name_of(request: Any) -> str:
+    return str(request.model.name if hasattr(request, "declared") else request.aircraft)
+
+
+def _flags(request: Any) -> set[str]:
+    if hasattr(request, "declared"):
+        return {flag for each in request.options(request.model).values() for flag in each.flags}
+    return {flag for each in options_of(type(request)).values() for flag in each.flags}
 
 
 def _model(request: type[Request], program: str, words: list[str]) -> Model:
@@ -174,11 +194,15 @@ def _model(request: type[Request], program: str, words: list[str]) -> Model:
     return request.of_the_model().loaded(typed)
 
 
-def _refuse_to_overwrite(request: Request) -> None:
+def _refuse_to_overwrite(request: Any) -> None:
     """Raise BadInputError if an output file was read as input or is named for two outputs."""
     from hfa_support.files import refuse_read
 
-    outputs = (request.output.file, request.output.picture)
+    outputs: Any = (
+        (request.output.file, request.output.picture)
+        if hasattr(request, "declared")
+        else (request.output, request.picture)
+    )
     paths = [path for path in outputs if path is not None]
     for path in paths:
         refuse_read(path)
@@ -212,14 +236,17 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
     raise BadInputError(unknown(f"command {shortened(first)!r}", first.lower(), commands(), "hfa"))
 
 
-def with_options(parser: Parser, command: Command, model: Model) -> Parser:
+def with_options(parser: Parser, command: Any, model: Any = None) -> Parser:
     """Return the parser with the help text and the options of a command.
 
     Values of options are read with the names and units of the model. The text of the help is the
     same for all models.
     """
     parser.description = inspect.cleandoc(command.run.__doc__ or "")
-    parser.declare(command.request.options(model))
+    if hasattr(command.request, "declared"):
+        parser.declare(command.request.options(model))
+    else:
+        parser.declare(options_of(command.request))
     parser.example = command.example
     called, _, name = parser.prog.partition(" ")
     if called == "hfa":  # otherwise the program has one command, such as python my_command.py

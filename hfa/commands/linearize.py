@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import hfa_model
-from hfa.commands.trim import OneTrimRequest
-from hfa.options.aircraft import Aircraft, aircraft_help
-from hfa.options.argument_types import some_of
-from hfa.options.output import Output, picture_option
-from hfa.options.part import OfModel, option, part
-from hfa.options.request import command
+from hfa.commands.trim import trimmed_or_shown
+from hfa.options.command import Request, command, picture_option
+from hfa.options.option import option
+from hfa.options.plants import aircraft_help, parameter_set
+from hfa.options.show import show
+from hfa.options.trims import GivenTrim, TrimOptions, given_trim
 from hfa_aircraft.model import Model
 from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.report import Report
 from trim.hfa.other_dynamics import with_other_dynamics
 from trim.hfa.printed import entry_bands, has_bands, printed_at, with_bands, with_printed_matrices
@@ -30,49 +31,36 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def _names_of(*kinds: str) -> OfModel:
-    """Return an option type that converts a comma-separated list of the model's signal names.
-
-    kinds: kinds of signals whose names are accepted: "states", "inputs" and "outputs"
-    """
-
-    def convert(model: Model, text: str) -> tuple[str, ...]:
-        names: list[str] = []
-        for kind in kinds:
-            names += getattr(model, kind)
-        return some_of(*names)(text)
-
-    return OfModel(convert)
-
-
-def _about_states(model: Model) -> str:
-    return f"states of the model, in order; default: {', '.join(model.linear)}"
+def _names(text: str) -> tuple[str, ...]:
+    """Return different names separated by commas."""
+    names = tuple(text.split(","))
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInputError(f"contains {name} twice; remove one {name}")
+    return names
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearizeRequest(OneTrimRequest):
+class LinearizeRequest(Request, TrimOptions):
     """Options of `hfa linearize`."""
 
-    aircraft: Aircraft = part(
-        Aircraft, source=option(aircraft_help, "FILE.py:NAME", names="--aircraft --model")
+    aircraft: str | None = option(aircraft_help, "FILE.py:NAME", names="--model --aircraft")
+    picture: Path | None = picture_option("Bode plots from each input to each output")
+    states: tuple[str, ...] | None = option(
+        "states of the model, in order; default: those of its linear model", "a,b,...", _names
     )
-    output: Output = part(
-        Output, picture=picture_option("Bode plots from each input to each output")
-    )
-    states: tuple[str, ...] | None = option(_about_states, "a,b,...", _names_of("states"))
     inputs: tuple[str, ...] | None = option(
-        "inputs of the model, in order; default: all", "a,b,...", _names_of("inputs"), rare=True
+        "inputs of the model, in order; default: all", "a,b,...", _names, rare=True
     )
     outputs: tuple[str, ...] | None = option(
-        "outputs of the model, in order; default: the states, C = I",
-        "a,b,...",
-        _names_of("states", "outputs"),
+        "outputs of the model, in order; default: the states, C = I", "a,b,...", _names, rare=True
     )
     residualize: tuple[str, ...] = option(
         "states replaced by their steady state; other omitted states stay at the trim",
         "a,b,...",
-        _names_of("states"),
+        _names,
         default=(),
+        rare=True,
     )
     bode: bool = option("add transmission zeros and transfer functions")
 
@@ -81,28 +69,28 @@ class LinearizeRequest(OneTrimRequest):
 def linearize(request: LinearizeRequest) -> int:
     """Linearize exactly at a trim, and report matrices, modes and handling qualities. --bode adds
     transfer functions. Error bands and differences from printed matrices are added where known."""
-    point = request.trimmed()
-    aircraft = request.trim.aircraft
-    usual = aircraft.linear
+    given = given_trim(request, required=True)
+    _refuse_unknown_names(request, given.model)
+    point = trimmed_or_shown(request, given)
+    usual = given.model.linear
     follow = request.residualize
     states = request.states or tuple(name for name in usual if name not in follow)
     if both := set(states) & set(follow):
         raise BadInputError(
             f"{min(both)} is in both --states and --residualize; remove {min(both)} from one option"
         )
-    full = _with_winds(aircraft, point, request.outputs or states, (*states, *follow))
+    full = _with_winds(given.model, point, request.outputs or states, (*states, *follow))
     model = full.select(states, request.inputs, residualize=follow)
-    if not hfa_model.is_hfa(aircraft):
-        report = linear_model_report(model)
-    else:
-        report = _of_the_hfa(request, model)
+    report = linear_model_report(model)
+    if hfa_model.is_hfa(given.model):
+        report = _of_the_hfa(request, given, model, report)
     report = with_qualities(report, point, model.states)
     if request.bode:
         from trim.linear.frequency import with_transfers
 
         report = with_transfers(report, model.system)
     # The printed matrices are in feet.
-    printed = printed_at(point) if _is_printed(model) and request.aircraft.units != "si" else None
+    printed = printed_at(point) if _is_printed(model) and request.units != "si" else None
     if printed is not None:
         report = with_printed_matrices(report, model, printed)
     notes = [*report.notes, reduction_note(model.matrices, full.select(usual).matrices, follow)]
@@ -114,8 +102,22 @@ def linearize(request: LinearizeRequest) -> int:
 
         return bode_figure(model.system)
 
-    request.show(report, figure=figure)
+    show(request, report, given.source, figure=figure)
     return 0
+
+
+def _refuse_unknown_names(request: LinearizeRequest, model: Model) -> None:
+    """Raise BadInputError if an option names a state, input or output that the model lacks."""
+    states = tuple(model.states)
+    named = {
+        "--states": (request.states, states),
+        "--inputs": (request.inputs, tuple(model.inputs)),
+        "--outputs": (request.outputs, (*states, *model.outputs)),
+        "--residualize": (request.residualize, states),
+    }
+    for flag, (names, known) in named.items():
+        for name in names or ():
+            refuse_unknown(f"{flag} contains the unknown name", name, known)
 
 
 def _with_winds(
@@ -146,7 +148,9 @@ def _with_winds(
     return linear
 
 
-def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
+def _of_the_hfa(
+    request: LinearizeRequest, given: GivenTrim, model: LinearModel, report: Report
+) -> Report:
     """Return the report of a linear model of the paper's flexible aircraft.
 
     If the paper prints the matrices of these states and inputs, two parts are added:
@@ -156,11 +160,11 @@ def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
     bands = None
     other = None
     if _is_printed(model):
-        parameters = request.aircraft.parameter_set
+        parameters = parameter_set(request)
         if has_bands(parameters):
-            bands = entry_bands(parameters, request.trim.condition, model)
+            bands = entry_bands(parameters, given.condition, model)
         other = with_other_dynamics(model.point)
-    return with_bands(linear_model_report(model), model, bands, other)
+    return with_bands(report, model, bands, other)
 
 
 def _is_printed(model: LinearModel) -> bool:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from hfa.options.aircraft import Aircraft
-from hfa.options.part import option, part
-from hfa.options.request import Request, command
+from hfa.options.command import Request, command
+from hfa.options.option import option
+from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
+from hfa.options.show import show
 from hfa_model.variants import variant_named
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RegenerateRequest(Request):
+class RegenerateRequest(Request, AircraftOptions):
     """Options of `hfa regenerate`."""
 
-    aircraft: Aircraft = part(Aircraft, without=("units", "source"))
+    aircraft: None = None
+    units: None = None
     all: bool = option("print every entry, the matrices and the spectra")
 
 
@@ -27,12 +29,13 @@ def regenerate(request: RegenerateRequest) -> int:
     """
     from verification.regeneration import regenerate_all
 
-    variant_named(request.aircraft.dynamics)  # the unsteady equations have no printed pair
-    regeneration = regenerate_all(request.model)
+    model = loaded_model(request)
+    variant_named(request.dynamics or "published")  # the unsteady equations have no printed pair
+    regeneration = regenerate_all(model)
     printed = None
     if not request.all:
         summary = regeneration.summary()
         rest = "Every entry, both spectra and the matrices: --all, or -o FILE"
         printed = replace(summary, parts=(*summary.parts, rest))
-    request.show(regeneration.report(), printed=printed)
+    show(request, regeneration.report(), aircraft_source(request, model), printed=printed)
     return 0 if regeneration.ok else 1

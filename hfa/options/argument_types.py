@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, choice_of, refuse_unknown, shortened
@@ -21,6 +23,7 @@ from hfa_support.units import conversion, units_like
 
 PICTURES = (".png", ".svg", ".pdf")
 _LARGEST_WHOLE = 10**18
+T = TypeVar("T")
 
 
 def number(text: str, declared: Number = NUMBER) -> float:
@@ -83,6 +86,44 @@ def number_and_factor(model: Model, name: str, text: str) -> tuple[float, float 
         beside = f", or with a unit: {others}" * bool(others)
         raise BadInputError(f"is {shortened(text)!r}; give a finite number, in {words}{beside}")
     return number(typed_number), factor
+
+
+@contextmanager
+def option_errors(flag: str) -> Iterator[None]:
+    """Put an option before the message of an error that is raised in the `with` block.
+
+    flag: name of the option
+    """
+    try:
+        yield
+    except BadInputError as error:
+        raise BadInputError(f"{flag} {error}") from error
+    # For example, a file that contains only digits or brackets.
+    except (ValueError, RecursionError) as error:
+        raise BadInputError(f"{flag}: cannot be read ({shortened(str(error))})") from error
+
+
+def each_of(
+    flag: str, model: Model, texts: Mapping[str, str], kind: Callable[[Model, str, str], T]
+) -> dict[str, T]:
+    """Return name in the model -> value, from the texts of an option NAME=VALUE.
+
+    flag: name of the option, for messages
+    texts: name as typed, which may be an alias of the model -> text
+    kind: function (model, name, text) -> value
+
+    Raises BadInputError, with the option and the name, as `kind` does.
+    """
+    values: dict[str, T] = {}
+    text_of: dict[str, str] = {}
+    for typed, text in texts.items():
+        name = model.about.aliases.get(typed, typed)
+        with option_errors(f"{flag} {shortened(name)}"):
+            value = kind(model, name, text)
+        if text_of.setdefault(name, text) != text:
+            raise BadInputError(f"{flag} {shortened(name)} is given twice; give one value")
+        values[name] = value
+    return values
 
 
 def _unit(model: Model, name: str) -> str:

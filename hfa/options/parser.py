@@ -16,6 +16,7 @@ from hfa.options.part import Option, is_installed
 from hfa_support.errors import BadInputError, advice, shortened
 
 #: Options of an input file, by which a stray file may be given.
+RARE = "rarely used"
 _INPUTS = ("--aircraft", "--model", "--weights", "--policy", "--controller")
 
 
@@ -41,12 +42,13 @@ class Parser(argparse.ArgumentParser):
         self.words: Mapping[str, str] = {}
         self._words: dict[str, list[str]] = {}
 
-    def declare(self, options: Mapping[str, Option]) -> None:
+    def declare(self, options: Mapping[str, Any]) -> None:
         """Add the options of a request to the parser.
 
         options: field of the request -> its option
         """
         self.options.update(options)
+        groups: dict[str, Any] = {"": self}
         for name, option in options.items():
             names = option.flags
             kind = option.kind
@@ -56,7 +58,7 @@ class Parser(argparse.ArgumentParser):
             if names[0].startswith("-"):
                 how |= {"dest": name, "default": argparse.SUPPRESS}
             if option.named:
-                how |= {"action": _Named, "kind": kind, "aliases": option.aliases}
+                how |= {"action": _Named, "kind": kind, "aliases": getattr(option, "aliases", {})}
                 how |= {"metavar": option.form}
             elif option.form:
                 how |= {"type": kind, "metavar": option.form}
@@ -68,7 +70,10 @@ class Parser(argparse.ArgumentParser):
                     how |= {"nargs": "?", "const": option.alone}
             else:
                 how["action"] = "store_true"
-            self.add_argument(*names, **how)
+            heading = "" if not hasattr(option, "group") else option.group or RARE * option.rare
+            if heading not in groups:
+                groups[heading] = self.add_argument_group(heading)
+            groups[heading].add_argument(*names, **how)
         positional = [action for action in self._actions if not action.option_strings]
         words = "".join(f" [{action.metavar}]" for action in positional)
         self.usage = f"{self.prog}{words} [options]"

@@ -46,7 +46,7 @@ def untouched(tmp_path: Path) -> Iterator[None]:
 
 REFUSED = {
     "trim": [
-        ("", "the following arguments are required: --dihedral (see `hfa trim --help`)"),
+        ("", "no value of dihedral is given; add --dihedral DEG"),
         ("15", "unrecognized arguments: 15 (see `hfa trim --help`)"),
         ("--dihedral", "--dihedral expected one argument"),
         ("--dihedrl 15", "unknown option --dihedrl; did you mean --dihedral?"),

@@ -1,0 +1,106 @@
+"""The trim that a request asks for; without one, the options with which a trim exists."""
+
+from __future__ import annotations
+
+from math import isclose
+
+from hfa.options.trims import GivenTrim, at_name
+from hfa_support.errors import BadInputError, warn
+from hfa_support.reporting.text import shown_value
+from trim.point.condition import release, usual_condition
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import TrimError, explained, trim
+
+#: Largest number of options that help a failed trim.
+_MOST_ADVICE = 3
+#: States that change in a steady climb, and the state that changes in a pull-up.
+_CLIMBING = ("altitude", "alt", "h")
+_PULLED_UP = ("pitch", "theta")
+
+
+def trimmed(given: GivenTrim) -> OperatingPoint:
+    """Return the operating point of a given trim.
+
+    Raises TrimError, with the reason and with options that help, if no trim is found.
+    """
+    by = given.model.schedule
+    if given.at is not None and by in given.condition.free:
+        typed = f"--{at_name(given.model)} {given.model.describe(by, given.at)}"
+        warn(f"{by} is free: the search begins at {'--start' if given.is_started else typed}")
+    try:
+        return trim(given.model, given.condition, given.start)
+    except TrimError as failure:
+        raise _advised(given, failure) from None
+
+
+def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
+    """Return the error of a failed trim, with its reason, doubts, and options that help."""
+    error = explained(failure, given.model, given.condition)
+    doubts = [f"check: {doubt}" for doubt in given.model.about.doubts]
+    advice = "" if error is not failure else _advice(given, failure)  # the aircraft explains it
+    said = "; ".join(filter(None, (str(error), *doubts, advice)))
+    return TrimError(said, error.attempt, error.required)
+
+
+def _advice(given: GivenTrim, failure: TrimError) -> str:
+    """Return the imposed values of which one must be free, so that a trim exists, or "".
+
+    Each is tried: first the rate of altitude, as in a climb, and with an imposed load factor
+    that of pitch, as in a pull-up. Values that the user imposed come last. If only one input
+    is too weak, it is held at its limit, so that the advice is the steepest climb and not a
+    glide. If the equations balance only with a free rate, and beyond a limit, the advice is
+    this rate and the limit.
+    """
+    if failure.attempt._unmoved:
+        return ""
+    model, condition = given.model, given.condition
+    changing = _CLIMBING + _PULLED_UP * ("load_factor" in condition.imposed)
+    imposed = [f"{name}_dot" for name in condition.rates if name.lower() in changing]
+    weak = _too_weak(given, failure)
+    typed = "".join(
+        f"--hold {each}={shown_value(value, model.unit(each))} " for each, value in weak.items()
+    )
+    imposed += sorted(condition.imposed, key=lambda name: name in given.hold)
+    declared = usual_condition(model).imposed
+    found: list[str] = []
+    for name in imposed:
+        is_swept = name == model.schedule and model.about.names_schedule
+        is_extra = name in given.hold and name not in declared  # without it: the default trim
+        if is_swept or len(found) == _MOST_ADVICE or (is_extra and found):
+            continue
+        is_rate = name not in condition.imposed
+        freed = release(condition, free=(name,), hold={} if is_rate else weak)
+        try:
+            point = trim(model, freed, given.start)
+        except TrimError as obstacle:
+            if is_rate and obstacle.required and not failure.required:
+                return f"with --free {name}, balanced only beyond a limit: {obstacle.required}"
+        except BadInputError:
+            pass
+        else:
+            if is_rate:
+                found.append(f"--free {name}")
+            elif not (point._far_out or _is_equal(declared.get(name), point[name])):
+                value = model.describe(name, point[name])
+                instead = " in place of --hold" if name in given.hold else ""
+                found.append(f"{typed}--free {name}{instead} ({name} {value})")
+    if not found:
+        return ""
+    return f"a trim exists with {' or '.join(found)}"
+
+
+def _too_weak(given: GivenTrim, failure: TrimError) -> dict[str, float]:
+    """Return the only free input at a limit beyond which the equations balance, name -> limit.
+
+    The result is {} if none or several are at a limit.
+    """
+    margins = failure.attempt.margins_under(given.condition).values()
+    bound = [each for each in margins if each.at_limit and each.role == "free"]
+    if not failure.required or len(bound) != 1 or bound[0].name not in given.model.inputs:
+        return {}
+    return {bound[0].name: bound[0].nearer_limit}
+
+
+def _is_equal(declared: object, value: float) -> bool:
+    """Return whether a value is that of the default trim, which no option need set free."""
+    return isinstance(declared, float) and isclose(value, declared, abs_tol=1e-9)

@@ -1,0 +1,132 @@
+"""Options of the command line, declared as fields of frozen dataclasses of plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import MISSING, dataclass, field, fields, replace
+from importlib.util import find_spec
+from typing import Any
+
+from hfa_support.errors import BadInputError
+
+#: Fields whose options follow those of the aircraft and the command in the help.
+_OUTPUT = ("output", "picture", "json", "quiet")
+#: Group of the options that only the paper's flexible aircraft has.
+PAPER = "the paper's aircraft"
+
+
+@dataclass(frozen=True)
+class Option:
+    """A command-line option that sets a field of a request.
+
+    about: help of the option, or a function that returns it
+    form: placeholder of the value in the help, or "" for a switch
+    kind: function word -> value, or (name, text) -> value for a `named` option. The message of its
+        BadInputError completes a sentence that begins with the option.
+    names: names separated by blanks, as in "-o --output", or one word without dashes for a
+      positional argument
+    named: whether the words are NAME=VALUE[,NAME=VALUE...]
+    repeated: whether the option is repeatable and the field contains all values
+    count: number of words, as argparse's nargs, or None for one word
+    alone: value if no word follows the option, or None if a word is required
+    required: whether the option is mandatory
+    rare: whether only `--help more` explains the option, and `--help` lists its name
+    group: heading in the help, or "" for the common options
+    package: package of an extension that the option requires, or "". Without the package, the help
+        omits the option
+    """
+
+    about: str | Callable[[], str]
+    form: str = ""
+    kind: Callable[..., Any] = str
+    names: str = ""
+    named: bool = False
+    repeated: bool = False
+    count: str | None = None
+    alone: Any = None
+    required: bool = False
+    rare: bool = False
+    group: str = ""
+    package: str = ""
+
+    @property
+    def flags(self) -> list[str]:
+        """Names of the option, for example ["-o", "--output"].
+
+        Messages use the last name.
+        """
+        return self.names.split()
+
+
+def option(
+    about: str | Callable[[], str],
+    form: str = "",
+    kind: Callable[..., Any] | None = None,
+    default: Any = None,
+    **more: Any,
+) -> Any:
+    """Return a field of a request, together with the command-line option that sets it.
+
+    about, form: as in `Option`
+    kind: as in `Option`; by default the word, or the text of a `named` option, is the value
+    default: value without the option, ignored for switches and for `named` or `repeated` options
+    more: further fields of `Option`
+    """
+    if kind is None:
+        kind = _text if more.get("named") else str
+    declared = Option(about, form, kind, **more)
+    metadata = {"option": declared}
+    if declared.named:
+        return field(default_factory=dict, metadata=metadata)
+    if declared.repeated:
+        return field(default=(), metadata=metadata)
+    return field(default=default if form else False, metadata=metadata)
+
+
+def _text(_: str, text: str) -> str:
+    return text
+
+
+def options_of(request: type) -> dict[str, Option]:
+    """Return the options of a class of requests, field -> option.
+
+    The order is that of the help: common options of the aircraft and the command, of the output, of
+    other groups, and rare ones. An option without `names` is named after its field.
+    """
+    found: dict[str, Option] = {}
+    for each in fields(request):
+        if declared := each.metadata.get("option"):
+            called = "--" + each.name.strip("_").replace("_", "-")
+            found[each.name] = replace(declared, names=declared.names or called)
+
+    def place(name: str) -> tuple[bool, bool, bool]:
+        return found[name].rare, bool(found[name].group), name in _OUTPUT
+
+    return {name: found[name] for name in sorted(found, key=place)}
+
+
+def is_given(request: Any, name: str) -> bool:
+    """Return whether a field of a request differs from its default."""
+    each = type(request).__dataclass_fields__[name]
+    usual = each.default if each.default_factory is MISSING else each.default_factory()
+    value = getattr(request, name)
+    return value is not usual and (type(value) is not type(usual) or value != usual)
+
+
+def refuse(request: Any, names: Iterable[str], reason: str) -> None:
+    """Raise BadInputError if one of these options was given.
+
+    names: fields whose options have no effect
+    reason: end of the message, which follows the name of the option
+    """
+    for name in names:
+        if is_given(request, name):
+            raise BadInputError(f"{options_of(type(request))[name].flags[-1]} {reason}")
+
+
+def is_installed(package: str) -> bool:
+    """Return whether a package can be imported, without importing it.
+
+    package: name of a top-level package, such as "hfa_flight"
+    """
+    return find_spec(package) is not None

@@ -1,0 +1,139 @@
+"""The aircraft of a request: the paper's flexible aircraft (HFA), or an aircraft of the user."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hfa.options.argument_types import one_of
+from hfa.options.option import PAPER, option
+from hfa_aircraft.model import Model
+from hfa_model.choice import aircraft
+from hfa_model.parameters import (
+    NAMED,
+    ParameterSet,
+    changed_parameters,
+    default_parameters,
+    load_parameters,
+)
+from hfa_support.errors import BadInputError
+from hfa_support.provenance import Change, parameter_hash
+
+
+def aircraft_help() -> str:
+    """Return the help of --aircraft, with the formats of the core and of installed packages."""
+    from hfa_aircraft.loading import forms_of_packages
+
+    forms = ("aircraft (Python and FMUs are executed): package.module:NAME", *forms_of_packages())
+    return ", ".join(forms) + "; default: HFA"
+
+
+def _parameter_file(text: str) -> str:
+    if "=" in text and not Path(text).exists():
+        raise BadInputError(f"is {text}, not a file; a parameter is set by --hold {text}")
+    return text
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AircraftOptions:
+    """The aircraft: the HFA with its dynamics and parameters, or an aircraft of the user."""
+
+    aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
+    units: str | None = option(
+        "units of input and output: si (m, kg, N); default: units of the aircraft, of the HFA "
+        "ft, slug and lbf",
+        "si",
+        one_of("si"),
+    )
+    dynamics: str | None = option(
+        "equations: published (of the printed matrices; default), newton (exact mechanics), "
+        "unsteady",
+        "VARIANT",
+        group=PAPER,
+    )
+    parameters: str | None = option(
+        f"parameters: a file, {' or '.join(NAMED)} (default: identified); of another aircraft: a "
+        "file that hfa identify -o FILE.toml wrote",
+        "FILE",
+        _parameter_file,
+        group=PAPER,
+    )
+    mass: Path | None = option(
+        "mass, inertias and flight condition of an AVL file (FILE.st): a table",
+        "FILE",
+        Path,
+        rare=True,
+    )
+
+
+def loaded_model(request: AircraftOptions) -> Model:
+    """Return the model of --aircraft, or the HFA, in the units of --units.
+
+    Raises BadInputError if an option does not apply to the aircraft.
+    """
+    if request.aircraft is None:
+        if request.mass is not None:
+            raise BadInputError("--mass applies only to an AVL file; give --aircraft FILE.st")
+        model = aircraft(request.dynamics or "published", parameter_set(request).values)
+    else:
+        from hfa_aircraft.loading import load_model
+
+        if request.dynamics is not None:
+            raise BadInputError(
+                "--dynamics applies only to the HFA; remove this option or --aircraft"
+            )
+        file = None if request.parameters is None else Path(request.parameters)
+        model = load_model(request.aircraft, file, mass=request.mass)
+    if request.units != "si":
+        return model
+    from hfa_aircraft.units import in_si
+
+    return in_si(model)
+
+
+def parameter_set(request: AircraftOptions) -> ParameterSet:
+    """Return the parameters of the HFA, from --parameters or the default."""
+    if request.parameters is None or request.aircraft is not None:
+        return default_parameters()
+    return load_parameters(request.parameters)
+
+
+def is_own(model: Model) -> bool:
+    """Return whether a model was loaded from a file or another source that the user named.
+
+    The result is False for the paper's flexible aircraft.
+    """
+    return model.source.text != ""
+
+
+def aircraft_source(
+    request: AircraftOptions, model: Model, held: Mapping[str, float] | None = None
+) -> dict[str, Any]:
+    """Return the entries of the provenance on the aircraft.
+
+    They are the aircraft's file with its digest, or the dynamics and parameters of the HFA.
+
+    held: parameter -> value, for the parameters that the options of a trim set
+    """
+    if is_own(model):
+        file, digest = model.source.text, model.source.digest
+        source = {"model": f"{file} (SHA-256 {digest[:12]})"}
+        if request.parameters is not None:
+            content = hashlib.sha256(Path(request.parameters).read_bytes()).hexdigest()
+            source |= {"parameters": request.parameters, "parameter_hash": content[:12]}
+        return source
+    chosen = parameter_set(request)
+    changed = changed_parameters(chosen)
+    for name, value in (held or {}).items():
+        signal = model.parameters[name]
+        if value != signal.start:
+            changed[name] = Change(value, signal.start, signal.unit)
+    return {
+        "dynamics": request.dynamics or "published",
+        "parameters": chosen.name,
+        "parameter_hash": parameter_hash(chosen.values),
+        "changed": changed,
+    }

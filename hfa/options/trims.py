@@ -1,0 +1,277 @@
+"""The trim of a request: its condition, in the names and units of the aircraft."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from hfa.options.argument_types import breakpoint_value, each_of, option_errors, quantity, span
+from hfa.options.option import PAPER, option
+from hfa.options.plants import AircraftOptions, aircraft_source, is_own, loaded_model
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, refuse_unknown
+from trim.hfa.level_flight import CONDITIONS, load_condition
+from trim.point.condition import TrimCondition, release, usual_condition
+from trim.point.operating_point import OperatingPoint
+
+#: Options of the trim condition, without the scheduling variable.
+OF_THE_TRIM = ("condition", "free", "hold", "limit", "start")
+#: Help of --at and --dihedral where several values may be given.
+AT_SEVERAL = "scheduling variable: a number, a list a,b,c or a range start:stop:step"
+DIHEDRAL_SEVERAL = "dihedral angle: a number, a list a,b,c or a range start:stop:step"
+CONDITION_HELP = f"trim condition that replaces the default: a file, or {', '.join(CONDITIONS)}"
+
+T = TypeVar("T")
+
+
+def at_option(about: str, form: str = "VALUE") -> Any:
+    """Return the option --at, the value of the aircraft's scheduling variable."""
+    return option(about, form)
+
+
+def dihedral_option(about: str, form: str = "DEG") -> Any:
+    """Return the option --dihedral, which is --at of the paper's aircraft."""
+    return option(f"{about}, degrees", form, group=PAPER)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrimOptions(AircraftOptions):
+    """The condition of a trim."""
+
+    at: str | None = at_option("scheduling variable of the aircraft")
+    dihedral: str | None = dihedral_option("dihedral angle, the scheduling variable")
+    hold: Mapping[str, str] = option(
+        "hold a variable at a value; repeatable", "NAME=VALUE", named=True
+    )
+    free: tuple[str, ...] = option(
+        "variable that the trim solves for; repeatable", "NAME", repeated=True
+    )
+    limit: Mapping[str, str] = option(
+        "limits of a free variable of the trim, degrees for angles; repeatable",
+        "NAME=LOW:HIGH",
+        named=True,
+    )
+    condition: str | None = option(CONDITION_HELP, "FILE", rare=True)
+    start: str | None = option(
+        "initial point of the trim search: an operating point (.json), or NAME=VALUE,NAME=VALUE",
+        "FILE",
+        rare=True,
+    )
+
+
+class GivenTrim(NamedTuple):
+    """The trim that the options of a request define.
+
+    model: the aircraft, with the parameters that the options set
+    common: condition without the value of the scheduling variable
+    at: value of the scheduling variable, or None for that of the condition
+    hold: variable or parameter -> value of --hold
+    start: point at which the search begins, or None
+    is_started: whether --start is given
+    source: entries of the provenance
+    """
+
+    model: Model
+    common: TrimCondition
+    at: float | None
+    hold: Mapping[str, float]
+    start: OperatingPoint | None
+    is_started: bool
+    source: Mapping[str, Any]
+
+    @property
+    def condition(self) -> TrimCondition:
+        """Condition of the trim, with the value of the scheduling variable."""
+        is_parameter = self.model.schedule in self.model.parameters
+        return self.common.at(None if is_parameter else self.at)
+
+    @property
+    def held_parameters(self) -> dict[str, float]:
+        """Parameter -> value, for the parameters that options set."""
+        return parameters_in(self.model, {**self.hold, self.model.schedule: self.at})
+
+
+def given_trim(request: TrimOptions, *, required: bool = False) -> GivenTrim:
+    """Return the single trim that the options define.
+
+    required: whether the paper's aircraft requires --dihedral
+
+    Raises BadInputError for an unknown name, an invalid value, or options that contradict.
+    """
+    model = loaded_model(request)
+    at = at_value(request, model, breakpoint_value, required=required)
+    return trim_with(request, model, at, each_of("--hold", model, request.hold, quantity))
+
+
+def trim_with(
+    request: TrimOptions, model: Model, at: float | None, hold: Mapping[str, float]
+) -> GivenTrim:
+    """Return the trim of the options, at one value of the scheduling variable.
+
+    model: model of the aircraft, without the parameters of --hold
+    at: value of the scheduling variable, or None
+    hold: variable or parameter -> value
+    """
+    held = parameters_in(model, {**hold, model.schedule: at})
+    common = common_condition(request, named_condition(request, model), at, hold)
+    source = aircraft_source(request, model, held) | condition_source(common, at, held)
+    start = start_of(request, model)
+    return GivenTrim(
+        model.with_parameters(**held),
+        common,
+        at,
+        hold,
+        start if isinstance(start, OperatingPoint) else None,
+        start is not None,
+        source,
+    )
+
+
+def at_name(model: Model) -> str:
+    """Return the name of the option for the scheduling variable: "dihedral" of the HFA, or "at"."""
+    return model.schedule if model.about.names_schedule else "at"
+
+
+def at_value(
+    request: TrimOptions, model: Model, kind: Callable[[Model, str], T], *, required: bool = False
+) -> T | None:
+    """Return the value of --at or --dihedral, or None.
+
+    kind: function (model, text) -> value
+    required: whether the option is mandatory for the paper's aircraft
+
+    Raises BadInputError if the model has no such option, and as `kind` does.
+    """
+    if request.dihedral is not None and not model.about.names_schedule:
+        raise BadInputError(f"--dihedral applies only to the HFA; {model.name} takes --at VALUE")
+    given = {text for text in (request.at, request.dihedral) if text is not None}
+    if len(given) > 1:
+        raise BadInputError(
+            f"--{at_name(model)} is given twice ({' and '.join(sorted(given))}); give one value"
+        )
+    if given and not model.schedule:
+        raise BadInputError(
+            f"--at must be removed, because {model.name} declares no scheduling variable"
+        )
+    if required and not given and model.about.names_schedule:
+        raise BadInputError(f"no value of {model.schedule} is given; add --{model.schedule} DEG")
+    for text in given:
+        with option_errors(f"--{at_name(model)}"):
+            return kind(model, text)
+    return None
+
+
+def named_condition(request: TrimOptions, model: Model) -> TrimCondition:
+    """Return the condition of --condition, or the default of the model.
+
+    Raises BadInputError for a list of points.
+    """
+    usual = usual_condition(model)
+    if request.condition is None:
+        return usual
+    if request.condition.lower().endswith(".csv"):
+        raise BadInputError(
+            f"--condition {request.condition} is a list of points; give one condition, or use "
+            "`hfa sweep`"
+        )
+    with option_errors("--condition"):
+        return load_condition(request.condition, usual)
+
+
+def common_condition(
+    request: TrimOptions, usual: TrimCondition, at: object, hold: Mapping[str, Any]
+) -> TrimCondition:
+    """Return a condition changed by --hold, --free, --limit and --start.
+
+    The value of the scheduling variable is not changed.
+
+    usual: the condition
+    at: value or values of the scheduling variable, or None
+    hold: variable or parameter -> value or values of --hold, of which only single values of
+        variables are imposed
+
+    Raises BadInputError if a variable is given twice, and as `release` does.
+    """
+    model = usual.model
+    free = [_freed(model, text) for text in request.free]
+    refuse_doubles(model, free, at, hold)
+    held = {name: value for name, value in hold.items() if name not in model.parameters}
+    held = {name: value for name, value in held.items() if isinstance(value, float)}
+    limits = each_of("--limit", model, request.limit, span)
+    condition = release(usual, free=free, hold=held, limits=limits)
+    start = start_of(request, model)
+    if isinstance(start, Mapping):
+        return replace(condition, begin={**condition.begin, **start})
+    return condition
+
+
+def _freed(model: Model, text: str) -> str:
+    """Return the model's name of the variable that --free gives."""
+    if "," in text:
+        options = " ".join(f"--free {name.strip()}" for name in text.split(","))
+        raise BadInputError(f"--free give one variable; write {options}")
+    return model.about.aliases.get(text, text)
+
+
+def refuse_doubles(model: Model, free: Sequence[str], at: object, hold: Mapping[str, Any]) -> None:
+    """Raise BadInputError if two of --free, --hold and --at give the same variable."""
+    for name in free:
+        if name in hold:
+            raise BadInputError(
+                f"{name} is both free and held; remove --free or --hold for this variable"
+            )
+    by = model.schedule
+    others = {"--hold": by in hold, "--free": by in free and not isinstance(at, float)}
+    for other, gives_it in others.items():
+        # A single value of a free variable is the initial guess of the search.
+        if at is not None and gives_it:
+            raise BadInputError(
+                f"{by} is given by both --{at_name(model)} and {other}; remove one of these options"
+            )
+
+
+def start_of(request: TrimOptions, model: Model) -> OperatingPoint | dict[str, float] | None:
+    """Return the initial point of the trim search that --start gives, or some of its values."""
+    text = request.start
+    if text is None:
+        return None
+    with option_errors("--start"):
+        if "=" not in text or Path(text).exists():
+            return OperatingPoint.load(Path(text), model)
+        values = {}
+        for word in text.split(","):
+            typed, _, value = word.partition("=")
+            name = model.about.aliases.get(typed, typed)
+            refuse_unknown("no variable is called", name, model.variables)
+            values[name] = quantity(model, name, value)
+    return values
+
+
+def parameters_in(model: Model, values: Mapping[str, Any]) -> dict[str, float]:
+    """Return the parameters of a model among values that are single numbers, name -> value."""
+    return {name: values[name] for name in model.parameters if isinstance(values.get(name), float)}
+
+
+def condition_source(
+    common: TrimCondition, at: object, held: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return the entries of the provenance on a trim condition.
+
+    common: condition without the value of the scheduling variable
+    at: value or values of the scheduling variable, or None
+    held: parameter -> value, for the parameters that options set
+    """
+    if is_own(common.model):
+        return {"condition": {**common.changes, "parameters": held}}
+    condition: Mapping[str, Any] = common.changes
+    if isinstance(at, float):
+        single = common.at(at)
+        limits = {name: list(single.limits_of(name)) for name in single.free}
+        condition = {
+            "imposed": dict(single.imposed),
+            "free": list(single.free),
+            "limits": limits,
+        }
+    return {"condition": condition, "flight": common.in_words()}
