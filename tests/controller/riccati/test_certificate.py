@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -20,16 +19,11 @@ from controller.riccati.axis_distance import distance_to_instability
 from controller.riccati.certificate import Certificate, agreement, gain_change
 from controller.riccati.normal_form import NormalForm
 from hfa import Game, NoSolutionError, solve
-from hfa.extend import Check
 from hfa.main import FAILED
 from hfa_support.matrices import balanced
 
 I2 = np.eye(2)
 EPS = np.finfo(float).eps
-
-
-def named(certificate: Certificate) -> dict[str, Check]:
-    return {check.name: check for check in certificate.checks}
 
 
 def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
@@ -42,49 +36,29 @@ def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
     return Certificate((*form.axis_checks(), *form.checks(X), agreement(X, second_X)))
 
 
-def test_non_stabilizing_root_is_refused(game: Game) -> None:
-    """A root of the Riccati equation with a tiny residual fails if A - S P is not Hurwitz."""
-    P = other_root(game)
-    certificate = _certify(game, P, P)
-    assert named(certificate)["residual"].value < 1e-13
-    assert not certificate.ok
-    assert "game_loop_abscissa" in failed_names(certificate.checks)
-    assert "residual" not in failed_names(certificate.checks)
-    assert "is not Hurwitz" in named(certificate)["game_loop_abscissa"].reason
-
-
 @pytest.mark.parametrize(
-    ("change", "failed"),
+    ("change", "factor", "failed"),
     [
-        (lambda P: P * (1.0 + 1e-8), "residual"),
-        (lambda P: -P, "positive_semidefinite"),
-        (lambda P: 0.0 * P, "residual"),
+        (lambda game, _: other_root(game), None, "game_loop_abscissa"),
+        (lambda _, P: P * (1.0 + 1e-8), 1.0, "residual"),
+        (lambda _, P: -P, 1.0, "positive_semidefinite"),
+        (lambda _, P: np.full_like(P, np.nan), 1.0, "residual"),
+        (lambda _, P: P, 1.0 + 1e-7, "second_derivation"),
+        (lambda _, P: P, np.nan, "second_derivation"),
     ],
 )
-def test_changed_solution_is_refused(game: Game, change: object, failed: str) -> None:
-    """Each change planted in P fails the check that it violates."""
-    P = solve(game).P
-    assert failed in failed_names(_certify(game, change(P), P).checks)  # type: ignore[operator]
-
-
-def test_newtons_corrections_remove_an_error_of_a_solution(game: Game) -> None:
-    """From an error of 1e-4, not symmetric, the corrected X is that of 60 digits, in all games."""
-    for delta in (game.delta, math.inf):
-        form = NormalForm.of(game.with_delta(delta))
-        exact = form.of_value(reference_solution(game.with_delta(delta)).P)
-        noise = np.random.default_rng(0).standard_normal(exact.shape)
-        found = form.refined(exact + 1e-4 * np.abs(exact) * noise)
-        assert relative_error(found, exact) < 1e-12
-
-
-def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
-    """Two derivations of P that differ by 1e-7 fail, as does one that is not finite."""
-    P = solve(game).P
-    assert failed_names(_certify(game, P, P * (1.0 + 1e-7)).checks) == {"second_derivation"}
-    assert not _certify(game, P, np.full_like(P, np.nan)).ok
-    nowhere = _certify(game, np.full_like(P, np.nan), P)
-    assert not nowhere.ok
-    assert "not finite" in named(nowhere)["residual"].reason
+def test_a_wrong_solution_is_refused(
+    game: Game,
+    change: Callable[[Game, np.ndarray], np.ndarray],
+    factor: float | None,
+    failed: str,
+) -> None:
+    """Each wrong P, and each second P that differs, fails the check that it violates."""
+    P = change(game, solve(game).P)
+    second = P if factor is None else factor * solve(game).P
+    names = failed_names(_certify(game, P, second).checks)
+    assert failed in names
+    assert "residual" not in names or failed != "game_loop_abscissa"  # a root has no residual
 
 
 def test_a_hamiltonian_on_the_axis_is_detected() -> None:
@@ -112,16 +86,6 @@ STABLE: dict[str, Any] = {
 
 
 pytestmark = pytest.mark.usefixtures("folder")
-
-
-def test_a_costless_stable_plant_has_zero_value() -> None:
-    """A stable plant without cost has the certified solution P = K = 0 and delta_min 0."""
-    data = answer("solve", "--model", stored("plant.npz", **STABLE))
-    assert np.array_equal(data["P"], np.zeros((2, 2)))
-    assert np.array_equal(data["K"], np.zeros((1, 2)))
-    assert data["certificate"]["ok"] is True
-    assert (data["delta_min"], data["delta_margin"]) == (0.0, None)
-    assert {"cost_lyapunov", "l2_gain"} <= {check["name"] for check in data["meaning"]}
 
 
 @pytest.mark.parametrize("key", ["P", "K"])
@@ -154,57 +118,9 @@ def test_a_costless_unstable_plant_has_stabilizing_value() -> None:
     assert solve(game).P[0, 0] == pytest.approx(2.0, rel=SAME_SOLUTION)
 
 
-def hamiltonian(rng: np.random.Generator, n: int) -> np.ndarray:
-    A, W, Q = (rng.standard_normal((n, n)) for _ in range(3))
-    return np.block([[A - n * np.eye(n), -W @ W.T], [-Q @ Q.T / n, n * np.eye(n) - A.T]])
-
-
-def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Return a matrix whose distance to the imaginary axis is determined by defective eigenvalues.
-
-    The defective eigenvalues, -1 ± i, are far from the axis. The simple eigenvalues, with
-    frequencies above 2 rad/s, are near the axis.
-    """
-    block = np.kron(np.eye(n // 4), [[-1.0, 1.0], [-1.0, -1.0]]) + 3.0 * np.eye(n // 2, k=2)
-    turns = np.kron(np.diag(rng.uniform(2.0, 9.0, n // 4)), [[0.0, 1.0], [-1.0, 0.0]])
-    spread = turns - 0.01 * np.eye(n // 2)
-    turn = np.linalg.qr(rng.standard_normal((n, n)))[0]
-    zero = np.zeros((n // 2, n // 2))
-    return turn @ np.block([[block, zero], [zero, spread]]) @ turn.T
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("make", [hamiltonian, jordan, lambda rng, n: rng.standard_normal((n, n))])
-@pytest.mark.parametrize("is_discrete", [False, True])
-def test_the_distance_to_instability_is_the_least_over_frequencies(
-    make: Callable[[np.random.Generator, int], np.ndarray], is_discrete: bool
-) -> None:
-    """The distance equals the least of σ_min(A - s I) / ‖A‖₂ on the axis, or on the unit circle.
-
-    A is balanced. The least is found on fine grids of the frequency. The tolerance is 2e-6.
-    """
-    for seed in range(2):
-        matrix = balanced(make(np.random.default_rng(seed), 40))[0]
-        if is_discrete:
-            matrix = 0.9 * matrix / np.abs(np.linalg.eigvals(matrix)).max()
-        values = np.linalg.eigvals(matrix)
-        frequencies = np.unique(np.abs(np.angle(values) if is_discrete else values.imag))
-        end = np.pi if is_discrete else 1.5 * frequencies.max()
-        grid = np.unique(np.concatenate([frequencies, np.linspace(0.0, end, 200)]))
-        for _ in range(3):
-            sizes = [least_singular_value(matrix, each, is_discrete) for each in grid]
-            best = int(np.argmin(sizes))
-            least = sizes[best]
-            grid = np.linspace(grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)], 30)
-        found = distance_to_instability(matrix, is_discrete=is_discrete)
-        # A singular value below 1e-16 times the norm is rounding.
-        expected = least / np.linalg.norm(matrix, 2)
-        assert found.distance == pytest.approx(expected, rel=2e-6, abs=2e-16)
-
-
-def least_singular_value(matrix: np.ndarray, frequency: float, is_discrete: bool = False) -> float:
-    value = np.exp(1j * frequency) if is_discrete else 1j * frequency
-    return float(np.linalg.svd(matrix - value * np.eye(len(matrix)), compute_uv=False)[-1])
+def least_singular_value(matrix: np.ndarray, frequency: float) -> float:
+    shifted = matrix - 1j * frequency * np.eye(len(matrix))
+    return float(np.linalg.svd(shifted, compute_uv=False)[-1])
 
 
 def test_the_distance_of_defective_eigenvalues_is_off_resonance() -> None:
@@ -225,16 +141,6 @@ def test_the_distance_of_defective_eigenvalues_is_off_resonance() -> None:
     assert frequency == pytest.approx(0.991, abs=1e-3)
 
 
-def test_one_mode_on_the_axis_is_detected() -> None:
-    """One mode on the imaginary axis among 29 damped ones is detected."""
-    rng = np.random.default_rng(0)
-    turn = np.linalg.qr(rng.standard_normal((60, 60)))[0]
-    damped = np.kron(np.diag(rng.uniform(1.0, 9.0, 30)), [[-0.1, 1.0], [-1.0, -0.1]])
-    damped[-2:, -2:] = [[0.0, 3.0], [-3.0, 0.0]]
-    found = distance_to_instability(turn @ damped @ turn.T, is_discrete=False)
-    assert found.distance <= 1e-15
-
-
 @pytest.mark.parametrize("angle", [0.0, 0.7, np.pi])
 def test_a_damped_rotation_is_as_far_from_the_circle_as_its_radius(angle: float) -> None:
     """The distance of a normal matrix with eigenvalues r e^±jω is (1 - r) / r, at ω."""
@@ -243,11 +149,10 @@ def test_a_damped_rotation_is_as_far_from_the_circle_as_its_radius(angle: float)
     assert found == pytest.approx((0.25, angle), rel=1e-12)
 
 
-@pytest.mark.parametrize("reach", [1e-2, 1e-4])
-def test_the_change_of_the_gain_is_that_of_changed_last_digits(reach: float) -> None:
+def test_the_change_of_the_gain_is_that_of_changed_last_digits() -> None:
     """The stated change of K is that of games with changed last digits, solved with 60 digits."""
     A, modes = np.array([[-0.04, 0.72], [0.72, -0.46]]), np.array([[0.8, 0.6], [-0.6, 0.8]])
-    B = modes.T @ [[reach], [1.0]]
+    B = modes.T @ [[1e-4], [1.0]]
     game, rng = Game(A, B, Q=I2, R=[1.0]), np.random.default_rng(0)
     K = reference_solution(game).K
     changes = []
@@ -255,7 +160,8 @@ def test_the_change_of_the_gain_is_that_of_changed_last_digits(reach: float) -> 
         A_signs, B_signs = (rng.choice([-1.0, 1.0], size=matrix.shape) for matrix in (A, B))
         changed = Game(A * (1.0 + EPS * A_signs), B * (1.0 + EPS * B_signs), Q=I2, R=[1.0])
         changes.append(relative_error(B @ reference_solution(changed).K, B @ K))
-    stated = named(solve(game).certificate)["gain_change"].value
+    checks = {check.name: check.value for check in solve(game).certificate.checks}
+    stated = checks["gain_change"]
     assert 0.5 < stated / max(changes) < 2.0
 
 

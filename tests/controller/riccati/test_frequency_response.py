@@ -15,14 +15,6 @@ from controller import bounded_real_gain
 from hfa import Game, solve
 
 
-def test_first_order_l2_gain_equals_closed_form() -> None:
-    """The L2 gain of a first-order loop equals its closed form."""
-    game = Game([[-1.0]], [[2.0]], [[3.0]], [[4.0]], [[5.0]], 10.0)
-    exact = 3.0 * math.sqrt(4.0 + 5.0 * 0.25) / 2.0  # u = -z/2
-    K = np.array([[0.5]])
-    assert bounded_real_gain(game, K) == pytest.approx(exact, rel=2e-9)
-
-
 @pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.3])
 def test_the_gain_of_a_resonance_equals_its_closed_form(damping: float) -> None:
     """The search finds the gain 1 / (2 ζ sqrt(1 - ζ²)) of a resonance."""

@@ -14,7 +14,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from tolerances import SAME_FORMULA
 
 from controller import minimum_delta
-from hfa import BadInputError, Game, NoSolutionError, solve
+from hfa import BadInputError, Game, NoSolutionError, from_value, solve
 
 MODELS = sorted(game_models())
 OURS = regenerated_models()
@@ -57,6 +57,8 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     np.testing.assert_array_equal(loop.A, game.A - game.B @ solution.K)
     np.testing.assert_array_equal(loop.B, game.E)
     np.testing.assert_array_equal(loop.C, np.eye(6))
+    skew = np.triu(P, 1)
+    np.testing.assert_allclose(from_value(game, P + skew - skew.T).K, solution.K, rtol=1e-9)
     z = np.arange(1.0, 7.0)
     assert solution.cost(z) == pytest.approx(z @ P @ z)
     with pytest.raises(BadInputError, match=r"give an array of shape \(6,\)"):

@@ -7,7 +7,6 @@ examples for the numerical solution of algebraic Riccati equations I: continuous
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
-from reference_riccati import reference_solution
 
 from hfa import Game, solve
 
@@ -103,24 +101,10 @@ def test_the_corner_of_an_integrator_chain_is_exact(n: int) -> None:
     assert solve(game).P[0, -1] == pytest.approx(6.0, rel=1e-13)
 
 
-# Examples without a closed form, with the parameters of the report: compared with 60 digits, or
-# checked by their residual.
+# Examples without a closed form: checked by their residual.
 
-_PRINTED = json.loads(Path(__file__).with_name("carex.json").read_bytes())["examples"]
 #: Examples contained as files in SciPy's tests.
 _FILES = (6, 15, 18, 19)
-
-
-def printed(number: int) -> Game:
-    example = _PRINTED[str(number)]
-    return equation(example["A"], example["B"], example["Q"], np.eye(np.shape(example["B"])[1]))
-
-
-def nearly_singular_weight(small: float) -> Game:
-    """Return the game of example 8, with R = [[1 + small, 1], [1, 1]]."""
-    B = [[0.1, 0.0], [0.001, 0.01]]
-    Q = [[100.0, 1000.0], [1000.0, 10000.0]]
-    return equation(np.diag([-0.1, -0.02]), B, Q, [[1.0 + small, 1.0], [1.0, 1.0]])
 
 
 def remainder(game: Game, P: np.ndarray) -> float:
@@ -128,18 +112,6 @@ def remainder(game: Game, P: np.ndarray) -> float:
     A, Q, S, X = (each.astype(np.longdouble) for each in (game.A, game.Q, game.S, P))
     terms = [A.T @ X, X @ A, Q, -X @ S @ X]
     return float(np.abs(sum(terms)).max() / max(np.abs(each).max() for each in terms))
-
-
-@pytest.mark.parametrize(
-    "game",
-    [pytest.param(nearly_singular_weight(small), id=f"8, {small:g}") for small in (1.0, 1e-3, 1e-6)]
-    + [pytest.param(printed(5), id="5")],
-)
-def test_unknown_carex_solutions_agree_with_60_digits(game: Game) -> None:
-    """Without a closed form, P agrees with the 60-digit reference to 1e-12 in balanced units."""
-    reference = reference_solution(game).P
-    units = 1.0 / np.sqrt(np.diag(reference))
-    assert np.abs((solve(game).P - reference) * np.outer(units, units)).max() <= 1e-12
 
 
 def filed(number: int) -> Game:

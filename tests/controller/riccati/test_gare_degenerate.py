@@ -45,19 +45,6 @@ def elsewhere(game: Game, seed: int) -> Game:
     return replace(game, A=T @ game.A @ inverse, B=T @ game.B, E=T @ game.E, Q=(Q + Q.T) / 2.0)
 
 
-def chain(n: int, delta: float = 1000.0) -> Game:
-    B = np.eye(n)[:, [-1]]
-    return Game(np.eye(n, k=1), B, B, np.eye(n), [[1.0]], delta)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("n", [2, 5, 8, 12])
-def test_rotated_chains_of_integrators_are_solved(n: int) -> None:
-    """Chains of n integrators in random coordinates are solved."""
-    for seed in range(2):
-        assert error(elsewhere(chain(n), seed)) <= EXACT
-
-
 @pytest.mark.parametrize(
     ("rates", "coupling", "slow"),
     [
@@ -113,42 +100,6 @@ def test_an_undamped_mode_needs_weight_in_Q(
 # The smallest delta of x' = a x + b u + e d is e / sqrt(b²/r + min(a, 0)²/q).
 
 
-def scalar(a: float, apart: float) -> Game:
-    """Return a scalar game whose delta is 1 + `apart` times its exact smallest delta."""
-    b = 0.7
-    e = 1.3
-    q = 2.0
-    r = 0.4
-    exact = e / math.sqrt(b * b / r + min(a, 0.0) ** 2 / q)
-    return Game([[a]], [[b]], [[e]], [[q]], [[r]], exact * (1.0 + apart))
-
-
-@pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
-@pytest.mark.parametrize("apart", [1e-3, 1e-9, -1e-9, -1e-3])
-def test_games_below_smallest_delta_are_never_solved(a: float, apart: float) -> None:
-    """A scalar game is never solved below its smallest delta, and always 0.1 % above it.
-
-    Closer to the smallest delta, P has the accuracy that its condition number 1/|apart| permits, or
-    the message truthfully states how close delta is.
-    """
-    game = scalar(a, apart)
-    exists = reference_solution(game).exists
-    assert exists == (apart > 0.0)
-    try:
-        P = solve(game).P
-    except NoSolutionError as refusal:
-        message = str(refusal)
-        assert not (exists and apart == 1e-3), message
-        assert ("no value of the game" in message) <= (not exists), message
-        assert ("is below delta_min" in message) <= (not exists), message
-        assert any(
-            text in message
-            for text in ("is below delta_min", "% above delta_min", "too close to delta_min")
-        ), message
-    else:
-        assert error(game, P) <= max(EXACT, 1e-15 / abs(apart))
-
-
 @pytest.mark.parametrize("q", [1.0, 1e-6, 1e-10, 1e-14])
 def test_the_smallest_delta_is_right_where_q_is_small(q: float) -> None:
     """Of x' = -1.5 x + u + d it is 1 / sqrt(1 + 1.5²/q)."""
@@ -156,11 +107,10 @@ def test_the_smallest_delta_is_right_where_q_is_small(q: float) -> None:
     assert minimum_delta(game).value == pytest.approx((1.0 + 2.25 / q) ** -0.5, rel=3e-6)
 
 
-@pytest.mark.parametrize("reach", [1e-3, 1e-6])
-def test_weak_inputs_of_an_unstable_plant_hide_nothing(reach: float) -> None:
+def test_weak_inputs_of_an_unstable_plant_hide_nothing() -> None:
     """A turned plant with one mode that the input barely reaches has the P and K of the reference."""
     game = elsewhere(
-        Game(np.diag([1.0, -2.0, 0.5]), [[reach], [1.0], [reach]], Q=np.eye(3), R=[1.0]), 0
+        Game(np.diag([1.0, -2.0, 0.5]), [[1e-6], [1.0], [1e-6]], Q=np.eye(3), R=[1.0]), 0
     )
     assert error(game) <= EXACT
     exact = reference_solution(game).K

@@ -10,11 +10,9 @@ import control
 import numpy as np
 import pytest
 from game_samples import game_models
-from strategies import in_coordinates
-from tolerances import SAME_FORMULA, TWO_BRACKETS, TWO_GAINS
 
 import hfa
-from controller import bounded_real_gain, disk_margin, minimum_delta
+from controller import disk_margin
 from hfa import Game, NoSolutionError, solve
 
 
@@ -27,45 +25,6 @@ def test_margins_of_an_unstable_loop_are_refused(game: Game) -> None:
     for margins in (loop_margins, disk_margin):
         with pytest.raises(NoSolutionError, match="the loop has a pole at "):
             margins(game, -K)
-
-
-def test_units_do_not_change_the_margins(game: Game) -> None:
-    """In meters instead of feet, margins, poles, L2 gain and delta_min are unchanged. K changes."""
-    units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
-    si = in_coordinates(game, np.diag(1.0 / units))
-    here = solve(game)
-    there = solve(si)
-    exact = [(there.K, here.K * units), (loop_margins(si, there.K), loop_margins(game, here.K))]
-    disks = (disk_margin(si, there.K), disk_margin(game, here.K))
-    np.testing.assert_allclose(disks[0], disks[1], rtol=1e-6)  # accuracy of the search for the peak
-    exact += [
-        (
-            np.sort_complex(there.closed_loop_eigenvalues),
-            np.sort_complex(here.closed_loop_eigenvalues),
-        )
-    ]
-    for computed, expected in exact:
-        # The conversion of units rounds once; the condition number of the margins is at most 1e3.
-        np.testing.assert_allclose(np.array(computed), np.array(expected), rtol=SAME_FORMULA)
-    assert bounded_real_gain(si, there.K) == pytest.approx(
-        bounded_real_gain(game, here.K), rel=TWO_GAINS
-    )
-    # The tolerance of each search is 1e-6.
-    assert minimum_delta(si).value == pytest.approx(minimum_delta(game).value, rel=TWO_BRACKETS)
-    assert np.abs(there.K / here.K - 1.0).max() > 2.0  # K depends on the units
-
-
-def test_margins_of_third_order_loop_equal_closed_form() -> None:
-    """The margins of L = 4 / (s + 1)³ equal their closed form.
-
-    L(i √3) = -1/2, and |L| = 1 at ω² = 4^(2/3) - 1.
-    """
-    system = control.ss(control.tf([4.0], [1.0, 3.0, 3.0, 1.0]))
-    game = Game(system.A, system.B, np.eye(3), np.eye(3), [[1.0]], 10.0)
-    (margin,) = loop_margins(game, system.C)
-    assert (margin.gain_low, margin.gain_high) == (0.0, pytest.approx(2.0, rel=1e-12))
-    omega = math.sqrt(4 ** (2 / 3) - 1)
-    assert margin.phase == pytest.approx(180.0 - 3.0 * math.degrees(math.atan(omega)), rel=1e-10)
 
 
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
