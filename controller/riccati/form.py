@@ -456,7 +456,7 @@ def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> 
     rows: (p, n)
     size: norm of A
     """
-    scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
+    scaled = size * (rows / (float(np.linalg.norm(rows, 2)) or 1.0))
     stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])
     return float(np.linalg.svd(stacked, compute_uv=False)[-1]) / size
 

@@ -1,5 +1,5 @@
 """Fixtures with the games of the two printed models."""
 
-from game_samples import first, game
+from game_samples import game
 
-__all__ = ["first", "game"]
+__all__ = ["game"]

@@ -43,23 +43,27 @@ def test_the_worst_and_mean_costs_are_eigenvalues_of_the_excess(delta: float) ->
     assert cost["cost_lost_mean_percent"] == pytest.approx(100.0 * shares.mean(), rel=1e-6)
 
 
-def test_gains_and_distances_are_of_both_policies() -> None:
-    """The distance is the least σ_min(jω I - A + B K) over ω, relative to the norm of the loop.
-
-    The game is balanced already, and both L2 gains are those on a grid of frequencies.
+@pytest.mark.parametrize("is_discrete", [False, True])
+def test_gains_and_distances_are_of_both_policies(is_discrete: bool) -> None:
+    """The distance is the least σ_min(s I - A + B K) over the boundary of stability, relative to the
+    norm of the loop, and both L2 gains are those on a grid. The game is balanced already.
     """
-    game = Game([[-0.3, 1.0], [-1.0, -0.2]], np.eye(2), np.eye(2), np.eye(2), np.eye(2), 4.0)
+    A, scale, dt = [[-0.3, 1.0], [-1.0, -0.2]], 1.0, None
+    if is_discrete:
+        A, scale, dt = [[0.6, 0.4], [-0.4, 0.7]], 0.3, 1.0
+    game = Game(A, scale * np.eye(2), np.eye(2), np.eye(2), np.eye(2), 9.0, dt=dt)
     exact = solve(game)
     found = graded(game, 0.2 * exact.K)
-    frequencies = np.linspace(0.0, 3.0, 3001)
+    s = 1j * np.linspace(0.0, 3.0, 3001)
+    s = np.exp(s) if is_discrete else s
     for K, suffix in ((0.2 * exact.K, ""), (exact.K, "_exact")):
         loop = game.A - game.B @ K
         C = np.vstack([np.eye(2), K])
-        s = 1j * frequencies[:, None, None] * np.eye(2) - loop
-        least = np.linalg.svd(s, compute_uv=False)[:, -1].min()
+        shifted = s[:, None, None] * np.eye(2) - loop
+        least = np.linalg.svd(shifted, compute_uv=False)[:, -1].min()
         distance = found[f"distance_to_instability{suffix}"]
         assert distance == pytest.approx(least / np.linalg.norm(loop, 2), rel=1e-5)
-        largest = np.linalg.svd(C @ np.linalg.inv(s), compute_uv=False).max()
+        largest = np.linalg.svd(C @ np.linalg.inv(shifted), compute_uv=False).max()
         assert found[f"l2_gain{suffix}"] == pytest.approx(largest, rel=1e-4)
 
 

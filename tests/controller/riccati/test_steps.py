@@ -78,12 +78,13 @@ def test_regulators_with_a_closed_form(A: list, B: list, Q: list, R: list, P: li
 
 @pytest.mark.parametrize("share", [0.7, 1.0, 3.0])
 def test_two_inputs_that_only_act_together_need_a_weight(share: float) -> None:
-    """With R = 0, many u = -K x are equally good, and R = 1e-15 decides between them."""
+    """With R = 0, many u = -K x are equally good, R = 1e-15 decides between them, 1e-16 does not."""
     A, B = [[0.9, 0.2], [0.1, 0.7]], np.outer([0.1, 0.7], [1.0, share])
     game = Game(A, B, Q=np.eye(2), R=1e-15 * np.eye(2), dt=True)
     np.testing.assert_allclose(hfa.solve(game).K, reference_solution(game).K, rtol=1e-12)
-    with pytest.raises(NoSolutionError, match="not certified"):
-        hfa.solve(replace(game, R=np.zeros((2, 2))))
+    for least in (1e-16, 0.0):
+        with pytest.raises(NoSolutionError, match="not certified"):
+            hfa.solve(replace(game, R=least * np.eye(2)))
 
 
 def test_gain_and_margins_of_a_scalar_loop() -> None:
