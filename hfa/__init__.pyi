@@ -22,22 +22,22 @@ from hfa_aircraft.model import Model as Model
 from hfa_aircraft.readers.derivatives.read import from_derivatives as from_derivatives
 from hfa_aircraft.signals import Signal as Signal
 from hfa_flight.air.turbulence import Turbulence as Turbulence
-from hfa_flight.flight import Flight as Flight, fly as fly
-from hfa_flight.policies.deployment.deployment import Deployment as Deployment
-from hfa_flight.policies.kalman import filter as filter
-from hfa_identify.estimation import identify as identify
-from hfa_model.choice import aircraft as aircraft
-from hfa_optimal.best_flight import BestFlight as BestFlight
-from hfa_optimal.keep_inside import keep_inside as keep_inside
-from hfa_optimal.optimize import optimize as optimize
-from hfa_optimal.predictive import predictive as predictive
-from hfa_optimal.state_dependent import state_dependent as state_dependent
-from hfa_policy.assess import assess as assess
-from hfa_policy.assessment import Assessment as Assessment
-from hfa_policy.environment import (
+from hfa_flight.judge.assess import assess as assess
+from hfa_flight.judge.assessment import Assessment as Assessment
+from hfa_flight.learn.environment import (
     environment as environment,
     vector_environment as vector_environment,
 )
+from hfa_flight.plan.best_flight import BestFlight as BestFlight
+from hfa_flight.plan.keep_inside import keep_inside as keep_inside
+from hfa_flight.plan.optimize import optimize as optimize
+from hfa_flight.plan.predictive import predictive as predictive
+from hfa_flight.plan.state_dependent import state_dependent as state_dependent
+from hfa_flight.policies.deployment.deployment import Deployment as Deployment
+from hfa_flight.policies.kalman import filter as filter
+from hfa_flight.simulate.flight import Flight as Flight, fly as fly
+from hfa_identify.estimation import identify as identify
+from hfa_model.choice import aircraft as aircraft
 from hfa_prove.prove_region import prove_region as prove_region
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
 from trim.linear.linear_model import LinearModel as LinearModel

@@ -104,7 +104,7 @@ COMMANDS = {
     "assess": CommandEntry(
         "critic",
         "assess a policy as deployed: sampled, normalized, delayed",
-        "hfa_policy.commands.assess:assess",
+        "hfa_flight.commands.assess:assess",
         example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
     ),
     "fly": CommandEntry(
@@ -122,7 +122,7 @@ COMMANDS = {
     "optimize": CommandEntry(
         "flight",
         "search for the best flight, and compare policies with it",
-        "hfa_optimal.commands.optimize:optimize",
+        "hfa_flight.commands.optimize:optimize",
         example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
     ),
     "export": CommandEntry(

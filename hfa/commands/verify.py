@@ -113,7 +113,7 @@ class VerifyRequest(GameRequest):
         "add N nonlinear flights with the critic, compared with the best flights found",
         "N",
         whole(1),
-        package="hfa_optimal",
+        package="hfa_flight",
     )
 
     @property
@@ -208,7 +208,7 @@ def verify(request: VerifyRequest) -> int:
         report = verdicts_report(verdicts, origin, cost)
     report = report.with_data(named, named.weights)
     if request.flights is not None:
-        from hfa_optimal.commands.section import with_flights
+        from hfa_flight.commands.section import with_flights
 
         report = with_flights(report, judged, named, request.flights)
     last = judged[-1]

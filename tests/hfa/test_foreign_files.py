@@ -122,7 +122,7 @@ def test_an_entry_dt_that_is_no_sample_time_is_refused(dt: object) -> None:
         ("linearize", "--model", "plant.npz"),
         ("verify", *own, "--weights", "gain.npz"),
     ]
-    if importlib.util.find_spec("hfa_policy"):
+    if importlib.util.find_spec("hfa_flight"):
         commands.append(("assess", "gain.npz", *own, "--sample-time", "0.1"))
     for words in commands:
         result = hfa(*words)

@@ -19,7 +19,7 @@ from hfa import BadInputError, Game
 
 PACKAGES = (
     *("hfa", "hfa.paper", "controller", "verification", "trim", "hfa_aircraft"),
-    *("hfa_flight", "hfa_policy", "hfa_optimal", "hfa_prove", "hfa_identify"),
+    *("hfa_flight", "hfa_prove", "hfa_identify"),
 )
 LINEAR = hfa.LinearModel.of([[0.5, 0.2], [0.0, 0.3]], [[0.0], [1.0]])
 GAME = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0, dt=0.1, discount=0.9)

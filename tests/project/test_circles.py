@@ -35,7 +35,7 @@ ALLOWED = [
     },
     {"verification.figures", "verification.verdict"},
     {"controller.riccati.gare", "controller.riccati.solution_report"},
-    {"hfa_flight.flight", "hfa_flight.flight_report"},
+    {"hfa_flight.simulate.flight", "hfa_flight.simulate.flight_report"},
     {
         "hfa_flight.policies.filtered_policy",
         "hfa_flight.policies.given",

@@ -23,8 +23,8 @@ PROVE = "extensions/prove/hfa_prove"
 #: Begin of a contract's name -> imports that it forbids, file -> module.
 BREACHES = {
     "Packages import only those below": {
-        "controller/game/zero_sum.py": "hfa_flight.scenario",
-        f"{PROVE}/problem.py": "hfa_optimal.search",
+        "controller/game/zero_sum.py": "hfa_flight.air.scenario",
+        f"{FLIGHT}/plan/search.py": "hfa_prove.problem",
         "hfa/options/output.py": "hfa.commands.trim",
     },
     "The core imports no extension": {"verification/scope.py": "hfa_prove.certificate"},
@@ -33,7 +33,7 @@ BREACHES = {
         "extensions/fmu/hfa_fmu/read.py": "trim.point.solve",
         "extensions/jsbsim/hfa_jsbsim/engines.py": "trim.point.solve",
     },
-    "Nothing imports the readers": {f"{FLIGHT}/actuators.py": "hfa_jsbsim.reader"},
+    "Nothing imports the readers": {f"{FLIGHT}/air/actuators.py": "hfa_jsbsim.reader"},
     "Trims:": {
         "trim/point/halving.py": "trim.sweeps.sweep",
         "trim/linear/modes.py": "trim.sweeps.sweep",
@@ -57,11 +57,15 @@ BREACHES = {
     },
     "Enclosures serve": {"verification/box.py": "hfa_prove.enclosure.taylor"},
     "Flights:": {
-        f"{FLIGHT}/scenario.py": "hfa_flight.simulation",
-        f"{FLIGHT}/flight.py": "hfa_flight.options",
+        f"{FLIGHT}/air/scenario.py": "hfa_flight.simulate.simulation",
+        f"{FLIGHT}/simulate/flight.py": "hfa_flight.options",
+        f"{FLIGHT}/policies/policy.py": "hfa_flight.plan.predictive",
+        f"{FLIGHT}/plan/search.py": "hfa_flight.judge.assess",
+        f"{FLIGHT}/judge/assess.py": "hfa_flight.learn.environment",
     },
-    "Exported code": {f"{FLIGHT}/closed_loop.py": "hfa_flight.export.fmu"},
-    "Problems of best flights": {f"{FLIGHT}/envelope.py": "hfa_flight.problem"},
+    "Simulations:": {
+        f"{FLIGHT}/simulate/closed_loop.py": "hfa_flight.simulate.simulation",
+    },
     "Proofs:": {
         f"{PROVE}/search/family.py": "hfa_prove.commands.options",
         f"{PROVE}/statements/region.py": "hfa_prove.check.region_boxes",
@@ -75,7 +79,7 @@ BREACHES = {
     "Only the commands that learn": {
         "hfa/options/game.py": "controller.learning.policy_iteration",
         "verification/regeneration.py": "controller.learning.policy_iteration",
-        "extensions/policy/hfa_policy/assess.py": "controller.learning.policy_iteration",
+        f"{FLIGHT}/judge/assess.py": "controller.learning.policy_iteration",
         f"{PROVE}/search/schedule.py": "controller.learning.recording",
         f"{PROVE}/check/trims.py": "controller.learning.recording",
         f"{PROVE}/search/region_boxes.py": "controller.learning.q_learning",
@@ -89,8 +93,8 @@ BREACHES = {
         "controller/critic/features.py": "verification.verdict",
     },
     "What judges critics": {
-        "verification/reasons.py": "hfa_flight.scenario",
-        "controller/riccati/reach.py": "hfa_flight.scenario",
+        "verification/reasons.py": "hfa_flight.air.scenario",
+        "controller/riccati/reach.py": "hfa_flight.air.scenario",
     },
     "Checkers and statements": {
         f"{PROVE}/check/schedule.py": "hfa_prove.search.family",

@@ -92,7 +92,7 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     assert "unknown command 'fly'" in output
     for line, message in (
         ("trim --aircraft x.dml", "x.dml"),
-        ("verify --dihedral 11 --flights 3", "--flights requires the package hfa_optimal"),
+        ("verify --dihedral 11 --flights 3", "--flights requires the package hfa_flight"),
         ("prove region --dihedral 15", "unknown command 'prove'"),
     ):
         code, output = run(*line.split())

@@ -2,18 +2,19 @@
 
 from hfa_aircraft.waveform import Harmonic as Harmonic, Waveform as Waveform
 
-from .actuators import (
+from .air.actuators import (
     ActuatorBank as ActuatorBank,
     ActuatorFault as ActuatorFault,
 )
 from .air.gust_equations import in_gusts as in_gusts
 from .air.gusts import OneMinusCosine as OneMinusCosine
+from .air.scenario import Scenario as Scenario, Uncertainty as Uncertainty
+from .air.signals import CommandedStates as CommandedStates, CommandSteps as CommandSteps
 from .air.turbulence import (
     AirFilter as AirFilter,
     scales_and_intensities as scales_and_intensities,
     turbulence_of as turbulence_of,
 )
-from .envelope import flight_envelope as flight_envelope
 from .policies.deployment.deployed import Deployed as Deployed
 from .policies.policy import (
     GainPolicy as GainPolicy,
@@ -23,9 +24,8 @@ from .policies.policy import (
 from .samples.monte_carlo import MonteCarlo as MonteCarlo, fly_member as fly_member
 from .samples.report import lost_band as lost_band
 from .samples.store import run_monte_carlo as run_monte_carlo, stream_members as stream_members
-from .scenario import Scenario as Scenario, Uncertainty as Uncertainty
 from .schedule.gain_schedule import (
     GainSchedule as GainSchedule,
     load_gain_schedule as load_gain_schedule,
 )
-from .signals import CommandedStates as CommandedStates, CommandSteps as CommandSteps
+from .simulate.envelope import flight_envelope as flight_envelope

@@ -28,14 +28,14 @@ from hfa.options.request import Request
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import constant
-from hfa_flight.actuators import ActuatorBank
+from hfa_flight.air.actuators import ActuatorBank
 from hfa_flight.air.gusts import Gust, OneMinusCosine
 from hfa_flight.air.names import gust_speed
+from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, turbulence_of
-from hfa_flight.envelope import control_limits
+from hfa_flight.plan.problem import flight_problem
 from hfa_flight.policies.laws import KEEP_INSIDE, LAWS, PREDICTIVE, loaded
-from hfa_flight.problem import flight_problem
-from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_flight.simulate.envelope import control_limits
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import MATRIX_FILES
 from trim.linear.linear_model import LinearModel

@@ -1,1 +1,1 @@
-"""Moving air: gusts and turbulence."""
+"""The plant in air: actuators, commands under way, gusts, turbulence, and their scenario."""

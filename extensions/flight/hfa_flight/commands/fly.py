@@ -24,21 +24,21 @@ from hfa.options.workers import Workers
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
-from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.envelope import flight_envelope
-from hfa_flight.flight import lengthened
+from hfa_flight.air.scenario import Scenario, with_errors
+from hfa_flight.air.signals import CommandedStates
 from hfa_flight.needs import ALL, SHARE, is_enough, needed_share
 from hfa_flight.options import NONE, PolicyGiven, ScenarioGiven, noted_linear_model
 from hfa_flight.policies.laws import LAWS
-from hfa_flight.scenario import Scenario, with_errors
-from hfa_flight.signals import CommandedStates
+from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.simulate.envelope import flight_envelope
+from hfa_flight.simulate.flight import lengthened
 from hfa_support.errors import BadInputError, refuse_unknown, warn
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
-    from hfa_flight.flight import Flight
     from hfa_flight.policies.policy import Policy
     from hfa_flight.samples.monte_carlo import MonteCarlo
+    from hfa_flight.simulate.flight import Flight
 
 _MOST_MEMBERS = 10_000_000
 _MOST_STEPS = 1_000_000
@@ -263,9 +263,9 @@ def fly(request: FlyRequest) -> int:
     """
     if request.members is not None:
         return _fly_members(request)
-    from hfa_flight.flight import fly
-    from hfa_flight.flight_report import flight_figure
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
+    from hfa_flight.simulate.flight import fly
+    from hfa_flight.simulate.flight_report import flight_figure
     from trim.point.linearize import linearize
 
     request.processes.refuse(

@@ -11,8 +11,8 @@ from controller.game.zero_sum import Game
 from controller.riccati.gare import unconfirmed_solution
 from controller.tracking import Tracking, tracked
 from hfa_aircraft.waveform import Waveform, stacked
-from hfa_flight.flight import Flight
 from hfa_flight.policies.policy import GainPolicy, Policy
+from hfa_flight.simulate.flight import Flight
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_value

@@ -15,10 +15,10 @@ import numpy as np
 
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
-from hfa_flight.actuators import ActuatorBank
-from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.air.actuators import ActuatorBank
+from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.policy import Measurements, Policy
-from hfa_flight.scenario import Scenario
+from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
 from trim.point.operating_point import OperatingPoint
 
 #: Longest Runge-Kutta step of an exported loop, s.

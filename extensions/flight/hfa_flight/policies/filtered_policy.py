@@ -13,12 +13,12 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
 from hfa_flight.policies.kalman import KalmanFilter, filter
 from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
 from hfa_flight.policies.sampled_policy import SampledPolicy
-from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown
 from hfa_support.native.bound import BoundFunction
 from trim.point.operating_point import OperatingPoint

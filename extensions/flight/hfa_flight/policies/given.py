@@ -29,6 +29,8 @@ from controller.expansion.expansion import Expansion
 from controller.game.linear_game import names_of_linear
 from controller.riccati.gare import Solution
 from controller.tracking import Tracking
+from hfa_flight.air.scenario import Scenario
+from hfa_flight.air.signals import CommandSteps
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.filtered_policy import behind_own_filter
 from hfa_flight.policies.policy import (
@@ -40,9 +42,7 @@ from hfa_flight.policies.policy import (
 )
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.policies.scheduled_gains import scheduled_gains
-from hfa_flight.scenario import Scenario
 from hfa_flight.schedule.gain_schedule import GainSchedule
-from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown, shown
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint

@@ -12,11 +12,11 @@ from hfa_support.errors import BadInputError
 PREDICTIVE = "predictive"
 #: Law -> location of the function (problem, game, **settings) -> policy, "package.module:name".
 LAWS = {
-    PREDICTIVE: "hfa_optimal.predictive:policy_of",
-    "state-dependent": "hfa_optimal.state_dependent:state_dependent_of",
+    PREDICTIVE: "hfa_flight.plan.predictive:policy_of",
+    "state-dependent": "hfa_flight.plan.state_dependent:state_dependent_of",
 }
 #: Location of the function (policy, problem, tick) -> policy that is kept inside its limits.
-KEEP_INSIDE = "hfa_optimal.keep_inside:kept_inside"
+KEEP_INSIDE = "hfa_flight.plan.keep_inside:kept_inside"
 
 
 def loaded(location: str) -> Any:

@@ -15,8 +15,8 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
-from hfa_flight.scenario import Scenario
-from hfa_flight.signals import CommandSteps
+from hfa_flight.air.scenario import Scenario
+from hfa_flight.air.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.report import Reported
 from trim.point.operating_point import OperatingPoint

@@ -9,9 +9,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from hfa_flight.delay import WHOLE, in_samples
+from hfa_flight.air.delay import WHOLE, in_samples
+from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.policy import Policy
-from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from trim.point.operating_point import OperatingPoint

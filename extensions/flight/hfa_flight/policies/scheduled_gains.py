@@ -10,11 +10,11 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_flight.air.scenario import Scenario
+from hfa_flight.air.signals import CommandSteps
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.policies.tables import table_expression
-from hfa_flight.scenario import Scenario
 from hfa_flight.schedule.gain_schedule import GainSchedule
-from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
 from hfa_support.reporting.results import Result

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_flight.flight import Flight, fly_within
 from hfa_flight.samples.monte_carlo import MonteCarlo, fly_member, member_loop
+from hfa_flight.simulate.flight import Flight, fly_within
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
 

@@ -19,13 +19,13 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS
 from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight.air.names import ALPHA, limited_names
-from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.envelope import control_limits, envelope_data, refuse_start
-from hfa_flight.flight import Flight, fly_within
+from hfa_flight.air.scenario import Scenario, with_errors
 from hfa_flight.needs import ALL, refuse_share
 from hfa_flight.policies.policy import Policy
-from hfa_flight.scenario import Scenario, with_errors
-from hfa_flight.simulation import CompiledLoop
+from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.simulate.envelope import control_limits, envelope_data, refuse_start
+from hfa_flight.simulate.flight import Flight, fly_within
+from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import BadInputError, refuse_unless_whole
 from hfa_support.native.bound import MAKING
 from hfa_support.reporting.report import Reported

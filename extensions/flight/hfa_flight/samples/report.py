@@ -9,11 +9,11 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.names import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
-from hfa_flight.envelope import control_limits
+from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.needs import is_enough, need_text
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.samples.monte_carlo import MonteCarlo
-from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_flight.simulate.envelope import control_limits
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, short_number, shown_unit

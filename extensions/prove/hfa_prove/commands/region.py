@@ -37,7 +37,7 @@ def region(request: RegionRequest) -> int:
 
 
 def _prove(request: RegionRequest) -> int:
-    from hfa_flight.interruption import interruptible
+    from hfa_flight.plan.interruption import interruptible
     from hfa_prove.certificate import write_certificate
     from hfa_prove.commands.policies import given_policy
     from hfa_prove.report_search import region_report

@@ -20,7 +20,7 @@ import numpy as np
 
 from controller.riccati.loop_margins import LoopMargin, single_margin
 from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of
-from hfa_flight.delay import in_samples
+from hfa_flight.air.delay import in_samples
 from hfa_flight.policies.deployment.deployment import MOST_SAMPLES
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
 

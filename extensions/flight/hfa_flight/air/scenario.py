@@ -1,0 +1,304 @@
+"""Scenario of a flight and the random quantities of its members."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.waveform import Waveform, zero
+from hfa_flight.air.actuators import ActuatorBank
+from hfa_flight.air.delay import in_samples
+from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.gusts import Gust
+from hfa_flight.air.signals import TimeVector
+from hfa_flight.air.turbulence import Turbulence
+from hfa_support.errors import (
+    BadInputError,
+    is_finite,
+    numbers_in,
+    refuse_unknown,
+    refuse_unless_positive,
+    shown,
+)
+from hfa_support.reporting.report import Reported
+from trim.point.operating_point import OperatingPoint
+
+#: Keys of the independent random streams of a member.
+_ERRORS = 0
+_NOISE = 1
+_AIR = 2
+
+#: Largest number of steps of a flight, limited by the memory of an ordinary computer.
+MOST_STEPS = 10_000_000
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Random quantities of the members of a simulation. By default there are none.
+
+    errors: parameter -> relative standard deviation about the nominal value
+    noise: state of the linear model -> standard deviation of the sensor noise. The noise is drawn
+        every tick and constant during the tick
+    turbulence: `Turbulence`, or None
+
+    Errors, noise and turbulence of member k = 0, 1, ... use three independent streams from (seed,
+    k), NumPy's `SeedSequence`. Adding errors, noise or turbulence does not change the draws of the
+    others.
+
+    Raises BadInputError if a deviation is negative or `turbulence` has another type. `Scenario.on`
+    checks the names.
+    """
+
+    errors: Mapping[str, float] = field(default_factory=dict)
+    noise: Mapping[str, float] = field(default_factory=dict)
+    turbulence: Turbulence | None = None
+
+    def __post_init__(self) -> None:
+        """Raise BadInputError for an invalid standard deviation or another type of turbulence."""
+        if not isinstance(self.turbulence, Turbulence | None):
+            raise BadInputError(
+                f"turbulence is {shown(self.turbulence)}; give hfa.Turbulence, such as "
+                "hfa.Turbulence('light', 1000.0)"
+            )
+        for name, value in (*self.errors.items(), *self.noise.items()):
+            if not (is_finite(value) and value >= 0.0):
+                raise BadInputError(
+                    f"the standard deviation of {name} is {shown(value)}; give a number of at "
+                    "least 0"
+                )
+
+    def factors(self, seed: int, member: int) -> np.ndarray:
+        """Return drawn ratios of parameters to nominal values, (E,), in the order of `errors`.
+
+          exp(σ ξ - σ²/2),  ξ ~ N(0, 1),  σ² = ln(1 + s²)
+
+        The ratios are positive, with the mean 1 and the standard deviation s.
+        """
+        sigma = np.sqrt(np.log1p(np.array(list(self.errors.values()), dtype=float) ** 2))
+        random = np.random.default_rng(_sequence(seed, member, _ERRORS))
+        return np.asarray(np.exp(sigma * random.standard_normal(len(sigma)) - sigma**2 / 2))
+
+    def samples(
+        self, seed: int, member: int, ticks: int, names: tuple[str, ...]
+    ) -> np.ndarray | None:
+        """Return drawn sensor noise N(0, s²), (ticks, k), of the states `names`.
+
+        Returns None if none of these states has noise.
+        """
+        levels = np.array([self.noise.get(name, 0.0) for name in names])
+        if not levels.any():
+            return None
+        random = np.random.default_rng(_sequence(seed, member, _NOISE))
+        return levels * random.standard_normal((ticks, len(levels)))
+
+
+def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
+    """Return the seed sequence of a member for one kind of random quantity, such as noise."""
+    return np.random.SeedSequence(seed, spawn_key=(member, kind))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scenario(Reported):
+    """Initial condition, reference, disturbances, noise, gusts and timing of a flight.
+
+    By default, nothing disturbs the flight.
+
+    duration: s
+    step: integration step, s
+    tick: interval at which the held inputs change, s, a whole number of steps
+    initial: (n,), deviation from trim, or () for none
+    reference, disturbance, noise: signals (k,) for the states of the linear model, or None for 0
+    errors: parameter -> factor on the parameter of the simulated aircraft only
+    actuators: dynamics of the actuators, or None
+    gust: motion of the air, or None
+    uncertainty: random quantities, not yet drawn
+    samples: drawn noise, (ticks, k), constant during each tick
+    air: disturbance of the model -> waveform, (1,)
+    delay: delay of every command, s, a whole number of ticks
+
+    Raises BadInputError if times are not multiples of each other or are too long, the step is too
+    long for the actuators, a factor is not positive, the delay is not a whole number of ticks, or
+    there are both a gust and turbulence.
+
+    >>> from hfa_flight import OneMinusCosine, Scenario
+    >>> gust = OneMinusCosine(length=400.0, peak=5.0, speed=68.0)
+    >>> Scenario(duration=12.0, gust=gust).ticks
+    1200
+    """
+
+    duration: float = 20.0
+    step: float = 0.001
+    tick: float = 0.01
+    initial: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    reference: TimeVector | None = None
+    disturbance: TimeVector | None = None
+    noise: TimeVector | None = None
+    errors: Mapping[str, float] = field(default_factory=dict)
+    actuators: ActuatorBank | None = None
+    gust: Gust | None = None
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    samples: np.ndarray | None = None
+    air: Mapping[str, Waveform] = field(default_factory=dict)
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raise BadInputError if times do not fit each other, or for an invalid factor or delay."""
+        times = {"duration": self.duration, "tick": self.tick, "step": self.step}
+        for name, value in times.items():
+            refuse_unless_positive(name, value, " s")
+        for (name, time), (part, part_time) in pairwise(times.items()):
+            count = time / part_time
+            if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
+                raise BadInputError(
+                    f"{name} is {time:g} s, not a whole number of {part}s of {part_time:g} s;"
+                    f" change {name} or {part}"
+                )
+        if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
+            most = f"give at most {MOST_STEPS * self.step:g} s with a step of {self.step:g} s"
+            raise BadInputError(f"duration is {self.duration:g} s; {most}")
+        if self.actuators is not None:
+            self.actuators.refuse_step(self.step)
+        for name, factor in self.errors.items():
+            refuse_unless_positive(f"the factor on {name}", factor)
+        if not 0.0 <= self.delay < math.inf:
+            raise BadInputError(f"delay is {self.delay:g} s; give a finite time of at least 0 s")
+        if not in_samples(self.delay, self.tick).is_whole:
+            raise BadInputError(
+                f"delay is {self.delay:g} s; give a multiple of the tick, {self.tick:g} s"
+            )
+        if not isinstance(self.gust, Gust | None):
+            example = "hfa_flight.OneMinusCosine(length=400.0, peak=5.0, speed=68.0)"
+            raise BadInputError(f"gust is {shown(self.gust)}; give a gust such as {example}")
+        if self.samples is not None and numbers_in("samples", self.samples).ndim != 2:
+            raise BadInputError(f"samples is {shown(self.samples)}; give noise (ticks, k)")
+        if self.gust is not None and self.uncertainty.turbulence is not None:
+            raise BadInputError(
+                "the scenario has both a gust and random turbulence; remove one of the two"
+            )
+
+    @property
+    def steps_per_tick(self) -> int:
+        """Number of integration steps in a tick."""
+        return round(self.tick / self.step)
+
+    @property
+    def delayed_ticks(self) -> int:
+        """Number of ticks by which every command is delayed."""
+        return in_samples(self.delay, self.tick).whole
+
+    @property
+    def moving_air(self) -> bool:
+        """True if there is a gust, turbulence or another disturbance of the model.
+
+        Turbulence that is not yet drawn counts too.
+        """
+        return self.gust is not None or self.uncertainty.turbulence is not None or bool(self.air)
+
+    @property
+    def driven_until(self) -> float:
+        """Time at which the last signal, gust or noise ends, s, or inf if one never ends."""
+        if self.samples is not None:
+            return math.inf
+        sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())
+        ends = [getattr(source, "until", math.inf) for source in sources if source is not None]
+        return max(ends, default=0.0)
+
+    def on(self, model: Model) -> Scenario:
+        """Return this scenario completed for a model.
+
+        A missing initial condition or signal becomes 0.
+
+        Raises BadInputError if the scenario names an unknown parameter, state or disturbance, if
+        its gust needs a disturbance that the model neither declares nor receives from `in_gusts`,
+        or if `initial` does not have one number for each state.
+        """
+        for name in (*self.errors, *self.uncertainty.errors):
+            refuse_unknown("unknown parameter", name, tuple(model.parameters))
+        for name in self.uncertainty.noise:
+            refuse_unknown("unknown noise of state", name, model.linear)
+        for name in self.air:
+            refuse_unknown("unknown disturbance", name, tuple(model.disturbances))
+        gusts = () if self.gust is None else self.gust.names
+        for name in gusts:
+            if name not in in_gusts(model).disturbances:
+                raise BadInputError(
+                    f"{model.name} declares no disturbance {name}, which a gust requires; "
+                    "declare this disturbance"
+                )
+        n = len(model.states)
+        no_signal = zero(len(model.linear))
+        initial = self.initial if np.size(self.initial) else np.zeros(n)
+        if np.shape(initial) != (n,):
+            raise BadInputError(
+                f"initial has shape {np.shape(initial)}; give {n} numbers, one for each state of"
+                f" {model.name}"
+            )
+        return replace(
+            self,
+            initial=initial,
+            reference=self.reference or no_signal,
+            disturbance=self.disturbance or no_signal,
+            noise=self.noise or no_signal,
+        )
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks of the flight."""
+        return round(self.duration / self.tick)
+
+    def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
+        """Return the scenario of a member, with its random quantities drawn.
+
+        point: trim at whose speed gusts are computed
+        """
+        uncertain = self.uncertainty
+        errors = dict(self.errors)
+        factors = uncertain.factors(seed, member).tolist()
+        for name, factor in zip(uncertain.errors, factors, strict=True):
+            errors[name] = errors.get(name, 1.0) * factor
+        gust = self.gust
+        if uncertain.turbulence is not None:
+            air = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
+            gust = uncertain.turbulence.air(point, self.tick, self.ticks, air)
+        return replace(
+            self,
+            errors=errors,
+            gust=gust,
+            uncertainty=Uncertainty(),
+            samples=uncertain.samples(seed, member, self.ticks, point.model.linear),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scenario for JSON, without the uncertainty; of drawn noise its deviations.
+
+        A signal without a formula is represented by the name of its class.
+        """
+        plain = ("duration", "step", "tick", "initial", "errors")
+        data = {name: getattr(self, name) for name in plain}
+        for name in ("reference", "disturbance", "noise"):
+            signal = getattr(self, name)
+            data[name] = signal.to_dict() if hasattr(signal, "to_dict") else type(signal).__name__
+        gust: Any = self.gust
+        if self.samples is not None:
+            data["drawn_noise"] = self.samples.std(axis=0)
+        data["actuators"] = None if self.actuators is None else asdict(self.actuators)
+        data["gust"] = None if gust is None else {"kind": type(gust).__name__, **asdict(gust)}
+        if self.air:
+            data["air"] = {name: waveform.to_dict() for name, waveform in self.air.items()}
+        if self.delay:
+            data["delay"] = self.delay
+        return data
+
+
+def with_errors(model: Model, scenario: Scenario) -> Model:
+    """Return the model with its parameters multiplied by the factors in `scenario.errors`."""
+    parameters = {
+        name: model.parameters[name].start * factor for name, factor in scenario.errors.items()
+    }
+    return model.with_parameters(**parameters) if parameters else model

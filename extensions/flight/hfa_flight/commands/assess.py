@@ -1,0 +1,296 @@
+"""The command `hfa assess`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import nan
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from controller.critic.critic_file import critic_suffixes, is_network
+from hfa.options.aircraft import Aircraft, aircraft_help
+from hfa.options.argument_types import input_file, linear_state, number, span, whole
+from hfa.options.output import Output, ProgressLine, picture_option
+from hfa.options.part import OfModel, option, part
+from hfa.options.ranges import array_of, scheduled_range
+from hfa.options.request import Request, command
+from hfa.options.trim import Trim, called_at, scheduled
+from hfa_aircraft.model import Model
+from hfa_flight.air.scenario import Scenario, Uncertainty
+from hfa_flight.air.turbulence import Turbulence
+from hfa_flight.needs import ALL, SHARE, needed_share
+from hfa_flight.options import (
+    at_held_altitude,
+    gust_at,
+    gust_option,
+    noise_option,
+    turbulence_option,
+)
+from hfa_support.errors import BadInputError, choice_of
+from trim.point.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from hfa_flight.judge.assessment import Assessment
+    from hfa_flight.policies.deployment.deployed import Deployed
+    from hfa_flight.policies.deployment.deployment import Deployment
+
+_MOST_POINTS = 1000
+_MOST_SAMPLES = 100_000
+
+
+def _need(name: str, text: str) -> float:
+    """Return the required value that is typed after --need, a number of at least 0."""
+    from hfa_flight.judge.assessment import NEEDS
+
+    if name not in NEEDS:
+        raise BadInputError(f"is unknown; {choice_of(name, NEEDS)}")
+    if name == SHARE:
+        return needed_share(name, text)
+    value = number(text)
+    if value < 0.0:
+        raise BadInputError(f"is {text}; give a number of at least 0")
+    return value
+
+
+def _half_width(model: Model, name: str, text: str) -> float:
+    """Return the typed half-width of the initial-condition box, in the model's units."""
+    width = linear_state(model, name, text)
+    if width <= 0.0:
+        raise BadInputError(f"is {text}; give a number above 0")
+    return width
+
+
+def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
+    """Return the lowest and highest value typed for a variation, in the model's units."""
+    if name not in (*model.parameters, *model.inputs):
+        return nan, nan
+    return span(model, name, text)
+
+
+def _deployment_path(text: str) -> Path:
+    """Return the typed path of a deployment file, or of a file with a critic."""
+    return input_file(*dict.fromkeys((".toml", *critic_suffixes())))(text)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AssessRequest(Request):
+    """Arguments of `hfa assess`."""
+
+    aircraft: Aircraft = part(
+        Aircraft,
+        without=("units",),
+        source=option(aircraft_help, "FILE.py:NAME", names="--aircraft --model"),
+    )
+    trim: Trim = part(
+        Trim,
+        at=scheduled(scheduled_range, "RANGE", "a number, a list a,b,c or a range start:stop:step"),
+    )
+    output: Output = part(
+        Output,
+        picture=picture_option("spectral radius versus delay, and outcomes of the flights"),
+    )
+    file: Path | None = option(
+        "deployment file (observations, actions and timing of a policy), or, with "
+        "--sample-time, file with a gain K",
+        "DEPLOYMENT.toml",
+        _deployment_path,
+        names="file",
+        count="?",
+    )
+    sample_time: float | None = option(
+        "sample time, s, of a gain K that replaces the deployment file (u = -K x, with all "
+        "linear states and all inputs)",
+        "S",
+        number,
+    )
+    samples: int = option(
+        "number of initial conditions at each trim, each flown with and without the disturbance "
+        "pulse; 0 for none; default 300",
+        "N",
+        whole(0, _MOST_SAMPLES),
+        default=300,
+    )
+    seed: int = option(
+        "seed of the initial conditions, noise and turbulence; default 0",
+        "N",
+        whole(0),
+        default=0,
+        rare=True,
+    )
+    box: Mapping[str, float] = option(
+        "half-width of the initial-condition box in a state, degrees for angles; repeatable",
+        "NAME=VALUE",
+        OfModel(_half_width),
+        named=True,
+        rare=True,
+    )
+    need: Mapping[str, float] = option(
+        "requirement: delay to tolerate (s), smallest disk margin, largest linear cost (percent "
+        "above the optimum), or share of the flights that converge (default 1, all); repeatable",
+        "delay|margin|cost|share=X",
+        _need,
+        named=True,
+    )
+    vary: Mapping[str, tuple[float, float]] = option(
+        "interval of a parameter, or of an input that is not an action; the unchanged policy is "
+        "also assessed at five values in this interval; repeatable",
+        "NAME=LOW:HIGH",
+        OfModel(_varied),
+        named=True,
+        rare=True,
+    )
+    noise: Mapping[str, float] = noise_option(
+        "standard deviation of the sensor noise of a state, degrees for angles; repeatable"
+    )
+    turbulence: Turbulence | None = turbulence_option()
+    gust: tuple[float, ...] | None = gust_option()
+    filter: bool = option(
+        "Kalman filter of --noise and --turbulence before the policy in these flights; a state "
+        "without noise has no sensor",
+        default=False,
+        rare=True,
+    )
+    best: int | None = option(
+        "number of flights at each trim to compare with the best flights found; 0: only with the "
+        "exact gain; default 5 for a deployment file with [cost], else 0",
+        "K",
+        whole(0, _MOST_SAMPLES),
+    )
+
+    def points(self) -> list[OperatingPoint]:
+        """Return the trims to assess."""
+        if self.trim.at is None:
+            return [self.trim.point()]
+        values = array_of("--at", self.trim.at, _MOST_POINTS).tolist()
+        return [replace(self.trim, at=value).point() for value in values]
+
+    def deployment(self, model: Model) -> Deployment:
+        """Load the deployment.
+
+        Raises BadInputError without a file, for a gain without a sample time, for a sample time
+        without a gain, and as `sampled_gain` and `Deployment.load` do.
+
+        model: aircraft of a gain
+        """
+        from hfa_flight.policies.deployment.deployment import Deployment, sampled_gain
+
+        file = self.file
+        if file is None:
+            raise BadInputError(
+                "no policy is given; give a deployment file (for a law: hfa optimize --law NAME "
+                "--starts N)"
+            )
+        if file.suffix.lower() == ".toml":
+            if self.sample_time is not None:
+                raise BadInputError(
+                    "--sample-time applies only to a file with a gain K; give a file with a gain "
+                    "K, or remove --sample-time"
+                )
+            return Deployment.load(file)
+        if self.sample_time is not None:
+            return sampled_gain(file, model, self.sample_time)
+        if is_network(file):
+            raise BadInputError(
+                f"{file}: a network requires a deployment file, with the network as its "
+                "[policy]; give the file FILE.toml"
+            )
+        raise BadInputError(f"{file}: a gain K requires a sample time; add --sample-time S")
+
+    def filtered(self, deployment: Deployment) -> Deployment:
+        """Return the deployment, with --filter behind the filter of the options."""
+        if not self.filter:
+            return deployment
+        noise = {name: value for name, value in self.noise.items() if value}
+        if not noise:
+            raise BadInputError(
+                "--filter requires the noise of the sensors; add --noise STATE=VALUE for each "
+                "measured state"
+            )
+        turbulence = at_held_altitude(self.turbulence, self.trim.hold)
+        air = {} if turbulence is None else {"turbulence": turbulence.text}
+        return deployment.changed(filter={"noise": noise, **air})
+
+    def is_rough(self) -> bool:
+        """Return whether flights with noise, a gust or turbulence are requested."""
+        return bool(self.noise) or self.turbulence is not None or self.gust is not None
+
+    def scenario_at(self, point: OperatingPoint) -> Scenario:
+        """Return the scenario with noise, gust and turbulence at a trim.
+
+        Raises BadInputError if the scenario does not fit the aircraft or no flights are requested.
+        """
+        from hfa_flight.judge.rough_flights import rough_scenario
+
+        turbulence = at_held_altitude(self.turbulence, self.trim.hold)
+        uncertainty = Uncertainty(noise=self.noise, turbulence=turbulence)
+        scenario = Scenario(uncertainty=uncertainty)
+        gust = gust_at(self.gust, point, scenario.duration)
+        return rough_scenario(replace(scenario, gust=gust), point.model, self.samples)
+
+
+def _assumed_trim(request: AssessRequest, points: tuple[OperatingPoint, ...]) -> str:
+    """Return a note on the default trim, or "" if an option names the trim."""
+    if not request.model.schedule or {"trim.at", "trim.hold", "trim.given", "trim.start"} & (
+        request.typed.keys()
+    ):
+        return ""
+    option_name = f"--{called_at(request.model)}"
+    return f"no {option_name} is given: the default trim {points[0].at_scheduled} is assessed"
+
+
+@command(AssessRequest)
+def assess(request: AssessRequest) -> int:
+    """Assess a policy as deployed: sampled and held, with normalizer and delay.
+
+    For each trim, the report contains the equilibrium, the spectral radius of the sampled loop with
+    0, 1, 2 ... samples of delay, margins at the plant's input, and the linear cost compared with
+    the optimum for Q and R. Flights from a box of initial conditions are simulated with and without
+    a disturbance pulse. The first line compares costs with the best flights', or the exact gain's.
+
+    Exit code 0 if the policy holds at every trim and satisfies every --need, else 1.
+    """
+    from hfa_flight.policies.deployment.deployed import Deployed
+
+    model = request.trim.aircraft
+    deployed = Deployed(request.filtered(request.deployment(model)), model)
+    _refuse_contradictions(request, deployed)
+    result = _assessment(request, deployed)
+    request.show(result.report(), figure=result.figure, notes=result.warnings)
+    return 0 if result.ok else 1
+
+
+def _refuse_contradictions(request: AssessRequest, deployed: Deployed) -> None:
+    """Raise BadInputError for options that require a cost if the deployment has none."""
+    from hfa_flight.judge.weights import has_weights
+
+    if has_weights(deployed):
+        return
+    origin = deployed.deployment.origin
+    remedy = "give a deployment file with Q and R in [cost], or Q and R in the plant file"
+    if deployed.deployment.actor and "cost" in request.need:
+        raise BadInputError(f"--need cost: {origin} has no table [cost]; {remedy}")
+    if request.best:
+        raise BadInputError(f"--best: {origin} has no table [cost]; {remedy}")
+
+
+def _assessment(request: AssessRequest, deployed: Deployed) -> Assessment:
+    """Return the assessment of a deployment."""
+    from hfa_flight.judge.assess import assessment_of
+    from hfa_flight.judge.assessor import Assessor
+    from hfa_flight.judge.variations import changes_of
+
+    changes = changes_of(deployed, request.vary)
+    points = tuple(request.points())
+    scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
+    share = request.need.get(SHARE, ALL)
+    assessor = Assessor(deployed, points, request.samples, request.seed, request.box, share=share)
+    result = assessment_of(
+        assessor,
+        needs=request.need,
+        changes=changes,
+        scenarios=scenarios,
+        best=request.best,
+        progress_of=ProgressLine,
+    )
+    return replace(result, assumed=_assumed_trim(request, points))

@@ -1,0 +1,1 @@
+"""Judgement of policies as they are deployed: many flights, the loop at the trim, the optimum."""

@@ -1,0 +1,220 @@
+"""Result of an assessment at one trim."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.march.refinement import IntegrationError
+from hfa_flight.judge.action_effects import ActionEffect
+from hfa_flight.judge.cost_above_optimum import CostAboveOptimum
+from hfa_flight.judge.flight_costs import FlightCosts
+from hfa_flight.judge.outcomes import Outcomes, Place
+from hfa_flight.judge.reach import OwnMode, left_alone
+from hfa_flight.judge.rough_flights import RoughFlights
+from hfa_flight.needs import ALL, is_enough
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.equilibrium import Equilibrium
+from hfa_flight.policies.deployment.sampled_loop import Delays, Margins
+from hfa_flight.simulate.envelope import flight_envelope
+from hfa_support.reporting.results import Result, given
+from trim.point.operating_point import OperatingPoint
+
+
+@dataclass(frozen=True, eq=False)
+class AssessedPoint(Result):
+    """Assessment of a policy at one trim.
+
+    deployed: the policy on its aircraft.
+    point: the trim.
+    place: initial-condition box and equilibrium.
+    slowest: eigenvalue of the sampled loop with the largest absolute value, or nan without an
+        equilibrium.
+    delays: spectral radii with other delays, or None without an equilibrium.
+    margins: margins of the loop, or None without an equilibrium, if the loop is unstable, or if the
+        computation fails.
+    cost: cost above the optimum, or None without an equilibrium, weights or an optimum.
+    flights: outcomes from seeded initial conditions, or None without flights.
+    disturbed: outcomes from the same initial conditions with a disturbance pulse, or None without
+        flights.
+    actions: effect of each action beside the exact gain's, or () if there is no exact gain.
+    best: costs of flights beside those of the exact gain and of the best flights, or None if no
+        costs were compared.
+    rough: flights with sensor noise or in moving air, or None if they were not requested.
+    remarks: reasons why parts of the assessment are missing, one sentence each.
+    integration: integration error of some of the flights, or None without flights or on changed
+        aircraft.
+    share: share of the flights that must converge for the policy to hold, by default all.
+    """
+
+    deployed: Deployed
+    point: OperatingPoint
+    place: Place
+    slowest: complex
+    delays: Delays | None
+    margins: Margins | None
+    cost: CostAboveOptimum | None
+    flights: Outcomes | None
+    disturbed: Outcomes | None
+    actions: tuple[ActionEffect, ...] = ()
+    best: FlightCosts | None = None
+    rough: RoughFlights | None = None
+    remarks: tuple[str, ...] = ()
+    integration: IntegrationError | None = None
+    share: float = ALL
+
+    @property
+    def radius(self) -> float:
+        """Spectral radius of the sampled loop with the deployed delay, or nan."""
+        return abs(self.slowest)
+
+    @property
+    def own_mode(self) -> OwnMode | None:
+        """Slow mode of the aircraft that the policy does not control, or None.
+
+        - The policy cannot move or observe some slow modes: the fastest-growing of these modes.
+        - Otherwise, if the policy fails without saturation: the slowest mode of the loop if the
+          policy hardly changes it.
+        - Otherwise, or without an equilibrium: None.
+
+        The policy fails if it does not hold, or if a flight does not converge.
+        """
+        reach = self.place.reach
+        if reach is None:
+            return None
+        if reach.own:
+            return max(reach.own, key=lambda mode: mode.growth)
+        converges = self.flights is None or self.flights.returned == self.flights.starts
+        is_saturated = bool(reach.loop.clips)
+        if is_saturated or (self.holds and converges):
+            return None
+        return left_alone(self.deployed, reach.loop, self.slowest, self.deployed.deployment.dt)
+
+    @property
+    def equilibrium(self) -> Equilibrium | None:
+        """Equilibrium of the sampled loop, or None if it does not exist."""
+        return self.place.equilibrium
+
+    @property
+    def holds(self) -> bool:
+        """True if the policy stabilizes the aircraft.
+
+        The sampled loop must be stable at its equilibrium, within the limits of the states and with
+        no action or input saturated there. If flights were simulated, the required share must
+        converge, without and with a disturbance pulse.
+        """
+        if self.equilibrium is None or self.equilibrium.clips or not self.radius < 1.0:
+            return False
+        flown = [each for each in (self.flights, self.disturbed) if each is not None]
+        converge = (is_enough(each.returned, each.starts, self.share) for each in flown)
+        return not self.beyond and all(converge)
+
+    @property
+    def beyond(self) -> list[str]:
+        """Sentences on the states that exceed their limits at the equilibrium."""
+        if self.equilibrium is None:
+            return []
+        broken = flight_envelope(self.point.model, self.point).broken(self.equilibrium.states)
+        return [text.replace("would have to be", "is", 1) for text in broken]
+
+    @property
+    def offset(self) -> np.ndarray:
+        """Equilibrium minus trim in the linear states, (k,), defined only with an equilibrium."""
+        assert self.equilibrium is not None  # required by the docstring
+        model = self.point.model
+        rows = model.state_places(model.linear)
+        return (self.equilibrium.states - np.array(self.point.states))[rows]
+
+    @property
+    def radii(self) -> tuple[float, ...]:
+        """Spectral radii of the sampled loop with delays of 0, 1, 2, ... samples.
+
+        The result is () without an equilibrium.
+        """
+        return () if self.delays is None else self.delays.radii
+
+    @property
+    def equilibrium_states(self) -> dict[str, float] | None:
+        """State -> value at the equilibrium, or None without an equilibrium."""
+        if self.equilibrium is None:
+            return None
+        return dict(zip(self.point.model.states, self.equilibrium.states.tolist(), strict=True))
+
+    @property
+    def equilibrium_inputs(self) -> dict[str, float] | None:
+        """Input -> value at the equilibrium, or None without an equilibrium."""
+        if self.equilibrium is None:
+            return None
+        return dict(zip(self.point.model.inputs, self.equilibrium.inputs.tolist(), strict=True))
+
+    @property
+    def counts(self) -> tuple[str, str, str]:
+        """Numbers of flights that converge, leave the envelope, and converge after a pulse."""
+        if self.flights is None or self.disturbed is None:
+            return "-", "-", "-"
+        converging, after_pulse = (
+            f"{outcome.returned} of {outcome.starts}" for outcome in (self.flights, self.disturbed)
+        )
+        return converging, f"{self.flights.lost}", after_pulse
+
+    @property
+    def input_margins(self) -> list[dict[str, float]]:
+        """Return gain_low, gain_high, phase_deg and disk of each commanded input.
+
+        The result is [] without margins.
+        """
+        if self.margins is None:
+            return []
+        return [
+            {
+                "gain_low": loop.gain_low,
+                "gain_high": loop.gain_high,
+                "phase_deg": loop.phase,
+                "disk": loop.disk,
+            }
+            for loop in self.margins.inputs
+        ]
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value, with that of the scheduling variable."""
+        equilibrium, delays, margins = self.equilibrium, self.delays, self.margins
+        return (
+            scheduled_value(self.point)
+            | {
+                "K": None if equilibrium is None else equilibrium.K,
+                "delay_limit": None if delays is None else delays.limit,
+                "delay_limit_fine": None if delays is None else delays.fine,
+                "delay_searched": None if delays is None else delays.searched,
+                "disk_margin": None if margins is None else margins.disk.disk,
+                "cost_lost": self.cost,
+                "flights": self.flights,
+                "disturbed": self.disturbed,
+                "actions": self.actions,
+                "remarks": self.remarks,
+                "spectral_radius": self.radius,
+                "holds": self.holds,
+                "radii": self.radii,
+                "equilibrium": self.equilibrium_states,
+                "equilibrium_inputs": self.equilibrium_inputs,
+                "input_margins": self.input_margins,
+            }
+            | given(best=self.best, rough=self.rough, integration=self.integration)
+        )
+
+
+def scheduled_value(point: OperatingPoint) -> dict[str, float]:
+    """Return {key: value} of the scheduling variable at a trim, or {} if the model has none.
+
+    Angles are in degrees.
+    """
+    model = point.model
+    if not model.schedule:
+        return {}
+    if model.schedule in model.parameters:
+        value = model.parameters[model.schedule].start
+    else:
+        value = float(point.values[model.schedule])
+    return {model.schedule_key: math.degrees(value) if model.is_typed_in_degrees else value}

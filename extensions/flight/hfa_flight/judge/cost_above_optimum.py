@@ -1,0 +1,110 @@
+"""Cost of a policy at its equilibrium, relative to the optimum for the weights Q and R."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.cost import flight_cost
+from controller.riccati.gare import unconfirmed_solution
+from hfa_flight.judge.weights import weights_at
+from hfa_flight.plan.hold import hold_of
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.equilibrium import Equilibrium
+from hfa_flight.policies.deployment.sampled_loop import Chain
+from hfa_support.errors import NoSolutionError
+from hfa_support.reporting.results import Result
+
+#: A state whose eigenvalue of the optimal cost is smaller, relative to the largest, has no cost.
+_COSTS_NOTHING = 1e-12
+
+
+@dataclass(frozen=True)
+class CostAboveOptimum(Result):
+    """Cost above the optimum for deviations from the equilibrium, percent, or inf if unbounded.
+
+    worst: worst case of u = -K x in continuous time, without delay. K includes the effect of an
+        observed input. nan for a policy that uses several samples, or whose inputs do not settle at
+        a constant state.
+    mean: mean over all initial conditions, as for `worst`.
+    sampled_worst: worst case of the sampled loop with delay, relative to the optimum with inputs
+        that are held for a sample, without delay. Both costs are integrals over time.
+    sampled_mean: mean over all initial conditions, as for `sampled_worst`.
+    """
+
+    worst: float
+    mean: float
+    sampled_worst: float
+    sampled_mean: float
+
+    @property
+    def largest(self) -> float:
+        """Larger of `worst` and `sampled_worst`. nan is ignored."""
+        return float(np.fmax(self.worst, self.sampled_worst))
+
+
+def cost_above_optimum(
+    deployed: Deployed, equilibrium: Equilibrium, chain: Chain
+) -> CostAboveOptimum | str:
+    """Return the cost above the optimum, or a sentence with the reason why no optimum exists.
+
+    chain: sampled loop with its delay
+
+    Raises BadInputError for the weight of an output that depends on the inputs.
+    """
+    game = lqr_at(deployed, equilibrium)
+    try:
+        worst = math.nan
+        mean = math.nan
+        gain = equilibrium.gain
+        if equilibrium.frames is None and gain is not None:
+            continuous = flight_cost(game, unconfirmed_solution(game), gain)
+            worst = continuous.worst
+            mean = continuous.mean
+        _, optimum = hold_of(game.A, game.B, game.Q, game.R, chain.dt).forever()
+    except NoSolutionError as error:
+        return f"the cost has no optimum here: {error}"
+    sampled_worst, sampled_mean = _sampled_costs(game, optimum, chain)
+    return CostAboveOptimum(worst, mean, sampled_worst, sampled_mean)
+
+
+def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
+    """Return the LQR problem of the linearization at the equilibrium.
+
+    Q and R are those of the deployment. The states are those of `equilibrium.A`: the linear states,
+    or the coordinates of `equilibrium.basis`.
+    """
+    Q, R = weights_at(deployed, equilibrium)
+    if equilibrium.basis is not None:
+        Q = equilibrium.basis.T @ Q @ equilibrium.basis
+    E = np.eye(len(equilibrium.A))
+    return Game(equilibrium.A, equilibrium.B, E, Q, R, math.inf)
+
+
+def _sampled_costs(game: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
+    """Return the worst and the mean cost of a sampled loop above the optimum, percent."""
+    # At the first sample, delayed commands have their equilibrium values, and earlier observations
+    # equal the present ones. If the loop is unstable, both results are inf. If no deviation has a
+    # cost, both are 0.
+    from scipy.linalg import solve_discrete_lyapunov
+
+    if chain.radius >= 1.0:
+        return math.inf, math.inf
+    x = np.eye(chain.states, len(chain.F))
+    weights = np.zeros_like(chain.F)
+    for seconds, acting in chain.acting:
+        hold = hold_of(game.A, game.B, game.Q, game.R, seconds)
+        both = np.vstack([x, acting])
+        weights += both.T @ hold.W @ both
+        x = hold.A @ x + hold.B @ acting
+    X = chain.start.T @ solve_discrete_lyapunov(chain.closed.T, weights) @ chain.start
+    values, vectors = np.linalg.eigh(optimum)
+    paid = values > _COSTS_NOTHING * max(float(values[-1]), 0.0)
+    if not paid.any():
+        return 0.0, 0.0
+    root = vectors[:, paid] / np.sqrt(values[paid])
+    lost = np.linalg.eigvalsh(root.T @ (X - optimum) @ root)
+    return 100.0 * max(float(lost[-1]), 0.0), 100.0 * max(float(lost.mean()), 0.0)

@@ -1,0 +1,323 @@
+"""Findings of an assessment: one function for each kind of finding at a trim, and their summary."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
+from hfa_flight.judge.outcomes import Outcomes, departure_text
+from hfa_flight.judge.weights import weights_at
+from hfa_flight.needs import is_enough
+from hfa_support.reporting.text import beside_unit, short_number, shown_unit
+
+#: Costs that differ by less, in percent of the optimum, are equal.
+_SAME_COST = 1e-6
+#: An equilibrium closer to the trim, relative to the initial-condition box, counts as the trim.
+_AT_TRIM = 0.01
+#: Largest number of trims that are listed.
+_LISTED = 3
+
+
+class Severity(StrEnum):
+    """Severity of a finding, the worst first."""
+
+    FAILURE = "failure"
+    WARNING = "warning"
+    NOTE = "note"
+
+
+class Finding(NamedTuple):
+    """Finding of an assessment.
+
+    severity: "failure" if the policy fails because of it, else "warning" or "note".
+    text: one sentence, with the trims if the finding does not concern all.
+    """
+
+    severity: Severity
+    text: str
+
+
+class _Found(NamedTuple):
+    """Finding at one trim."""
+
+    severity: Severity
+    text: str
+    size: float = 0.0  # comparable among findings of the same kind. The largest is the worst
+
+
+def findings_at_trims(points: Sequence[AssessedPoint]) -> list[Finding]:
+    """Return the findings at all trims, worst first.
+
+    Of several findings of one kind, that at the worst trim is returned, with the number of trims.
+    """
+    findings: list[Finding] = []
+    for kind in _KINDS:
+        found = [(each, point) for point in points for each in kind(point)]
+        if not found:
+            continue
+        worst = max((each for each, _ in found), key=lambda each: each.size)
+        where = [point for each, point in found if each.text == worst.text]
+        text = worst.text
+        if len(where) < len(points):
+            text = f"{where_text(where, points)}: {text}"
+        if len(found) > len(where):
+            text += f" (worst of {len(found)} trims)"
+        findings.append(Finding(worst.severity, text))
+    for text in dict.fromkeys(remark for point in points for remark in point.remarks):
+        where = [point for point in points if text in point.remarks]
+        place = f"{where_text(where, points)}: " if len(where) < len(points) else ""
+        findings.append(Finding(Severity.NOTE, place + text))
+    return worst_first(findings)
+
+
+def worst_first(findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings ordered by severity. Findings of equal severity keep their order."""
+    order = list(Severity)
+    return sorted(findings, key=lambda finding: order.index(finding.severity))
+
+
+def where_text(points: Sequence[AssessedPoint], among: Sequence[AssessedPoint]) -> str:
+    """Return trims as text, such as "from 38 to 60 m/s" or "at 45 m/s".
+
+    Without a scheduling variable, the text is "at the trim". A range is given only if no other trim
+    lies inside.
+
+    among: all trims of the assessment
+    """
+    model = among[0].point.model
+    values = [value for point in points for value in scheduled_value(point.point).values()]
+    if not values:
+        return "at the trim"
+    unit = shown_unit(model.schedule_unit)
+    if min(values) == max(values):
+        return f"at {values[0]:.4g} {unit}"
+    every = [value for point in among for value in scheduled_value(point.point).values()]
+    inside = [value for value in every if min(values) <= value <= max(values)]
+    if len(inside) == len(values):
+        return f"from {min(values):.4g} to {max(values):.4g} {unit}"
+    listed = ", ".join(f"{value:.4g}" for value in values[:_LISTED])
+    more = len(values) - _LISTED
+    return f"at {listed} {unit}" + (f" and {more} more" if more > 0 else "")
+
+
+# Kinds of findings. Each function returns the findings of its kind at one trim: none or one.
+
+
+def _no_equilibrium(point: AssessedPoint) -> list[_Found]:
+    if point.equilibrium is not None:
+        return []
+    return [_Found(Severity.FAILURE, "no equilibrium near the trim")]
+
+
+def _saturation(point: AssessedPoint) -> list[_Found]:
+    if point.equilibrium is None or not point.equilibrium.clips:
+        return []
+    what = " and ".join(point.equilibrium.clips)
+    text = f"saturated at the equilibrium, not judged as stable: {what}"
+    return [_Found(Severity.FAILURE, text)]
+
+
+def _beyond_limits(point: AssessedPoint) -> list[_Found]:
+    if not point.beyond:
+        return []
+    return [_Found(Severity.FAILURE, f"at the equilibrium, {point.beyond[0]}")]
+
+
+def _instability(point: AssessedPoint) -> list[_Found]:
+    if not point.radius >= 1.0:
+        return []
+    text = f"unstable at its equilibrium (spectral radius {point.radius:.5f})"
+    return [_Found(Severity.FAILURE, text, point.radius)]
+
+
+def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) -> list[_Found]:
+    """Return the finding on the flights that leave the envelope."""
+    if flown is None or not flown.lost:
+        return []
+    text = f"{when}{_leaving(flown.lost, flown.starts, 'flights')}"
+    if flown.departure is not None:
+        text += f" (first: {departure_text(flown.departure)})"
+    severity = Severity.WARNING if point.holds else Severity.FAILURE
+    return [_Found(severity, text, flown.lost / flown.starts)]
+
+
+def _limit_cycle(point: AssessedPoint) -> list[_Found]:
+    for flown, when in ((point.flights, ""), (point.disturbed, "with a disturbance pulse: ")):
+        if flown is not None and flown.cycle is not None:
+            size = flown.cycle.amplitude / point.point.model.signals[flown.cycle.name].nominal
+            severity = Severity.WARNING if point.holds else Severity.FAILURE
+            return [_Found(severity, f"{when}limit cycle: {flown.cycle.motion()}", size)]
+    return []
+
+
+def _convergence(point: AssessedPoint) -> list[_Found]:
+    flown = point.flights
+    if flown is None:
+        return [_Found(Severity.NOTE, "no flight was simulated")]
+    staying = flown.starts - flown.lost - flown.returned
+    if staying:
+        text = f"{staying} of {flown.starts} flights do not converge within {flown.seconds:.3g} s"
+        severity = Severity.WARNING if point.holds else Severity.FAILURE
+        return [_Found(severity, text, staying / flown.starts)]
+    return [] if flown.lost else [_Found(Severity.NOTE, "every flight converges")]
+
+
+def _other_equilibrium(point: AssessedPoint) -> list[_Found]:
+    flown = point.flights
+    if flown is None or not flown.elsewhere:
+        return []
+    where = ", ".join(f"{name} {value:.4g}" for name, value in flown.elsewhere_at.items())
+    text = f"{flown.elsewhere} of {flown.starts} flights converge to another equilibrium: {where}"
+    if flown.elsewhere_inputs:
+        rate = offset_rate(point, flown.elsewhere_at, flown.elsewhere_inputs)
+        text += f", which costs {rate:.2g} per second"
+    return [_Found(Severity.WARNING, text, flown.elsewhere / flown.starts)]
+
+
+def _own_mode(point: AssessedPoint) -> list[_Found]:
+    mode = point.own_mode
+    if mode is None or (point.holds and mode.growth < 0.0):
+        return []
+    if mode.why:
+        text = f"not judged: {mode.name}, which {mode.why}"
+    else:
+        text = f"leaves {mode.name} as it is"
+    severity = Severity.WARNING if point.holds else Severity.FAILURE
+    return [_Found(severity, text, mode.growth)]
+
+
+def _judged_states(point: AssessedPoint) -> list[_Found]:
+    reach = point.place.reach
+    if reach is None or reach.decisive.all():
+        return []
+    return [
+        _Found(Severity.NOTE, f"convergence is judged by the states within reach: {reach.states}")
+    ]
+
+
+def _delay(point: AssessedPoint) -> list[_Found]:
+    if point.delays is None or not point.holds:
+        return []
+    limit = point.delays.limit
+    if limit is None:
+        longest = point.delays.searched
+        return [_Found(Severity.NOTE, f"stable with delays up to {1e3 * longest:.4g} ms", -longest)]
+    return [_Found(Severity.NOTE, f"unstable with {1e3 * limit:.4g} ms of delay", -limit)]
+
+
+def offset_rate(
+    point: AssessedPoint, states: Mapping[str, float], inputs: Mapping[str, float]
+) -> float:
+    """Return the cost per second at an equilibrium, z'Qz + v'Rv in deviations from the trim.
+
+    states, inputs: values of the linear states and of the inputs at the equilibrium
+    """
+    Q, R = weights_at(point.deployed, point.point)
+    trim = point.point.values
+    z = np.array([states[name] - trim[name] for name in point.point.model.linear])
+    v = np.array([inputs[name] - trim[name] for name in point.deployed.commanded])
+    return float(z @ Q @ z + v @ R @ v)
+
+
+def _steady_state_error(point: AssessedPoint) -> list[_Found]:
+    """Return the finding on the steady-state error at a stable equilibrium."""
+    if point.equilibrium is None or not point.radius < 1.0:
+        return []
+    model = point.point.model
+    shares = np.where(point.place.decisive, np.abs(point.offset) / point.place.box, 0.0)
+    index = int(np.argmax(shares))
+    if shares[index] < _AT_TRIM:
+        return [_Found(Severity.NOTE, "no steady-state error")] if point.holds else []
+    name = model.linear[index]
+    unit = model.unit(name)
+    sign = "+" if point.offset[index] > 0.0 else "-"
+    size = beside_unit(short_number(abs(float(point.offset[index])), unit), unit)
+    text = f"steady-state {name} error {sign}{size}"
+    rate = 0.0 if point.best is None else point.best.offset_rate or 0.0
+    if rate > 0.0:
+        text += f", which costs {rate:.2g} per second"
+    return [_Found(Severity.NOTE, text, float(shares[index]))]
+
+
+def _linear_cost(point: AssessedPoint) -> list[_Found]:
+    if point.cost is None or not point.holds:
+        return []
+    worst = point.cost.largest
+    if not math.isfinite(worst):
+        text = "linear cost without bound"
+    elif worst < _SAME_COST:
+        text = "linear cost of the optimum"
+    elif worst < 100.0:
+        text = f"linear cost up to {worst:.2g} % above the optimum"
+    else:
+        times = float(f"{1.0 + worst / 100.0:.2g}")
+        text = f"linear cost up to {short_number(times, '')}x the optimum"
+    return [_Found(Severity.NOTE, text, worst)]
+
+
+def _clipped_observations(point: AssessedPoint) -> list[_Found]:
+    if point.equilibrium is None or not point.equilibrium.clipped_observations:
+        return []
+    names = ", ".join(point.equilibrium.clipped_observations)
+    return [_Found(Severity.WARNING, f"the normalizer clips {names} at the equilibrium")]
+
+
+def _kinks(point: AssessedPoint) -> list[_Found]:
+    if point.equilibrium is None or not point.equilibrium.kinks:
+        return []
+    first, *others = point.equilibrium.kinks
+    more = f" (and {len(others)} more)" if others else ""
+    return [_Found(Severity.NOTE, f"{first}{more}", len(others))]
+
+
+def _calm_in_rough_air(point: AssessedPoint) -> list[_Found]:
+    """Return the finding on flights with noise or in moving air."""
+    rough = point.rough
+    if rough is None:
+        return []
+    flights = f"flights with {rough.disturbed_by}"
+    if rough.departure is None:
+        text = f"every flight with {rough.disturbed_by} stays inside the envelope"
+        return [_Found(Severity.NOTE, text)]
+    count = rough.flights - rough.inside
+    text = f"{_leaving(count, rough.flights, flights)} ({departure_text(rough.departure)})"
+    is_tolerated = is_enough(rough.inside, rough.flights, point.share)
+    severity = Severity.WARNING if is_tolerated else Severity.FAILURE
+    return [_Found(severity, text, count / rough.flights)]
+
+
+def _left_out(point: AssessedPoint) -> list[_Found]:
+    """Return the finding on components of the moving air that the equations do not support."""
+    if point.rough is None or not point.rough.left_out:
+        return []
+    return [_Found(Severity.NOTE, "; ".join(point.rough.left_out))]
+
+
+def _integration(point: AssessedPoint) -> list[_Found]:
+    error = point.integration
+    if error is None or error.is_resolved:
+        return []
+    return [_Found(Severity.WARNING, error.text())]
+
+
+#: Kinds of findings, in the order of the report.
+_KINDS: tuple[Callable[[AssessedPoint], list[_Found]], ...] = (
+    *(_no_equilibrium, _saturation, _beyond_limits, _calm_in_rough_air),
+    lambda point: _leaving_flights(point, point.flights, ""),
+    *(_limit_cycle, _own_mode, _instability, _convergence, _other_equilibrium),
+    lambda point: _leaving_flights(point, point.disturbed, "with a disturbance pulse: "),
+    _clipped_observations,
+    *(_delay, _steady_state_error, _linear_cost, _judged_states, _kinks, _left_out),
+    _integration,
+)
+
+
+def _leaving(count: int, total: int, flights: str) -> str:
+    """Return a phrase such as "1 of 2 flights leaves the envelope"."""
+    verb = "leaves" if count == 1 else "leave"
+    return f"{count} of {total} {flights} {verb} the envelope"

@@ -1,0 +1,266 @@
+"""Costs of a policy's flights, beside those of the exact gain and of the best flights found."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfa_flight.judge.outcomes import Place
+from hfa_flight.judge.weights import weights_at
+from hfa_flight.plan.initial_box import drawn_starts
+from hfa_flight.plan.initial_conditions import starts_table
+from hfa_flight.plan.problem import flight_problem
+from hfa_flight.plan.search import BestFlights
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.policy import policy_about
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress
+from hfa_support.reporting.results import Result
+from trim.linear.modes import modes_of
+
+#: Longest time until the linear cost of a flight has decayed, s. Longer flights are not compared.
+_LONGEST = 3000.0
+
+
+class Ratios(NamedTuple):
+    """Least, median and largest ratio of two costs."""
+
+    least: float
+    median: float
+    worst: float
+
+    @staticmethod
+    def of(values: Sequence[float]) -> Ratios | None:
+        """Return the ratios of some flights, or None without flights."""
+        if not values:
+            return None
+        return Ratios(min(values), statistics.median(values), max(values))
+
+
+class MeanCost(NamedTuple):
+    """Mean and standard deviation of the costs of some flights."""
+
+    mean: float
+    deviation: float
+
+    @staticmethod
+    def of(costs: Sequence[float]) -> MeanCost | None:
+        """Return the mean of some costs, or None without costs."""
+        return MeanCost(float(np.mean(costs)), float(np.std(costs))) if costs else None
+
+    def text(self) -> str:
+        """Return the mean and the standard deviation as text."""
+        return f"{self.mean:.4g}" + (f" ± {self.deviation:.3g}" if self.deviation else "")
+
+
+@dataclass(frozen=True, eq=False)
+class FlightCosts(Result):
+    """Costs of a policy's flights from one trim's initial-condition box.
+
+    The LQR is the exact gain of the linear model for the weights of the cost, saturated at the
+    limits of the inputs. It begins at the same initial conditions as the policy.
+
+    starts: number of initial conditions.
+    searched: whether best flights were searched.
+    found: number of initial conditions with a best flight.
+    refused: number of initial conditions for which a search found no flight, or for which the
+        simulation did not confirm the flight.
+    lost: number of the policy's flights that leave the envelope or are not at the trim at the end,
+        from the initial conditions that are compared. The others are held.
+    seconds: duration of the longest of the policy's flights, s.
+    lqr_lost: the same of the LQR's flights.
+    both: number of initial conditions from which the flights of both are held.
+    unresolved: number of held flights whose cost changes with half the integration step.
+    policy_over_best: costs of the policy's held flights, relative to the best, or None if no such
+        flight exists.
+    lqr_over_best: the same of the LQR's flights.
+    policy_over_lqr: costs of the policy's flights relative to the LQR's, where both are held, or
+        None.
+    cost: cost of the policy's flights, where both are held, or None.
+    lqr_cost: the same of the LQR's flights.
+    offset_rate: cost per second of the steady-state error, or None without an equilibrium.
+    """
+
+    starts: int
+    searched: bool
+    found: int
+    refused: int
+    lost: int
+    seconds: float
+    lqr_lost: int
+    both: int
+    unresolved: int
+    policy_over_best: Ratios | None
+    lqr_over_best: Ratios | None
+    policy_over_lqr: Ratios | None
+    cost: MeanCost | None
+    lqr_cost: MeanCost | None
+    offset_rate: float | None
+
+    @property
+    def ratios(self) -> Ratios | None:
+        """Costs relative to the best flights, or to the LQR's flights if no best flight exists."""
+        return self.policy_over_best if self.found else self.policy_over_lqr
+
+    @property
+    def median(self) -> float:
+        """Median of `ratios`, or inf if no flight of the policy ends at the trim."""
+        return math.inf if self.ratios is None else self.ratios.median
+
+    @property
+    def compared(self) -> int:
+        """Number of initial conditions that are compared: those with a best flight, or all."""
+        return self.found if self.searched else self.starts
+
+    def ratio_texts(self) -> list[str]:
+        """Return the median of `ratios` as phrases that name the comparison, longest first.
+
+        If most flights of the policy, or all of the LQR, are lost, the phrases say this instead.
+        """
+        best = "" if self.found else f", no best {'found' if self.searched else 'searched'}"
+        if 2 * self.lost > self.compared:
+            lost = f"{self.lost} of {self.compared}"
+            end = f"leave or are not at the trim after {self.seconds:.3g} s{best}"
+            return [
+                f"{lost} flights {end}",
+                f"{lost} {end}",
+                f"{lost} fail{best}",
+            ]
+        if self.ratios is None:
+            fails = "no flight of the exact gain ends at the trim"
+            return [f"{fails}{best}", f"the exact gain fails{best}"]
+        if not self.found:
+            ratio = f"{_number(self.median)}x the exact gain"
+            return [f"median cost {ratio}'s{best}", f"{ratio}'s{best}", f"{ratio}{best}"]
+        ratio = f"{_number(self.median)}x the best flight"
+        if self.lqr_over_best is None:
+            return [f"median cost {ratio}", ratio]
+        with_lqr = f"{ratio} (LQR {_number(self.lqr_over_best.median)}x)"
+        return [f"median cost {with_lqr}", with_lqr, ratio]
+
+    def sentences(self) -> list[str]:
+        """Return sentences on the mean costs and on the range of the ratios."""
+        sentences = []
+        if self.cost is not None and self.lqr_cost is not None:
+            some = f" where both end at the trim ({self.both} of {self.starts})"
+            some = "" if self.both == self.starts else some
+            sentences.append(f"mean cost {self.cost.text()}, LQR {self.lqr_cost.text()}{some}")
+        if self.ratios is not None:
+            least, _, worst = self.ratios
+            reference = "the best found" if self.found else "the exact gain's"
+            sentences.append(f"flights cost {_number(least)} to {_number(worst)} x {reference}")
+        if self.lost or self.lqr_lost or self.refused:
+            count = f"{self.compared} of {self.starts}" if self.refused else f"{self.starts}"
+            refused = f" (no best flight found from {self.refused})" if self.refused else ""
+            sentences.append(
+                f"costs are of flights from {count} other initial conditions{refused}, of which "
+                f"{self.lost} leave or are not at the trim after at most {self.seconds:.3g} s, of "
+                f"the LQR {self.lqr_lost}"
+            )
+        if self.unresolved:
+            sentences.append(f"{self.unresolved} flights are not resolved by the integration step")
+        return sentences
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "starts": self.starts,
+            "searched": self.searched,
+            "found": self.found,
+            "refused": self.refused,
+            "not_converged": self.lost,
+            "seconds": self.seconds,
+            "policy_over_best": self.policy_over_best,
+            "lqr_over_best": self.lqr_over_best,
+            "policy_over_lqr": self.policy_over_lqr,
+            "lqr_not_converged": self.lqr_lost,
+            "both_converged": self.both,
+            "unresolved": self.unresolved,
+            "cost": self.cost,
+            "lqr_cost": self.lqr_cost,
+            "offset_rate": self.offset_rate,
+        }
+
+
+def _number(ratio: float) -> str:
+    """Return a ratio as text, without an exponent if it is large."""
+    return f"{ratio:.0f}" if ratio >= 1000.0 else f"{ratio:.3g}"
+
+
+def _refuse_slow(search: BestFlights, starts: np.ndarray) -> None:
+    """Raise NoSolutionError if the exact loop has a mode that decays in too long a time."""
+    if max(map(search.horizon, starts)) <= _LONGEST:
+        return
+    problem = search.problem
+    loop = problem.linear.A - problem.linear.B @ problem.K
+    slowest = max(modes_of(loop, problem.states), key=lambda mode: mode.eigenvalue.real)
+    state = max(slowest.participation, key=lambda name: slowest.participation[name])
+    raise NoSolutionError(
+        f"with the exact gain, the mode {slowest.name} has a time constant of "
+        f"{-1.0 / slowest.eigenvalue.real:.3g} s; leave {state} out of the linear states of the "
+        f"model (linear=), or give {state} a larger weight in Q"
+    )
+
+
+def flight_costs(
+    deployed: Deployed,
+    place: Place,
+    count: int,
+    seed: int,
+    progress: Progress | None,
+    *,
+    searched: bool,
+) -> FlightCosts:
+    """Return the costs of flights from random initial conditions in the box of a trim.
+
+    deployed: the policy. Without a cost in its deployment, the weights are those of `weights_at`
+    count: number of initial conditions
+    seed: seed of the initial conditions
+    searched: whether the best flight from each initial condition is searched
+
+    Raises NoSolutionError if no gain has a finite cost, or if a mode of the exact loop is so slow
+    that flights until it has decayed are too long.
+    """
+    point = place.point
+    Q, R = weights_at(deployed, point)
+    problem = flight_problem(point.model, point, Q, R, inputs=deployed.commanded)
+    search = BestFlights(problem, count)
+    loop = search.flights.of_policy(policy_about(deployed, point, "policy"))
+    starts = drawn_starts(problem, count, seed, place.box)
+    _refuse_slow(search, starts)
+    table = starts_table(search, starts, [loop], progress, searched=searched)
+    compared = [each for each in table.flights if each.cost is not None or not searched]
+    linear, flown = ([each.policies[index] for each in compared] for index in range(2))
+    both = [
+        (one.cost, other.cost)
+        for one, other in zip(flown, linear, strict=True)
+        if one.cost is not None and other.cost is not None and not (one.lost or other.lost)
+    ]
+    held, lqr_held = ([each for each in some if not each.lost] for some in (flown, linear))
+    offset_rate = None
+    if place.equilibrium is not None:
+        z = (place.equilibrium.states - np.array(point.states))[problem.places]
+        v = (place.equilibrium.inputs - np.array(point.inputs))[problem.moved]
+        offset_rate = float(z @ Q @ z + v @ R @ v)
+    return FlightCosts(
+        starts=table.starts,
+        searched=searched,
+        found=table.found,
+        refused=table.refused if searched else 0,
+        lost=sum(each.lost for each in flown),
+        seconds=max((each.seconds for each in flown), default=0.0),
+        lqr_lost=sum(each.lost for each in linear),
+        both=len(both),
+        unresolved=sum(not each.resolved for each in (*held, *lqr_held)),
+        policy_over_best=Ratios.of([each.over_best for each in held if each.over_best]),
+        lqr_over_best=Ratios.of([each.over_best for each in lqr_held if each.over_best]),
+        policy_over_lqr=Ratios.of([one / other for one, other in both]),
+        cost=MeanCost.of([one for one, _ in both]),
+        lqr_cost=MeanCost.of([other for _, other in both]),
+        offset_rate=offset_rate,
+    )

@@ -1,0 +1,519 @@
+"""Outcomes of flights from a box of initial conditions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.march.ending import Outcome
+from hfa_aircraft.march.march import History, Loop, march
+from hfa_flight.air.history import Deviations
+from hfa_flight.judge.endings import BALL, STILL, Endings, settled
+from hfa_flight.judge.reach import HORIZON, Reach
+from hfa_flight.policies.deployment.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
+from hfa_flight.simulate.envelope import Departure, departure, flight_envelope
+from hfa_flight.simulate.limit_cycle import LimitCycle, limit_cycle
+from hfa_flight.simulate.sampled_flights import (
+    CompiledSamples,
+    SampledFlight,
+    SampledRows,
+    in_threads,
+)
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress
+from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import beside_unit, short_number
+from trim.point.operating_point import OperatingPoint
+
+
+def departure_text(left: Departure) -> str:
+    """Return a departure as text, such as "altitude below 0 ft at 0.02 s"."""
+    when = f"at {left.time:.4g} s"
+    if not math.isfinite(left.value):
+        return f"{left.state} is not a number {when}"
+    side = "below" if left.value < left.limit else "above"
+    limit = beside_unit(short_number(left.limit, left.unit), left.unit)
+    return f"{left.state} {side} {limit}{' (assumed)' * left.assumed} {when}"
+
+
+def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
+    """Return the departure of a flight as text: the violated limit of a state, and the time.
+
+    states: (n,), states outside the envelope
+    time: s
+    """
+    left = departure(envelope, np.array([time]), states[None], False)
+    assert left is not None  # the states are outside
+    return departure_text(left)
+
+
+def refuse_edges(points: Sequence[OperatingPoint]) -> None:
+    """Raise BadInputError for a trim at the edge of the envelope.
+
+    At such a trim, a state whose rate depends on other linear states is at its limit. Flights with
+    small deviations from such a trim leave the envelope immediately.
+    """
+    for point in points:
+        model = point.model
+        envelope = flight_envelope(model, point)
+        values = np.array(point.states)
+        at_lowest = envelope.at_lowest(values)
+        edges = np.flatnonzero(at_lowest | envelope.at_highest(values)).tolist()
+        if not edges:
+            continue
+        A = model.at(point.states, point.inputs).A
+        linear = model.state_places(model.linear)
+        for index in edges:
+            others = [number for number in linear if number != index]
+            if not A[index, others].any():
+                continue
+            name = envelope.names[index]
+            which, side = ("lowest", "above") if at_lowest[index] else ("highest", "below")
+            raise BadInputError(
+                f"the trim is at the {which} limit of {name}, "
+                f"{model.describe(name, float(values[index]))}, so every flight leaves the "
+                f"envelope immediately; choose a trim with {name} {side} this limit"
+            )
+
+
+#: Duration of the disturbance pulse, s, and the distance by which it alone would move a state, in
+#: half-widths of the box.
+PUSHED = 1.0
+PUSH = 0.5
+#: Duration of the flight in which a limit cycle is measured, s.
+_CYCLE_SECONDS = 20.0
+#: A flight that moved by less in the last window, in half-widths of the box, may be at an
+#: equilibrium.
+_SETTLED = 1e-3
+#: Largest number of other equilibria that are searched.
+_OTHERS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A trim, its initial-condition box, and the equilibrium to which flights converge.
+
+    point: the trim.
+    box: (k,), half-widths of the initial conditions about the trim.
+    equilibrium: the equilibrium, or None if it does not exist.
+    stable: whether the loop is stable at the equilibrium.
+    reach: modes within reach of the policy, or None without an equilibrium.
+    seconds: duration of a flight, s.
+    drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model, or
+        None without an equilibrium.
+    lag: (k,), lag of the linear states behind the equilibrium, or None without an equilibrium.
+    steady: trim at which the linear states have the same rates as at the equilibrium, or None for
+        `point`.
+    turns: (k,), full turn of each angle that the loop does not distinguish from none, otherwise 0.
+        () means that there is none.
+    """
+
+    point: OperatingPoint
+    box: np.ndarray
+    equilibrium: Equilibrium | None
+    stable: bool
+    reach: Reach | None = None
+    seconds: float = HORIZON
+    drift: np.ndarray | None = None
+    lag: np.ndarray | None = None
+    steady: OperatingPoint | None = None
+    turns: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def decisive(self) -> np.ndarray:
+        """Mask (k,) of the linear states that decide whether a flight converges."""
+        return np.ones(len(self.box), dtype=bool) if self.reach is None else self.reach.decisive
+
+    def centre(self, linear: list[int]) -> np.ndarray:
+        """Return the linear states at the equilibrium, with their lag, (k,), or nan without one.
+
+        linear: indices of the linear states
+        """
+        if self.equilibrium is None:
+            return np.full(len(linear), np.nan)
+        states = self.equilibrium.states[linear]
+        return states if self.lag is None else states + self.lag
+
+
+@dataclass(frozen=True)
+class Outcomes(Result):
+    """Outcomes of the flights about one trim.
+
+    starts: number of flights.
+    returned: number of flights that converged. Such a flight is within the ball about the
+        equilibrium at the end. If the loop is unstable, the distance must also not grow before the
+        end.
+    lost: number of flights that left the limits of the model's states.
+    worst_start: linear state -> initial value of the worst flight.
+    worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
+        "converges".
+    slowest: longest time of convergence, s, or 0 if no flight converges.
+    cycle: limit cycle of a flight that does not converge, or about an unstable equilibrium, or
+        None.
+    elsewhere: number of flights that converge to another equilibrium.
+    elsewhere_at: linear state -> value at the first other equilibrium, or empty if there is none.
+    elsewhere_inputs: input -> value there, or empty.
+    moving: number of flights that neither converge to an equilibrium nor leave the limits.
+    seconds: duration of a flight, s.
+    departure: departure of the flight that leaves the envelope first, or None if no flight leaves.
+    """
+
+    starts: int
+    returned: int
+    lost: int
+    worst_start: dict[str, float]
+    worst_outcome: str
+    slowest: float
+    cycle: LimitCycle | None
+    elsewhere: int
+    elsewhere_at: dict[str, float]
+    elsewhere_inputs: dict[str, float]
+    moving: int
+    seconds: float
+    departure: Departure | None
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "flights": self.starts,
+            "converged": self.returned,
+            "left_envelope": self.lost,
+            "worst_initial": self.worst_start,
+            "worst_outcome": self.worst_outcome,
+            "slowest_convergence": self.slowest,
+            "limit_cycle": self.cycle,
+            "converged_elsewhere": self.elsewhere,
+            "other_equilibrium": self.elsewhere_at,
+            "moving": self.moving,
+            "seconds": self.seconds,
+            "departure": self.departure,
+        }
+
+
+def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
+    """Return random initial conditions (count, n) and disturbance pulses (count, k) about a trim.
+
+    A pulse is added to the rates of the linear states.
+
+    pushed: False if the pulses are 0
+    """
+    model = place.point.model
+    random = np.random.default_rng([seed, 1])
+    share = random.uniform(-1.0, 1.0, (count, len(model.linear)))
+    directions = random.uniform(-1.0, 1.0, share.shape)
+    rows = model.state_places(model.linear)
+    starts = np.tile(np.array(place.point.states, dtype=float), (count, 1))
+    starts[:, rows] += share * place.box
+    pushes = directions * place.box * PUSH / PUSHED if pushed else np.zeros_like(share)
+    return starts, pushes
+
+
+class PlacedFlights:
+    """Simulation of flights at several places.
+
+    A flight ends if it leaves the envelope, or if its duration has elapsed.
+
+    flight: the aircraft over a sample.
+    places: the places.
+    owners: index of each flight's place, (N,).
+    trims: (X0; U0; p) of each flight's trim, (N, t).
+    pushes: disturbance pulses, (N, k).
+    first: initial states of the flights, (N, s).
+    states: states at the end of each flight, (N, s).
+    times: time of convergence of each flight that converged, otherwise its duration, s, (N,).
+    endings: how each flight ended.
+    swings: half the range of each linear state in the last window, (N, k), or 0 for a state that
+        does not count.
+    """
+
+    def __init__(
+        self,
+        flight: SampledFlight,
+        places: list[Place],
+        owners: np.ndarray,
+        starts: np.ndarray,
+        pushes: np.ndarray,
+    ) -> None:
+        """Prepare flights from initial states X, (N, n).
+
+        pushes: disturbance pulses, (N, k)
+        """
+        model = flight.deployed.model
+        self.flight = flight
+        self.places = places
+        self.owners = owners
+        self.linear = model.state_places(model.linear)
+        trims = [flight.deployed.trim_vector(place.point) for place in places]
+        self.trims = np.array(trims)[owners]
+        self.first = flight.start(starts, self.trims)
+        self.states = self.first.copy()
+        self.times = np.zeros(len(owners))
+        self.seconds = HORIZON
+        self.pushes = pushes
+        k = len(model.linear)
+        self.swings = np.zeros((len(owners), k))
+        self._moved_from = np.array([place.point.states for place in places], dtype=float)[owners]
+        self._centres = np.array([place.centre(self.linear) for place in places])[owners]
+        still = np.zeros((k, len(model.states)))
+        drifts = [still if place.drift is None else place.drift for place in places]
+        self._drifts = np.array(drifts)[owners]
+        none = np.zeros(k)
+        self._turns = np.array([p.turns if p.turns.size else none for p in places])[owners]
+        self._balls = np.array([BALL * place.box for place in places])[owners]
+        self._decisive = np.array([place.decisive for place in places])[owners]
+        self.endings = self._undecided(1)
+
+    def fly(
+        self, seconds: float, samples: CompiledSamples, progress: Progress | None = None
+    ) -> None:
+        """Simulate all flights, each until it ends or `seconds` have elapsed.
+
+        seconds: s
+        samples: policy and aircraft
+        """
+        window = self.flight.samples_in_window
+        of_window = window * self.flight.dt
+        windows = max(1, round(seconds / of_window))
+        self.seconds = seconds
+        self.endings = self._undecided(windows)
+
+        def work(numbers: np.ndarray) -> None:
+            rows = self.first[numbers], self.trims[numbers], self.pushes[numbers]
+            shown = progress if progress is not None and 0 in numbers else None
+
+            def over(flown: History) -> np.ndarray:
+                if shown is not None:
+                    shown(flown.first // window + 1, windows)
+                return self.endings.over(replace(flown, flights=numbers[flown.flights]))
+
+            with np.errstate(all="ignore"):
+                loop = SampledRows(samples, *rows, PUSHED)
+                flown, ends = march(loop, windows * window, over=over, window=window, keep=False)
+            self.states[numbers] = flown.states[:, 0]
+            self.times[numbers] = ends // window * of_window
+
+        in_threads(work, len(self.owners), (window + 1) * self.first.shape[1])
+        if progress is not None:
+            progress(windows, windows)
+        self.endings.close()
+        back = self.endings.outcomes == Outcome.CONVERGED
+        self.times[back] = (self.endings.in_ball_from[back] + 1) * of_window
+
+    def _undecided(self, windows: int) -> Endings:
+        """Return the rule by which the flights end."""
+        model = self.flight.deployed.model
+        envelopes = [flight_envelope(model, place.point) for place in self.places]
+        least = np.array([envelope.least for envelope in envelopes])[self.owners]
+        most = np.array([envelope.most for envelope in envelopes])[self.owners]
+        return Endings(
+            (least, most),
+            self.distance,
+            windows,
+            stable=np.array([place.stable for place in self.places])[self.owners],
+            extremes=self.flight.extremes,
+        )
+
+    def distance(self, flown: History) -> np.ndarray:
+        """Return the distance of each flight from its equilibrium in a window, in balls, (N,).
+
+        The equilibrium moves with the states outside the linear model.
+        """
+        flying = flown.flights
+        X = flown.states[:, :, : len(self._moved_from[0])]
+        lowest = np.fmin.reduce(X[:, :, self.linear], axis=1)
+        highest = np.fmax.reduce(X[:, :, self.linear], axis=1)
+        moved = X[:, -1] - self._moved_from[flying]
+        centre = self._centres[flying] + np.einsum("nij,nj->ni", self._drifts[flying], moved)
+        centre += whole_turns((lowest + highest) / 2.0 - centre, self._turns[flying])
+        farthest = np.maximum(highest - centre, centre - lowest) / self._balls[flying]
+        decisive = self._decisive[flying]
+        distance = np.nan_to_num(np.where(decisive, farthest, 0.0).max(axis=1), nan=np.inf)
+        self.swings[flying] = np.where(decisive, (highest - lowest) / 2.0, 0.0)
+        return np.asarray(distance)
+
+    def outcomes(self, owner: int) -> Outcomes:
+        """Return the outcomes of the flights about one trim.
+
+        owner: index of the trim
+        """
+        place = self.places[owner]
+        model = place.point.model
+        mine = np.flatnonzero(self.owners == owner)
+        ends = self.endings.outcomes[mine]
+        lost = mine[ends == Outcome.LEFT]
+        returned = mine[ends == Outcome.CONVERGED]
+        neither = mine[(ends != Outcome.LEFT) & (ends != Outcome.CONVERGED)]
+        worst, end = self._worst(neither, returned)
+        left = None
+        if lost.size:
+            worst, end = int(lost[np.argmin(self.endings.left_at[lost])]), Outcome.LEFT
+            left = self._departure(worst, place)
+        at_start = self.first[worst][self.linear]
+        cycle = None
+        settling = neither
+        if neither.size:
+            swings = (self.swings[neither] / place.box).max(axis=1)
+            settling = neither[swings <= _SETTLED]
+            if settling.size < neither.size:
+                swinging = int(neither[int(np.argmax(swings))])
+                cycle = self._cycle(swinging, place)
+        elif returned.size and not place.stable:
+            cycle = self._cycle(int(returned[0]), place)
+        elsewhere, elsewhere_at, elsewhere_inputs = self._other_equilibria(settling, place)
+        return Outcomes(
+            starts=len(mine),
+            returned=len(returned),
+            lost=len(lost),
+            worst_start=dict(zip(model.linear, at_start.tolist(), strict=True)),
+            worst_outcome=str(end),
+            slowest=float(self.times[returned].max(initial=0.0)),
+            cycle=cycle,
+            elsewhere=elsewhere,
+            elsewhere_at=elsewhere_at,
+            elsewhere_inputs=elsewhere_inputs,
+            moving=len(neither) - elsewhere,
+            seconds=self.seconds,
+            departure=left,
+        )
+
+    def _departure(self, number: int, place: Place) -> Departure | None:
+        """Return the departure of a flight that left the envelope, with its state and limit."""
+        times = self.flight.dt * self.endings.left_at[[number]]
+        states = self.endings.left_with[[number]]
+        return departure(flight_envelope(place.point.model, place.point), times, states, False)
+
+    def _cycle(self, number: int, place: Place) -> LimitCycle | None:
+        """Return the limit cycle of a flight that continues from its end, or None."""
+        samples = self.flight.compiled(1, _CYCLE_SECONDS)
+        loop = SampledRows(samples, self.states[[number]], self.trims[[number]])
+        return measured_cycle(self.flight, loop, place.point)
+
+    def _other_equilibria(
+        self, steady: np.ndarray, place: Place
+    ) -> tuple[int, dict[str, float], dict[str, float]]:
+        """Return the number of flights at other equilibria, and states and inputs at the first."""
+        search = EquilibriumSearch(self.flight.deployed, place.point, place.steady)
+        X, memory, *_ = self.flight.slices
+        m = len(place.point.model.inputs)
+        ball = BALL * place.box[place.decisive]
+        count = 0
+        first: dict[str, float] = {}
+        inputs: dict[str, float] = {}
+        for _ in range(_OTHERS):
+            if not steady.size:
+                break
+            state = self.states[steady[0]]
+            other = search.from_point(state[X], state[memory][:m])
+            here = self.states[steady][:, self.linear][:, place.decisive]
+            at = np.zeros(len(steady), dtype=bool)
+            if other is not None and not _is_same(other, place, self.linear):
+                there = other.states[self.linear]
+                at = np.all(np.abs(here - there[place.decisive]) <= ball, axis=1)
+            if other is not None and at[0]:
+                count += int(at.sum())
+                if not first:
+                    model = place.point.model
+                    first = dict(zip(model.linear, there.tolist(), strict=True))
+                    inputs = dict(zip(model.inputs, other.inputs.tolist(), strict=True))
+            at[0] = True
+            steady = steady[~at]
+        return count, first, inputs
+
+    def _worst(self, neither: np.ndarray, returned: np.ndarray) -> tuple[int, str]:
+        """Return the index of the worst flight that stays inside the envelope, and its outcome."""
+        if neither.size:
+            return int(neither[np.argmax(self.endings.nearest[neither])]), Outcome.UNDECIDED
+        if returned.size:
+            return int(returned[np.argmax(self.times[returned])]), Outcome.CONVERGED
+        return 0, ""
+
+
+def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
+    """Return whether an equilibrium coincides with the equilibrium of a place."""
+    if place.equilibrium is None:
+        return False
+    apart = (other.states - place.equilibrium.states)[linear]
+    if place.turns.size:
+        apart -= whole_turns(apart, place.turns)
+    apart = np.abs(apart)
+    return bool(np.all(apart[place.decisive] <= BALL * place.box[place.decisive]))
+
+
+def measured_cycle(flight: SampledFlight, loop: Loop, point: OperatingPoint) -> LimitCycle | None:
+    """Return the limit cycle of a flight, or None if it has none or a state is not finite.
+
+    loop: the flight, for `march`
+    point: trim of the flight
+    """
+    X, memory, *_ = flight.slices
+    with np.errstate(all="ignore"):
+        flown, _ = march(loop, max(64, round(_CYCLE_SECONDS / flight.dt)))
+    states = flown.states[0]
+    if not np.isfinite(states[:, X]).all():
+        return None
+    inputs = states[:, memory][:, : len(point.model.inputs)] - np.array(point.inputs)
+    deviations = states[:, X] - np.array(point.states)
+    empty = np.zeros((len(states), 0))
+    trace = Deviations(flown.times, deviations, empty, inputs, empty, deviations, {})
+    return limit_cycle(point.model, trace, 0.0)
+
+
+def fly_places(
+    flight: SampledFlight,
+    places: list[Place],
+    samples: int,
+    seed: int,
+    progress: Progress | None,
+) -> tuple[list[Outcomes], list[Outcomes]]:
+    """Return the outcomes of flights about each trim, without and with a disturbance pulse.
+
+    The results are two lists with the `Outcomes` at each trim.
+
+    samples: number of initial conditions at each trim
+    """
+    flown = placed_flights(flight, places, samples, seed)
+    seconds = max(place.seconds for place in places)
+    flown.fly(seconds, flight.compiled(len(flown.owners), seconds), progress)
+    outcomes = [flown.outcomes(owner) for owner in range(len(flown.places))]
+    return outcomes[: len(places)], outcomes[len(places) :]
+
+
+def placed_flights(
+    flight: SampledFlight, places: list[Place], samples: int, seed: int
+) -> PlacedFlights:
+    """Return flights about each trim, without and then with a disturbance pulse.
+
+    samples: number of initial conditions at each trim
+    """
+    drawn = [
+        seeded_starts(place, samples, seed, pushed) for pushed in (False, True) for place in places
+    ]
+    starts, pushes = (np.vstack(each) for each in zip(*drawn, strict=True))
+    owners = np.repeat(np.arange(2 * len(places)), samples)
+    return PlacedFlights(flight, places + places, owners, starts, pushes)
+
+
+def ends_from_trim(
+    flight: SampledFlight, points: list[OperatingPoint], samples: CompiledSamples, seconds: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Simulate flights that begin at their trims, for at most `seconds`.
+
+    Returns the final X (N, n) and the final acting inputs (N, m). All flights end early if all have
+    settled.
+    """
+    model = points[0].model
+    still = STILL * np.array([model.signals[name].nominal for name in model.states])
+    trims = np.array([flight.deployed.trim_vector(point) for point in points])
+    X, memory, *_ = flight.slices
+    window = flight.samples_in_window
+    ticks = window * max(1, round(seconds / (window * flight.dt)))
+    loop = SampledRows(samples, flight.start(trims[:, X], trims), trims)
+    with np.errstate(all="ignore"):
+        flown, _ = march(loop, ticks, over=settled(still), window=window, keep=False)
+    final = flown.states[:, 0]
+    return final[:, X], final[:, memory][:, : len(model.inputs)]

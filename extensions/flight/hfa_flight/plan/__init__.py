@@ -1,0 +1,1 @@
+"""Best flights of a nonlinear aircraft, and policies that plan on the nonlinear model."""

@@ -1,0 +1,342 @@
+"""Best flight found from an initial condition to a trim, and its report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_aircraft.signals import StatesAndInputs
+from hfa_flight.plan.collocation import Proposal
+from hfa_flight.plan.flights import SimulatedFlight
+from hfa_flight.plan.picture import drawn
+from hfa_flight.plan.problem import FlightProblem, OfProblem
+from hfa_flight.plan.report_lines import (
+    deviations_in_words,
+    envelope_pairs,
+    limits_table,
+    line_with_ratios,
+)
+from hfa_flight.plan.search import MESHES_AGREE, Found
+from hfa_flight.plan.smooth import has_kinks
+from hfa_support.reporting.named import with_names
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Matrix, Result, Vector
+from hfa_support.reporting.text import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class PolicyFlight(Result):
+    """Flight of a policy, compared with the best flight found from the same initial condition.
+
+    policy: name of the policy.
+    converges: whether the flight converges to the trim.
+    cost: cost of the flight, or None if the flight does not converge.
+    over_best: cost of the flight divided by the cost of the best flight found, or None if the
+        flight does not converge or no best flight was found.
+    departure: first departure from the envelope (state, time, value, limit), or None if the flight
+        stays within.
+    saturated: names of saturated inputs.
+    seconds: duration of the simulation, s.
+    resolved: whether cost and departure hardly change with half the integration step.
+    """
+
+    policy: str
+    converges: bool
+    cost: float | None
+    over_best: float | None
+    departure: Any
+    saturated: Sequence[str]
+    seconds: float
+    resolved: bool = True
+
+    @property
+    def lost(self) -> bool:
+        """True if the flight left the envelope or does not converge to the trim."""
+        return self.departure is not None or not self.converges
+
+    @staticmethod
+    def of(flown: SimulatedFlight, best: float | None) -> PolicyFlight:
+        """Return the record of a policy's simulated flight and its cost relative to the best
+        flight.
+
+        best: cost of the best flight from the same initial condition, or None if none was found
+        """
+        cost = flown.cost if flown.converges else None
+        ratio = None if cost is None or best is None else cost / best
+        is_resolved = flown.integration is None or flown.integration.is_resolved
+        return PolicyFlight(
+            policy=flown.name,
+            converges=flown.converges,
+            cost=cost,
+            over_best=ratio,
+            departure=flown.departure,
+            saturated=list(flown.saturated),
+            seconds=float(flown.times[-1]),
+            resolved=is_resolved,
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
+    """Best flight found from an initial condition to a trim within limits.
+
+    The cost of the simulated flight is an upper bound of the least cost. A cheaper flight may
+    exist.
+
+    problem: aircraft, trim, weights and limits.
+    found: the flight, and the optimizer's proposal that the flight follows, if it was confirmed.
+    others: flights of policies from the same initial condition.
+
+    >>> import hfa
+    >>> force = hfa.Signal("N", min=-1.0, max=1.0)
+    >>> def moved(x, u, p, w):
+    ...     return {"speed": u.force}, {}
+    >>> slider = hfa.Model("slider", {"speed": hfa.Signal("m/s")}, {"force": force}, moved)
+    >>> best = hfa.optimize(slider, hfa.trim(slider), {"speed": 3.0})
+    >>> round(best.cost, 2), best.saturated  # (3³ - 1)/3 + 2 while the force is 1, then 1
+    (11.67, ['force'])
+    """
+
+    schema = "hfa.best-flight/1"
+
+    problem: FlightProblem
+    found: Found
+    others: tuple[SimulatedFlight, ...] = field(default=(), repr=False)
+
+    @property
+    def cost(self) -> float:
+        """Cost of the simulated flight, ∫ z'Qz + v'Rv dt, plus the linear cost after its end.
+
+        z and v are the deviations of the states and inputs from the trim.
+        """
+        return self.found.flown.cost
+
+    @property
+    def flown(self) -> SimulatedFlight:
+        """The simulated flight."""
+        return self.found.flown
+
+    @property
+    def proposal(self) -> Proposal | None:
+        """Proposal of the optimizer that the flight confirms, or None."""
+        return self.found.proposal
+
+    @property
+    def reason(self) -> str | None:
+        """Reason why the simulation confirms no proposal of the optimizer, or None if it does.
+
+        With a reason, the flight is only the cheapest of the simulated flights: an upper bound.
+        """
+        return self.found.reason or None
+
+    @property
+    def source(self) -> str:
+        """Name of the flight that is reported: the best flight found, or a policy."""
+        return self.flown.name
+
+    @property
+    def initial_deviations(self) -> np.ndarray:
+        """Initial deviations of the linear states from the trim, (k,)."""
+        if self.proposal is not None:
+            return self.proposal.start
+        return (self.flown.states[0] - np.array(self.point.states))[self.problem.places]
+
+    @property
+    def start(self) -> Mapping[str, float]:
+        """Initial deviations from the trim by name of the state, without deviations of 0."""
+        pairs = zip(self.problem.states, self.initial_deviations.tolist(), strict=True)
+        return {name: value for name, value in pairs if value}
+
+    @property
+    def saturated(self) -> Sequence[str]:
+        """Names of the inputs that reach a limit during the flight."""
+        return list(self.flown.saturated)
+
+    @property
+    def time(self) -> Vector:
+        """Times of the flight, s, (N,)."""
+        return self.flown.times
+
+    @property
+    def states(self) -> Matrix:
+        """Absolute states, (N, n), with the columns `state_names`."""
+        return with_names(self.flown.states, (), self.state_names)
+
+    @property
+    def inputs(self) -> Matrix:
+        """Absolute inputs, (N, m), with the columns `input_names`."""
+        return with_names(self.flown.inputs, (), self.input_names)
+
+    @property
+    def envelope(self) -> Mapping[str, Vector]:
+        """Lowest and highest permitted value of each state."""
+        return envelope_pairs(self.problem)
+
+    @property
+    def proposed_cost(self) -> float | None:
+        """Cost reported by the optimizer for its proposal, or None if no proposal was confirmed."""
+        return None if self.found.proposal is None else self.found.proposal.cost
+
+    @property
+    def spread(self) -> float | None:
+        """Largest relative difference of the flight's cost between meshes or between initial
+        guesses, or None if no proposal was confirmed.
+        """
+        return None if self.found.proposal is None else self.found.spread
+
+    @property
+    def linear_cost(self) -> float:
+        """Least cost z'Pz of the linear model without limits, for the initial deviations z.
+
+        The least cost of the aircraft may differ.
+        """
+        return float(self.initial_deviations @ self.problem.P @ self.initial_deviations)
+
+    @property
+    def seconds(self) -> float:
+        """Horizon of the optimizer, s. After the horizon, the linear policy controls the
+        aircraft.
+        """
+        return self.found.seconds
+
+    @property
+    def policies(self) -> Sequence[PolicyFlight]:
+        """Flights of other policies from the initial condition of the best flight.
+
+        The first policy is the saturated linear policy.
+        """
+        return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
+
+    @property
+    def compared(self) -> tuple[SimulatedFlight, ...]:
+        """Simulated flights of the policies in `policies`, in the same order."""
+        return (self.found.linear, *self.others)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "Q": self.problem.Q,
+            "R": self.problem.R,
+            "states": self.state_names,
+            "state_units": self.state_units,
+            "inputs": self.input_names,
+            "input_units": self.input_units,
+            "operating_point": self.point,
+            "start": self.start,
+            "source": self.source,
+            "reason": self.reason,
+            "saturated": self.saturated,
+            "envelope": self.envelope,
+            "cost": self.cost,
+            "proposed_cost": self.proposed_cost,
+            "spread": self.spread,
+            "linear_cost": self.linear_cost,
+            "seconds": self.seconds,
+            "policies": self.policies,
+        }
+
+    def report(self) -> Report:
+        """Return the report: costs and outcomes of all flights, and limits."""
+        name = "best flight found" if self.reason is None else "cheapest simulated flight"
+        rows = [(name, f"{self.cost:.6g}", "1", "converges")]
+        lines = [_saturated(name, self.saturated)]
+        for flown, policy in zip(self.compared, self.policies, strict=True):
+            cost = "-" if policy.cost is None else f"{policy.cost:.6g}"
+            ratio = "-" if policy.over_best is None else f"{policy.over_best:.4g}"
+            rows.append((policy.policy, cost, ratio, flown.ending))
+            if flown.lost:
+                lines.append(f"{policy.policy}: {flown.outcome()}")
+            lines.append(_saturated(policy.policy, policy.saturated))
+        table = Table(("flight", "cost", "ratio", "outcome"), rows)
+        parts = (
+            self._checked(),
+            table,
+            tuple(lines),
+            self.weights_text(),
+            limits_table(self.problem),
+            "No cheaper flight from this initial condition was found. This does not prove that "
+            f"none exists. The linear model without limits gives {self.linear_cost:.6g}, which is "
+            "not a cost of the aircraft.",
+            Picture("flight", "The best flight found and the policies", self.figure),
+        )
+        return Report(self.title(), parts, data=self.as_data(), records=self.records())
+
+    def title(self) -> str:
+        """Return the first lines of the report: cost, ratios of the policies, initial condition."""
+        most = "" if self.reason is None else "at most "
+        outcomes = [
+            (each.policy, each.over_best, flown.loss)
+            for each, flown in zip(self.policies, self.compared, strict=True)
+        ]
+        begin = f"Best flight: cost {most}{self.cost:.6g}"
+        whose = f"{self.model.title} {self.point.at_scheduled}".strip()
+        lines = [
+            line_with_ratios(begin, outcomes),
+            f"to {whose}, from {deviations_in_words(self.model, self.start)}",
+        ]
+        if self.reason is not None:
+            source = f"source: {self.source}, simulated; no proposal is confirmed:"
+            lines += [source, self.reason]
+        elif self.found.spread_of_guesses > MESHES_AGREE:
+            lines.append(f"guesses differ by {100 * self.found.spread_of_guesses:.2g} %")
+        return "\n".join(lines)
+
+    def _checked(self) -> str:
+        found = self.found
+        if self.reason is not None:
+            return f"Simulated cost: {self.cost:.6g}. No proposal of the optimizer is confirmed."
+        meshes = " and ".join(map(str, list(found.meshes)[-2:]))
+        lines = [
+            f"Simulated cost: {self.cost:.6g}. Cost proposed by the optimizer: "
+            f"{self.proposed_cost:.6g}.",
+            f"Meshes of {meshes} intervals over {self.seconds:.3g} s agree within "
+            f"{100 * found.spread_of_meshes:.2g} %. Costs from {len(found.guesses)} guesses are"
+            " up to "
+            f"{100 * found.spread_of_guesses:.2g} % above the best.",
+        ]
+        if has_kinks(self.problem):
+            lines.append(
+                "The optimizer used equations with smoothed tables and kinks. The simulation"
+                " used the "
+                "exact equations."
+            )
+        return " ".join(lines)
+
+    def _labeled(self) -> list[tuple[SimulatedFlight, str]]:
+        """Return the flights of the figure with their labels, the best flight first."""
+        flights = [(self.flown, f"best flight found: {self.cost:.5g}")]
+        for flown in self.compared:
+            cost = f"{flown.cost:.5g}" if flown.converges else flown.ending
+            flights.append((flown, f"{flown.name}: {cost}"))
+        return flights
+
+    def records(self) -> Table:
+        """Return the table of times, states and inputs, for CSV files."""
+        rows = np.column_stack([self.time, self.states, self.inputs]).tolist()
+        return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
+
+    def figure(self) -> Figure:
+        """Return a new figure of states and inputs versus time."""
+        from hfa_support.reporting.figure import new_figure
+
+        return self._drawn_in(new_figure(10.0, 8.0))
+
+    def plot(self) -> np.ndarray:
+        """Draw the picture of `figure` in a pyplot figure, and return its Axes."""
+        from matplotlib import pyplot
+
+        return np.array(self._drawn_in(pyplot.figure(layout="constrained")).axes)
+
+    def _drawn_in(self, figure: Figure) -> Figure:
+        return drawn(figure, self.problem, self._labeled(), self.seconds, self.title())
+
+
+def _saturated(flight: str, names: Sequence[str]) -> str:
+    return f"{flight}: {', '.join(names) or 'no input'} saturated"

@@ -1,0 +1,480 @@
+"""Proposals of flights: Radau collocation, solved with IPOPT.
+
+A proposal proves nothing until it is simulated.
+
+Source: Betts, Practical Methods for Optimal Control, Chapter 4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_flight.plan.problem import MARGIN, FlightProblem
+from hfa_flight.plan.smooth import smooth_curvature, smooth_rates, smooth_slopes
+from hfa_support.native.machine_code import machine_code
+
+#: Collocation points per interval. With 3, solutions for the HFA take half as long again, and two
+#: meshes differ as much, because the inputs are linear in each interval.
+DEGREE = 2
+#: Largest ratio of the lengths of the last and the first interval.
+_LONGEST_GROWTH = 60.0
+OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "error_on_fail": False,
+    "show_eval_warnings": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.tol": 1e-8,
+    "ipopt.acceptable_tol": 1e-6,
+    "ipopt.max_iter": 300,
+    # Each option saves a tenth of the time. The equations are scaled already, and a slightly
+    # inexact step is cheaper than the computation of its residual.
+    "ipopt.mumps_permuting_scaling": 0,
+    "ipopt.mumps_scaling": 0,
+    "ipopt.fast_step_computation": "yes",
+}
+#: Number of intervals from which IPOPT needs a third fewer iterations with an adaptive barrier.
+_LARGE = 100
+#: Number of initial conditions from which the equations are compiled. This takes as long as 4
+#: solutions for the HFA and 25 for a c172p, and it saves 10 and 60 % of each.
+_MACHINE_CODE_STARTS = 20
+#: Least roughness of an interval in an adapted mesh, relative to the largest.
+_EVEN = 1e-3
+#: Weight of the inputs' kinks, and power of the roughness that determines the lengths of intervals.
+#: Of the values that were tried, these halve the difference between meshes of 25 and 50 intervals
+#: for the HFA.
+_KINKS = 3.0
+_POWER = 0.5
+#: Largest violation of the collocation equations of a feasible proposal, in nominal values.
+FEASIBLE = 1e-6
+
+
+class Proposal(NamedTuple):
+    """Flight proposed by collocation, to be confirmed by simulation.
+
+    lengths: lengths of the intervals, s, (N,)
+    start: initial deviations z, (k,)
+    z: deviations of the followed states at the collocation points, (N, DEGREE, followed)
+    v: deviations of the inputs at the ends of the intervals, linear between them, (N + 1, m)
+    cost: cost by quadrature at the collocation points, plus the tail
+    tail: linear cost after the last interval
+    feasible: whether all unknowns are finite and satisfy the collocation equations
+    """
+
+    lengths: np.ndarray
+    start: np.ndarray
+    z: np.ndarray
+    v: np.ndarray
+    cost: float
+    tail: float
+    feasible: bool
+
+    @property
+    def ends(self) -> np.ndarray:
+        """Boundaries of the intervals, s, (N + 1,). The first is 0."""
+        return np.append(0.0, np.cumsum(self.lengths))
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """Deviations of the followed states, (N, 1 + DEGREE, followed).
+
+        The nodes of an interval are its start and its collocation points.
+        """
+        start = np.pad(self.start, (0, self.z.shape[-1] - len(self.start)))
+        before = np.vstack([start[None], self.z[:-1, -1]])
+        return np.concatenate([before[:, None], self.z], axis=1)
+
+    def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return deviations of the followed states, (T, followed), and of the inputs, (T, m), at
+        given times.
+
+        All deviations are 0 after the end of the proposal.
+
+        times: s, (T,)
+        """
+        ends = self.ends
+        count = len(self.lengths)
+        interval = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, count - 1)
+        tau = (times - ends[interval]) / self.lengths[interval]
+        z = np.einsum("ij,ijk->ik", _lagrange(collocation_points(), tau), self.nodes[interval])
+        v = self.v[interval] + tau[:, None] * (self.v[interval + 1] - self.v[interval])
+        late = times > ends[-1] * (1.0 + 1e-12)
+        z[late] = 0.0
+        v[late] = 0.0
+        return z, v
+
+
+def collocation_points() -> np.ndarray:
+    """Return 0 and the collocation points of an interval of length 1, (1 + DEGREE,)."""
+    return np.array([0.0, *ca.collocation_points(DEGREE, "radau")])
+
+
+def _lagrange(points: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Return the values of the p Lagrange polynomials at tau, (N, p)."""
+    columns = []
+    for index, point in enumerate(points):
+        others = np.delete(points, index)
+        columns.append(np.prod((tau[:, None] - others) / (point - others), axis=1))
+    return np.column_stack(columns)
+
+
+def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndarray:
+    """Return the lengths of N intervals that grow geometrically, s, (N,). Their sum is `seconds`.
+
+    The ratio of the last to the first length is clip(`seconds` `fastest` / N, 4,
+    `_LONGEST_GROWTH`), before the lengths are rounded to steps.
+
+    intervals: number N of intervals
+    fastest: frequency of the fastest mode of the linear loop, 1/s
+    step: simulation step, s
+    """
+    equal = seconds / intervals
+    growth = np.clip(equal * fastest, 4.0, _LONGEST_GROWTH)
+    lengths = growth ** np.linspace(0.0, 1.0, intervals)
+    return _on_steps(np.append(0.0, np.cumsum(lengths)) * seconds / lengths.sum(), step)
+
+
+def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
+    """Return the lengths of intervals, rounded to multiples of the simulation step, s, (N,)."""
+    # Each length is at least one step. The simulation can then apply the proposed inputs exactly.
+    whole = np.round(ends / step).astype(int)
+    number = np.arange(len(whole))
+    whole = np.maximum.accumulate(whole - number) + number
+    most = round(ends[-1] / step) - number[::-1]
+    return step * np.diff(np.minimum(whole, most)).astype(float)
+
+
+def adapted_mesh(
+    proposal: Proposal, intervals: int, step: float, weights: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray:
+    """Return the lengths of intervals on which a proposal is about equally smooth, s, (N,).
+
+    The roughness of an interval is measured by the leading coefficients of the polynomials for the
+    states and by the kinks of the inputs.
+
+    intervals: number N of intervals
+    step: simulation step, s
+    weights: weights of the states in this measure, (k,), and of the inputs, (m,)
+    """
+    of_states, of_inputs = weights
+    leading = np.einsum("j,ijk->ik", _leading(collocation_points()), proposal.nodes)
+    leading = leading[:, : len(of_states)]
+    bent = np.diff(np.diff(proposal.v, axis=0) / proposal.lengths[:, None], axis=0)
+    kinks = _KINKS * np.abs(bent * of_inputs).sum(axis=1)
+    at_ends = np.maximum(np.append(kinks, 0.0), np.append(0.0, kinks))
+    rough = np.abs(leading * of_states).sum(axis=1) + at_ends * proposal.lengths
+    near = np.maximum.reduce([rough, np.append(rough[1:], 0.0), np.append(0.0, rough[:-1])])
+    shares = (near + _EVEN * near.max()) ** _POWER
+    filled = np.append(0.0, np.cumsum(shares))
+    wanted = np.linspace(0.0, filled[-1], intervals + 1)
+    return _on_steps(np.interp(wanted, filled, proposal.ends), step)
+
+
+def _leading(points: np.ndarray) -> np.ndarray:
+    """Return the factors on values at p points that add up to the leading coefficient."""
+    return np.array([1.0 / np.prod(point - points[points != point]) for point in points])
+
+
+def unknowns_in_order(z: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return the unknowns of the nonlinear program as a vector.
+
+    The order is v at the start, then for each interval z at the collocation points and v at the
+    end.
+
+    z: (N DEGREE, k)
+    v: (N + 1, m)
+    """
+    inner = np.hstack([z.reshape(len(v) - 1, -1), v[1:]])
+    return np.concatenate([v[0], inner.ravel()])
+
+
+def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
+    """Return the matrix that maps the unknowns of the program to (z, v) at all collocation points.
+
+    z and v are the deviations of the states and of the inputs.
+
+    k: number of states
+    m: number of inputs
+    intervals: number of intervals
+    """
+    unknowns = np.arange(m + intervals * (DEGREE * k + m))
+    of_intervals = unknowns[m:].reshape(intervals, DEGREE * k + m)
+    states, inputs = np.split(of_intervals, [DEGREE * k], axis=1)
+    at_ends = np.vstack([unknowns[:m], inputs])
+    before = np.repeat(at_ends[:-1], DEGREE, axis=0)
+    after = np.repeat(at_ends[1:], DEGREE, axis=0)
+    # Inputs are linear in an interval: v = (1 - tau) v_before + tau v_after.
+    tau = np.tile(collocation_points()[1:], intervals)[:, None] * np.ones(m)
+    points = np.arange(intervals * DEGREE * (k + m)).reshape(-1, k + m)
+    of_z, of_v = np.split(points, [k], axis=1)
+    rows = np.concatenate([of_z.ravel(), of_v.ravel(), of_v.ravel()])
+    columns = np.concatenate([states.ravel(), before.ravel(), after.ravel()])
+    values = np.concatenate([np.ones(states.size), (1.0 - tau).ravel(), tau.ravel()])
+    size = points.size, unknowns.size
+    return ca.DM.triplet(rows.tolist(), columns.tolist(), ca.DM(values), *size)
+
+
+def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
+    """Return the solution found by IPOPT, with all constraints equal to 0.
+
+    Raises KeyboardInterrupt if the user interrupts IPOPT. CasADi itself reports an interruption as
+    another error, or only in the status of IPOPT.
+    """
+    try:
+        solved: dict[str, ca.DM] = solver(lbg=0.0, ubg=0.0, **arguments)
+    except (RuntimeError, SystemError) as error:
+        if "KeyboardInterrupt" in str(error):
+            raise KeyboardInterrupt from error
+        raise
+    if solver.stats()["return_status"] == "NonIpopt_Exception_Thrown":
+        raise KeyboardInterrupt
+    return solved
+
+
+class Equations(NamedTuple):
+    """Equations of an aircraft and their derivatives at one point, in nominal values.
+
+    rates: function from states and inputs to time derivatives of the states
+    slopes: Jacobian of `rates`, possibly as machine code
+    curvature: Hessian of `rates`, weighted by multipliers, possibly as machine code
+    """
+
+    rates: ca.Function
+    slopes: ca.Function
+    curvature: ca.Function
+
+    @staticmethod
+    def of(problem: FlightProblem, starts: int = 1) -> Equations:
+        """Return the equations of a problem.
+
+        For `_MACHINE_CODE_STARTS` or more initial conditions, Jacobian and Hessian are compiled to
+        machine code. The rates are never compiled, because CasADi cannot differentiate machine
+        code.
+
+        starts: number of initial conditions
+        """
+        slopes, curvature = smooth_slopes(problem), smooth_curvature(problem)
+        if starts >= _MACHINE_CODE_STARTS:
+            slopes, curvature = machine_code(slopes), machine_code(curvature)
+        return Equations(smooth_rates(problem), slopes, curvature)
+
+
+@dataclass(frozen=True, eq=False)
+class Transcription:
+    """Nonlinear program of a problem with a given number of intervals.
+
+    The unknowns are the states and inputs. The objective is the quadrature of z'Qz + v'Rv, plus
+    z'Pz at the end. Its Jacobian and Hessian are assembled from derivatives of the equations at
+    single points. This is faster than differentiation of the entire program.
+
+    intervals: number N of intervals
+    equations: equations of the problem at one point, with their derivatives
+    """
+
+    problem: FlightProblem
+    intervals: int
+    equations: Equations
+
+    def solve(
+        self,
+        start: np.ndarray,
+        lengths: np.ndarray,
+        z: np.ndarray,
+        v: np.ndarray,
+        margin: float | np.ndarray = MARGIN,
+        price: float = 1.0,
+    ) -> Proposal:
+        """Return the proposal that IPOPT finds from a guess. The proposal may be infeasible.
+
+        start: initial deviations z, (k,)
+        lengths: lengths of the intervals of the guess, s, (N,)
+        z: guess at the collocation points, (N DEGREE, k) or (N DEGREE, followed)
+        v: guess at the ends of the intervals, (N + 1, m)
+        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`, or
+            that of each interval, (N, 1)
+        price: factor on R, also in the cost of the proposal
+        """
+        problem = self.problem
+        of_states, of_inputs = problem.sizes
+        z = problem.padded(z)
+        begin = problem.padded(start)
+        below, above = self._bounds(begin, margin)
+        guess = unknowns_in_order(z / of_states, v / of_inputs)
+        scale = 1.0 / max(float(start @ problem.P @ start), 1e-12)
+        parameters = np.concatenate([begin / of_states, lengths, [scale, price]])
+        solved = solved_by(
+            self._solver,
+            x0=np.clip(guess, below, above),
+            p=parameters,
+            lbx=below,
+            ubx=above,
+        )
+        row = np.array(solved["x"]).ravel()
+        m = len(problem.inputs)
+        inner = row[m:].reshape(self.intervals, -1)
+        z = inner[:, :-m].reshape(self.intervals, DEGREE, -1) * of_states
+        violation = np.abs(np.array(solved["g"])).max()
+        end = z[-1, -1, : len(start)]
+        return Proposal(
+            lengths=lengths,
+            start=start,
+            z=z,
+            v=np.vstack([row[:m], inner[:, -m:]]) * of_inputs,
+            cost=float(solved["f"]) / scale,
+            tail=float(end @ problem.P @ end),
+            feasible=bool(np.isfinite(row).all() and violation <= FEASIBLE),
+        )
+
+    def _bounds(
+        self, begin: np.ndarray, margin: float | np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return lower and upper bounds of the unknowns."""
+        problem = self.problem
+        of_states, of_inputs = problem.sizes
+        of_intervals = self.intervals, len(of_states)
+        sides = zip(problem.inner_limits(begin, margin), problem.input_limits, strict=True)
+        below, above = (
+            unknowns_in_order(
+                np.repeat(np.broadcast_to(limit_z / of_states, of_intervals), DEGREE, axis=0),
+                np.tile(limit_v / of_inputs, (self.intervals + 1, 1)),
+            )
+            for limit_z, limit_v in sides
+        )
+        return below, above
+
+    @cached_property
+    def _solver(self) -> ca.Function:
+        """IPOPT solver of the nonlinear program, with the exact Jacobian and Hessian."""
+        program = _Program(self)
+        x, p, g = program.x, program.p, program.equations
+        of_objective = ca.MX.sym("of_objective")
+        of_equations = ca.MX.sym("of_equations", g.numel())
+        hessian = program.hessian(of_objective, of_equations)
+        options = {
+            **OPTIONS,
+            "ipopt.mu_strategy": "adaptive" if self.intervals >= _LARGE else "monotone",
+            "jac_g": ca.Function(
+                "jac_g", [x, p], [g, program.jacobian], ["x", "p"], ["g", "jac:g:x"]
+            ),
+            "hess_lag": ca.Function(
+                "hess_lag",
+                [x, p, of_objective, of_equations],
+                [ca.triu(hessian)],
+                ["x", "p", "lam:f", "lam:g"],
+                ["triu:hess:gamma:x:x"],
+            ),
+        }
+        parts: dict[str, Any] = {"x": x, "p": p, "f": program.objective, "g": g}
+        return ca.nlpsol("flight", "ipopt", parts, options)
+
+
+class _Program:
+    """Objective, equations and their derivatives as CasADi expressions.
+
+    The equations at collocation point i are g_i = s_i - h_i f(r_i) = 0, with states and inputs r_i,
+    slopes s_i of the polynomial of the states, and length h_i of the interval.
+    """
+
+    def __init__(self, of: Transcription) -> None:
+        """Define the unknowns x, the parameters p, and r at all points."""
+        problem = of.problem
+        self.problem = problem
+        self.at_a_point = of.equations
+        self.k = len(problem.followed)
+        self.m = len(problem.inputs)
+        self.both = self.k + self.m
+        self.intervals = of.intervals
+        self.points = of.intervals * DEGREE
+        self.chosen = points_of_unknowns(self.k, self.m, self.intervals)
+        self.x = ca.MX.sym("x", self.chosen.columns())
+        ends = np.cumsum([0, self.k, self.intervals, 1, 1]).tolist()
+        self.p = ca.MX.sym("p", ends[-1])
+        self.start, lengths, self.scale, self.price = ca.vertsplit(self.p, ends)
+        self.r = ca.reshape(ca.mtimes(self.chosen, self.x), self.both, self.points)
+        self.lengths = ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, self.points)
+
+    @cached_property
+    def slopes(self) -> ca.MX:
+        """Slopes s of the states' polynomials at the points, per length of an interval, (k, P)."""
+        z = self.r[: self.k, :]
+        last_of_intervals = z[:, DEGREE - 1 : self.points - 1 : DEGREE]
+        begins = ca.horzcat(self.start, last_of_intervals)
+        derivatives, _, _ = ca.collocation_coeff(collocation_points()[1:].tolist())
+        unit = ca.DM.eye(self.intervals)
+        of_points = ca.mtimes(z, ca.kron(unit, derivatives[1:, :]))
+        return of_points + ca.mtimes(begins, ca.kron(unit, derivatives[0, :]))
+
+    @cached_property
+    def rates(self) -> ca.MX:
+        """Rates f(r) at the points, (k, P)."""
+        return self.at_a_point.rates.map(self.points)(self.r)
+
+    @cached_property
+    def rates_by_r(self) -> ca.MX:
+        """Jacobians ∂f/∂r at the points, side by side, (k, P (k + m))."""
+        return self.at_a_point.slopes.map(self.points)(self.r)
+
+    @property
+    def equations(self) -> ca.MX:
+        """Equations g, (k P,)."""
+        return ca.vec(self.slopes - ca.repmat(self.lengths, self.k, 1) * self.rates)
+
+    @property
+    def objective(self) -> ca.MX:
+        """Objective, quadratic in x."""
+        shares, weight, at_end = self.quadratic
+        running = ca.dot(ca.repmat(shares, self.both, 1) * self.r, ca.mtimes(weight, self.r))
+        return running + ca.bilin(at_end, self.x, self.x)
+
+    @property
+    def jacobian(self) -> ca.MX:
+        """Jacobian ∂g/∂x. The slopes are linear in x."""
+        of_slopes = ca.evalf(
+            _without_symbols(ca.jacobian(ca.vec(self.slopes), self.x), [self.x, self.p])
+        )
+        times = ca.reshape(ca.repmat(self.lengths, self.both, 1), 1, self.points * self.both)
+        of_rates = self.rates_by_r * ca.repmat(times, self.k, 1)
+        blocks = _blocks(of_rates, self.points, self.k, self.both)
+        return of_slopes - ca.mtimes(blocks, self.chosen)
+
+    def hessian(self, of_objective: ca.MX, of_equations: ca.MX) -> ca.MX:
+        """Return the Hessian of of_objective * objective + of_equations'g by x."""
+        shares, weight, at_end = self.quadratic
+        multipliers = ca.reshape(of_equations, self.k, self.points)
+        weighed = multipliers * ca.repmat(self.lengths, self.k, 1)
+        of_rates = self.at_a_point.curvature.map(self.points)(self.r, weighed)
+        of_r = 2.0 * of_objective * ca.kron(shares, weight) - of_rates
+        at_points = _blocks(of_r, self.points, self.both, self.both)
+        of_points = ca.mtimes(self.chosen.T, ca.mtimes(at_points, self.chosen))
+        return of_points + 2.0 * of_objective * at_end
+
+    @cached_property
+    def quadratic(self) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Shares, W and F of the objective sum_i shares_i r_i'W r_i + x'F x: the quadrature, and
+        z'Pz at the end.
+        """
+        Q, R, P = self.problem.scaled_weights()
+        _, _, quadrature = ca.collocation_coeff(collocation_points()[1:].tolist())
+        of_points = ca.repmat(ca.DM(quadrature).T, 1, self.intervals)
+        shares = self.scale * self.lengths * of_points
+        before = self.chosen.columns() - self.both
+        last = ca.diagcat(ca.DM(before, before), ca.DM(P), ca.DM(self.m, self.m))
+        return shares, ca.diagcat(ca.DM(Q), self.price * ca.DM(R)), self.scale * last
+
+
+def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:
+    """Return an expression with 0 substituted for the given symbols."""
+    zeros = [ca.MX.zeros(symbol.numel()) for symbol in symbols]
+    (constant,) = ca.substitute([expression], symbols, zeros)
+    return constant
+
+
+def _blocks(side_by_side: ca.MX, count: int, rows: int, columns: int) -> ca.MX:
+    """Return the sparse block-diagonal matrix of the given blocks."""
+    pattern = ca.diagcat(*[ca.Sparsity.dense(rows, columns)] * count)
+    return ca.MX(pattern, ca.vec(ca.densify(side_by_side)))

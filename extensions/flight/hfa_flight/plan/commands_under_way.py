@@ -1,0 +1,74 @@
+"""Commands under way, and the states at the time at which the next command acts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hfa_flight.air.delay import WHOLE, in_samples
+from hfa_flight.plan.held_model import HeldModel
+
+
+class CommandsUnderWay:
+    """Commands of the samples of a flight, each of which acts after a delay.
+
+    The command of a sample acts from the delay after its sample until the next one acts. Before the
+    first command, the inputs are at trim.
+
+    model: the model, whose first hold is a sample
+    """
+
+    def __init__(self, model: HeldModel) -> None:
+        self._model = model
+        self._commands: list[np.ndarray] = []
+
+    @property
+    def count(self) -> int:
+        """Number of commands."""
+        return len(self._commands)
+
+    def clear(self) -> None:
+        """Forget all commands."""
+        self._commands.clear()
+
+    def append(self, v: np.ndarray) -> None:
+        """Add the command of a sample, (m,)."""
+        self._commands.append(v)
+
+    def acting(self, sample: int, delay: float, seconds: float) -> list[tuple[np.ndarray, float]]:
+        """Return the inputs that act during some time after a sample, each with its duration, s.
+
+        sample: number of the sample
+        delay: s
+        seconds: duration, s
+        """
+        dt = float(self._model.holds[0])
+        late, until = in_samples(delay, dt)
+        begin = 0.0
+        acting = []
+        for number in range(sample - late - 1, sample + 1):
+            end = min(until, seconds)
+            if end - begin > WHOLE * dt:
+                acting.append((self._command(number), end - begin))
+                begin = end
+            until += dt
+        return acting
+
+    def _command(self, number: int) -> np.ndarray:
+        if number < 0:
+            return np.zeros(self._model.scaled.sizes[2])
+        return self._commands[number]
+
+    def moved(self, z: np.ndarray, delay: float, d: np.ndarray) -> np.ndarray:
+        """Return the states when the command of the next sample acts, (n,).
+
+        z: states now, (n,)
+        """
+        return self.over(z, self.acting(len(self._commands), delay, delay), d)
+
+    def over(
+        self, z: np.ndarray, acting: list[tuple[np.ndarray, float]], d: np.ndarray
+    ) -> np.ndarray:
+        """Return the states after some inputs have acted, (n,)."""
+        for v, seconds in acting:
+            z = self._model.after(z, v, d, seconds)
+        return z

@@ -1,0 +1,312 @@
+"""Simulation of flights of a problem, and their costs."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic
+from controller.critic.symbols import symbols_for
+from hfa_aircraft.march.cost import Cost
+from hfa_aircraft.march.ending import FAR, OF_COST, EndRule, Outcome, has_decayed
+from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
+from hfa_flight.air.history import Deviations
+from hfa_flight.air.scenario import Scenario
+from hfa_flight.plan.collocation import Proposal
+from hfa_flight.plan.problem import FlightProblem
+from hfa_flight.plan.tracking import STEPS, TrackingPolicy, held_size, tracking_rows
+from hfa_flight.policies.policy import FunctionPolicy, Policy
+from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.simulate.envelope import Departure, departure
+from hfa_flight.simulate.simulation import CompiledLoop
+
+#: Largest integration step, s.
+_STEP = 0.005
+#: Typical number of ticks in a flight, for the decision on machine code.
+_TICKS = 500
+#: Largest product of the integration step and the fastest mode of the linear loop.
+_FASTEST = 0.1
+#: An input is saturated if its distance to a limit is less than this fraction of its nominal value.
+_AT_LIMIT = 1e-3
+#: Number of time constants of the policy's slowest mode after which a flight has converged, and
+#: longest flight that is extended for this reason, s.
+_SETTLES = 6.0
+_LONGEST = 300.0
+
+
+class SimulatedFlight(NamedTuple):
+    """Simulated flight with its cost.
+
+    name: name of the policy
+    times: s, (N,)
+    states: absolute states, (N, n)
+    inputs: absolute inputs, (N, m)
+    tail: linear cost z'Pz after the end of the flight
+    cost: cost of the flight plus tail, or inf if the flight does not converge to the trim
+    departure: first departure from the envelope, or None if the flight stays within
+    saturated: names of the inputs that reach a limit
+    integration: change of the cost and of the departure with half the integration step
+    """
+
+    name: str
+    times: np.ndarray
+    states: np.ndarray
+    inputs: np.ndarray
+    tail: float
+    cost: float
+    departure: Departure | None
+    saturated: tuple[str, ...]
+    integration: IntegrationError | None = None
+
+    @property
+    def converges(self) -> bool:
+        """True if the flight converges to the trim, even if it left the envelope."""
+        return math.isfinite(self.cost)
+
+    @property
+    def lost(self) -> bool:
+        """True if the flight left the envelope or does not converge to the trim."""
+        return bool(self.loss)
+
+    @property
+    def loss(self) -> str:
+        """How the flight is lost, or "" if it converges inside the envelope."""
+        if self.departure is not None:
+            return "leaves the envelope"
+        return "" if self.converges else self._convergence
+
+    @property
+    def ending(self) -> str:
+        """Short form of the outcome, such as "leaves the envelope, not at the trim after 9 s"."""
+        leaves = "" if self.departure is None else "leaves the envelope, "
+        return leaves + self._convergence
+
+    @property
+    def _convergence(self) -> str:
+        if self.converges:
+            return Outcome.CONVERGED
+        return f"not at the trim after {self.times[-1]:.3g} s"
+
+    def outcome(self) -> str:
+        """Return the outcome in words, with the state and limit of a departure."""
+        left = "" if self.departure is None else f"{self.departure.text()}; "
+        return left + self._convergence
+
+
+@dataclass(frozen=True, eq=False)
+class Flights:
+    """Simulator of the flights of a problem.
+
+    problem: aircraft, trim, weights and limits
+    count: approximate number of flights. Machine code is used if the number is large.
+    """
+
+    problem: FlightProblem
+    count: int = 1
+
+    @cached_property
+    def step(self) -> float:
+        """Integration step, s, at most `_STEP`.
+
+        The step resolves the fastest mode of the aircraft and of the linear loop.
+        """
+        linear = self.problem.linear
+        loop = linear.A - linear.B @ self.problem.K
+        modes = np.concatenate([np.linalg.eigvals(linear.A), np.linalg.eigvals(loop)])
+        return min(_STEP, _FASTEST / float(np.abs(modes).max()))
+
+    @cached_property
+    def tick(self) -> float:
+        """Duration of a tick, s: `STEPS` integration steps."""
+        return STEPS * self.step
+
+    @cached_property
+    def _tracking(self) -> CompiledLoop:
+        lowest, highest = self.problem.input_limits
+        policy = TrackingPolicy(
+            "best flight found",
+            tick=self.tick,
+            moved=self.problem.moved,
+            count=len(self.problem.model.inputs),
+            lowest=lowest,
+            highest=highest,
+            held=np.zeros((1, held_size(self.problem))),
+        )
+        return self.compiled(policy)
+
+    @cached_property
+    def _linear(self) -> CompiledLoop:
+        return self.of_gain("linear optimum, saturated", self.problem.K)
+
+    def of_gain(self, name: str, K: np.ndarray) -> CompiledLoop:
+        """Return the compiled loop of v = -K z, saturated at the input limits. Inputs that do not
+        move are constant.
+
+        name: name of the policy in reports
+        K: gain, (m, k)
+        """
+        z = ca.SX.sym("z", len(self.problem.states))
+        return self._of_function(name, ca.Function("gain", [z], [-ca.mtimes(ca.DM(K), z)]))
+
+    def of_critic(self, name: str, critic: Critic) -> CompiledLoop:
+        """Return the compiled loop of a critic's policy, saturated at the limits of the inputs.
+
+        name: name of the policy in reports
+        """
+        if critic.linear:
+            return self.of_gain(name, critic.K)
+        return self._of_function(name, critic.policy)
+
+    def _of_function(self, name: str, function: ca.Function) -> CompiledLoop:
+        """Return the compiled loop of a policy z (k,) -> inputs that move, (m,)."""
+        problem = self.problem
+        z = symbols_for([function], len(problem.states))
+        u = type(z).zeros(len(problem.model.inputs))
+        u[problem.moved] = function(z)
+        limits = [np.zeros(len(problem.model.inputs)) for _ in range(2)]
+        for whole, moved in zip(limits, problem.input_limits, strict=True):
+            whole[problem.moved] = moved
+        return self.compiled(FunctionPolicy(name, ca.Function("policy", [z], [u]), *limits))
+
+    def of_policy(self, policy: Policy) -> CompiledLoop:
+        """Return the compiled loop of a policy with its own sampling and delays."""
+        return self.compiled(*policy.in_scenario(self.scenario(self.tick)))
+
+    def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:
+        """Return the compiled closed loop of a policy and the aircraft at the trim.
+
+        scenario: scenario with the sampling and delays of the policy, or None for one without
+            disturbance that is sampled at every `tick`
+        """
+        calm = scenario or self.scenario(self.tick)
+        problem = self.problem
+        R = np.zeros((len(problem.model.inputs),) * 2)
+        R[np.ix_(problem.moved, problem.moved)] = problem.R
+        plant = NonlinearPlant(problem.model, problem.point)
+        loop = ClosedLoop(plant, policy, calm, Cost(problem.Q, R))
+        return CompiledLoop(loop, self.count * _TICKS)
+
+    def scenario(self, seconds: float) -> Scenario:
+        """Return a scenario without disturbance. Its duration is `seconds`, rounded up to whole
+        ticks.
+        """
+        ticks = max(1, math.ceil(seconds / self.tick - 1e-9))
+        start = np.zeros(len(self.problem.model.states))
+        return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
+
+    def follow(self, proposal: Proposal, seconds: float) -> SimulatedFlight:
+        """Return the simulated flight that follows a proposal, and then the linear policy.
+
+        proposal: the proposed flight
+        seconds: duration of the simulated flight, s
+        """
+        loop = self._tracking
+        policy = replace(loop.loop.policy, held=tracking_rows(self.problem, proposal, self.tick))
+        return self.fly(loop, proposal.start, seconds, policy)
+
+    def linear(self, start: np.ndarray, seconds: float) -> SimulatedFlight:
+        """Return the flight of the linear optimum, saturated at the limits of the inputs.
+
+        start: initial deviations z, (k,)
+        seconds: duration of the flight, s
+        """
+        return self.fly(self._linear, start, seconds)
+
+    def fly(
+        self, loop: CompiledLoop, start: np.ndarray, seconds: float, policy: Policy | None = None
+    ) -> SimulatedFlight:
+        """Return the simulated flight of a closed loop from an initial condition.
+
+        A flight that is not at the trim after `seconds` is repeated until the slowest mode of a
+        sampled policy has decayed, at most for `_LONGEST`. The simulation ends early if a state
+        deviates by more than `FAR` nominal values. It is repeated with half the step until cost and
+        departure hardly change, at most three times. A policy in Python is simulated once.
+
+        start: initial deviations z, (k,)
+        seconds: duration of the flight, s, if it is then at the trim
+        policy: policy of the loop with other tabulated inputs, or None for the loop's own policy
+        """
+        flight = self._flown(loop, start, seconds, policy)
+        longer = 0.0 if flight.converges else settling_time(policy or loop.loop.policy)
+        return self._flown(loop, start, longer, policy) if longer > seconds else flight
+
+    def _flown(
+        self, loop: CompiledLoop, start: np.ndarray, seconds: float, policy: Policy | None
+    ) -> SimulatedFlight:
+        """Return the simulated flight of `fly`, with the given duration."""
+        problem = self.problem
+        initial = np.zeros(len(problem.model.states))
+        initial[problem.places] = start
+        scenario = loop.loop.scenario
+        ticks = max(1, math.ceil(seconds / scenario.tick - 1e-9))
+        scenario = replace(scenario, duration=ticks * scenario.tick, initial=initial)
+        rule = EndRule(FAR * np.array([state.nominal for state in problem.model.states.values()]))
+
+        def flown(parts: int) -> SimulatedFlight:
+            finer = loop.refined(parts)
+            with np.errstate(all="ignore"):
+                rows = finer.fly(
+                    scenario, stop=lambda rows: rule.is_over(rows.states), policy=policy
+                )
+            return self.priced(loop.loop.policy, rows)
+
+        if loop.loop.policy.is_called:
+            return flown(1)
+        flight, error = resolved(flown, self._figures, scenario.step)
+        return flight._replace(integration=error)
+
+    def _figures(self, flight: SimulatedFlight) -> Figures:
+        """Return the figures that must not depend on the integration step."""
+        figures: dict[str, ReportedFigure] = {}
+        if flight.converges:
+            figures["the cost"] = ReportedFigure(flight.cost, sys.float_info.min)
+        if flight.departure is not None:
+            figures["the time of the departure"] = ReportedFigure(flight.departure.time, self.tick)
+        return figures
+
+    def priced(self, policy: Policy, rows: Deviations) -> SimulatedFlight:
+        """Return a simulated flight with its cost, first departure from the envelope and saturated
+        inputs.
+
+        The flight converges if z'Pz at its end is at most the fraction `OF_COST` of the cost.
+        Otherwise the cost is inf.
+
+        policy: the simulated policy
+        rows: deviations of the simulated states and inputs from the trim
+        """
+        problem = self.problem
+        assert rows.cost is not None  # the loops of this class have a cost
+        trim = np.array(problem.point.states)
+        z = rows.states[:, problem.places]
+        v = rows.inputs[:, problem.moved]
+        states = rows.states + trim
+        left = departure(problem.envelope, rows.times, states, moving_air=False)
+        with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
+            tail = float(z[-1] @ problem.P @ z[-1])
+            cost = float(rows.cost[-1]) + tail
+        if not has_decayed(tail, cost, OF_COST):
+            cost = math.inf
+        lowest, highest = problem.input_limits
+        slack = _AT_LIMIT * problem.sizes[1]
+        at_limit = ((v <= lowest + slack) | (v >= highest - slack)).any(axis=0)
+        saturated = tuple(np.array(problem.inputs)[at_limit].tolist())
+        inputs = rows.inputs + np.array(problem.point.inputs)
+        flown = rows.times, states, inputs
+        return SimulatedFlight(policy.name, *flown, tail, cost, left, saturated)
+
+
+def settling_time(policy: Policy) -> float:
+    """Return the time, s, in which the slowest mode of a sampled policy's loop decays.
+
+    The time is at most `_LONGEST`, and 0 if the loop is not sampled or not stable.
+    """
+    modes = policy.sampled_modes()
+    if modes is None or not len(modes) or not (modes.real < 0.0).all():
+        return 0.0
+    return float(min(_LONGEST, -_SETTLES / modes.real.max()))

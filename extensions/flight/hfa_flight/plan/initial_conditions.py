@@ -1,0 +1,276 @@
+"""Best flights from many initial conditions, compared with flights of policies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hfa_flight.needs import is_enough, need_text
+from hfa_flight.plan.best_flight import PolicyFlight
+from hfa_flight.plan.interruption import interruption
+from hfa_flight.plan.problem import FlightProblem, OfProblem
+from hfa_flight.plan.report_lines import limits_table, line_with_ratios
+from hfa_flight.plan.search import AFTER, MESHES_AGREE, BestFlights
+from hfa_flight.simulate.simulation import CompiledLoop
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import Table
+
+
+@dataclass(frozen=True, eq=False)
+class StartFlights(Result):
+    """Flights from one initial condition.
+
+    start: state -> initial deviation from the trim.
+    cost: cost of the best flight, or None if no flight was found.
+    reason: reason why no proposal of the optimizer was confirmed, or None if one was. A cost with a
+        reason is that of the cheapest simulated flight.
+    spread: largest relative difference of the costs between meshes or guesses, or None with a
+        reason.
+    linear_cost: cost z'Pz of the linear model without limits.
+    policies: flights of the policies, the saturated linear optimum first.
+    """
+
+    start: Mapping[str, float]
+    cost: float | None
+    reason: str | None
+    spread: float | None
+    linear_cost: float
+    policies: Sequence[PolicyFlight]
+
+
+@dataclass(frozen=True, eq=False)
+class PolicySummary(Result):
+    """Summary of a policy's flights from all initial conditions from which a best flight was found.
+
+    policy: name of the policy.
+    lost: number of flights that left the envelope or do not converge to the trim.
+    left: number of flights that left the envelope.
+    converged: number of flights that converge to the trim, within the envelope or not.
+    median: median of the cost relative to the best flights found, over the flights that converge,
+        or None if none converges.
+    high: 90 % quantile of this relative cost, or None if no flight converges.
+    worst: largest value of this relative cost, or None if no flight converges.
+    """
+
+    policy: str
+    lost: int
+    left: int
+    converged: int
+    median: float | None
+    high: float | None
+    worst: float | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StartsTable(OfProblem, Result, Reported):
+    """Best flights from many initial conditions.
+
+    problem: aircraft, trim, weights and limits.
+    flights: flights from each initial condition.
+    asked: number of requested initial conditions. `flights` contains fewer after an interruption.
+    judged: names of the policies whose flights decide the verdict, besides the best flights.
+    share: share of the initial conditions that must succeed, or None for no verdict.
+    """
+
+    schema = "hfa.best-flights/1"
+
+    problem: FlightProblem
+    flights: tuple[StartFlights, ...]
+    asked: int
+    judged: Sequence[str] = ()
+    share: float | None = None
+
+    @property
+    def starts(self) -> int:
+        """Number of initial conditions whose flights are finished."""
+        return len(self.flights)
+
+    @property
+    def found(self) -> int:
+        """Number of initial conditions from which a best flight was found."""
+        return sum(each.cost is not None for each in self.flights)
+
+    def failures(self) -> list[str]:
+        """Return a sentence for each of best flights and judged policies with too few flights."""
+        if self.share is None:
+            return []
+        held = {"a best flight is found": self.found}
+        for name in self.judged:
+            policy = [each for flown in self.flights for each in flown.policies]
+            own = [each for each in policy if each.policy == name]
+            what = f"the {name} converges within the limits"
+            held[what] = sum(not each.lost for each in own)
+        return [
+            f"{what} from {count} of {self.starts} initial conditions{need_text(self.share)}"
+            for what, count in held.items()
+            if not is_enough(count, self.starts, self.share)
+        ]
+
+    @property
+    def ok(self) -> bool:
+        """True if best flights are found from enough initial conditions and no policy fails."""
+        return not self.failures()
+
+    @property
+    def upper_bounds(self) -> int:
+        """Number of best flights that are only the cheapest simulated flight."""
+        return sum(each.cost is not None and each.reason is not None for each in self.flights)
+
+    @property
+    def refused(self) -> int:
+        """Number of initial conditions from which no flight was found and confirmed."""
+        return self.starts - self.found
+
+    @property
+    def policies(self) -> Sequence[PolicySummary]:
+        """Summary of the flights of each policy, from initial conditions with a best flight
+        only.
+        """
+        rows = [each.policies for each in self.flights if each.cost is not None]
+        return [_summary(column) for column in zip(*rows, strict=True)]
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "Q": self.problem.Q,
+            "R": self.problem.R,
+            "flights": self.flights,
+            "operating_point": self.point,
+            "starts": self.starts,
+            "found": self.found,
+            "refused": self.refused,
+            "policies": self.policies,
+        }
+
+    def report(self) -> Report:
+        """Return the report: flights found, cost ratios of policies, refused flights, limits."""
+        rows = []
+        for each in self.policies:
+            numbers = [_number(value) for value in (each.median, each.high, each.worst)]
+            counts = (f"{each.left} of {self.found}", f"{each.converged} of {self.found}")
+            rows.append((each.policy, *counts, *numbers))
+        header = ("cost ratio", "leave", "converge", "median", "90 %", "worst")
+        reasons = [each.reason for each in self.flights if each.reason is not None]
+        refused = [(reason, str(reasons.count(reason))) for reason in dict.fromkeys(reasons)]
+        parts: list[Any] = [Table(header, rows)]
+        if refused:
+            parts.append(Table(("no proposal confirmed", "initial conditions"), refused))
+        parts += [self.weights_text(), limits_table(self.problem)]
+        return Report(
+            "\n".join(self._title_lines()), parts, data=self.as_data(), records=self._records()
+        )
+
+    def _title_lines(self) -> list[str]:
+        """Return the first lines: flights found, median cost ratios, and what limits the result."""
+        count = f"{self.found} of {self.starts} found"
+        if self.starts < self.asked:
+            count += f" (interrupted; {self.asked} requested)"
+        outcomes = [
+            (each.policy, each.median, f"{each.lost} lost" if each.lost else "")
+            for each in self.policies
+        ]
+        begin = f"Best flights: {count}"
+        if not self.found:
+            begin += "; no cost ratio without a flight"
+        lines = [f"FAIL: {text}" for text in self.failures()]
+        lines.append(line_with_ratios(begin, outcomes))
+        whose = f"{self.problem.model.title} {self.point.at_scheduled}".strip()
+        lines.append(f"to {whose}, from {self.starts} initial conditions")
+        if self.upper_bounds:
+            lines.append(f"{self.upper_bounds} only as the cheapest simulated flight")
+        spread = max((each.spread for each in self.flights if each.spread is not None), default=0.0)
+        if spread > MESHES_AGREE:
+            lines.append(f"guesses differ by up to {100 * spread:.2g} %")
+        return lines
+
+    def _records(self) -> Table:
+        states = self.problem.states
+        policies = [each.policy for each in self.policies]
+        rows = []
+        for each in self.flights:
+            costs = [policy.cost for policy in each.policies] or [None] * len(policies)
+            found = (each.cost, each.linear_cost, *costs)
+            rows.append((*(each.start[name] for name in states), *found))
+        return Table((*states, "best", "linear_model", *policies), rows)
+
+
+def _summary(column: Sequence[PolicyFlight]) -> PolicySummary:
+    ratios = [each.over_best for each in column if each.over_best is not None]
+    lost = sum(each.lost for each in column)
+    left = sum(each.departure is not None for each in column)
+    converged = sum(each.converges for each in column)
+    counts = (column[0].policy, lost, left, converged)
+    if not ratios:
+        return PolicySummary(*counts, None, None, None)
+    median, high = np.quantile(ratios, [0.5, 0.9]).tolist()
+    return PolicySummary(*counts, median, high, max(ratios))
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
+
+
+def starts_table(
+    search: BestFlights,
+    starts: np.ndarray,
+    loops: Sequence[CompiledLoop] = (),
+    progress: Progress | None = None,
+    *,
+    searched: bool = True,
+) -> StartsTable:
+    """Return the best flight and the flights of policies from each initial condition.
+
+    After Ctrl-C the table contains only the finished initial conditions.
+
+    starts: initial deviations, (N, k)
+    loops: loops of the policies that are compared with the linear optimum and the best flight
+    searched: False to simulate only the policies, without a search for best flights
+    """
+    done: list[StartFlights] = []
+    with interruption() as asked:
+        for start in starts:
+            done.append(flights_from(search, start, loops, searched))
+            if progress is not None:
+                progress(len(done), len(starts))
+            if asked.is_set():
+                break
+    return StartsTable(search.problem, tuple(done), len(starts))
+
+
+def flights_from(
+    search: BestFlights, start: np.ndarray, loops: Sequence[CompiledLoop], searched: bool
+) -> StartFlights:
+    """Return the best flight and the flights of the policies from an initial condition.
+
+    The policies are simulated even if no best flight is found.
+
+    start: initial deviations z, (k,)
+    loops: loops of the policies, simulated after the saturated linear optimum
+    searched: whether a best flight is searched
+    """
+    problem = search.problem
+    by_name = dict(zip(problem.states, start.tolist(), strict=True))
+    linear_cost = float(start @ problem.P @ start)
+    cost = reason = spread = linear = None
+    seconds = (1.0 + AFTER) * search.horizon(start)
+    if searched:
+        try:
+            found = search.found(start)
+            cost = found.flown.cost
+            reason = found.reason or None
+            spread = None if found.proposal is None else found.spread
+            seconds = (1.0 + AFTER) * found.seconds
+            linear = found.linear
+        except NoSolutionError as error:
+            reason = str(error).removeprefix("no flight found: ")
+    if linear is None:
+        linear = search.flights.linear(start, seconds)
+    flown = [linear, *(search.flights.fly(loop, start, seconds) for loop in loops)]
+    policies = [PolicyFlight.of(each, cost) for each in flown]
+    return StartFlights(by_name, cost, reason, spread, linear_cost, policies)

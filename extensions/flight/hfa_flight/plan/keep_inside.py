@@ -1,0 +1,206 @@
+"""Any policy, with the command of a sample changed where a rate would leave its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.air.scenario import Scenario
+from hfa_flight.plan.commands_under_way import CommandsUnderWay
+from hfa_flight.plan.one_sample_filter import OneSampleFilter
+from hfa_flight.plan.problem import FlightProblem, flight_problem
+from hfa_flight.plan.scaled import ScaledProblem
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
+from hfa_flight.policies.policy import Measurements, Policy
+from hfa_flight.policies.sampled_policy import SampledPolicy
+from hfa_support.errors import BadInputError
+from hfa_support.native.bound import BoundFunction
+from trim.point.operating_point import OperatingPoint
+
+#: Largest difference of a command and its filtered value that is rounding, in nominal values.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KeptInside(Policy):
+    """Policy u, replaced during a sample by the nearest inputs that keep the rates' limits.
+
+    Where the next states of the model are within the limits, u is the policy's, to the last bit.
+
+    policy: the policy
+    problem: aircraft, trim and limits
+    filter: least change of the inputs of a sample
+    tick: time between samples, s
+    delay: time from a sample until its command acts, s
+    """
+
+    predicts = False
+
+    policy: Policy
+    problem: FlightProblem
+    filter: OneSampleFilter
+    tick: float
+    delay: float
+    changed: list[int]
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """Return the policy's inputs, or those of the filter while it acts, (m,)."""
+        size = self.policy.held.shape[1]
+        own, acts, u = ca.vertsplit(held, [0, size, size + 1, held.numel()])
+        return ca.if_else(acts, u, self.policy.control(t, measurements, memory, own))
+
+    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+        """Return the function (tick, measured) -> held inputs of the policy, whether the filter
+        acts, and its inputs.
+
+        With a delay, a sampled policy and the filter act on the states when their command acts.
+        """
+        problem, filtered = self.problem, self.filter
+        own = self.policy
+        policy_held = own.sampler() or (lambda k, _: own.held_inputs(k, k * self.tick))
+        command = BoundFunction(self._command())
+        under_way = CommandsUnderWay(filtered.model)
+        calm = np.zeros(filtered.model.disturbances)
+        trim = np.array(problem.point.states)
+        self.changed[0] = 0
+
+        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
+            z = under_way.moved(problem.followed_of(trim + measured), self.delay, calm)
+            acted = measured.copy()
+            if self.delay:
+                acted[problem.followed_places] = z * problem.sizes[0]
+            held = policy_held(tick, acted)
+            (u,) = command.at(tick * self.tick, measured, held)
+            v = u[problem.moved] / problem.sizes[1]
+            inside = filtered(z, v)
+            acts = bool(np.abs(inside - v).max() > _ROUNDING)
+            under_way.append(inside)
+            self.changed[0] += acts
+            if acts:
+                u = problem.inputs_of(inside) - np.array(problem.point.inputs)
+            return np.concatenate([held, [float(acts)], u])
+
+        return sample
+
+    def _command(self) -> ca.Function:
+        """Return the function (t, measured, held) -> command of the policy, (m,)."""
+        problem = self.problem
+        t, measured = ca.SX.sym("t"), ca.SX.sym("measured", len(problem.model.states))
+        held = ca.SX.sym("held", self.policy.held.shape[1])
+        states = measured[problem.model.state_places(problem.model.linear)]
+        nothing = ca.SX(0, 1)
+        of_states = Measurements(states, states, nothing, nothing)
+        u = self.policy.control(t, of_states, nothing, held)
+        return ca.Function("command", [t, measured, held], [ca.densify(u)])
+
+    def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
+        """Return the policy with the ticks and the delay of a scenario, and the scenario.
+
+        The delay of a deployment becomes that of the scenario, after the filter.
+
+        Raises BadInputError if it is not a whole number of samples.
+        """
+        policy = self.policy
+        if isinstance(policy, DeployedPolicy):
+            late = policy.deployed.deployment.delay + scenario.delay
+            policy, scenario = policy.prompt().in_scenario(replace(scenario, delay=0.0))
+            scenario = replace(scenario, delay=late)
+        else:
+            policy, scenario = policy.in_scenario(scenario)
+        if isinstance(policy, SampledPolicy):
+            policy = replace(policy, delay=0.0)
+        filtered = OneSampleFilter(self.filter.model.scaled, scenario.tick)
+        held = np.zeros((1, policy.held.shape[1] + 1 + len(self.problem.model.inputs)))
+        changed = replace(
+            self,
+            policy=policy,
+            filter=filtered,
+            tick=scenario.tick,
+            delay=scenario.delay,
+            held=held,
+        )
+        return changed, scenario
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """Return the data of the policy, the kept states and the number of changed samples."""
+        kept = {"kept_inside": list(self.filter.states), "changed_samples": self.changed[0]}
+        return {**self.policy.data(model), **kept}
+
+    def notes(self) -> tuple[str, ...]:
+        """Return the notes of the policy, and how often its command was changed."""
+        names = ", ".join(self.filter.states)
+        return (
+            *self.policy.notes(),
+            f"--keep-inside ({names}): the command of {self.changed[0]} samples was changed.",
+        )
+
+
+def keep_inside(
+    policy: Policy | Deployment,
+    model: Model,
+    point: OperatingPoint,
+    *,
+    limits: Mapping[str, Any] | None = None,
+) -> KeptInside:
+    """Return a policy whose command is changed for a sample where a rate would leave its limits.
+
+    The change is the least, in fractions of the inputs' ranges, after which the model's next states
+    are within 96 % of the distances from trim to limits. Only states that the inputs can move by a
+    tenth of their range in one sample are kept, such as a pitch rate. Wrong parameters and
+    disturbances are not known to the filter. In a flight with a delay, a policy that is computed
+    once a sample acts on the states predicted over the commands under way, as the filter does.
+
+    policy: a policy of `hfa.fly` without memory, such as `hfa.predictive(...)`, or an
+        `hfa.Deployment`
+    model, point: the aircraft and its trim
+    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
+
+    Raises BadInputError if the policy has a memory, or if the inputs reach no limit in one sample.
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> point = hfa.trim(model, dihedral=0.2)
+    >>> law = hfa.state_dependent(model, point)
+    >>> kept = hfa.keep_inside(law, model, point, limits={"pitch_rate": (-0.05, 0.05)})
+    >>> start = {"alpha": 0.05}
+    >>> flights = [hfa.fly(model, point, each, 0.2, initial=start) for each in (law, kept)]
+    >>> [bool(abs(flight.states[:, 4]).max() <= 0.05) for flight in flights]
+    [False, True]
+    """
+    if isinstance(policy, Deployment):
+        policy = flown_deployment(policy, point)
+    return kept_inside(policy, flight_problem(model, point, limits=limits))
+
+
+def kept_inside(policy: Policy, problem: FlightProblem, tick: float = 0.01) -> KeptInside:
+    """Return the policy of `keep_inside` for a problem, and ticks of a flight, s."""
+    if policy.start.size:
+        raise BadInputError(
+            f"the policy {policy.name} has a memory, which keep-inside does not know; remove "
+            "keep-inside"
+        )
+    filtered = OneSampleFilter(ScaledProblem(problem), tick)
+    if not filtered.states:
+        raise BadInputError(
+            f"in {tick:g} s the inputs move no limited state by a tenth of its range; remove "
+            "keep-inside"
+        )
+    held = np.zeros((1, policy.held.shape[1] + 1 + len(problem.model.inputs)))
+    return KeptInside(
+        f"{policy.name}, kept inside",
+        policy,
+        problem,
+        filtered,
+        tick,
+        0.0,
+        [0],
+        held=held,
+        identity={**policy.identity, "keeps": list(filtered.states)},
+        fastest=policy.fastest,
+    )

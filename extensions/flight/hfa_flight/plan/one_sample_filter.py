@@ -1,0 +1,71 @@
+"""Filter that changes the command of one sample only where the next states would leave."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hfa_flight.plan.held_model import HeldModel
+from hfa_flight.plan.scaled import ScaledProblem
+
+#: Fraction of the distance from trim to limit within which the next state must stay.
+WITHIN = 0.96
+#: Largest number of Newton steps.
+_STEPS = 4
+
+
+class OneSampleFilter:
+    """Least change of the inputs of one sample after which some states are within their limits.
+
+    The states are those that the inputs can move by a tenth of the range in one sample, such as a
+    pitch rate. The change is least in fractions of the inputs' ranges. It knows no disturbance.
+
+    scaled: the problem in nominal units
+    dt: sample time, s
+    within: fraction of the distances from trim to limits that the next states keep
+    """
+
+    def __init__(self, scaled: ScaledProblem, dt: float, within: float = WITHIN) -> None:
+        self.model = HeldModel(scaled, np.array([dt]))
+        k = scaled.sizes[0]
+        lowest, highest = scaled.input_limits
+        below, above = (limit[:k] for limit in scaled.state_limits)
+        ranges = 0.5 * (highest - lowest)
+        self._kept = np.flatnonzero(scaled.reached(dt))
+        self._within = within
+        self._limits = within * below[self._kept], within * above[self._kept]
+        self._squares = np.where(np.isfinite(ranges), ranges, 1.0) ** 2
+        self._no_disturbance = np.zeros(self.model.disturbances)
+
+    def __reduce__(self) -> tuple[type[OneSampleFilter], tuple[Any, ...]]:
+        """Return the constructor and its arguments, for copies and pickle."""
+        return OneSampleFilter, (self.model.scaled, float(self.model.holds[0]), self._within)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states whose limits are kept."""
+        return tuple(self.model.scaled.problem.states[place] for place in self._kept)
+
+    def __call__(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the inputs of a sample: v itself if the next states stay within the limits.
+
+        z: states, (n,)
+        v: inputs, (m,)
+        """
+        lowest, highest = self.model.scaled.input_limits
+        n = len(z)
+        for _ in range(_STEPS):
+            after, slopes = (
+                each[0] for each in self.model.moved_along(z[None], v[None], self._no_disturbance)
+            )
+            excess = after[self._kept] - np.clip(after[self._kept], *self._limits)
+            if not np.any(excess):
+                return v
+            v = np.clip(v, lowest, highest)
+            for row, much in zip(slopes[self._kept, n:], excess, strict=True):
+                can_move = np.where(much * row > 0.0, v > lowest, v < highest)
+                move = self._squares * row * can_move
+                if move @ row > 0.0:
+                    v = np.clip(v - move * much / (move @ row), lowest, highest)
+        return v

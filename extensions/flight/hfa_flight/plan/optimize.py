@@ -1,0 +1,57 @@
+"""Search for the cheapest flight to a trim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hfa_aircraft.model import Model
+from hfa_flight.plan.best_flight import BestFlight
+from hfa_flight.plan.problem import flight_problem
+from hfa_flight.plan.search import BestFlights
+from hfa_support.arguments import ArrayLike
+from trim.point.operating_point import OperatingPoint
+
+
+def optimize(
+    model: Model,
+    point: OperatingPoint,
+    initial: Mapping[str, float] | OperatingPoint,
+    Q: ArrayLike | Mapping[str, float] | None = None,
+    R: ArrayLike | Mapping[str, float] | None = None,
+    *,
+    inputs: Sequence[str] | None = None,
+    limits: Mapping[str, Any] | None = None,
+) -> BestFlight:
+    """Return the cheapest flight found from an initial condition to a trim.
+
+    The cost is ∫ z'Qz + v'Rv dt, where z and v are the deviations from the trim. Collocation
+    proposes the flight. The proposal is accepted if a simulation confirms it. Otherwise the result
+    is the cheapest simulated flight, with the reason in `BestFlight.reason`.
+
+    model: the aircraft
+    point: trim at which the flight ends
+    initial: state of the linear model -> deviation from the trim, in the units of the model, or
+        another trim
+    Q, R: weights, as `hfa.game` accepts them and with its defaults. R is the weight of the
+        moving inputs.
+    inputs: inputs that move, by default all. The others are constant.
+    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
+
+    Raises BadInputError for unknown names and an initial condition outside the limits. Raises
+    NoSolutionError if no simulated flight within the limits converges.
+
+    >>> import hfa
+    >>> cart = hfa.Model(
+    ...     "cart",
+    ...     {"position": hfa.Signal("m"), "velocity": hfa.Signal("m/s")},
+    ...     {"force": hfa.Signal("N", min=-1.0, max=1.0)},
+    ...     lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
+    ...     trim={"position": 0.0},
+    ... )
+    >>> point = hfa.trim(cart)
+    >>> round(hfa.optimize(cart, point, {"position": 0.1}).cost, 4)  # sqrt(3) position²
+    0.0173
+    """
+    problem = flight_problem(model, point, Q, R, inputs, limits)
+    return BestFlight(problem, BestFlights(problem).found(problem.deviations(initial)))

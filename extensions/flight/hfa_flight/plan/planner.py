@@ -1,0 +1,411 @@
+"""Plans of a predictive policy: flights of the model that a quadratic program improves."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_flight.plan.held_model import HeldModel
+from hfa_flight.plan.hold import Hold
+from hfa_flight.plan.holds import Grid, gains_of
+from hfa_flight.plan.one_sample_filter import OneSampleFilter
+from hfa_flight.plan.plan_program import Change, PlanProgram
+from hfa_flight.plan.scaled import ScaledProblem
+from hfa_support.native.bound import BoundFunction
+from hfa_support.native.machine_code import machine_code
+
+#: Factors on a step of the quadratic program that are tried until the flight is cheaper.
+_SHARES = (1.0, 0.35, 0.1225, 0.042875)
+#: Cost above which a flight is taken as infinite.
+_LOST = 1e20
+#: A plan is not improved further if its cost falls by less than this fraction.
+_SMALL = 3e-5
+#: Share of its cost that a program must promise for a second program of the same step.
+_WORTH = 1e-3
+#: Part of the room of a state beyond which the quadratic program knows its limits.
+_NEAR = 0.5
+#: Price of a soft limit, in units of the largest slope of z'Pz over the usual box, per sample. With
+#: a tenth of it, flights leave the limits where this is cheaper.
+_STIFF = 5.0
+#: Least price of a soft limit, relative to the largest. Largest unit of a slack, nominal values.
+_LEAST_PRICE = 0.02
+_LARGEST_SLACK = 5.0
+#: Factor on the gains of a first plan where those of the linear optimum lead to infinity.
+_HARDER = 2.0
+#: Duration of the flight of a gain, in horizons.
+_HORIZONS = 4
+
+
+class Target(NamedTuple):
+    """Equilibrium at which a flight under constant disturbances ends, and the value about it.
+
+    d: disturbances, the constants of the rates, then that of the model
+    z, v: deviations of states and inputs from the trim, (n,) and (m,)
+    P: matrix of the cost z'Pz at the end of a plan, (n, n)
+    """
+
+    d: np.ndarray
+    z: np.ndarray
+    v: np.ndarray
+    P: np.ndarray
+
+    def value(self, z: np.ndarray) -> float:
+        """Return the linear cost (z - z_t)'P (z - z_t) of some states, (n,)."""
+        away = z - self.z
+        return float(away @ self.P @ away)
+
+
+class Plan(NamedTuple):
+    """Flight of the model over the horizon.
+
+    target: equilibrium at which it ends, with the disturbances of the flight
+    z: states at the nodes, (N + 1, n)
+    middle: states in the middle of the holds, (N, n)
+    v: inputs during the holds, (N, m)
+    cost: cost of the flight, with z'Pz at its end and the price of exceeded soft limits
+    price: that price
+    age: number of samples since the first plan, which decides the holds
+    """
+
+    target: Target
+    z: np.ndarray
+    middle: np.ndarray
+    v: np.ndarray
+    cost: float
+    price: float
+    age: int
+
+
+class Improved(NamedTuple):
+    """Plan after some steps of the quadratic program.
+
+    is_refused: whether the last step was refused
+    unsolved: number of programs that were ended before the tolerance
+    """
+
+    plan: Plan
+    is_refused: bool
+    unsolved: int
+
+
+class Planner:
+    """Plans over the holds of a grid, in nominal units.
+
+    A plan is a flight of the smooth equations with held inputs. Its cost is the exact cost of the
+    linear model over the holds, plus z'Pz at the end. The limits of the inputs are hard. Those of
+    the states are soft at the samples and halfway between them, with an exact penalty, and narrowed
+    by the margin. The quadratic program knows them at the ends of the holds, and those of fast
+    states at the middles.
+
+    scaled: the problem in nominal units
+    grid: holds of a plan
+    P: matrix of the cost z'Pz at the end of a plan about the trim, (n, n)
+    margin: fraction of the distance from the trim by which the limits of the states are narrowed
+    disturbance: disturbance of the model in the disturbances d of a plan, or "" for none
+    """
+
+    def __init__(
+        self,
+        scaled: ScaledProblem,
+        grid: Grid,
+        P: np.ndarray,
+        margin: float,
+        disturbance: str = "",
+    ) -> None:
+        self.scaled = scaled
+        self.grid = grid
+        self.margin = margin
+        lowest, highest = scaled.state_limits
+        self.soft = np.flatnonzero(np.isfinite(lowest) | np.isfinite(highest))
+        self._room = (1.0 - margin) * lowest[self.soft], (1.0 - margin) * highest[self.soft]
+        longest, count = grid.most_samples
+        self._fast = np.flatnonzero(scaled.reached(grid.dt)[self.soft])
+        self._slopes, self._curvatures = self._slack_prices(P)
+        self._filter = OneSampleFilter(scaled, grid.dt * longest[-1], 1.0 - margin)
+        self.model = HeldModel(scaled, grid.dt * longest, disturbance)
+        self._halves = HeldModel(scaled, 0.5 * grid.dt * longest, disturbance)
+        self._flights = HeldModel(scaled, np.full(2 * count, 0.5 * grid.dt), disturbance)
+        #: The trim as target of a flight without disturbances.
+        self.trim = Target(
+            np.zeros(self.model.disturbances), np.zeros(len(P)), np.zeros(scaled.sizes[2]), P
+        )
+        self._gain_flight = self._flight_of_gain()
+        self._programs = self._all_programs()
+
+    def __reduce__(self) -> tuple[type[Planner], tuple[Any, ...]]:
+        """Return the constructor and its arguments, for copies and pickle."""
+        given = self.scaled, self.grid, self.trim.P, self.margin, self.model.disturbance
+        return Planner, given
+
+    def _slack_prices(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return slope and curvature of the cost of a slack for a second, (S,) each."""
+        k, _, _ = self.scaled.sizes
+        lowest, highest = self.scaled.state_limits
+        pull = 2.0 * np.abs(P[:, :k]) @ self.scaled.box
+        prices = _STIFF * np.maximum(pull, _LEAST_PRICE * pull.max())[self.soft] / self.grid.dt
+        reach = np.minimum(0.5 * (highest - lowest)[self.soft], _LARGEST_SLACK)
+        return prices, prices / np.maximum(reach, 1e-9)
+
+    def flown(self, z: np.ndarray, v: np.ndarray, target: Target, age: int = 0) -> Plan:
+        """Return the plan with given inputs, with infinite cost if the flight is not finite.
+
+        z: states now, (n,)
+        v: inputs during the holds, (N, m)
+        age: number of samples since the first plan
+        """
+        holds = self.grid.at(age)
+        halves = 2 * holds.samples
+        ends = np.cumsum(halves)
+        inputs = np.zeros((len(self._flights.holds), len(target.v)))
+        inputs[: ends[-1]] = np.repeat(v, halves, axis=0)
+        states = self._flights.flown(z, inputs, target.d)[: ends[-1] + 1]
+        nodes, middle = states[np.append(0, ends)], states[ends - holds.samples]
+        with np.errstate(all="ignore"):
+            both = np.hstack([nodes[:-1] - target.z, v - target.v])
+            cost = np.einsum("ki,kij,kj->", both, holds.weights, both) + target.value(nodes[-1])
+            price = self._price(states[1:])
+            cost = float(cost + price)
+        return Plan(target, nodes, middle, v, cost if cost < _LOST else np.inf, price, age)
+
+    def _price(self, states: np.ndarray) -> float:
+        """Return the price of exceeded soft limits at the ends of half samples, (K, n)."""
+        soft = states[:, self.soft]
+        slack = np.maximum(0.0, np.maximum(soft - self._room[1], self._room[0] - soft))
+        prices = (slack * (self._slopes + 0.5 * self._curvatures * slack)).sum()
+        return float(0.5 * self.grid.dt * prices)
+
+    def cost_of_gain(self, K: np.ndarray, z: np.ndarray, target: Target) -> float:
+        """Return the cost of the flight of v = v_t - K (z - z_t), within the limits of the inputs.
+
+        It lasts four horizons, and z'Pz at its end is added. It is infinite if a sample exceeds the
+        narrowed limits of the states.
+
+        K: held gain, (m, k)
+        z: initial states, (n,)
+        """
+        begin = np.concatenate([z, [0.0, 0.0]])
+        (after,) = self._gain_flight.at(begin, K.ravel(), target.z, target.v, target.d)
+        cost = float(after[-2]) + target.value(after[:-2]) if after[-1] == 0.0 else np.inf
+        return cost if cost < _LOST else np.inf
+
+    def _flight_of_gain(self) -> BoundFunction:
+        """Return the machine code of ([z, cost, excess], K by rows, z_t, v_t, d) -> [z, cost,
+        largest excess over the limits] after four horizons.
+        """
+        k, n, m = self.scaled.sizes
+        sizes = {"begin": n + 2, "K": m * k, "z_t": n, "v_t": m, "d": self.model.disturbances}
+        begin, K, z_t, v_t, d = given = [ca.MX.sym(name, size) for name, size in sizes.items()]
+        away = begin[:n] - z_t
+        least, most = (ca.DM(limit) for limit in self.scaled.input_limits)
+        v = ca.fmin(ca.fmax(v_t - ca.reshape(K, k, m).T @ away[:k], least), most)
+        both = ca.vertcat(away, v - v_t)
+        after = self.model.sample(begin[:n], v, d, self.grid.dt)
+        cost = begin[n] + ca.bilin(ca.DM(self.grid.at(0).weights[0]), both, both)
+        soft = ca.vec(after[self.soft.tolist()])
+        lows, highs = (ca.DM(room) for room in self._room)
+        excess = ca.mmax(ca.vertcat(begin[n + 1], soft - highs, lows - soft))
+        step = ca.Function("step", given, [ca.vertcat(after, cost, excess)]).expand()
+        samples = _HORIZONS * int(self.grid.samples(0).sum())
+        constant = [ca.repmat(each, 1, samples) for each in given[1:]]
+        flown = step.fold(samples)(begin, *constant)
+        return BoundFunction(machine_code(ca.Function("gain_flight", given, [flown])))
+
+    def cost_of_sample(self, plan: Plan) -> float:
+        """Return the cost of the first hold of a plan."""
+        both = np.concatenate([plan.z[0] - plan.target.z, plan.v[0] - plan.target.v])
+        return float(both @ self.grid.at(plan.age).weights[0] @ both)
+
+    def improved(self, plan: Plan, tries: int, until: float = np.inf) -> Improved:
+        """Return a plan of at most the cost of the given one.
+
+        A step of the quadratic program is shortened until the flight of the model is cheaper.
+        Otherwise it is refused, and the plan stays.
+
+        tries: largest number of steps
+        until: processor time of the thread after which no further program begins, s
+        """
+        unsolved = 0
+        for _ in range(tries):
+            if not np.isfinite(plan.cost) or time.thread_time() >= until:
+                break
+            better, failed = self._step(plan, until)
+            unsolved += failed
+            if better is None:
+                return Improved(plan, True, unsolved)
+            gained = plan.cost - better.cost
+            plan = better
+            if gained < _SMALL * plan.cost:
+                break
+        return Improved(plan, False, unsolved)
+
+    def _step(self, plan: Plan, until: float) -> tuple[Plan | None, int]:
+        """Return a cheaper plan by a step of the quadratic program, or None, and the number of
+        unsolved programs.
+
+        The plan itself is returned where the solved program promises less than _SMALL of its cost.
+
+        If the full step is not cheaper, a second program has limits that are corrected by the
+        difference of the flight from its linear prediction. The step then bends towards it.
+        """
+        slopes = self._slopes_along(plan)
+        none = np.zeros(plan.middle.shape)
+        first = self._proposed(plan, slopes, (none, none))
+        unsolved = int(not first.is_solved)
+        if not np.isfinite(first.v).all():
+            return None, unsolved
+        promised = plan.price - first.cost
+        if first.is_solved and promised < _SMALL * plan.cost:
+            return plan, 0
+        full = self._changed(plan, first.v)
+        if full.cost < plan.cost:
+            return full, unsolved
+        bent = np.zeros(first.v.shape)
+        if np.isfinite(full.cost) and promised > _WORTH * plan.cost and time.thread_time() < until:
+            both = np.hstack([first.z[:-1], first.v])
+            ends = full.z[1:] - plan.z[1:] - first.z[1:]
+            middles = full.middle - plan.middle - np.einsum("nij,nj->ni", slopes[1], both)
+            second = self._proposed(plan, slopes, (ends, middles))
+            unsolved += not second.is_solved
+            bent = np.where(np.isfinite(second.v), second.v - first.v, 0.0)
+        for share in _SHARES if bent.any() else _SHARES[1:]:  # the full step has been flown
+            shorter = self._changed(plan, share * first.v + share**2 * bent)
+            if shorter.cost < plan.cost:
+                return shorter, unsolved
+        return None, unsolved
+
+    def _changed(self, plan: Plan, change: np.ndarray) -> Plan:
+        v = np.clip(plan.v + change, *self.scaled.input_limits)
+        return self.flown(plan.z[0], v, plan.target, plan.age)
+
+    def _proposed(
+        self,
+        plan: Plan,
+        slopes: tuple[np.ndarray, np.ndarray],
+        correction: tuple[np.ndarray, np.ndarray],
+    ) -> Change:
+        """Return the result of the quadratic program: changes of inputs, states and cost.
+
+        It knows at least the limits of the states that the plan brings beyond half of their room.
+
+        slopes: derivatives at the ends and middles of the holds
+        correction: differences of the states there from their linear prediction
+        """
+        target = plan.target
+        lows, highs = self._room
+        ends, middles = plan.z[1:] + correction[0], plan.middle + correction[1]
+        states = plan.z[1:, self.soft]
+        near = (states > _NEAR * highs) | (states < _NEAR * lows)
+        needed = set(np.flatnonzero(near.any(axis=0)).tolist())
+        known, program = next(each for each in self._programs if needed <= each[0])
+        soft = np.array(sorted(known), dtype=int)
+        fast = soft[program.fast]
+        ends, middles = ends[:, self.soft[soft]], middles[:, self.soft[fast]]
+        lowest, highest = self.scaled.input_limits
+        holds = self.grid.at(plan.age)
+        seconds = holds.seconds[:, None]
+        return program.step(
+            plan.z - target.z,
+            plan.v - target.v,
+            holds.weights,
+            target.P,
+            (seconds * self._slopes[soft], seconds * self._curvatures[soft]),
+            slopes[0],
+            slopes[1][:, self.soft[fast]],
+            (lows[soft] - ends, highs[soft] - ends),
+            (lows[fast] - middles, highs[fast] - middles),
+            (lowest - plan.v, highest - plan.v),
+            plan.cost,
+        )
+
+    def _all_programs(self) -> list[tuple[set[int], PlanProgram]]:
+        """Return the quadratic programs with the limits of some states, given by number.
+
+        None is built in a flight: they know no limits, those of the fast states, those of one other
+        state too, or all.
+        """
+        fast = set(self._fast.tolist())
+        every = set(range(len(self.soft)))
+        known = [set[int](), fast, *(fast | {one} for one in sorted(every - fast)), every]
+        _, n, m = self.scaled.sizes
+        programs = []
+        for number, among in enumerate(known):
+            if among in known[:number]:
+                continue
+            states = np.array(sorted(among), dtype=int)
+            of_fast = np.flatnonzero(np.isin(states, self._fast))
+            program = PlanProgram(len(self.model.holds), n, m, self.soft[states], of_fast)
+            programs.append((among, program))
+        return programs
+
+    def _slopes_along(self, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives of the states at the ends and middles of the holds."""
+        holds, d = self.grid.at(plan.age), plan.target.d
+        z, n = plan.z[:-1], plan.z.shape[1]
+        if not len(self._fast):
+            ends = self.model.moved_along(z, plan.v, d, holds.seconds)[1]
+            return ends, ends
+        half = 0.5 * holds.seconds
+        middle, begins = self._halves.moved_along(z, plan.v, d, half)
+        ends = self._halves.moved_along(middle, plan.v, d, half)[1]
+        over = ends[:, :, :n] @ begins
+        over[:, :, n:] += ends[:, :, n:]
+        return over, begins
+
+    def guesses(self, z: np.ndarray, target: Target) -> list[Plan]:
+        """Return two first plans: the saturated linear optimum, and the inputs of the target.
+
+        If neither flight is finite, that of the double gains follows.
+        """
+        holds = self.grid.at(0)
+        constant = np.tile(target.v, (len(holds.samples), 1))
+        inputs = [self._inputs_of_gains(z, target, 1.0), constant]
+        plans = [self.flown(z, v, target) for v in inputs]
+        if not any(np.isfinite(plan.cost) for plan in plans):
+            plans.append(self.flown(z, self._inputs_of_gains(z, target, _HARDER), target))
+        return plans
+
+    def _inputs_of_gains(self, z: np.ndarray, target: Target, factor: float) -> np.ndarray:
+        """Return the inputs of the linear optimum times a factor, within the limits, (N, m)."""
+        holds = self.grid.at(0)
+        inputs = []
+        for gain, samples in zip(gains_of(holds.linear, target.P)[0], holds.samples, strict=True):
+            v = target.v - factor * gain @ (z - target.z)
+            inputs.append(np.clip(v, *self.scaled.input_limits))
+            for _ in range(samples):
+                z = self.model.after(z, inputs[-1], target.d, self.grid.dt)
+        return np.array(inputs)
+
+    def later(self, plan: Plan, z: np.ndarray, target: Target) -> Plan:
+        """Return the plan one sample later: the same inputs at the same times.
+
+        z: states now, (n,)
+        """
+        before, holds = self.grid.at(plan.age), self.grid.at(plan.age + 1)
+        begins = 1 + np.cumsum(holds.samples) - holds.samples
+        number = np.searchsorted(np.cumsum(before.samples), begins, side="right")
+        v = plan.v[np.minimum(number, len(plan.v) - 1)]
+        beyond = number == len(plan.v)
+        if beyond.any():
+            v[beyond] = self._last_input(plan, holds.linear[-1], target)
+        return self.flown(z, v, target, plan.age + 1)
+
+    def _last_input(self, plan: Plan, hold: Hold, target: Target) -> np.ndarray:
+        """Return the cheapest input of a hold after the end of a plan, (m,).
+
+        It is the linear optimum, the last input of the plan, or that of the target, changed least
+        such that fast states stay within their limits.
+        """
+        z = plan.z[-1]
+        gain, _ = hold.back(target.P)
+        linear = np.clip(target.v - gain @ (z - target.z), *self.scaled.input_limits)
+        inputs = [self._filter(z, v) for v in (linear, plan.v[-1], target.v)]
+        calm = np.zeros(self._filter.model.disturbances)
+        costs = []
+        for v in inputs:
+            (after,) = self._filter.model.moved_along(z[None], v[None], calm)[0]
+            both = np.concatenate([z - target.z, v - target.v])
+            costs.append(both @ hold.W @ both + target.value(after) + self._price(after[None]))
+        return inputs[int(np.argmin(costs))]

@@ -1,0 +1,330 @@
+"""Predictive policy: plans a flight of the nonlinear model at each sample, and flies its begin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+
+from controller.game.linear_game import game
+from controller.game.zero_sum import Game
+from controller.riccati.gare import solve
+from hfa_aircraft.model import Model
+from hfa_flight.air.scenario import Scenario
+from hfa_flight.plan.end_law import EndLaw
+from hfa_flight.plan.hold import hold_of
+from hfa_flight.plan.holds import HOLDS, grid_of
+from hfa_flight.plan.planner import Planner
+from hfa_flight.plan.problem import FlightProblem, flight_problem
+from hfa_flight.plan.receding import RecedingHorizon, Samples
+from hfa_flight.plan.sample_gate import wrong_samples_note
+from hfa_flight.plan.scaled import ScaledProblem
+from hfa_flight.policies.laws import compared
+from hfa_flight.policies.sampled_policy import SampledPolicy
+from hfa_support.arguments import ArrayLike
+from hfa_support.errors import BadInputError, numbers_in, refuse_unless_positive, shown
+from trim.point.operating_point import OperatingPoint
+
+#: Default fraction of the distances from trim to limits by which a plan's envelope is narrowed.
+MARGIN = 0.01
+#: Estimate of one constant disturbance for each rate, and no estimate.
+RATES = "rates"
+NOTHING = "nothing"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Predictive(SampledPolicy):
+    """Policy that plans a flight at each sample and applies its first inputs.
+
+    problem: aircraft, trim, weights and limits
+    controller: the plans and the memory of a flight, in nominal units
+    initial: states at which a flight begins, deviations from the trim, (n,), or None if unknown
+    """
+
+    problem: FlightProblem
+    controller: RecedingHorizon
+
+    initial: np.ndarray | None = field(default=None, kw_only=True)
+
+    def reset(self) -> None:
+        """Forget the plan, the estimates and the times of an earlier flight."""
+        self.controller.reset()
+
+    def begin(self, X: Any) -> None:
+        """Begin a flight with a first plan, which takes longer than a sample.
+
+        X: all states that are expected at the first sample, absolute, (n,). The plan is improved
+            from the states of that sample, or made anew if they differ much
+        """
+        self.controller.begin(self.problem.followed_of(X), self.delay)
+
+    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+        """Return the function (tick, measured) -> inputs as deviations from trim, (m,).
+
+        The first plan is made before the flight, from its initial states.
+        """
+        sample = super().sampler()
+        if self.initial is not None:
+            self.begin(self.point.x + self.initial)
+        return sample
+
+    def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
+        """Return the policy and the scenario with ticks that divide samples and delays.
+
+        Raises BadInputError if the delay is not a whole number of the ticks.
+        """
+        policy, scenario = super().in_scenario(scenario)
+        initial = scenario.initial if np.size(scenario.initial) else None
+        return replace(policy, initial=initial), scenario
+
+    def __call__(self, t: float, X: Any, disturbance: ArrayLike | None = None) -> np.ndarray:
+        """Return the inputs U of the sample at t, absolute, (m,).
+
+        A sample that is not finite or impossible is not used: its prediction is.
+
+        t: s
+        X: all states, absolute, (n,) or by name in their order
+        disturbance: constants that an estimator outside adds to the rates of the states, in their
+            units per second, (n,), or None for the own estimate. With it, X is its estimate too,
+            and used as it is
+        """
+        z = self.problem.followed_of(X)
+        d = None if disturbance is None else self._scaled_rates(disturbance)
+        return self.problem.inputs_of(self.controller(z, self.delay, d))
+
+    def _scaled_rates(self, disturbance: ArrayLike) -> np.ndarray:
+        """Return disturbances of the rates of all states as the controller takes them."""
+        rates = numbers_in("disturbance", disturbance)
+        if rates.shape != (len(self.point.x),) or not np.isfinite(rates).all():
+            raise BadInputError(
+                f"disturbance is {shown(disturbance)}; give {len(self.point.x)} finite numbers, one"
+                " for the rate of each state"
+            )
+        known = rates[self.problem.followed_places] / self.problem.sizes[0]
+        own = np.zeros(len(self.controller.d) - len(known))
+        return np.concatenate([known, own])
+
+    @property
+    def holds(self) -> np.ndarray:
+        """Durations of the holds of a plan, s, (N,). The first is the sample time."""
+        return self.controller.planner.grid.at(0).seconds
+
+    @property
+    def K(self) -> np.ndarray:
+        """Held gain of v = -K z near the trim, (m, k)."""
+        of_states, of_inputs = self.problem.sizes
+        nominal = self.controller.nominal_end.K
+        return nominal * of_inputs[:, None] / of_states[: nominal.shape[1]]
+
+    @property
+    def samples(self) -> Samples:
+        """Record of the samples since the last reset: plans, refused steps, times."""
+        return self.controller.samples
+
+    @property
+    def first_plan(self) -> float | None:
+        """Cost of the first plan, or None without one and of a flight that begins at its target."""
+        first = self.samples.first
+        return None if first is None or first.cost <= self.controller.nothing else first.cost
+
+    def sampled_modes(self) -> np.ndarray:
+        """Return the eigenvalues of the held linear loop near the trim, 1/s, (k,)."""
+        values = self.controller.nominal_end.poles
+        return np.log(values[values != 0.0].astype(complex)) / self.dt
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """Return the JSON data on the policy, with counts and times of its samples."""
+        done = self.samples
+        counts: dict[str, Any] = {
+            "planned": done.planned,
+            "refused": done.refused,
+            "unsolved": done.unsolved,
+            "late": done.late,
+            "linear": done.linear,
+            "wrong": self.controller.wrong,
+        }
+        times: dict[str, float | None] = {"median_seconds": None, "seconds_99": None}
+        if len(done.seconds):
+            times = dict(zip(times, np.quantile(done.seconds, (0.5, 0.99)).tolist(), strict=True))
+        samples = {**counts, **times, "first_plan": self.first_plan, "rise": done.rise}
+        return {**super().data(model), "dt": self.dt, "holds": self.holds, "samples": samples}
+
+    def notes(self) -> tuple[str, ...]:
+        """Return what the samples of the last flight needed, and what they found."""
+        done = self.samples
+        lines = [
+            compared(self.name),
+            f"Plans minimize the {self.problem.weights_text()}.",
+            f"Plans of {self.holds.sum():.3g} s in {len(self.holds)} holds, one every "
+            f"{self.dt:g} s; not proved to converge or to stay inside.",
+            f"Limits of states narrowed by {100 * self.controller.planner.margin:.3g} % of their "
+            "distance from the trim (margin).",
+            f"{done.planned} samples with a plan, {done.linear} with the exact held gain; "
+            f"{done.refused} steps of the quadratic program refused.",
+            f"The cost so far plus that of the plan rose by at most {100 * done.rise:.2g} %.",
+        ]
+        asked = self.controller.planner.grid.asked
+        if asked is not None:
+            lines.append(
+                f"The horizon of {asked:g} s was cut to {self.holds.sum():.3g} s: plans are "
+                f"open-loop flights of at most {2 * HOLDS} holds."
+            )
+        if self.first_plan is not None:
+            when = "made before" if self.initial is not None else "made in the first sample of"
+            lines.append(
+                f"First plan: cost {self.first_plan:.6g}, {when} the flight in "
+                f"{1e3 * done.first_seconds:.3g} ms."
+            )
+        if len(done.seconds):
+            median, most = np.quantile(done.seconds, (0.5, 0.99))
+            lines.append(
+                f"Processor time of a sample: median {1e3 * median:.2g} ms, 99 % below "
+                f"{1e3 * most:.2g} ms. No further program begins after "
+                f"{1e3 * self.controller.budget:.3g} ms, which ended {done.late} samples."
+            )
+        if done.unsolved:
+            lines.append(
+                f"HPIPM ended {done.unsolved} programs before its tolerance. Flights judged them."
+            )
+        lines += wrong_samples_note(self.controller.wrong)
+        if done.radius is not None:
+            own = self.controller.planner.model.disturbance
+            nominal = self.problem.model.disturbances[own].nominal
+            unit = self.problem.model.unit(own)
+            unstable = "un" * (done.radius > 1.0)
+            lines.append(
+                f"Estimated {own}: {nominal * self.controller.d[-1]:.3g} {unit}. There, "
+                f"the exact gain of the trim is {unstable}stable (spectral radius "
+                f"{done.radius:.4f})."
+            )
+        return tuple(lines)
+
+
+def predictive(
+    model: Model,
+    point: OperatingPoint,
+    Q: ArrayLike | Mapping[str, float] | None = None,
+    R: ArrayLike | Mapping[str, float] | None = None,
+    *,
+    delta: float = math.inf,
+    dt: float | None = None,
+    horizon: float | None = None,
+    margin: float = MARGIN,
+    estimate: str = RATES,
+    budget: float | None = None,
+    inputs: Sequence[str] | None = None,
+    limits: Mapping[str, Any] | None = None,
+) -> Predictive:
+    """Return the policy that plans a flight to the trim at each sample and flies its begin.
+
+    The plan minimizes ∫ z'Qz + v'Rv dt over the horizon plus z'Pz at its end. z and v are the
+    deviations of states and inputs from the trim, P is the exact solution of the linear game. The
+    equations are those of the nonlinear model, and the running cost that of the linear model with
+    held inputs. Inputs stay within their limits. The limits of states are soft: exceeding them
+    costs more than it saves. A plan is improved by one quadratic program a sample, and only if the
+    flight of the model becomes cheaper. Where the linear loop keeps all limits, the exact held gain
+    takes over.
+
+    This does not prove that a flight converges or stays within the limits. Plans are local optima.
+    The limits of states hold at the nodes of a plan, for the model without other disturbances than
+    the estimated ones.
+
+    model: the aircraft
+    point: trim at which flights end
+    Q, R: weights, as `hfa.game` accepts them and with its defaults; R is the weight of the
+        moving inputs
+    delta: δ of the game whose P and K are at the end of a plan; by default the LQR
+    dt: sample time, s, by default chosen from the linear model
+    horizon: duration of a plan, s, by default chosen from the linear model. The rule cuts a longer
+        one than it permits, and the notes of a flight say so
+    margin: fraction of the distances from trim to limits by which a plan's envelope is narrowed
+    estimate: "rates" for one constant disturbance of each rate, estimated from the samples; the
+        name of a disturbance of the model, which is estimated too; or "nothing"
+    budget: processor time of a sample after which no further quadratic program begins, s, by
+        default half of dt. The plan of the sample before is then flown on. With math.inf, flights
+        do not depend on the machine
+    inputs: inputs that move, by default all
+    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
+
+    Raises BadInputError for a wrong argument, and NoSolutionError if the linear model cannot be
+    stabilized or the game has no solution.
+
+    >>> import hfa
+    >>> force = hfa.Signal("N", min=-1.0, max=1.0)
+    >>> def moved(x, u, p, w):
+    ...     return {"speed": u.force}, {}
+    >>> slider = hfa.Model("slider", {"speed": hfa.Signal("m/s")}, {"force": force}, moved)
+    >>> policy = hfa.predictive(slider, hfa.trim(slider))
+    >>> policy(0.0, [3.0]).round(3).tolist(), policy.dt  # as fast as the force permits
+    ([-1.0], 0.2)
+    """
+    if dt is not None:
+        refuse_unless_positive("dt", dt, " s")
+    problem = flight_problem(model, point, Q, R, inputs, limits)
+    at_end = game(problem.linear, problem.Q, problem.R, delta=delta)
+    return policy_of(problem, at_end, dt, horizon, margin, estimate, budget)
+
+
+def policy_of(
+    problem: FlightProblem,
+    at_end: Game,
+    dt: float | None = None,
+    horizon: float | None = None,
+    margin: float = MARGIN,
+    estimate: str = RATES,
+    budget: float | None = None,
+) -> Predictive:
+    """Return the predictive policy of a problem. The arguments are those of `predictive`.
+
+    at_end: game whose P and K are at the end of a plan
+
+    Raises BadInputError for a wrong margin, estimate, budget, dt or horizon, and NoSolutionError if
+    the game has no solution.
+    """
+    if not 0.0 <= margin < 1.0:
+        raise BadInputError(f"margin is {shown(margin)}; give a fraction from 0 to less than 1")
+    own = "" if estimate in (RATES, NOTHING) else estimate
+    if own and own not in problem.model.disturbances:
+        names = ", ".join([RATES, NOTHING, *problem.model.disturbances])
+        raise BadInputError(f"estimate is {shown(estimate)}; give one of {names}")
+    if budget is not None and not budget > 0.0:
+        raise BadInputError(f"budget is {shown(budget)}; give a time above 0 s")
+    scaled = ScaledProblem(problem)
+    grid = grid_of(scaled, dt, horizon)
+    P, K = _end_of(scaled, grid.dt, at_end)
+    planner = Planner(scaled, grid, P, margin, own)
+    end = EndLaw(scaled, hold_of(*scaled.linear_states, grid.dt), K)
+    most = 0.5 * grid.dt if budget is None else budget
+    controller = RecedingHorizon(planner, end, estimates=estimate != NOTHING, budget=most)
+    controller.rehearse()
+    identity = {
+        "predictive": [problem.Q.tolist(), problem.R.tolist(), at_end.delta, margin, estimate],
+        "holds": grid.at(0).seconds.tolist(),
+    }
+    return Predictive("predictive", problem.point, grid.dt, problem, controller, identity=identity)
+
+
+def _end_of(scaled: ScaledProblem, dt: float, at_end: Game) -> tuple[np.ndarray, np.ndarray]:
+    """Return P (n, n) of a game and the gain K (m, k) of the game held dt for ever."""
+    k, n, _ = scaled.sizes
+    if math.isinf(at_end.delta):
+        K, _ = hold_of(*scaled.linear_states, dt).forever()
+        return scaled.P, K
+    of_states, of_inputs = scaled.problem.sizes
+    P = np.pad(np.array(solve(at_end).P), [(0, n - k)] * 2) * np.outer(of_states, of_states)
+    K = np.array(solve(_held_game(at_end, dt)).K)
+    return P, K * of_states[:k] / of_inputs[:, None]
+
+
+def _held_game(continuous: Game, dt: float) -> Game:
+    """Return the game whose inputs and disturbance are held dt, with the exact cost of the inputs.
+
+    The cost of the disturbance alone is exact. Its effect on the states within a hold costs nothing
+    before the end of the hold.
+    """
+    k = len(continuous.A)
+    W = hold_of(continuous.A, continuous.B, continuous.Q, continuous.R, dt).W
+    return replace(continuous.sampled(dt), Q=W[:k, :k], N=W[:k, k:], R=W[k:, k:])

@@ -1,0 +1,388 @@
+"""Optimal control problem of flights: aircraft, trim, cost and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.game.linear_game import game
+from controller.game.weights import default_weight, matrix_text
+from controller.riccati.gare import unconfirmed_solution
+from hfa_aircraft.layout import components
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model
+from hfa_flight.simulate.envelope import control_limits, flight_envelope
+from hfa_flight.simulate.flight_report import series
+from hfa_support.errors import BadInputError, is_finite, numbers_in, refuse_unknown, shown
+from hfa_support.reporting.results import Matrix
+from trim.linear.linear_model import LinearModel
+from trim.point.linearize import linearize
+from trim.point.operating_point import OperatingPoint
+
+#: Fraction by which the state limits of a proposal are narrowed, so that the flight that follows it
+#: stays in the envelope.
+MARGIN = 4e-3
+#: Two trims have the same value of a state if they differ by less than this fraction of its nominal
+#: value.
+_SAME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class FlightProblem:
+    """Problem of minimizing ∫ z'Qz + v'Rv dt for flights to a trim within limits.
+
+    z are the deviations of the linear model's k states from the trim. v are the deviations of the m
+    moving inputs.
+
+    linear: linear model at the trim, with the moving inputs only
+    Q: weight of the linear model's states, (k, k)
+    R: weight of the moving inputs, (m, m)
+    P: matrix of the linear model's least cost z'Pz without limits, (k, k)
+    K: gain of the linear model's optimal policy v = -K z, (m, k)
+    envelope: limits of all states
+    """
+
+    linear: LinearModel
+    Q: Matrix
+    R: Matrix
+    P: np.ndarray
+    K: np.ndarray
+    envelope: Limits
+
+    @property
+    def point(self) -> OperatingPoint:
+        """Trim to which flights converge."""
+        return self.linear.point
+
+    @property
+    def model(self) -> Model:
+        """Model of the aircraft."""
+        return self.point.model
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the linear model's states, whose deviations are z."""
+        return self.linear.states
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the moving inputs."""
+        return self.linear.inputs
+
+    @cached_property
+    def places(self) -> list[int]:
+        """Indices of the linear model's states among all states."""
+        return self.model.state_places(self.states)
+
+    @cached_property
+    def carried(self) -> tuple[str, ...]:
+        """Names of the states outside the linear model on which the rates of its states depend.
+
+        A state is included if these rates depend on it directly or through another such state.
+        An example is the altitude.
+        """
+        every = ca.SX.sym("x", len(self.model.states))
+        vectors = ca.vertsplit(every), list(self.point.inputs), components(ca.DM(self.model.p))
+        every_rate, _ = self.model.layout.expressions(vectors, ())
+        depends = ca.DM(ca.jacobian(every_rate, every).sparsity(), 1).full() != 0.0
+        followed = set(self.places)
+        while True:
+            needed = set(np.flatnonzero(depends[sorted(followed)].any(axis=0)).tolist())
+            if needed <= followed:
+                break
+            followed |= needed
+        names = list(self.model.states)
+        return tuple(names[place] for place in sorted(followed - set(self.places)))
+
+    @property
+    def followed(self) -> tuple[str, ...]:
+        """Names of the states of the optimizer: the linear model's, then the carried states."""
+        return (*self.states, *self.carried)
+
+    @cached_property
+    def followed_places(self) -> list[int]:
+        """Indices of the followed states among all states."""
+        return self.model.state_places(self.followed)
+
+    def padded(self, z: np.ndarray) -> np.ndarray:
+        """Return the deviations of the followed states, (..., followed).
+
+        Carried states that are missing from the argument are 0.
+
+        z: deviations, (..., k) or (..., followed)
+        """
+        missing = len(self.followed) - z.shape[-1]
+        return np.pad(z, [(0, 0)] * (z.ndim - 1) + [(0, missing)])
+
+    @cached_property
+    def moved(self) -> list[int]:
+        """Indices of the moving inputs among all inputs."""
+        return self.model.input_places(self.inputs)
+
+    @cached_property
+    def sizes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nominal values of the followed states, (followed,), and of the moving inputs, (m,)."""
+        signals = self.model.signals
+        of_states = np.array([signals[name].nominal for name in self.followed])
+        return of_states, np.array([signals[name].nominal for name in self.inputs])
+
+    def followed_of(self, X: Any) -> np.ndarray:
+        """Return the deviations of the followed states in nominal values, (followed,).
+
+        X: all states of one sample, absolute, (n,) or by name in their order
+
+        Raises BadInputError for another number of states, and for rows of several samples.
+        """
+        states, trim = numbers_in("X", X), self.point.x
+        if states.shape != trim.shape:
+            raise BadInputError(
+                f"X has shape {states.shape}; give the {len(trim)} states of one sample: "
+                f"{', '.join(self.model.states)}"
+            )
+        away: np.ndarray = states - trim
+        return away[self.followed_places] / self.sizes[0]
+
+    def inputs_of(self, v: np.ndarray) -> np.ndarray:
+        """Return all inputs, absolute, from the deviations of the moving inputs in nominal values.
+
+        v: (m,)
+        """
+        U = self.point.u
+        U[self.moved] += v * self.sizes[1]
+        return U
+
+    @cached_property
+    def input_limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest values of v, (m,) each."""
+        limits = control_limits(self.model)
+        trim = self.point.u
+        return (limits.lowest - trim)[self.moved], (limits.highest - trim)[self.moved]
+
+    @cached_property
+    def state_limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest deviations of the followed states, (followed,) each."""
+        trim = self.point.x
+        lowest = (self.envelope.lowest - trim)[self.followed_places]
+        return lowest, (self.envelope.highest - trim)[self.followed_places]
+
+    def inner_limits(
+        self, start: np.ndarray, margin: float | np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return lowest and highest deviations of the followed states, (followed,) each, for an
+        optimizer, or (N, followed) for N margins.
+
+        The limits are narrower than `state_limits`. A limit that would exclude the initial
+        condition is moved to the initial condition.
+
+        start: initial deviations of the followed states, (followed,)
+        margin: fraction by which each limit is narrowed, or several, (N, 1)
+        """
+        lowest, highest = self.state_limits
+        lowest = np.minimum((1.0 - margin) * lowest, start)
+        return lowest, np.maximum((1.0 - margin) * highest, start)
+
+    @cached_property
+    def rates(self) -> ca.Function:
+        """CasADi function (followed states, v) -> time derivatives of the followed states.
+
+        The argument is one column of deviations. All deviations and derivatives are divided by
+        nominal values. Inputs that do not move have their trim values.
+        """
+        both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
+        return ca.Function("rates", [both], [self._rates(both, {})], {"cse": True})
+
+    def rates_in(self, disturbance: str) -> ca.Function:
+        """CasADi function (followed states and v, w) -> time derivatives, as `rates`, with a
+        disturbance w of the model.
+
+        disturbance: name of the disturbance
+        """
+        both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
+        w = ca.SX.sym("w")
+        nominal = self.model.disturbances[disturbance].nominal
+        rates = self._rates(both, {disturbance: nominal * w})
+        return ca.Function("rates", [both, w], [rates], {"cse": True})
+
+    def _rates(self, both: ca.SX, winds: Mapping[str, ca.SX]) -> ca.SX:
+        """Return the time derivatives of the followed states, in nominal values."""
+        of_states, of_inputs = self.sizes
+        X = [ca.SX(value) for value in self.point.states]
+        U = [ca.SX(value) for value in self.point.inputs]
+        for row, place in enumerate(self.followed_places):
+            X[place] += float(of_states[row]) * both[row]
+        for row, place in enumerate(self.moved):
+            U[place] += float(of_inputs[row]) * both[len(self.followed) + row]
+        vectors = X, U, components(ca.DM(self.model.p))
+        every_wind = [winds.get(name, 0.0) for name in self.model.disturbances] if winds else None
+        every_rate, _ = self.model.layout.expressions(vectors, (), every_wind)
+        return ca.densify(every_rate[self.followed_places] / ca.DM(of_states))
+
+    def scaled_weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return Q, (followed, followed), R, (m, m), and P, (followed, followed), for nominal
+        values.
+
+        The weights of carried states are 0.
+        """
+        of_states, of_inputs = self.sizes
+        of_both = np.outer(of_states, of_states)
+        carried = [(0, len(self.carried))] * 2
+        Q, P = (np.pad(weight, carried) * of_both for weight in (self.Q, self.P))
+        return Q, self.R * np.outer(of_inputs, of_inputs), P
+
+    def deviations(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
+        """Return an initial condition as deviations z from the trim, (k,).
+
+        start: state -> deviation, or another trim
+
+        Raises BadInputError in these cases:
+        - A name is unknown, or a number is not finite.
+        - The other trim belongs to another model, or differs in a state outside the linear model.
+        - The initial condition is outside the limits, or equals the trim of the problem.
+        """
+        z = self._deviations_of(start)
+        if not z.any():
+            raise BadInputError(
+                "the initial condition equals the final trim; give another initial condition"
+            )
+        self.refuse_outside(z)
+        return z
+
+    def _deviations_of(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
+        if isinstance(start, OperatingPoint):
+            return self._deviations_of_trim(start)
+        z = np.zeros(len(self.states))
+        for name, value in start.items():
+            refuse_unknown("a flight has no initial deviation of", name, self.states)
+            if not is_finite(value):
+                raise BadInputError(
+                    f"the initial deviation of {name} is {shown(value)}; give a finite number"
+                )
+            z[self.states.index(name)] = value
+        return z
+
+    def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
+        """Return another trim as deviations z from the trim of the problem, (k,)."""
+        other._refuse_other(self.model)
+        off: np.ndarray = np.array(other.states) - self.point.x
+        for place, name in enumerate(self.model.states):
+            if (
+                place not in self.places
+                and abs(off[place]) > _SAME * self.model.states[name].nominal
+            ):
+                raise BadInputError(
+                    f"the two trims differ in {name}, which is not a state of the linear model; "
+                    f"impose the same value of {name} in both trims"
+                )
+        return off[self.places]
+
+    def weights_text(self) -> str:
+        """Return Q and R as text, marked where they are the default."""
+        signals = (*self.states, *self.inputs)
+        return f"cost: {cost_text(self.model, signals, self.Q, self.R)}"
+
+    def refuse_outside(self, z: np.ndarray) -> None:
+        """Raise BadInputError if an initial condition is outside the limits.
+
+        z: initial deviations, (k,)
+        """
+        X = self.point.x
+        X[self.places] += z
+        broken = self.envelope.broken(X)
+        if broken:
+            what = broken[0].replace("would have to be", "begins at", 1)
+            raise BadInputError(f"{what}; give an initial condition within the limits")
+
+
+class OfProblem:
+    """Base class of results that have a `problem`: access to its aircraft, trim and weights."""
+
+    problem: FlightProblem
+
+    @property
+    def point(self) -> OperatingPoint:
+        """Trim to which flights converge."""
+        return self.problem.point
+
+    @property
+    def model(self) -> Model:
+        """Model of the aircraft."""
+        return self.problem.model
+
+    def weights_text(self) -> str:
+        """Return Q and R as text, marked where they are the default."""
+        return self.problem.weights_text()
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return the values of a state, an input or an output during the flight, (N,), not as
+        deviations.
+        """
+        return series(self, name, self.model.p)
+
+    @property
+    def Q(self) -> Matrix:
+        """Weight of the linear model's states, (k, k)."""
+        return self.problem.Q
+
+    @property
+    def R(self) -> Matrix:
+        """Weight of the moving inputs, (m, m)."""
+        return self.problem.R
+
+
+def flight_problem(
+    model: Model,
+    point: OperatingPoint,
+    Q: Any = None,
+    R: Any = None,
+    inputs: Sequence[str] | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+) -> FlightProblem:
+    """Return the optimal control problem of flights to a trim.
+
+    Q, R: weights, as `hfa.game` accepts them and with its defaults; R is the weight of the moving
+        inputs
+    inputs: inputs that move, by default all; the others are constant
+    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
+
+    Raises BadInputError for a point of another model, a trim outside the limits, and for names and
+    weights that do not fit the model. Raises NoSolutionError if the linear model cannot be
+    stabilized at a finite cost.
+    """
+    point._refuse_other(model)
+    linear = linearize(model, point)
+    if inputs is not None:
+        for name in inputs:
+            refuse_unknown("there is no input", name, linear.inputs)
+        linear = linear.select(inputs=tuple(inputs))
+    lqr = game(linear, Q, R, np.inf)
+    lqr.refuse_cross_weights("the cost of these flights")
+    solution = unconfirmed_solution(lqr)
+    envelope = flight_envelope(model, point, limits)
+    return FlightProblem(linear, lqr.Q, lqr.R, solution.P, solution.K, envelope)
+
+
+def cost_text(
+    model: Model,
+    names: Sequence[str],
+    Q: np.ndarray,
+    R: np.ndarray,
+) -> str:
+    """Return Q and R as one line of text, marked where they are the default, with its source.
+
+    The text is, for example, "Q diag(1, 2) (file), R diag(1) (1/nominal^2, as by default)".
+
+    names: states of Q, then inputs of R
+    """
+    parts = []
+    for name, weight in (("Q", Q), ("R", R)):
+        usual = default_weight(name, model, names[: len(Q)], names[len(Q) :])
+        about = model.about
+        source = about.weights_source if name in about.weights else "1/nominal^2, as by default"
+        is_usual = np.allclose(weight, usual, rtol=1e-12, atol=0.0)
+        parts.append(f"{name} {matrix_text(weight)}" + f" ({source})" * is_usual)
+    return ", ".join(parts)

@@ -1,0 +1,66 @@
+"""Lines and tables that the reports of one flight and of many share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.plan.problem import FlightProblem
+from hfa_flight.simulate.envelope import limits_text
+from hfa_support.reporting.text import Table, shown_unit
+
+#: Largest number of columns of a first line.
+_FIRST_LINE = 80
+
+
+def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str]]) -> str:
+    """Return a first line with the cost ratios of policies, in at most `_FIRST_LINE` columns.
+
+    The policies given last come first. Those that do not fit are left out.
+
+    begin: begin of the line
+    outcomes: (name of the policy, ratio or None, how it is lost or "")
+    """
+    line = begin
+    for name, ratio, loss in reversed(outcomes):
+        kind = name.partition(" of ")[0].removesuffix(", saturated")
+        separator = "; " if line == begin else ", "
+        says = loss if ratio is None else f"{ratio:.4g}x{loss and f' ({loss})'}"
+        longer = f"{line}{separator}{kind} {says}"
+        line = longer if says and len(longer) <= _FIRST_LINE else line
+    return line
+
+
+def envelope_pairs(problem: FlightProblem) -> dict[str, np.ndarray]:
+    """Return the lowest and highest permitted value of each state, by name."""
+    pairs = np.column_stack([problem.envelope.lowest, problem.envelope.highest])
+    return dict(zip(problem.envelope.names, pairs, strict=True))
+
+
+def limits_table(problem: FlightProblem) -> Table:
+    """Return a table of the limits of all states and of the moving inputs."""
+    model = problem.model
+    pairs: dict[str, Any] = envelope_pairs(problem)
+    signals = model.inputs
+    pairs |= {name: (signals[name].min, signals[name].max) for name in problem.inputs}
+    rows = []
+    assumed = dict(zip(problem.envelope.names, problem.envelope.assumed.tolist(), strict=True))
+    for name, (lowest, highest) in pairs.items():
+        unit = model.unit(name)
+        is_assumed = assumed.get(name, model.signals[name].assumed)
+        text = limits_text(float(lowest), float(highest), unit, is_assumed)
+        rows.append((name, text, shown_unit(unit)))
+    return Table(("limits of flights", "from, to", "unit"), rows)
+
+
+def deviations_in_words(model: Model, start: Mapping[str, float]) -> str:
+    """Return the deviations from the trim, state -> deviation, as printed in reports."""
+    return ", ".join(_off(model, name, value) for name, value in start.items()) or "the trim"
+
+
+def _off(model: Model, name: str, value: float) -> str:
+    text = model.describe(name, value)
+    return f"{name} {text}" if text.startswith("-") else f"{name} +{text}"

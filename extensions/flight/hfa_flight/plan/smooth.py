@@ -1,0 +1,263 @@
+"""Smooth copies of functions with tables and kinks, for an optimizer that needs two derivatives.
+
+Near a kink, the copy blends the two branches. Elsewhere the copy equals the function. The width of
+the blend is proportional to the spread of the kink's argument over given points. The copy is
+therefore independent of units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from hfa_flight.plan.problem import FlightProblem
+from hfa_support.errors import BadInputError
+
+_COMPARISONS = (ca.OP_LT, ca.OP_LE)
+_KINKS = (ca.OP_FMIN, ca.OP_FMAX, ca.OP_FABS)
+_LOGIC = (ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO)
+#: An argument is constant if its range is less than this fraction of its magnitude.
+_VARIES = 1e-9
+#: Half-width of a smoothed kink, in standard deviations of its argument. The points are within the
+#: limits, and their states within _NEAR nominal values of the trim.
+KINK_WIDTH = 0.02
+_NEAR = 3.0
+_KINK_POINTS = 500
+
+
+@lru_cache(maxsize=16)
+def smooth_rates(problem: FlightProblem) -> ca.Function:
+    """Return the rates of a problem with smoothed tables and kinks.
+
+    The result is `problem.rates` itself if no kink is smoothed.
+    """
+    of_states, of_inputs = problem.sizes
+    pairs = zip(problem.state_limits, problem.input_limits, strict=True)
+    below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
+    rng = np.random.default_rng(0)
+    shape = (_KINK_POINTS, len(below))
+    most = np.full(len(below), _NEAR)
+    is_bounded = np.isfinite(above - below)
+    is_bounded[: len(of_states)] = False
+    most[is_bounded] = np.inf
+    near = rng.uniform(np.maximum(below, -most), np.minimum(above, most), shape)
+    return smoothed(problem.rates, near, KINK_WIDTH)
+
+
+def has_kinks(problem: FlightProblem) -> bool:
+    """Return whether the equations of a problem have kinks, such as those of tables, that are
+    smoothed for the optimizer.
+    """
+    return smooth_rates(problem) is not problem.rates
+
+
+@lru_cache(maxsize=16)
+def disturbed_rates(problem: FlightProblem, disturbance: str) -> ca.Function:
+    """Return the function (followed states and v, w) -> smoothed rates, in nominal values.
+
+    disturbance: name of the disturbance w of the model, or "" for none
+    """
+    calm = smooth_rates(problem)
+    both = ca.SX.sym("both", calm.numel_in(0))
+    w = ca.SX.sym("w", 1 if disturbance else 0)
+    rates = calm(both)
+    if disturbance:
+        moved = problem.rates_in(disturbance)
+        rates += moved(both, w) - moved(both, 0.0)
+    return ca.Function("disturbed", [both, w], [ca.densify(rates)], {"cse": True})
+
+
+@lru_cache(maxsize=16)
+def smooth_slopes(problem: FlightProblem) -> ca.Function:
+    """Return the function (followed states, v) -> Jacobian of `smooth_rates`, in nominal values."""
+    rates = smooth_rates(problem)
+    at = ca.SX.sym("at", rates.numel_in(0))
+    slopes = ca.densify(ca.jacobian(rates(at), at))
+    return ca.Function("slopes", [at], [slopes], {"cse": True})
+
+
+@lru_cache(maxsize=16)
+def smooth_curvature(problem: FlightProblem) -> ca.Function:
+    """Return the function (followed states and v, multipliers) -> dense Hessian, in nominal values.
+
+    The Hessian is that of the dot product of the multipliers and `smooth_rates`.
+    """
+    rates = smooth_rates(problem)
+    at = ca.SX.sym("at", rates.numel_in(0))
+    multipliers = ca.SX.sym("multipliers", rates.numel_out(0))
+    bent, _ = ca.hessian(ca.dot(multipliers, rates(at)), at)
+    return ca.Function("curvature", [at, multipliers], [ca.densify(bent)], {"cse": True})
+
+
+def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Function:
+    """Return a copy of the function in which each kink is smoothed.
+
+    The function itself is returned if no kink has a continuous argument that comes near 0 at the
+    points. Comparisons that select infinite values, comparisons for equality, and steps (floor,
+    ceil) are not smoothed.
+
+    function: CasADi SX function of a column (n,) with one result
+    points: arguments for which the function is used, (N, n)
+    part: half-width of a kink, in standard deviations of its argument over the points
+    """
+    symbol = ca.SX.sym("x", function.numel_in(0))
+    sharp = _Replay(function, symbol)
+    sharp.run()
+    values = np.array(ca.Function("kinks", [symbol], [sharp.arguments_of_kinks()])(points.T))
+    kinks = [_Kink.of(row, part) for row in values]
+    if not any(kink.width for kink in kinks):
+        return function
+    result = _Replay(function, symbol, kinks).run()
+    return ca.Function(function.name(), [symbol], [result], {"cse": True})
+
+
+@dataclass(frozen=True)
+class _Kink:
+    """Smoothing of one kink, which is where the argument of an operation is 0."""
+
+    width: float  # half-width of the blend, or 0 without a blend
+    # the two values of an argument that takes only two values, or None
+    levels: tuple[float, float] | None = None
+
+    @staticmethod
+    def of(values: np.ndarray, part: float) -> _Kink:
+        """Return the smoothing of a kink."""
+        finite = values[np.isfinite(values)]
+        size = np.abs(finite).max(initial=0.0)
+        if len(finite) < len(values) or np.ptp(finite) <= _VARIES * size:
+            return _Kink(0.0)
+        levels = np.unique(finite)
+        if len(levels) == 2:
+            return _Kink(0.0, (float(levels[0]), float(levels[1])))
+        width = part * float(finite.std())
+        passed = finite.min() <= width and finite.max() >= -width
+        if len(levels) < max(3, len(values) // 20) or not passed:
+            return _Kink(0.0)
+        return _Kink(width)
+
+    def step(self, argument: ca.SX, otherwise: ca.SX) -> tuple[ca.SX, bool]:
+        """Return the smoothed result of a comparison with 0, and whether it is smoothed."""
+        # - With a blend, the result is 1 above the width, 0 below -width, and smooth between.
+        # - For two levels of opposite signs, the result is linear between the levels.
+        # - Otherwise the result is `otherwise`, not smoothed.
+        if self.levels is not None:
+            low, high = self.levels
+            if low < 0.0 < high:
+                return (argument - low) / (high - low), True
+            return otherwise, False
+        if self.width == 0.0:
+            return otherwise, False
+        t = ca.fmin(ca.fmax(argument / self.width, -1.0), 1.0)
+        return 0.5 + t * (15.0 - t**2 * (10.0 - 3.0 * t**2)) / 16.0, True
+
+    def size(self, argument: ca.SX) -> ca.SX:
+        """Return a copy of the absolute value with two continuous derivatives."""
+        sharp = ca.fabs(argument)
+        if self.width == 0.0:
+            return sharp
+        t = ca.fmin(ca.fmax(argument / self.width, -1.0), 1.0)
+        square = t**2
+        rounded = 0.375 + square * (0.75 - 0.125 * square)
+        return sharp + self.width * (rounded - ca.fabs(t))
+
+
+@dataclass
+class _Replay:
+    """Evaluation of a function's instructions on symbols, with smoothed kinks."""
+
+    function: ca.Function  # CasADi SX function of a column (n,) with one result
+    symbol: ca.SX  # argument of the function, (n,)
+    # smoothing of each kink, in the order of the instructions; None smooths no kink
+    kinks: list[_Kink] | None = None
+    arguments: list[ca.SX] = field(default_factory=list)  # arguments of the kinks found so far
+    work: dict[int, ca.SX] = field(default_factory=dict)  # work vector, index -> value
+    # indices in the work vector of smooth values between 0 and 1, which replace truth values
+    soft: set[int] = field(default_factory=set)
+
+    def run(self) -> ca.SX:
+        """Evaluate all instructions of the function and return its result as a dense expression."""
+        function = self.function
+        result = ca.SX.zeros(function.size_out(0))
+        for number in range(function.n_instructions()):
+            code = function.instruction_id(number)
+            out = function.instruction_output(number)
+            places = function.instruction_input(number)
+            if code == ca.OP_OUTPUT:
+                result[out[1]] = self.work[places[0]]
+                continue
+            value, is_soft = self._value(number, code, places)
+            self.work[out[0]] = value
+            self.soft.discard(out[0])
+            if is_soft:
+                self.soft.add(out[0])
+        return result
+
+    def arguments_of_kinks(self) -> ca.SX:
+        """Return the arguments of all kinks as a column, (kinks,)."""
+        return ca.densify(ca.vertcat(ca.SX(0, 1), *self.arguments))
+
+    def _value(self, number: int, code: int, places: list[int]) -> tuple[ca.SX, bool]:
+        """Return the value of an instruction, and whether this value is a smooth truth value."""
+        if code == ca.OP_CONST:
+            return ca.SX(self.function.instruction_constant(number)), False
+        if code == ca.OP_INPUT:
+            return self.symbol[places[1]], False
+        if code == ca.OP_CALL:
+            raise BadInputError(
+                "the equations call a compiled function, such as an FMU, which the search for best "
+                "flights does not support; use an aircraft with equations"
+            )
+        operands = [self.work[place] for place in places]
+        if code in _COMPARISONS:
+            return self._compared(code, *operands)
+        if code in _KINKS:
+            return self._kinked(code, *operands), False
+        if code in _LOGIC:
+            return self._chosen(code, places, operands)
+        return _applied(code, operands), False
+
+    def _compared(self, code: int, low: ca.SX, high: ca.SX) -> tuple[ca.SX, bool]:
+        return self._next_kink(high - low).step(high - low, ca.SX.binary(code, low, high))
+
+    def _kinked(self, code: int, one: ca.SX, other: ca.SX | None = None) -> ca.SX:
+        if other is None:
+            return self._next_kink(one).size(one)
+        kink = self._next_kink(one - other)
+        if kink.width == 0.0:
+            return ca.SX.binary(code, one, other)
+        half = 0.5 * kink.size(one - other)
+        middle = 0.5 * (one + other)
+        return middle + half if code == ca.OP_FMAX else middle - half
+
+    def _chosen(self, code: int, places: list[int], operands: list[ca.SX]) -> tuple[ca.SX, bool]:
+        """Return the value of a logical operation, and whether it is a smooth truth value."""
+        # With smooth operands a and b:
+        # - not a is 1 - a
+        # - a and b is a b
+        # - a or b is a + b - a b
+        # - a branch that a selects is multiplied by a
+        is_soft = [place in self.soft for place in places]
+        if not any(is_soft) or (code == ca.OP_IF_ELSE_ZERO and not is_soft[0]):
+            return _applied(code, operands), False
+        if code == ca.OP_NOT:
+            return 1.0 - operands[0], True
+        one, other = operands
+        if code == ca.OP_IF_ELSE_ZERO:
+            if other.is_constant() and not np.isfinite(float(other)):
+                return ca.SX.binary(code, one >= 0.5, other), False
+            return one * other, other.is_constant() and float(other) == 1.0
+        return (one * other if code == ca.OP_AND else one + other - one * other), True
+
+    def _next_kink(self, argument: ca.SX) -> _Kink:
+        self.arguments.append(argument)
+        return _Kink(0.0) if self.kinks is None else self.kinks[len(self.arguments) - 1]
+
+
+def _applied(code: int, operands: list[ca.SX]) -> ca.SX:
+    """Return the result of a CasADi operation with one or two operands."""
+    if len(operands) == 1:
+        return ca.SX.unary(code, operands[0])
+    return ca.SX.binary(code, *operands)

@@ -1,0 +1,1 @@
+"""Rows of flights: the closed loop, its integration, and one flight."""

@@ -1,0 +1,502 @@
+"""Plant, policy and scenario as one differential equation y' = f(t, y, held).
+
+`held` contains the inputs of the loop that are constant during a tick. Only this module defines the
+order of the parts of y (`StateParts`) and of the held inputs (`HeldParts`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.layout import components
+from hfa_aircraft.march.cost import Cost
+from hfa_aircraft.model import Model
+from hfa_aircraft.waveform import zero
+from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, has_angle_of_attack
+from hfa_flight.air.scenario import Scenario
+from hfa_flight.policies.policy import (
+    SAME_TIME,
+    FunctionPolicy,
+    GainPolicy,
+    Measurements,
+    Policy,
+)
+from hfa_support.errors import BadInputError
+from trim.linear.kinks import linearization_at
+from trim.point.operating_point import OperatingPoint
+
+#: Disturbance of the model -> value. Disturbances that are not listed are 0.
+Winds = Mapping[str, Any]
+
+
+class Plant:
+    """A plant in deviations x (n,) from its operating point, as CasADi expressions.
+
+    parameters_size: number of parameters that differ between flights
+    point: the operating point
+    """
+
+    parameters_size = 0
+    point: OperatingPoint
+
+    @property
+    def chosen(self) -> np.ndarray:
+        """Matrix (k, n) that selects the k states of the linear model."""
+        model = self.point.model
+        return np.array([[float(name == other) for other in model.states] for name in model.linear])
+
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """Return the time derivative x' of the state deviations, (n,).
+
+        x: (n,), deviations of the states
+        u: (m,), deviations of the inputs
+        d: (k,), disturbance added to the rates of the states of the linear model
+        winds: disturbance of the model -> value
+        parameters: (parameters_size,)
+        """
+        raise NotImplementedError
+
+    def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
+        """Return the angle of attack relative to the air minus its trim value, (1,).
+
+        Returns an empty expression (0,) if this difference equals the deviation of alpha.
+        """
+        return ca.SX(0, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPlant(Plant):
+    """Linear plant x' = A x + B u + d + E w.
+
+    A: (n, n)
+    B: (n, m)
+    E: disturbance -> column (n,)
+    point: operating point of the linearization
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    E: Winds
+    point: OperatingPoint
+
+    @classmethod
+    def at(cls, model: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
+        """Return the linearization of a model at an operating point, with all states of the model.
+
+        winds: disturbances for which E is computed
+        """
+        slopes, _ = linearization_at(
+            in_gusts(model), point.states, point.inputs, disturbances=winds
+        )
+        return cls(slopes.A, slopes.B, dict(zip(winds, slopes.E.T, strict=True)), point)
+
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """Return the time derivative of the states, A x + B u + d + E w, (n,).
+
+        The arguments are those of `Plant.rate`. d acts on the states selected by `chosen`.
+        """
+        rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u)
+        rate = rate + ca.mtimes(ca.DM(self.chosen.T), d)
+        for name, w in winds.items():
+            rate = rate + ca.DM(self.E[name]) * w
+        return rate
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearPlant(Plant):
+    """Nonlinear plant about an operating point, X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u.
+
+    p are the parameters of the model, w its disturbances and d an added disturbance of the rates.
+
+    uncertain: whether p differs between flights
+
+    Raises BadInputError if the operating point belongs to another model.
+    """
+
+    model: Model
+    point: OperatingPoint
+    uncertain: bool = False
+
+    def __post_init__(self) -> None:
+        """Raise BadInputError if the operating point belongs to another model."""
+        self.point._refuse_other(self.model)
+
+    @property
+    def parameters_size(self) -> int:  # type: ignore[override]  # computed
+        """Number of parameters that differ between flights."""
+        return len(self.model.parameters) if self.uncertain else 0
+
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """Return the time derivative of the states, f(X0 + x, U0 + u, p, w) + d, (n,).
+
+        The arguments are those of `Plant.rate`. d acts on the states of the linear model.
+        """
+        p = components(parameters) if self.uncertain else self.model.p.tolist()
+        vectors = self._absolute(x), components(ca.DM(self.point.u) + u), p
+        model = self._in(winds)
+        rates, _ = model.layout.expressions(vectors, (), _values(winds, model))
+        return rates + ca.mtimes(ca.DM(self.chosen.T), d)
+
+    def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
+        """Return the output `ANGLE_OF_ATTACK` minus alpha at trim, (1,).
+
+        Returns an empty expression (0,) without winds, or if the model lacks this output or the
+        state alpha. Raises BadInputError if the output depends on an input, because it is then not
+        a flow angle.
+        """
+        model = self._in(winds)
+        if not winds or not has_angle_of_attack(model):
+            return ca.SX(0, 1)
+        u = ca.SX.sym("u", len(model.inputs))
+        vectors = self._absolute(x), components(u), model.p.tolist()
+        _, angle = model.layout.expressions(vectors, (ANGLE_OF_ATTACK,), _values(winds, model))
+        if ca.depends_on(angle, u):
+            raise BadInputError(
+                f"{model.name}: output {ANGLE_OF_ATTACK} depends on an input and is therefore "
+                "not a flow angle; rename the output"
+            )
+        return angle - getattr(self.point.states, ALPHA)
+
+    def _absolute(self, x: ca.SX) -> list[ca.SX]:
+        return components(ca.DM(self.point.x) + x)
+
+    def _in(self, winds: Winds) -> Model:
+        """Return the model with all disturbances named in `winds`."""
+        return self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
+
+
+def _values(winds: Winds, model: Model) -> list[Any]:
+    """Return the values of all disturbances of a model, 0 for those not in `winds`."""
+    return [winds.get(name, 0.0) for name in model.disturbances]
+
+
+class Expressions(NamedTuple):
+    """Signals of a closed loop as CasADi expressions of t, y and the held inputs.
+
+    rate: y'
+    error: (k,), x - x_d
+    inputs: (m,), inputs of the plant, as deviations from trim
+    winds: disturbances of the model that the scenario sets, in the order of `wind_names`
+    angle: (1,), deviation of the angle of attack relative to the air, or (0,) if it equals that of
+      alpha
+    command: (m,), command of the policy
+    measured: (n,), states of the plant with sensor noise
+    """
+
+    rate: ca.SX
+    error: ca.SX
+    inputs: ca.SX
+    winds: ca.SX
+    angle: ca.SX
+    command: ca.SX
+    measured: ca.SX
+
+
+class StateParts(NamedTuple):
+    """Parts of the state y, or their sizes, in the order in which y contains them.
+
+    plant: deviations of the plant's states from trim, (n,)
+    actuators: states of the actuators, or size 0 without actuators
+    memory: states of the policy, or size 0 without memory
+    cost: cost from the start of the flight, (1,), or size 0 without a cost
+    """
+
+    plant: Any
+    actuators: Any
+    memory: Any
+    cost: Any
+
+
+class HeldParts(NamedTuple):
+    """Parts of the held inputs, or their sizes, in the order of the vector `held`.
+
+    Held inputs are constant during a tick. A part that the flight does not use has size 0.
+
+    parameters: parameters of the plant that differ between flights
+    actuators: frequency, damping and effectiveness of each actuator, (3 m,), if faults change them
+    policy: inputs that the policy holds, such as a gain
+    noise: (k,), noise of the measured states
+    gust: held inputs of the gust (`Gust.held_inputs`)
+    begin: (1,), time from which these inputs are held, s, if commands step during the flight
+    delay: (1 + 3 m,), times between which the delayed commands are interpolated, and the commands
+      at these times
+    """
+
+    parameters: Any
+    actuators: Any
+    policy: Any
+    noise: Any
+    gust: Any
+    begin: Any
+    delay: Any
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """Closed loop of a plant, a policy and, if the scenario has them, actuators.
+
+      x' = plant(x, a, d(t), w(t))
+      a' = actuators(a, u), or a = u without actuators
+      u = policy(t, x + n(t) - x_d(t))
+
+    x, a and u are the deviations of states, plant inputs and commands from trim. x_d is the
+    reference, n the sensor noise, d a disturbance of the rates and w the motion of the air.
+
+    scenario: initial x(0), x_d, d and n (default 0), noise samples, gust, other disturbances,
+      actuators and delay
+    cost: running cost of the errors z = x - x_d and of the plant inputs a, whose integral is a
+      state of the loop, or None
+
+    Raises BadInputError if a signal, a gain or the function of a policy does not have the size of
+    the plant, or a trim input is outside its actuator's position limits.
+    """
+
+    plant: Plant
+    policy: Policy
+    scenario: Scenario = field(default_factory=Scenario)
+    cost: Cost | None = None
+
+    def __post_init__(self) -> None:
+        """Raise BadInputError for wrong sizes and for a trim outside the actuators' limits."""
+        k = len(self.plant.chosen)
+        m = self.plant.point.u.size
+        if self.scenario.actuators is not None:
+            self.scenario.actuators.refuse_trim(self.plant.point.u)
+        if isinstance(self.policy, GainPolicy) and self.policy.K.shape != (m, k):
+            raise BadInputError(
+                f"the gain has shape {self.policy.K.shape}; give {m} x {k}, inputs x states"
+            )
+        if isinstance(self.policy, FunctionPolicy):
+            function = self.policy.function
+            sizes = function.numel_out(0), function.numel_in(0)
+            if sizes != (m, k):
+                raise BadInputError(
+                    f"the policy {self.policy.name} computes {sizes[0]} inputs from {sizes[1]} "
+                    f"states; give a policy for {m} inputs and {k} states"
+                )
+        for name in ("reference", "disturbance", "noise"):
+            signal = getattr(self.scenario, name)
+            if signal is not None and signal.size != k:
+                raise BadInputError(
+                    f"the {name} has {signal.size} channels; give {k}, one for each state"
+                )
+
+    @cached_property
+    def state_sizes(self) -> StateParts:
+        """Sizes of the parts of the loop's state y: plant, actuators and memory of the policy."""
+        actuators = self.scenario.actuators
+        return StateParts(
+            plant=self.plant.chosen.shape[1],
+            actuators=0 if actuators is None else actuators.size,
+            memory=self.policy.start.size,
+            cost=0 if self.cost is None else 1,
+        )
+
+    @cached_property
+    def held_sizes(self) -> HeldParts:
+        """Numbers of held inputs for the plant, the actuators and the other parts."""
+        scenario = self.scenario
+        return HeldParts(
+            parameters=self.plant.parameters_size,
+            actuators=0 if scenario.actuators is None else scenario.actuators.held_size,
+            policy=self.policy.held.shape[1],
+            noise=0 if scenario.samples is None else len(self.plant.chosen),
+            gust=0 if scenario.gust is None else scenario.gust.held_size,
+            begin=1 if self.breaks.size else 0,
+            delay=2 + 2 * self.plant.point.u.size if scenario.delayed_ticks else 0,
+        )
+
+    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Return new symbols for t, y and the held inputs."""
+        y = ca.SX.sym("y", sum(self.state_sizes))
+        held = ca.SX.sym("held", sum(self.held_sizes))
+        return ca.SX.sym("t"), y, held
+
+    def at(self, t: ca.SX, y: ca.SX, held: ca.SX) -> Expressions:
+        """Return the expressions of the loop at t, y and the held inputs."""
+        scenario = self.scenario
+        plant = self.plant
+        state = StateParts(*ca.vertsplit(y, _offsets(self.state_sizes)))
+        inputs = HeldParts(*ca.vertsplit(held, _offsets(self.held_sizes)))
+        winds = self._winds(t, inputs)
+        since = inputs.begin if inputs.begin.numel() else t
+        reference = self._reference(t, since)
+        measurements = self._measurements(t, since, state, inputs, reference, winds)
+        command = self.policy.control(t, measurements, state.memory, inputs.policy)
+        arriving = command
+        if inputs.delay.numel():
+            m = plant.point.u.size
+            begin, end, early, late = ca.vertsplit(inputs.delay, [0, 1, 2, 2 + m, 2 + 2 * m])
+            arriving = early + (late - early) * (t - begin) / (end - begin)
+        if scenario.actuators is None:
+            applied = arriving
+            u = arriving
+            actuators_rate = ca.SX(0, 1)
+        else:
+            actuators = scenario.actuators
+            applied = actuators.reachable(arriving, plant.point.u)
+            u = measurements.positions
+            actuators_rate = actuators.states_rate(state.actuators, applied, inputs.actuators)
+        memory_rate = self.policy.memory_rate(t, measurements, state.memory, inputs.policy, applied)
+        disturbance = scenario.disturbance or zero(len(plant.chosen))
+        plant_rate = plant.rate(state.plant, u, disturbance.at(t), winds, inputs.parameters)
+        error = ca.mtimes(ca.DM(plant.chosen), state.plant) - reference
+        cost_rate = ca.SX(0, 1) if self.cost is None else self.cost.rate(error, u)
+        rates = StateParts(plant_rate, actuators_rate, memory_rate, cost_rate)
+        return Expressions(
+            rate=ca.vertcat(*rates),
+            error=error,
+            inputs=u,
+            winds=ca.vertcat(ca.SX(0, 1), *winds.values()),
+            angle=plant.through_air(state.plant, winds),
+            command=command,
+            measured=self._measured(state.plant, measurements.states),
+        )
+
+    def growing_modes(self) -> np.ndarray:
+        """Return the eigenvalues with positive real parts of the loop linearized at the trim, 1/s.
+
+        The result is empty for Python functions and with a delay in the scenario.
+        """
+        if self.policy.sampler() is not None or self.scenario.delayed_ticks:
+            sampled = self.policy.sampled_modes()
+            modes = np.zeros(0) if sampled is None else sampled
+        else:
+            model = getattr(self.plant, "model", self.plant.point.model)
+            linear = LinearPlant.at(model, self.plant.point, self.wind_names)
+            loop = replace(self, plant=linear, cost=None)
+            t, y, held = loop.symbols()
+            slopes = ca.Function("slopes", [t, y, held], [ca.jacobian(loop.at(t, y, held).rate, y)])
+            inputs = np.zeros(held.numel())
+            loop.hold(0, inputs)
+            trim = np.concatenate(
+                [np.zeros(loop.state_sizes.plant + loop.state_sizes.actuators), loop.policy.start]
+            )
+            modes = np.linalg.eigvals(slopes(0.0, trim, inputs).full())
+        return modes[modes.real > 0.0]
+
+    @cached_property
+    def breaks(self) -> np.ndarray:
+        """Times at which a command, a reference or a fault steps, s, increasing."""
+        sources = (self.policy, self.scenario.reference, self.scenario.actuators)
+        times = [getattr(source, "breaks", ()) for source in sources]
+        return np.unique(np.concatenate([np.zeros(0), *times]))
+
+    def _reference(self, t: ca.SX, since: ca.SX) -> Any:
+        """Return the reference x_d(t) of the states of the linear model, (k,).
+
+        since: time from which a stepping reference is held
+        """
+        reference = self.scenario.reference or zero(len(self.plant.chosen))
+        return reference.at(since if getattr(reference, "is_stepping", False) else t)
+
+    def _winds(self, t: ca.SX, inputs: HeldParts) -> dict[str, Any]:
+        """Return the disturbances of the model that the scenario sets, as name -> value at t."""
+        winds: dict[str, Any] = {}
+        if self.scenario.gust is not None:
+            winds = self.scenario.gust.winds(t, inputs.gust)
+        for name, waveform in self.scenario.air.items():
+            winds[name] = winds.get(name, 0.0) + waveform.at(t)
+        return winds
+
+    def _measurements(
+        self,
+        t: ca.SX,
+        since: ca.SX,
+        state: StateParts,
+        inputs: HeldParts,
+        reference: Any,
+        winds: dict[str, Any],
+    ) -> Measurements:
+        """Return the measurements that the policy receives, with sensor noise."""
+        actuators = self.scenario.actuators
+        noise = (self.scenario.noise or zero(len(self.plant.chosen))).at(t)
+        if inputs.noise.numel():
+            noise = noise + inputs.noise
+        states = ca.mtimes(ca.DM(self.plant.chosen), state.plant) + noise
+        positions = ca.SX(0, 1)
+        rates = ca.SX(0, 1)
+        if actuators is not None:
+            positions = actuators.position(state.actuators, self.plant.point.u)
+            rates = actuators.rates(state.actuators)
+        updraft = ca.SX(winds.get(UPDRAFT, ca.SX(0, 1)))
+        return Measurements(states - reference, states, positions, rates, updraft, since)
+
+    def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:
+        """Return the states of the plant with sensor noise, (n,)."""
+        chosen = ca.DM(self.plant.chosen)
+        return plant + ca.mtimes(chosen.T, of_linear - ca.mtimes(chosen, plant))
+
+    @property
+    def wind_names(self) -> tuple[str, ...]:
+        """Names of the disturbances that the scenario sets. Disturbances of the gust come first."""
+        names = list(self.scenario.air)
+        if self.scenario.gust is not None:
+            names = [*self.scenario.gust.names, *names]
+        return tuple(dict.fromkeys(names))
+
+    def start(self) -> np.ndarray:
+        """Return y at time 0: initial condition of the scenario, actuators at trim, initial memory.
+
+        Raises BadInputError if the initial condition does not have the size of the plant.
+        """
+        parts = StateParts(
+            plant=self.scenario.initial,
+            actuators=np.zeros(self.state_sizes.actuators),
+            memory=self.policy.start,
+            cost=np.zeros(self.state_sizes.cost),
+        )
+        if parts.plant.size != self.state_sizes.plant:
+            raise BadInputError(
+                f"the initial state has {parts.plant.size} elements; give"
+                f" {self.state_sizes.plant}, one for each state"
+            )
+        return np.concatenate(parts)
+
+    @cached_property
+    def held_slices(self) -> HeldParts:
+        """Slices of the vector `held` for the plant, the actuators and the other parts."""
+        offsets = _offsets(self.held_sizes)
+        return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
+
+    def hold(self, tick: int, held: np.ndarray, time: float | None = None) -> None:
+        """Write the held inputs of a tick into a vector.
+
+        The entries for parameters of the plant and for delayed commands are left unchanged.
+
+        tick: number of the tick
+        held: the vector of all held inputs
+        time: time from which they are held, s, or None for the start of the tick
+        """
+        scenario = self.scenario
+        sizes = self.held_sizes
+        parts = self.held_slices
+        time = tick * scenario.tick if time is None else time
+        held[parts.policy] = self.policy.held_inputs(tick, time)
+        if sizes.begin:
+            held[parts.begin] = time + SAME_TIME
+        if sizes.actuators and scenario.actuators is not None:
+            held[parts.actuators] = scenario.actuators.held_inputs(time)
+        if scenario.samples is not None:
+            held[parts.noise] = scenario.samples[tick]
+        if sizes.gust and scenario.gust is not None:
+            held[parts.gust] = scenario.gust.held_inputs(tick)
+
+    def parts(self, y: np.ndarray) -> StateParts:
+        """Return the columns of y for the plant, the actuators, the memory and the cost.
+
+        y: values of y at one or several times, (..., size)
+        """
+        return StateParts(*np.split(y, _offsets(self.state_sizes)[1:-1], axis=-1))
+
+
+def _offsets(sizes: Sequence[int]) -> list[int]:
+    """Return the index at which each part of a vector begins, and the length of the vector."""
+    return [0, *np.cumsum(sizes).tolist()]

@@ -1,0 +1,698 @@
+"""Flight of the nonlinear aircraft, compared with the prediction of its linear model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa.options.output import ProgressLine
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.march.cost import Cost
+from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import StatesAndInputs
+from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.history import Deviations
+from hfa_flight.air.names import (
+    ALPHA,
+    ANGLE_OF_ATTACK,
+    LIMITED_OVER_GROUND,
+    OVER_GROUND,
+    UPDRAFT,
+    has_angle_of_attack,
+)
+from hfa_flight.air.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
+from hfa_flight.policies.given import policy_and_scenario
+from hfa_flight.policies.policy import GainPolicy
+from hfa_flight.simulate.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
+from hfa_flight.simulate.envelope import (
+    ControlExcess,
+    Departure,
+    control_excesses,
+    control_limits,
+    departure,
+    envelope_data,
+    flight_envelope,
+    limits_text,
+    outside,
+    refuse_start,
+)
+from hfa_flight.simulate.limit_cycle import (
+    Decay,
+    LimitCycle,
+    duration_for,
+    oscillation,
+    slowest_recognized,
+)
+from hfa_flight.simulate.simulation import CompiledLoop
+from hfa_support.errors import (
+    BadInputError,
+    NoSolutionError,
+    imported,
+    numbers_in,
+    refuse_unknown,
+    refuse_unless_positive,
+    warn,
+)
+from hfa_support.progress import Progress
+from hfa_support.reporting.checks import verdict_text
+from hfa_support.reporting.named import with_names
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.text import Table, short_number, shown_unit
+from trim.point.operating_point import OperatingPoint
+from trim.tables import draw_curves
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
+
+#: Note on a flight that remains at trim.
+UNDISTURBED = (
+    "this flight has no disturbance: give initial errors, a gust, turbulence, noise, a command or"
+    " errors of parameters"
+)
+#: Largest deviation at which a flight counts as remaining at trim, in the units of states and
+#: inputs.
+_STILL = 1e-6
+#: Attributes that the file of a flight contains, and those that it contains if they have a value.
+_STORED = (
+    *("state_units", "input_units", "dynamics", "exceeded", "held", "scenario", "flown", "final"),
+    *("largest_deviation", "rms_error", "share_beyond_control_limits", "policy", "warnings"),
+)
+_STORED_IF_ANY = ("decay", "integration", "largest_difference_from_linear", "cost")
+#: Nominal values of the states to which changes of smaller deviations are relative.
+_SMALL = 1e-3
+
+
+def fly(
+    model: Model,
+    point: OperatingPoint,
+    policy: Any = None,
+    duration: float | None = None,
+    *,
+    initial: Any = None,
+    scenario: Scenario | None = None,
+    envelope: Limits | Mapping[str, tuple[float, float]] | None = None,
+    predict: bool = True,
+    weights: tuple[np.ndarray, np.ndarray] | None = None,
+    progress: Progress | None = None,
+) -> Flight:
+    """Simulate a policy u on the nonlinear aircraft X' = f(X, U0 + u, w) + d and return the flight.
+
+    The flight ends at the first tick in which it leaves the envelope. With `predict`, the flight of
+    the linear model x' = A x + B u + E w + d with nominal parameters is included, up to the same
+    time.
+
+    The flight is simulated again with half the integration step. If the cost or a largest deviation
+    changes by more than 0.1 %, the step is halved again, at most three times. A Python function of
+    (t, X) is called in one nonlinear flight, and with `predict` in the linear one.
+
+    model: the aircraft with nominal parameters
+    point: the trim X0, U0, relative to which x and u are defined
+    policy: a gain K (m, k) of u = -K z, a critic, a solution, a network, a deployment, a file of
+      one of these, a `Policy`, steps of inputs or a function. Steps are deviations from trim,
+      {name: [(time, value), ...]}. A function of (t, X) returns U and is called once a tick. With
+      None, the inputs remain at trim.
+    duration: s. Default: that of the scenario, or 20 s without a scenario, or more if the
+      linear loop has growing modes
+    initial: deviations from trim at the start, by the names of states, or (n,)
+    scenario: disturbances, noise and faults. Its random quantities must be drawn already
+    envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
+    predict: whether the linear model is simulated too, except with a policy that plans
+    weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
+    progress: called during the nonlinear flight; by default a line on a terminal
+
+    Raises BadInputError if the flight does not begin inside the envelope, the scenario has random
+    quantities that are not drawn yet, or the policy is not supported.
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> point = hfa.trim(model, hfa.paper.level_flight(0.2))
+    >>> solution = hfa.solve(hfa.paper.published_game(hfa.linearize(model, point)))
+    >>> hfa.fly(model, point, solution, 1.0, initial={"alpha": 0.01}).states.shape
+    (1001, 7)
+    """
+    happens = _scenario_of_flight(
+        model, Scenario() if scenario is None else scenario, duration, initial
+    )
+    flown, happens = policy_and_scenario(policy, point, happens)
+    plant = NonlinearPlant(with_errors(model, happens), point)
+    cost = None if weights is None else Cost(*weights)
+    loop = ClosedLoop(plant, flown, happens, cost)
+    if duration is None and scenario is None:
+        happens = lengthened(loop)
+        loop = replace(loop, scenario=happens)
+    within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
+    compiled = CompiledLoop(loop)
+    shown = progress or ProgressLine("fly")
+
+    def flown_in(parts: int) -> Flight:
+        return fly_within(compiled.refined(parts), within, progress=shown)
+
+    if flown.is_called:
+        result = flown_in(1)
+    else:
+        result, error = resolved(flown_in, _figures, happens.step)
+        result = replace(result, integration=error)
+    start = result.flight.limited[0] + point.x
+    refuse_start(within, start, happens.moving_air)
+    if not (predict and flown.predicts):
+        return result
+    linear = replace(loop, plant=LinearPlant.at(model, point, loop.wind_names), cost=None)
+    predicted = CompiledLoop(linear).refined(round(happens.step / result.step))
+    ticks = round(result.flown / happens.tick)
+    return replace(result, predicted=predicted.fly(ticks=ticks))
+
+
+def _figures(flight: Flight) -> Figures:
+    """Return the figures that must not depend on the integration step."""
+    model = flight.model
+    nominal = {name: model.states[name].nominal for name in model.states}
+    figures = {
+        f"the largest deviation of {name}": ReportedFigure(value, _SMALL * nominal.get(name, 1.0))
+        for name, value in flight.largest_deviation.items()
+    }
+    if flight.departure is not None:
+        figures["the time of the departure"] = ReportedFigure(
+            flight.departure.time, flight.loop.scenario.tick
+        )
+    if flight.cost is not None and flight.loop.cost is not None:
+        z = _SMALL * np.array([nominal[name] for name in model.linear])
+        least = float(z @ flight.loop.cost.Q @ z) * flight.loop.scenario.duration
+        figures["the cost"] = ReportedFigure(flight.cost, max(least, np.finfo(float).tiny))
+    return figures
+
+
+def _scenario_of_flight(
+    model: Model, given: Scenario, duration: float | None, initial: Any
+) -> Scenario:
+    """Return the scenario for a flight of a model, with its duration and initial condition."""
+    if given.uncertainty != Uncertainty():
+        raise BadInputError(
+            "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
+            "member, point)"
+        )
+    if duration is not None:
+        refuse_unless_positive("fly: duration", duration, " s")
+    scenario = given if duration is None else replace(given, duration=float(duration))
+    if isinstance(initial, Mapping):
+        for name in initial:
+            refuse_unknown("initial names the unknown state", name, tuple(model.states))
+        initial = [initial.get(name, 0.0) for name in model.states]
+    if initial is not None:
+        scenario = replace(scenario, initial=numbers_in("initial", initial))
+    return scenario.on(model)
+
+
+def lengthened(loop: ClosedLoop) -> Scenario:
+    """Return the scenario of a loop, longer if limit cycles of growing modes require it.
+
+    A longer duration is printed as a warning. A scenario with turbulence or drawn noise is returned
+    unchanged, because these have its length.
+    """
+    scenario = loop.scenario
+    if scenario.gust is not None or scenario.samples is not None:
+        return scenario
+    growing = loop.growing_modes()
+    needed = min(duration_for(growing), MOST_STEPS * scenario.step)
+    if needed <= scenario.duration:
+        return scenario
+    fastest = growing[np.argmax(growing.real)]
+    warn(
+        f"the linear loop is unstable (growth {fastest.real:.3g} 1/s at {abs(fastest.imag):.3g} "
+        f"rad/s): the flight takes {needed:g} s in place of {scenario.duration:g} s"
+    )
+    return replace(scenario, duration=round(needed / scenario.tick) * scenario.tick)
+
+
+def fly_within(
+    compiled: CompiledLoop,
+    envelope: Limits,
+    scenario: Scenario | None = None,
+    parameters: np.ndarray | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Flight:
+    """Return the flight of a nonlinear loop up to the first tick outside the envelope.
+
+    The linear model is not simulated.
+
+    compiled: the loop
+    envelope: limits of the states, absolute
+    scenario: used in place of the loop's scenario. `CompiledLoop.fly` lists the values that may
+        differ
+    parameters: parameters of the simulated aircraft, or None for those of the loop
+    progress: called during the flight
+    """
+    loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
+    trim = loop.plant.point.x
+
+    def stop(rows: Deviations) -> np.ndarray:
+        return outside(envelope, rows.limited + trim)
+
+    flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
+    _refuse_invalid(loop.plant.point, flight)
+    left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
+    found: LimitCycle | Decay | None = None
+    if left_at is None:
+        found = oscillation(loop.plant.point.model, flight, loop.scenario.driven_until)
+    cycle = found if isinstance(found, LimitCycle) else None
+    decay = found if isinstance(found, Decay) else None
+    return Flight(envelope, loop, flight, left_at, cycle, decay=decay)
+
+
+def _refuse_invalid(point: OperatingPoint, flight: Deviations) -> None:
+    """Raise NoSolutionError if the equations of the model are not valid in a flight."""
+    native = point.model.native
+    if native.domain.flown is None:
+        return
+    X = native.native_values(native.state_names, flight.states + point.x)
+    U = native.native_values(native.input_names, flight.inputs + point.u)
+    reason = native.domain.flown(X, U, native.p)
+    if reason:
+        raise NoSolutionError(
+            f"{point.model.title}: no flight: {reason}; it is met by {flight.times[-1]:.4g} s"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Flight(StatesAndInputs, Result, Reported):
+    """A simulated flight, up to the first tick outside the envelope.
+
+    envelope: limits of the states
+    loop: the simulated loop
+    flight: deviations from `point`
+    departure: first departure from the envelope: state, time, value, limit, or null if there is
+        none.
+    cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit, or null if there is
+        none.
+    predicted: flight of the linear model, or None if it was not simulated
+    decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
+    integration: change of the reported figures with half the integration step, or None for a policy
+        that cannot be simulated with it
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> flight = hfa.fly(model, hfa.trim(model, hold={"dihedral": 0.2}), None, 1.0)
+    >>> flight.ok, flight["alpha"].shape
+    (True, (1001,))
+    """
+
+    schema = "hfa.flight/1"
+
+    envelope: Limits
+    loop: ClosedLoop
+    flight: Deviations
+    departure: Departure | None
+    cycle: LimitCycle | None
+    predicted: Deviations | None = None
+    decay: Decay | None = None
+    integration: IntegrationError | None = None
+
+    @property
+    def point(self) -> OperatingPoint:
+        """Trim from which deviations are measured."""
+        point: OperatingPoint = self.loop.plant.point
+        return point
+
+    @property
+    def dynamics(self) -> str:
+        """Name of the model."""
+        return self.point.dynamics
+
+    @property
+    def model(self) -> Model:
+        """The model of the aircraft."""
+        return self.point.model
+
+    @property
+    def time(self) -> np.ndarray:
+        """Times (N,), s."""
+        return self.flight.times
+
+    @property
+    def states(self) -> np.ndarray:
+        """Absolute states X (N, n), also by name: states["alpha"]."""
+        return with_names(self.flight.states + self.point.x, (), self.state_names)
+
+    @property
+    def angles_of_attack(self) -> np.ndarray:
+        """Absolute angle of attack of the center of mass relative to the air, (N,), rad.
+
+        In still air, it is alpha.
+        """
+        alpha = list(self.point.model.states).index(ALPHA)
+        return np.asarray(self.flight.limited[:, alpha] + self.point.states[alpha])
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """Absolute inputs U (N, m), also by name."""
+        return with_names(self.flight.inputs + self.point.u, (), self.input_names)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return the absolute values, (N,), of a state, an input or an output, in its unit.
+
+        Raises BadInputError if the name is unknown.
+        """
+        from hfa_flight.simulate.flight_report import series
+
+        flown = getattr(self.loop.plant, "model", self.model)
+        return series(self, name, flown.p)
+
+    def _ipython_key_completions_(self) -> tuple[str, ...]:
+        return self.point.keys()
+
+    @property
+    def exceeded(self) -> tuple[ControlExcess, ...]:
+        """Inputs that exceeded their control limits inside the envelope, largest excess first.
+
+        Each entry has the fields input, value, limit and unit.
+        """
+        until = np.inf if self.departure is None else self.departure.time
+        return control_excesses(self.point.model, self.inputs[self.flight.times <= until])
+
+    @property
+    def ok(self) -> bool:
+        """True if the flight stayed inside all limits and does not end in a limit cycle.
+
+        The limits are the envelope of the states and the control limits of the inputs.
+        """
+        return self.departure is None and not self.exceeded and self.cycle is None
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+    @property
+    def held(self) -> bool:
+        """True if the flight stayed inside the envelope and does not end in a limit cycle."""
+        return self.departure is None and self.cycle is None
+
+    @property
+    def scenario(self) -> Mapping[str, Any]:
+        """Scenario of the flight."""
+        return self.loop.scenario.to_dict()
+
+    @property
+    def step(self) -> float:
+        """Integration step, s. Each step is a row of the flight."""
+        return float(self.time[1] - self.time[0])
+
+    @property
+    def flown(self) -> float:
+        """Duration of the flight, s."""
+        return float(self.flight.times[-1])
+
+    @property
+    def final(self) -> Mapping[str, float]:
+        """Final absolute values of all states, and of the output `angle_of_attack` if it exists."""
+        values = _by_name(self.model.states, self.states[-1])
+        if has_angle_of_attack(self.model):
+            values[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
+        return values
+
+    @property
+    def largest_deviation(self) -> Mapping[str, float]:
+        """Largest deviation from trim of each state.
+
+        The angle of attack is included if the model outputs it and has the state alpha.
+        """
+        values = _by_name(self.model.states, np.abs(self.flight.states).max(axis=0))
+        if has_angle_of_attack(self.model):
+            trim = getattr(self.point.states, ALPHA)
+            values[ANGLE_OF_ATTACK] = float(np.abs(self.angles_of_attack - trim).max())
+        return values
+
+    @property
+    def rms_error(self) -> Mapping[str, float]:
+        """Root mean square of the error of each state of the linear model, over the second half."""
+        late = self.flight.errors[len(self.flight.errors) // 2 :]
+        with np.errstate(over="ignore"):  # of a flight that diverges
+            return _by_name(self.model.linear, np.sqrt(np.mean(late**2, axis=0)))
+
+    @property
+    def share_beyond_control_limits(self) -> Mapping[str, float]:
+        """Fraction of the time during which each input exceeds its control limits."""
+        beyond = ~control_limits(self.model).within(self.inputs)
+        return _by_name(self.model.inputs, beyond.mean(axis=0))
+
+    @property
+    def policy(self) -> Mapping[str, Any]:
+        """Name and gain K of the policy, with the breakpoints of scheduled gains."""
+        return self.loop.policy.data(self.model)
+
+    @property
+    def largest_difference_from_linear(self) -> Mapping[str, float] | None:
+        """State -> largest difference from the linear prediction, omitted without a prediction."""
+        if self.predicted is None:
+            return None
+        difference = np.abs(self.flight.states - self.predicted.states).max(axis=0)
+        return _by_name(self.model.states, difference)
+
+    @property
+    def cost(self) -> float | None:
+        """Cost ∫ z'Qz + u'Ru dt up to the end of the flight, omitted without weights.
+
+        It is integrated with the flight, as a further state.
+
+        z: deviations of the states from trim and command
+        u: deviations of the inputs from trim
+        """
+        return None if self.flight.cost is None else float(self.flight.cost[-1])
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """Notes on the operating point, and on moving inputs whose dynamics are not modeled."""
+        moved = np.ptp(self.inputs, axis=0) > 0.0
+        inputs = zip(self.model.inputs.values(), moved, strict=True)
+        return [
+            *self.point.warnings,
+            *(each.moving for each, moves in inputs if moves and each.moving),
+        ]
+
+    def title(self) -> str:
+        """Return the first lines of the report: the verdict, a line on the flight, and findings.
+
+        Each finding has its own line.
+        """
+        flight = f"Flight, {self.point.model.title}"
+        scheduled = self.point.at_scheduled.removeprefix("at ")
+        if scheduled:
+            flight += f", {scheduled}"
+        flight += f", law {self.loop.policy.name}"
+        if isinstance(self.loop.policy, GainPolicy):
+            flight += ", frozen"
+        duration = f"{self.flown:g} s"
+        wrong = self.departure or self.cycle
+        if wrong is not None:
+            outcome = wrong.text()
+        elif self.exceeded:
+            outcome = f"inside the envelope for {duration}, but not within the control limits"
+        else:
+            outcome = f"{duration} inside the envelope and the control limits"
+            if np.allclose(self.states, self.point.states, rtol=1e-9, atol=1e-9):
+                outcome += "; nothing moved it"
+        lines = [f"{verdict_text(self.ok)}: {outcome}", flight]
+        if self.decay is not None:
+            lines.append(self.decay.text())
+        lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
+        if self.integration is not None and not self.integration.is_resolved:
+            lines.append(self.integration.text())
+        if self.loop.scenario.gust is not None:
+            lines += self.loop.scenario.gust.left_out(self.model)
+        return "\n".join(lines)
+
+    def plot(self, *names: str) -> np.ndarray:
+        """Draw states and inputs over time in a new pyplot figure and return its Axes.
+
+        names: variables to be drawn, such as plot("alpha", "pitch"). By default, all states that
+            move and all inputs
+        """
+        if names:
+            across = ("time", self.model.time_unit, self.time)
+            return draw_curves(self.model, across, {name: self[name] for name in names})
+        from matplotlib import pyplot
+
+        from hfa_flight.simulate.flight_report import flight_figure
+
+        figure = pyplot.figure(layout="constrained")
+        return np.array(flight_figure(self, self.title(), figure).axes)
+
+    def figure(self) -> Figure:
+        """Return a new figure of the states and inputs over time."""
+        from hfa_flight.simulate.flight_report import flight_figure
+
+        return flight_figure(self, self.title())
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a `pandas.DataFrame` of states and inputs, absolute, indexed by time in s."""
+        pandas = imported("pandas", "data frames require")
+        columns = [*self.model.states, *self.model.inputs]
+        index = pandas.Index(self.time, name="time")
+        return pandas.DataFrame(np.hstack([self.states, self.inputs]), index, columns)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return an `xarray.Dataset` of states and inputs, absolute, over time, with units.
+
+        A linear prediction is included as NAME_linear for each state.
+        """
+        xarray = imported("xarray", "labelled arrays require")
+        model = self.model
+        columns = dict(zip(model.states, self.states.T, strict=True))
+        columns |= dict(zip(model.inputs, self.inputs.T, strict=True))
+        if self.predicted is not None:
+            predicted = self.predicted.states + self.point.x
+            for name, column in zip(model.states, predicted.T, strict=True):
+                columns[f"{name}_linear"] = column
+        variables = {
+            name: ("time", column, {"units": model.unit(name.removesuffix("_linear"))})
+            for name, column in columns.items()
+        }
+        time = ("time", self.time, {"units": model.time_unit})
+        return xarray.Dataset(variables, {"time": time}, {"model": model.title})
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        entries: dict[str, Any] = {
+            "departure": self.departure,
+            "limit_cycle": self.cycle,
+            "states": self.state_names,
+            "inputs": self.input_names,
+            "operating_point": self.point,
+            "within_limits": self.ok,
+            "envelope": envelope_data(self.envelope, bool(self.flight.winds)),
+        }
+        entries |= {name: getattr(self, name) for name in _STORED}
+        return entries | given(**{name: getattr(self, name) for name in _STORED_IF_ANY})
+
+    def report(self) -> Report:
+        """Return the report of the flight: outcome, tables of states and inputs, and a picture.
+
+        The cost is included if there are weights.
+        """
+        moving = bool(self.flight.winds) and has_angle_of_attack(self.model)
+        parts: list[Part] = []
+        parts.append(self._states(moving))
+        parts += self._air_notes(moving)
+        parts.append(self._inputs())
+        if self.exceeded and isinstance(self.loop.policy, GainPolicy):
+            parts.append(
+                "the gain is not saturated at the control limits; networks, deployment files and "
+                "--actuators are"
+            )
+        if self.departure is None and self.cycle is None:
+            parts.append(
+                f"Oscillations slower than {slowest_recognized(self.flown):.2g} rad/s are not "
+                f"recognized in {self.flown:g} s."
+            )
+        if self.cost is not None:
+            parts.append(
+                f"Cost of this flight of {self.flown:g} s with Q and R: {self.cost:.6g}, "
+                "without the cost after its end."
+            )
+        if self.integration is not None and self.integration.is_resolved:
+            parts.append(self.integration.text())
+        parts += self.loop.policy.notes()
+        parts.append(Picture("flight.png", "States and inputs over time", self.figure))
+        largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
+        notes = [UNDISTURBED] if largest <= _STILL else []
+        return Report(self.title(), parts, notes, self.as_data(), self._records())
+
+    def _air_notes(self, through_air: bool) -> list[str]:
+        """Return notes on moving air: which flow angles are limited, and the gust."""
+        gust = self.loop.scenario.gust
+        limited = [OVER_GROUND] if through_air else []
+        if gust is None:
+            return limited
+        if not through_air and ALPHA in self.model.states:
+            limited = [LIMITED_OVER_GROUND]
+        return [*filter(None, [*limited, gust.text(self.model)])]
+
+    def _states(self, moving: bool) -> Table:
+        """Return a table of the states, one row each: deviations, errors, envelope, prediction."""
+        model = self.model
+        header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
+        header.append("envelope")
+        differences = self.largest_difference_from_linear
+        if differences is not None:
+            header.append("difference from linear")
+        final = self.final
+        largest = self.largest_deviation
+        errors = self.rms_error
+        rows = []
+        assumed = self.envelope.assumed.tolist()
+        pairs = zip(self.envelope.lowest, self.envelope.highest, assumed, strict=True)
+        for index, (state, (low, high, is_assumed)) in enumerate(
+            zip(model.states, pairs, strict=True)
+        ):
+            unit = model.unit(state)
+            limits = limits_text(low, high, unit, is_assumed)
+            names = (state, ANGLE_OF_ATTACK) if state == ALPHA and moving else (state,)
+            for name in names:
+                cells = [name, shown_unit(unit)]
+                cells.append(short_number(largest[name], unit))
+                cells.append(short_number(final[name] - self.point.states[index], unit))
+                cells.append(short_number(errors[name], unit) if name in errors else "")
+                cells.append(limits if name == names[-1] else "")
+                if differences is not None:
+                    shown = name in differences
+                    cells.append(short_number(differences[name], unit) if shown else "")
+                rows.append(tuple(cells))
+        return Table(tuple(header), rows)
+
+    def _inputs(self) -> Table:
+        """Return a table of the inputs, one row each: range, and time beyond the control limits."""
+        shares = self.share_beyond_control_limits
+        rows = []
+        for name, column in zip(self.model.inputs, self.inputs.T, strict=True):
+            unit = self.model.unit(name)
+            lowest = short_number(column.min(), unit)
+            highest = short_number(column.max(), unit)
+            rows.append((name, shown_unit(unit), lowest, highest, f"{100 * shares[name]:.3g} %"))
+        return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
+
+    def history(self) -> dict[str, Any]:
+        """Return the time history, absolute, with one row for each tick: name -> array.
+
+        times (N,), states (N, n), inputs (N, m), angles_of_attack (N,), errors (N, k), updrafts
+        (N,), and winds, disturbance -> (N,).
+        """
+        every = slice(None, None, round(self.loop.scenario.tick / self.step))
+        columns = {
+            "times": self.flight.times[every],
+            "errors": self.flight.errors[every],
+            "updrafts": self.flight.updrafts[every],
+            "winds": {name: values[every] for name, values in self.flight.winds.items()},
+            "states": self.states[every],
+            "inputs": self.inputs[every],
+        }
+        if has_angle_of_attack(self.model):
+            columns["angles_of_attack"] = self.angles_of_attack[every]
+        return columns
+
+    def _records(self) -> Table:
+        """Return the time history as a table of numbers, one row for each tick."""
+        history = self.history()
+        model = self.point.model
+        units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
+        columns = [history["times"], history["states"], history["inputs"]]
+        winds = dict(history["winds"])
+        if UPDRAFT in model.disturbances:
+            winds.setdefault(UPDRAFT, history["updrafts"])
+        for name, values in winds.items():
+            units[name] = in_gusts(model).unit(name)
+            columns.append(values)
+        if has_angle_of_attack(model):
+            units[ANGLE_OF_ATTACK] = model.unit(ALPHA)
+            columns.append(history["angles_of_attack"])
+        rows: Any = np.column_stack(columns)
+        return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)
+
+
+def _by_name(names: Iterable[str], values: np.ndarray) -> dict[str, float]:
+    return dict(zip(names, values.tolist(), strict=True))

@@ -1,0 +1,315 @@
+"""Simulation of many flights of a deployed policy, sampled and held as deployed.
+
+The state of a flight is [X; memory; past; extremes]. The memory contains the commands
+u_{k-1} ... u_{k-d-1} that act now or later. The past contains earlier observations that the policy
+uses. The extremes are the lowest and the highest X of the integration steps of the last sample.
+
+During a sample, [raw; trim; push] is held: the outputs of the network, the trim (X0; U0; p), and
+the rates added to those of the linear states, followed by the disturbances of the aircraft.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.network.row_network import RowNetwork
+from hfa_aircraft.march.steppers import Stepper, Unobserved
+from hfa_flight.air.delay import WHOLE, in_samples
+from hfa_flight.air.held_step import held_step
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_support.native.bound import RowFunction
+from hfa_support.native.row_code import row_code
+
+#: Number of samples from which on compilation to machine code is faster.
+COMPILE_FROM = 50_000
+#: Interval at which flights are checked, s.
+WINDOW = 1.0
+#: Largest number of stored values of the flights that one thread simulates together.
+_STORED = 10_000_000
+
+
+class Ticks(Unobserved):
+    """Stepper of many flights by one compiled function, of which a tick is one step.
+
+    after: (state, held) -> state at the end of the tick
+    is_long: whether compilation to machine code saves time
+    """
+
+    steps = 1
+
+    def __init__(self, after: ca.Function, step: float, *, is_long: bool = False) -> None:
+        self.step = step
+        self.sizes = after.numel_out(0), 0
+        self._after = row_code(after) if is_long else RowFunction(after)
+
+    def __call__(
+        self, time: float, state: np.ndarray, held: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states at the end of the tick, (N, 1, n). Nothing else is observed."""
+        (after,) = self._after(state, held)
+        return after[:, None], self.observed(time, state, held)[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class SampledFlight:
+    """Aircraft of a deployment over a sample, as a function of the state and of what is held.
+
+    deployed: the policy on its aircraft.
+    dt, delay: sample time and delay, s.
+    parts: number of integration steps in a sample.
+    moves: (raw, X, U before, trim) -> U, or None for the actions and inputs of the deployment.
+    winds: disturbances of the aircraft. They follow the push.
+    """
+
+    deployed: Deployed
+    dt: float
+    delay: float
+    parts: int
+    moves: ca.Function | None = None
+    winds: tuple[str, ...] = ()
+
+    @property
+    def whole(self) -> int:
+        """Number of complete samples in the delay."""
+        return in_samples(self.delay, self.dt).whole
+
+    @property
+    def early(self) -> float:
+        """Time after a sample, s, during which the earlier of two delayed commands still acts."""
+        return in_samples(self.delay, self.dt).rest
+
+    @cached_property
+    def has_past(self) -> bool:
+        """True if the state contains earlier observations, which the deployment's policy uses."""
+        return self.moves is None and self.deployed.past > 0
+
+    @cached_property
+    def sizes(self) -> tuple[int, ...]:
+        """Numbers of entries of the parts of the state: X, memory, past, extremes."""
+        model = self.deployed.model
+        n = len(model.states)
+        past = self.deployed.past if self.has_past else 0
+        return n, len(model.inputs) * (self.whole + 1), past, 2 * n
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """Slices of the parts of the state: X, memory, past, extremes."""
+        return _slices(self.sizes)
+
+    @cached_property
+    def held_sizes(self) -> tuple[int, ...]:
+        """Numbers of entries of the parts of what is held: raw, trim, push."""
+        model = self.deployed.model
+        trim = len(model.states) + len(model.inputs) + len(model.parameters)
+        return len(self.deployed.commanded), trim, len(model.linear) + len(self.winds)
+
+    @cached_property
+    def held_slices(self) -> tuple[slice, ...]:
+        """Slices of the parts of what is held: raw, trim, push."""
+        return _slices(self.held_sizes)
+
+    @cached_property
+    def samples_in_window(self) -> int:
+        """Number of samples in a window of `WINDOW` s, at least one."""
+        return max(1, round(WINDOW / self.dt))
+
+    def tick(self) -> ca.Function:
+        """Return the function (state, held) -> state one sample later."""
+        model = self.deployed.model
+        n, m = len(model.states), len(model.inputs)
+        state, held = ca.MX.sym("state", sum(self.sizes)), ca.MX.sym("held", sum(self.held_sizes))
+        X, memory, past, _ = _parts(state, self.sizes)
+        raw, trim, push = _parts(held, self.held_sizes)
+        before = memory[-m:]
+        moves = commands(self.deployed) if self.moves is None else self.moves
+        U = moves(raw, X, before, trim)
+        p = trim[n + m :]
+        acting = U if self.whole == 0 else memory[(self.whole - 1) * m : self.whole * m]
+        after = X
+        if self.early:
+            early_parts = max(1, math.ceil(self.parts * self.early / self.dt - WHOLE))
+            early = held_step(model, self.early, early_parts, self.winds)
+            after, on_the_way = early(after, before, push, p)
+        late = self.dt - self.early
+        late_parts = max(1, math.ceil(self.parts * late / self.dt - WHOLE))
+        after, extremes = held_step(model, late, late_parts, self.winds)(after, acting, push, p)
+        if self.early:
+            lowest = ca.fmin(on_the_way[:n], extremes[:n])
+            extremes = ca.vertcat(lowest, ca.fmax(on_the_way[n:], extremes[n:]))
+        still_to_act, _ = ca.vertsplit(memory, [0, m * self.whole, m * (self.whole + 1)])
+        if self.has_past:
+            past = ca.vertcat(past, self.deployed.observe(X, before, trim))[-past.numel() :]
+        later = ca.densify(ca.vertcat(after, U, still_to_act, past, extremes))
+        return ca.Function("tick", [state, held], [later])
+
+    def entering(self) -> ca.Function:
+        """Return the function (state, trim) -> inputs of the policy's network."""
+        state = ca.MX.sym("state", sum(self.sizes))
+        trim = ca.MX.sym("trim", self.held_sizes[1])
+        X, memory, past, _ = _parts(state, self.sizes)
+        observed = self.deployed.observe(X, memory[-len(self.deployed.model.inputs) :], trim)
+        frames = ca.vertcat(past, observed)
+        seen = self.deployed.normalized(frames)[1]
+        return ca.Function("entering", [state, trim], [ca.densify(seen)])
+
+    def start(self, states: np.ndarray, trims: np.ndarray) -> np.ndarray:
+        """Return the initial states [X; memory; past; extremes] of flights.
+
+        The inputs have their trim values, and earlier observations equal the first.
+
+        states: X, (N, n)
+        trims: (X0; U0; p) of each flight's trim
+        """
+        model = self.deployed.model
+        n, m = len(model.states), len(model.inputs)
+        inputs = trims[:, n : n + m]
+        memory = np.tile(inputs, (1, self.whole + 1))
+        past = np.zeros((len(states), 0))
+        if self.has_past:
+            observed = RowFunction(self.deployed.observe)(states, inputs, trims)[0]
+            past = np.tile(observed, (1, self.deployed.deployment.history - 1))
+        return np.hstack([states, memory, past, states, states])
+
+    def extremes(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lowest and the highest X of a sample from states of flights, (..., n) each."""
+        *_, extremes = self.slices
+        n = self.sizes[0]
+        return states[..., extremes][..., :n], states[..., extremes][..., n:]
+
+    def compiled(self, flights: int, seconds: float) -> CompiledSamples:
+        """Return the policy and the aircraft, compiled if flights * seconds / dt >= `COMPILE_FROM`.
+
+        Machine code that exists is used for any number of flights.
+
+        flights: number of flights
+        seconds: duration of a flight, s
+        """
+        is_long = flights * seconds / self.dt >= COMPILE_FROM
+        return self._machine_code if is_long or "_machine_code" in vars(self) else self._interpreted
+
+    @cached_property
+    def _machine_code(self) -> CompiledSamples:
+        return self._samples(is_long=True)
+
+    @cached_property
+    def _interpreted(self) -> CompiledSamples:
+        return self._samples(is_long=False)
+
+    def _samples(self, *, is_long: bool) -> CompiledSamples:
+        """Return the policy and the aircraft, as machine code for long flights."""
+        on_rows = row_code if is_long else RowFunction
+        actor = self.deployed.deployment.actor
+        network = actor.rows or _first_result(on_rows(actor.function))
+        stepper = Ticks(self.tick(), self.dt, is_long=is_long)
+        return CompiledSamples(self, on_rows(self.entering()), network, stepper)
+
+
+def commands(deployed: Deployed) -> ca.Function:
+    """Return the function (outputs of the network, X, U before, trim) -> U of a deployment."""
+    arguments = deployed.symbols()
+    raw = ca.SX.sym("raw", len(deployed.commanded))
+    moved = deployed.inputs(deployed.action(raw), *arguments)
+    return ca.Function("moves", [raw, *arguments], [ca.densify(moved)])
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledSamples:
+    """Policy and aircraft for many flights.
+
+    flight: layout of the states.
+    entering: (states, trims) -> inputs of the network.
+    network: inputs (N, k) -> outputs (N, m).
+    stepper: advances the flights by a sample.
+    """
+
+    flight: SampledFlight
+    entering: Callable[..., list[np.ndarray]]
+    network: RowNetwork
+    stepper: Stepper
+
+
+class SampledRows:
+    """Flights of a deployed policy as a loop of `march`, of which a tick is a sample.
+
+    samples: policy and aircraft
+    states: initial states, (N, s)
+    trims: (X0; U0; p) of each flight, (N, t)
+    pushes: disturbance pulse of each flight, (N, p), or None
+    pulse: duration of the disturbance pulse, s
+    """
+
+    def __init__(
+        self,
+        samples: CompiledSamples,
+        states: np.ndarray,
+        trims: np.ndarray,
+        pushes: np.ndarray | None = None,
+        pulse: float = 0.0,
+    ) -> None:
+        self.stepper: Stepper = samples.stepper
+        self._samples = samples
+        self._states = states
+        self._trims = trims
+        self._pushes = pushes
+        self._calm_from = round(pulse / samples.flight.dt)
+        self._flying = np.zeros(0, dtype=int)
+        self._trims_flying = trims
+        self._held = np.zeros((0, 0))
+
+    def start(self) -> np.ndarray:
+        """Return the initial states, (N, s)."""
+        return self._states
+
+    def hold(self, tick: int, time: float, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
+        """Return the outputs of the network at a sample, with the trim and the pulse, (F, h)."""
+        raw, trim, push = self._samples.flight.held_slices
+        if tick == 0 or flying is not self._flying:
+            self._flying = flying
+            self._trims_flying = self._trims[flying]
+            self._held = np.zeros((len(flying), push.stop))
+            self._held[:, trim] = self._trims_flying
+            if self._pushes is not None and tick < self._calm_from:
+                self._held[:, push] = self._pushes[flying]
+        if tick == self._calm_from:
+            self._held[:, push] = 0.0
+        (entering,) = self._samples.entering(state, self._trims_flying)
+        self._held[:, raw] = self._samples.network(entering)
+        return self._held
+
+
+def _slices(sizes: tuple[int, ...]) -> tuple[slice, ...]:
+    ends = np.cumsum([0, *sizes]).tolist()
+    return tuple(slice(begin, end) for begin, end in pairwise(ends))
+
+
+def _parts(vector: ca.MX, sizes: tuple[int, ...]) -> list[ca.MX]:
+    parts: list[ca.MX] = ca.vertsplit(vector, np.cumsum([0, *sizes]).tolist())
+    return parts
+
+
+def _first_result(function: Callable[..., list[np.ndarray]]) -> RowNetwork:
+    """Return the function of many rows that returns only the first of the results of `function`."""
+    return lambda rows: function(rows)[0]
+
+
+def in_threads(work: Callable[[np.ndarray], None], count: int, stored: int) -> None:
+    """Call a function with disjoint sets of flights, in several threads if there are many.
+
+    work: the function of the numbers of some flights
+    count: number of flights
+    stored: number of values that are stored for a flight
+    """
+    threads = max(1, min(os.cpu_count() or 1, count // 100))
+    sets = max(threads, math.ceil(count * stored / _STORED))
+    dealt = [np.arange(first, count, sets) for first in range(min(sets, max(count, 1)))]
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(work, dealt))

@@ -1,0 +1,224 @@
+"""Best flights compared with a closed form and another integrator, and planted errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from carts import cart
+from nominal import nominal_game
+from scipy.integrate import solve_ivp
+
+import hfa
+
+GTM = f"{Path(__file__).parents[4] / 'examples' / 'gtm.py'}:GTM"
+
+
+def best_of_cart(start: dict[str, float], **more: object) -> object:
+    model = cart()
+    point = hfa.trim(model)
+    weights = np.eye(2)
+    return hfa.optimize(model, point, start, weights, np.eye(1), **more)
+
+
+@pytest.fixture(scope="module")
+def gtm() -> hfa.BestFlight:
+    model = hfa.load_model(GTM)
+    return hfa.optimize(model, hfa.trim(model), {"alpha": 0.15, "pitch": 0.3})
+
+
+def test_small_deviations_cost_the_riccati_solution() -> None:
+    """For a small initial deviation x, the best flight costs x'Px within 0.2 %."""
+    model = hfa.load_model(GTM)
+    point = hfa.trim(model)
+    P = hfa.solve(nominal_game(hfa.linearize(model, point))).P
+    start = np.array([0.01, 2e-4, 1e-3, 1e-3])
+    best = hfa.optimize(model, point, dict(zip(model.linear, start, strict=True)))
+    assert best.cost == pytest.approx(start @ P @ start, rel=2e-3)
+    assert best.linear_cost == pytest.approx(start @ P @ start, rel=1e-9)
+
+
+def test_saturated_double_integrator_cost_equals_closed_form() -> None:
+    """The best cost of a saturated double integrator agrees with its closed form within 0.1 %.
+
+    State and costate are polynomials in time, backwards from a point at which the LQR saturates.
+    The problem is convex. Pontryagin's conditions are therefore sufficient.
+    """
+    P = np.array([[np.sqrt(3.0), 1.0], [1.0, np.sqrt(3.0)]])
+    switch = np.array(
+        [3.0, (1.0 - 3.0) / np.sqrt(3.0)]
+    )  # P[1] @ switch = 1, the limit of the force
+    x2 = np.polynomial.Polynomial([switch[1], -1.0])
+    x1 = x2.integ() + switch[0]
+    lambda1 = -2.0 * x1.integ() + 2.0 * P[0] @ switch
+    lambda2 = -2.0 * x2.integ() - lambda1.integ() + 2.0 * P[1] @ switch
+    begin = -1.5
+    assert (lambda2(np.linspace(begin, 0.0, 50)) >= 2.0 - 1e-12).all()
+    running = x1**2 + x2**2 + 1.0
+    cost = -running.integ()(begin) + switch @ P @ switch
+    best = best_of_cart({"position": x1(begin), "velocity": x2(begin)})
+    assert best.cost == pytest.approx(cost, rel=1e-3)
+    assert best.saturated == ["force"]
+    assert best.spread < 0.05
+
+
+def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
+    """SciPy's integrator computes the same cost within 0.5 % for the inputs of the best flight.
+
+    The cost is within 1 % of the proposed cost, and at most that of the linear optimum.
+    """
+    trim_x = np.array(gtm.point.states)
+    trim_u = np.array(gtm.point.inputs)
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        u = [np.interp(t, gtm.time, column) for column in gtm.inputs.T]
+        z, v = y[:-1] - trim_x, np.array(u) - trim_u
+        price = z @ gtm.Q @ z + v @ gtm.R @ v
+        return [*gtm.model.rates_at(y[:-1], u).values(), float(price)]
+
+    start = [*gtm.states[0], 0.0]
+    flown = solve_ivp(rate, (0.0, gtm.time[-1]), start, rtol=1e-5, atol=1e-8, max_step=0.2)
+    assert flown.y[-1, -1] == pytest.approx(gtm.cost, rel=0.005)
+    assert gtm.cost == pytest.approx(gtm.proposed_cost, rel=0.01)
+    assert gtm.cost <= gtm.found.linear.cost
+
+
+def test_states_and_inputs_stay_within_limits(gtm: hfa.BestFlight) -> None:
+    """The states of the best flight remain in the envelope and its inputs within their limits."""
+    for name, column in zip(gtm.state_names, gtm.states.T, strict=True):
+        assert np.array_equal(gtm[name], column)
+        low, high = gtm.envelope[name]
+        assert low <= column.min()
+        assert column.max() <= high
+    for name, column in zip(gtm.input_names, gtm.inputs.T, strict=True):
+        signal = gtm.model.inputs[name]
+        assert signal.min - 1e-9 <= column.min()
+        assert column.max() <= signal.max + 1e-9
+
+
+def test_a_cart_too_fast_to_stop_is_refused() -> None:
+    """A cart that needs 18 m to stop has no flight within the limits if only 5 m are left."""
+    with pytest.raises(hfa.NoSolutionError, match="finds no flight within the limits"):
+        best_of_cart({"position": 15.0, "velocity": 6.0})
+
+
+def test_an_input_not_selected_is_constant() -> None:
+    """An input that is not selected is constant. With both inputs, the cost is more than 10 %
+    lower.
+    """
+    forces = {name: hfa.Signal("N", min=-1.0, max=1.0) for name in ("front", "rear")}
+    model = replace(
+        cart(),
+        inputs=forces,
+        equations=lambda x, u, p, w: (
+            {"position": x.velocity, "velocity": u.front + u.rear - 0.1 * x.velocity**3},
+            {},
+        ),
+    )
+    point = hfa.trim(model)
+    one = hfa.optimize(model, point, {"position": 1.0}, inputs=["front"])
+    both = hfa.optimize(model, point, {"position": 1.0})
+    assert np.ptp(one.inputs[:, 1]) == 0.0
+    assert np.ptp(both.inputs[:, 1]) > 0.1
+    assert both.cost < 0.9 * one.cost
+
+
+@pytest.mark.parametrize(
+    ("start", "more", "says"),
+    [
+        ({"place": 1.0}, {}, "choose from position, velocity"),
+        ({"position": 30.0}, {}, "position begins at 30 m"),
+        ({"position": 0.0}, {}, "equals the final trim"),
+        ({"position": float("nan")}, {}, "give a finite number"),
+        ({"position": 5.0}, {"inputs": ["power"]}, "there is no input 'power'"),
+        ({"position": 5.0}, {"limits": {"mass": (0.0, 1.0)}}, "the envelope has no state 'mass'"),
+    ],
+)
+def test_unusable_arguments_are_refused(
+    start: dict[str, float], more: dict[str, object], says: str
+) -> None:
+    """Wrong names, limits, times and initial conditions are refused in one line."""
+    with pytest.raises(hfa.BadInputError, match=says) as caught:
+        best_of_cart(start, **more)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_report_distinguishes_the_linear_cost(gtm: hfa.BestFlight) -> None:
+    """The report states that the linear cost is not a cost of the aircraft."""
+    text = gtm.report().text()
+    ratio = gtm.found.linear.cost / gtm.cost
+    assert text.startswith(f"Best flight: cost {gtm.cost:.6g}; linear optimum {ratio:.4g}x")
+    assert text.splitlines()[1].startswith("to GTM")
+    assert "which is not a cost of the aircraft" in " ".join(text.split())
+    data = gtm.to_dict()
+    assert data["policies"][0]["over_best"] == pytest.approx(gtm.found.linear.cost / gtm.cost)
+    assert len(gtm.figure().axes) == 6
+
+
+def engine(spool_up: float) -> hfa.Model:
+    """Return a vehicle whose engine spools down much faster than up: a kink at every trim.
+
+    spool_up: rate at which the engine follows a larger lever, 1/s
+    """
+
+    def moved(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rate = ca.if_else(u.lever > x.engine, spool_up, 40.0)
+        return {
+            "speed": 2.0 * x.engine - 0.02 * x.speed**2,
+            "engine": rate * (u.lever - x.engine),
+        }, {}
+
+    return hfa.Model(
+        "engine",
+        {"speed": hfa.Signal("m/s", min=1.0, max=60.0), "engine": hfa.Signal("1", min=0, max=10)},
+        {"lever": hfa.Signal("1", min=0.0, max=8.0)},
+        moved,
+        trim={"speed": 15.0},
+    )
+
+
+def test_a_proposal_through_a_kink_is_confirmed() -> None:
+    """v' = u - .3 |v|: the flight of the exact equations costs what the smooth copy promised."""
+    model = replace(
+        cart(),
+        equations=lambda x, u, p, w: (
+            {"position": x.velocity, "velocity": u.force - 0.3 * ca.fabs(x.velocity)},
+            {},
+        ),
+    )
+    best = hfa.optimize(model, hfa.trim(model), {"position": 2.0})
+    assert best.reason is None
+    assert best.cost == pytest.approx(best.proposed_cost, rel=5e-3)
+    assert best.cost <= best.found.linear.cost
+
+
+@pytest.mark.slow
+def test_a_proposal_is_found_through_tables() -> None:
+    """Of JSBSim's 737, whose equations depend on the altitude, too."""
+    pytest.importorskip("jsbsim")
+    model = hfa.load_model("jsbsim:737")
+    best = hfa.optimize(model, hfa.trim(model), {"speed": 20.0, "alpha": 0.02})
+    assert best.reason is None
+    assert best.cost < best.found.linear.cost
+
+
+@pytest.mark.slow
+def test_the_cheapest_simulated_flight_is_an_upper_bound() -> None:
+    """If no proposal is confirmed, the cheapest simulated flight is reported with the reason.
+
+    It costs at most as much as the saturated linear optimum, and stays within the limits.
+    """
+    model = engine(0.2)
+    best = hfa.optimize(model, hfa.trim(model), {"speed": -5.0})
+    assert best.reason is not None
+    assert best.proposed_cost is None
+    assert best.start == {"speed": pytest.approx(-5.0)}
+    assert np.isfinite(best.cost)
+    assert best.cost <= best.found.linear.cost
+    assert best.found.flown.departure is None
+    assert best.source in best.report().title
+    assert best.reason in best.report().title

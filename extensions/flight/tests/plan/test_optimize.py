@@ -1,0 +1,274 @@
+"""Command `hfa optimize`."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from nominal import nominal_game
+from pendulum_deployment import pendulum_deployment
+from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
+
+import hfa
+from hfa.main import main
+
+EXAMPLES = Path(__file__).parents[4] / "examples"
+GTM = f"{EXAMPLES / 'gtm.py'}:GTM"
+PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
+
+
+@pytest.mark.slow
+def test_the_hfa_leaves_the_envelope_with_exact_policy(capsys: pytest.CaptureFixture[str]) -> None:
+    """From the paper's x(0) at 15 deg, the pitch rate leaves the envelope with the exact policy.
+
+    The exact policy and the linear optimum cost more than four times the best flight found.
+    """
+    assert main(["optimize", "--dihedral", "15", "--start", "speed=5,alpha=2.8648", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    linear, exact = data["policies"]
+    assert exact["policy"] == "exact game policy, saturated"
+    assert exact["departure"]["state"] == "pitch_rate"
+    assert exact["over_best"] > 4.0
+    assert linear["over_best"] > 4.0
+    assert data["linear_cost"] < 0.5 * data["cost"]
+    assert data["start"] == pytest.approx({"speed": 5.0, "alpha": 0.05}, rel=1e-4)
+
+
+def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The best flight costs z'Pz; that of another gain z'Xz of SciPy's Lyapunov solution.
+
+    The flight of a gain that destabilizes the plant has no cost.
+    """
+    A, B = np.array([[0.0, 1.0], [-2.0, -0.3]]), np.array([[0.0], [3.0]])
+    np.savez("plant.npz", A=A, B=B)
+    P = solve_continuous_are(A, B, np.eye(2), np.eye(1))
+    K = 0.5 * B.T @ P
+    np.savez("K.npz", K=K)
+    words = ["optimize", "--aircraft", "plant.npz", "--start", "x1=0.5,x2=0.2"]
+    assert main([*words, "--weights", "K.npz", "--Q", "1,1", "--R", "1", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    X = solve_continuous_lyapunov((A - B @ K).T, -(np.eye(2) + K.T @ K))
+    z = np.array([0.5, 0.2])
+    assert data["cost"] == pytest.approx(z @ P @ z, rel=2e-3)
+    linear, other = data["policies"]
+    assert linear["cost"] == pytest.approx(z @ P @ z, rel=1e-4)
+    assert other["cost"] == pytest.approx(z @ X @ z, rel=1e-4)
+    assert other["over_best"] == pytest.approx(other["cost"] / data["cost"])
+    np.savez("K.npz", K=-K)
+    weighted = ["--Q", "1,1", "--R", "1", "-o", "flight.json"]
+    assert main([*words, "--weights", "K.npz", *weighted]) == 0
+    assert " inf " not in capsys.readouterr().out
+    _, lost = json.loads(Path("flight.json").read_text())["policies"]
+    assert (lost["converges"], lost["cost"], lost["over_best"]) == (False, None, None)
+
+
+def test_a_deployment_and_a_critic_are_compared(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`hfa optimize` compares the best flight with a critic and with a deployed policy.
+
+    The flight is drawn on a page. A saturated gain of half the size costs more than the best flight.
+    """
+    model = hfa.load_model(PENDULUM)
+    game = nominal_game(hfa.linearize(model, hfa.trim(model)))
+    np.savez("K.npz", K=0.5 * hfa.solve(game).K)
+    deployment = pendulum_deployment(folder, "[timing]\ndt = 0.02\n")
+    words = ["optimize", "--aircraft", PENDULUM, "--start", "angle=20", "--weights", "K.npz"]
+    assert main([*words, "--policy", str(deployment), "-o", "flight.html"]) == 0
+    assert f"policy of {deployment}: " in " ".join(capsys.readouterr().out.split())
+    assert Path("flight.html").read_text().partition("<img")[2].index(">") > 10_000
+    assert main([*words, "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    linear, critic = data["policies"]
+    assert critic["policy"].startswith("critic of K.npz")
+    assert critic["over_best"] > linear["over_best"] > 0.999
+    assert data["start"] == pytest.approx({"angle": np.radians(20.0)}, rel=1e-4)
+
+
+def test_a_flight_between_trims(capsys: pytest.CaptureFixture[str]) -> None:
+    """From one trim to another, no compared policy costs less than the best flight."""
+    words = ["optimize", "--aircraft", PENDULUM, "--hold", "angle=5", "--to", "angle=8"]
+    assert main([*words, "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["start"]["angle"] == pytest.approx(-np.radians(3.0), rel=1e-6)
+    assert data["policies"][0]["over_best"] >= 0.999
+
+
+def test_optimize_counts_and_summarizes_initial_conditions(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Starts within 0.9 of the nearer limit; quantiles of the cost ratios of the flights.
+
+    The linear optimum is not cheaper than the best flight by more than 0.1 %.
+    """
+    np.savez("plant.npz", A=[[0.0, 1.0], [-2.0, -0.3]], B=[[0.0], [3.0]])
+    np.savez("K.npz", K=[[0.2, 0.5]])
+    words = ["optimize", "--aircraft", "plant.npz", "--starts", "6", "--weights", "K.npz"]
+    limits = ["--limit", "x1=-1:0.3", "--limit", "x2=-9:9"]
+    assert main([*words, *limits, "--seed", "7", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["starts"] == data["found"] + data["refused"] == 6
+    assert 0.265 < max(abs(each["start"]["x1"]) for each in data["flights"]) <= 0.27
+    for place, policy in enumerate(data["policies"]):
+        flown = [each["policies"][place] for each in data["flights"]]
+        ratios = [each["over_best"] for each in flown if each["over_best"]]
+        assert policy["median"] == pytest.approx(np.median(ratios))
+        assert policy["worst"] == pytest.approx(max(ratios))
+        assert min(ratios) >= 0.999
+
+
+@pytest.mark.slow
+def test_an_interrupted_table_contains_the_finished_flights(folder: Path) -> None:
+    """Ctrl-C ends the table after the present flight, and the table contains the finished flights."""
+    words = ["optimize", "--aircraft", PENDULUM, "--starts", "5000", "--json"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "hfa", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as running:
+        time.sleep(20.0)
+        running.send_signal(signal.SIGINT)
+        out, _ = running.communicate(timeout=120.0)
+    data = json.loads(out)
+    assert 0 < data["starts"] < 5000
+    assert len(data["flights"]) == data["starts"]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ([], "give either --start NAME=VALUE,..., --starts N or --to NAME=VALUE"),
+        (["--start", "height=3"], "height is unknown; choose from angle"),
+        (["--start", "angle"], "'angle' is not NAME=VALUE"),
+        (["--start", "angle=1,angle=2"], "angle is given twice (1 and 2)"),
+        (
+            ["--start", "angle=95", "--limit", "angle=-90:90"],
+            "give an initial condition within the limits",
+        ),
+        (["--start", "angle=1", "--limit", "mass=0:1"], "the envelope has no state 'mass'"),
+        (["--starts", "2", "--picture", "a.png"], "applies only to a single flight"),
+        (["--to", "angle=10", "--start", "angle=1"], "give either --start"),
+        (["--to", "height=3"], "unknown trim variable 'height'"),
+        (["--hold", "angle=10", "--to", "angle=10"], "give another initial condition"),
+    ],
+)
+def test_wrong_options_are_refused(
+    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Wrong options of `hfa optimize` are refused in one line."""
+    assert main(["optimize", "--aircraft", PENDULUM, *words]) == 2
+    error = capsys.readouterr().err.strip()
+    assert says in error
+    assert "\n" not in error
+
+
+def test_verify_simulates_the_critic(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`hfa verify --flights` reports the median cost of the critic relative to the best flight.
+
+    The flights with twice the optimal gain cost more than those of the linear optimum.
+    """
+    model = hfa.load_model(PENDULUM)
+    game = nominal_game(hfa.linearize(model, hfa.trim(model)))
+    np.savez("K.npz", K=2.0 * hfa.solve(game).K)
+    words = ["verify", "--aircraft", PENDULUM, "--weights", "K.npz", "--flights", "1", "--json"]
+    assert main(words) == 1
+    data = json.loads(capsys.readouterr().out)
+    linear, critic = data["flights"]["policies"]
+    assert critic["policy"] == "this critic, saturated"
+    assert critic["median"] > linear["median"] > 0.999
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--aircraft", PENDULUM, "--weights", "K.npz", "--N", "0;0.1"], "remove N"),
+        (
+            ["--model", "game.json", "--weights", "K.npz"],
+            "--flights cannot be combined with --model",
+        ),
+        (["--aircraft", PENDULUM, "--weights", "K.npz", "K2.npz"], "2 are given"),
+    ],
+)
+def test_verify_refuses_flights_that_it_cannot_compare(
+    folder: Path, words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Flights of a game with a cross weight, of a bare model and of two critics are refused."""
+    model = hfa.load_model(PENDULUM)
+    game = hfa.game(hfa.linearize(model, hfa.trim(model)), Q=[1.0, 1.0], R=[1.0])
+    K = hfa.solve(game).K
+    np.savez("K.npz", K=K)
+    np.savez("K2.npz", K=2.0 * K)
+    Path("game.json").write_text(json.dumps({"A": game.A.tolist(), "B": game.B.tolist()}))
+    assert main(["verify", *words, "--Q", "1,1", "--R", "1", "--flights", "1"]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    refusal = shown.err.splitlines()[-1]
+    assert refusal.startswith("hfa: ")
+    assert says in refusal
+    assert all(line.startswith("hfa: note: ") for line in shown.err.splitlines()[:-1])
+
+
+@pytest.mark.slow
+def test_a_critic_of_some_inputs_is_flown_with_the_others_at_the_trim(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The exact gain of the game of the elevator alone flies as its linear optimum does."""
+    model = hfa.load_model(GTM)
+    linear = hfa.linearize(model, hfa.trim(model, speed=48.0)).select(inputs=["elevator"])
+    np.savez("K.npz", K=hfa.solve(nominal_game(linear)).K)
+    words = ["verify", "--aircraft", GTM, "--at", "48", "--weights", "K.npz", "--json"]
+    assert main([*words, "--inputs", "elevator", "--flights", "1"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    optimum, critic = data["flights"]["policies"]
+    assert data["inputs"] == ["elevator"]
+    assert critic["median"] == pytest.approx(optimum["median"], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_assess_orders_two_policies_by_their_flights(capsys: pytest.CaptureFixture[str]) -> None:
+    """`hfa assess --best` ranks two policies opposite to their costs on the linear model."""
+    best = {}
+    for name in ("on_time", "late"):
+        deployment = str(EXAMPLES / "gtm_policy" / f"{name}.toml")
+        words = ["assess", deployment, "--aircraft", GTM, "--at", "48", "--samples", "0"]
+        assert main([*words, "--best", "1", "--json"]) == 0
+        (point,) = json.loads(capsys.readouterr().out)["points"]
+        best[name] = point["best"] | {"linear": point["cost_lost"]["worst"]}
+    on_time, late = best["on_time"], best["late"]
+    assert on_time["linear"] < late["linear"]
+    assert on_time["policy_over_best"]["median"] > late["policy_over_best"]["median"] > 1.0
+    assert on_time["offset_rate"] == pytest.approx(0.001, rel=0.1)
+    assert late["lqr_over_best"]["worst"] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.slow
+def test_a_slow_stable_policy_converges_by_every_command(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A policy with the pole -(0.85 - m g l)/(0.98 + b) = -0.106 1/s needs a minute to the trim.
+
+    The exact loop needs a few seconds. `assess`, `optimize` and `verify` agree that it converges.
+    """
+    tables = "timing = {dt = 0.02}\ncost = {Q = {angle = 1.0, rate = 1.0}, R = {torque = 1.0}}\n"
+    file = pendulum_deployment(folder, "")
+    text = file.read_text().replace('"actor.npz"', '"actor.npz"\nactivation = "tanh"')
+    file.write_text(tables + text)
+    weights = {"0.weight": np.array([[-0.085, -0.098]]), "2.weight": np.array([[10.0]])}
+    biases = {"0.bias": np.zeros(1), "2.bias": np.zeros(1)}
+    np.savez("actor.npz", **weights, **biases)
+    plant = ["--aircraft", PENDULUM, "--json", "--quiet"]
+    assert main(["optimize", *plant, "--start", "angle=10", "--policy", str(file)]) == 0
+    slow = json.loads(capsys.readouterr().out)["policies"][-1]
+    assert slow["over_best"] > 2.0
+    main(["assess", str(file), *plant, "--samples", "3", "--best", "0"])
+    (point,) = json.loads(capsys.readouterr().out)["points"]
+    assert point["best"]["not_converged"] == 0
+    main(["verify", *plant, "--weights", str(file)])
+    network = json.loads(capsys.readouterr().out)["network"]
+    assert network["reach_nonlinear"] >= min(network["reach_nonlinear_exact"], 1.0) > 0.0

@@ -1,0 +1,131 @@
+"""Policy of the state-dependent game, and the filter that keeps rates inside their limits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_are
+
+import hfa
+from hfa_flight import GainPolicy
+
+EXAMPLES = Path(__file__).parents[4] / "examples"
+GTM = hfa.load_model(f"{EXAMPLES / 'gtm.py'}:GTM")
+LEVEL = hfa.trim(GTM)
+#: x'' = -x - x³ + u: A(z) = [0 1; -(1 + x²) 0] on the ray, because the mean of 3 s² x² is x².
+DUFFING = hfa.Model(
+    "duffing",
+    {"position": hfa.Signal("m"), "rate": hfa.Signal("m/s", min=-1.5, max=1.5)},
+    {"force": hfa.Signal("N", min=-20.0, max=20.0)},
+    lambda x, u, p, w: ({"position": x.rate, "rate": -x.position - x.position**3 + u.force}, {}),
+)
+AT_REST = hfa.trim(DUFFING)
+
+
+@pytest.mark.parametrize("state", [[1.3, 0.0], [-1.0, 0.3]])
+def test_the_command_solves_the_riccati_equation_of_the_state(state: list[float]) -> None:
+    """u = -R⁻¹B'P(z) z with A(z) by hand and P by SciPy, where the filter does not act."""
+    policy = hfa.state_dependent(DUFFING, AT_REST, np.eye(2), np.eye(1), limit_weight=0.0)
+    x = state[0]
+    A = np.array([[0.0, 1.0], [-(1.0 + x * x), 0.0]])
+    P = solve_continuous_are(A, np.array([[0.0], [1.0]]), np.eye(2), np.eye(1))
+    assert policy(0.0, state) == pytest.approx(-P[1] @ state, abs=1e-9)
+
+
+def test_at_the_trim_it_is_the_exact_policy_of_the_game() -> None:
+    """The gradient at the trim is the game's K for a finite delta too, and a smaller delta than the
+    least is refused with it.
+    """
+    game = hfa.game(hfa.linearize(GTM, LEVEL), np.eye(4), np.eye(2), delta=50.0)
+    exact = hfa.solve(game)
+    policy = hfa.state_dependent(GTM, LEVEL, game.Q, game.R, delta=50.0)
+    np.testing.assert_allclose(policy.K, exact.K, rtol=1e-7)
+    with pytest.raises(hfa.NoSolutionError, match=f"{exact.delta_min:.3g}"):
+        hfa.state_dependent(GTM, LEVEL, game.Q, game.R, delta=0.5 * exact.delta_min)
+
+
+def pushed(policy: Any, start: dict[str, float]) -> Any:
+    """Return a flight of the Duffing oscillator."""
+    return hfa.fly(DUFFING, AT_REST, policy, 8.0, initial=start, predict=False)
+
+
+def test_the_filter_keeps_a_rate_inside_its_limit() -> None:
+    """A gain that leaves the rate's limit stays inside it with the filter, by at most 4 %."""
+    gain = hfa.lqr([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], [100.0, 1.0], [0.1])
+    policy = GainPolicy("gain", np.array(gain.K))
+    start = {"position": 2.0}
+    assert pushed(policy, start).departure.state == "rate"
+    kept = hfa.keep_inside(policy, DUFFING, AT_REST)
+    flight = pushed(kept, start)
+    assert flight.departure is None
+    assert 0.9 * 1.5 < np.abs(flight["rate"]).max() < 1.5
+    assert np.abs(flight.states[-1]).max() < 1e-2
+    assert flight.policy["changed_samples"] > 0
+
+
+def test_a_policy_that_needs_no_filter_is_unchanged_to_the_bit() -> None:
+    """Inside all limits, the filtered policy flies the same states and inputs."""
+    policy = GainPolicy("gain", np.array([[1.0, 1.0]]))
+    kept = hfa.keep_inside(policy, DUFFING, AT_REST)
+    flights = [pushed(each, {"position": 0.5}) for each in (policy, kept)]
+    np.testing.assert_array_equal(flights[0].states, flights[1].states)
+    np.testing.assert_array_equal(flights[0].inputs, flights[1].inputs)
+    assert flights[1].policy["changed_samples"] == 0
+
+
+def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state() -> None:
+    """A network whose commands act a sample late flies as it does without delay from the state that
+    the drift of that sample reaches.
+    """
+    o = ca.SX.sym("o", 2)
+
+    def flown(seconds: float, delay: float, start: dict[str, float]) -> Any:
+        network = hfa.Deployment(
+            policy={"file": ca.Function("policy", [o], [-20.0 * o[0] - 3.0 * ca.tanh(o[1])])},
+            observation={"position": {}, "rate": {}},
+            action={"force": {"map": "a"}},
+            timing={"dt": 0.1, "delay": delay},
+        )
+        kept = hfa.keep_inside(network, DUFFING, AT_REST)
+        return hfa.fly(DUFFING, AT_REST, kept, seconds, initial=start, predict=False)
+
+    late = flown(2.1, 0.1, {"position": 1.0})
+    begin = int(np.searchsorted(late.time, 0.1 - 1e-9))
+    start = dict(zip(DUFFING.states, late.states[begin].tolist(), strict=True))
+    prompt = flown(2.0, 0.0, start)
+    np.testing.assert_allclose(late.states[-1], prompt.states[-1], atol=1e-5)
+    assert late.policy["changed_samples"] > 0
+
+
+@pytest.mark.parametrize(
+    ("refused", "says"),
+    [
+        (lambda: hfa.state_dependent(DUFFING, AT_REST, limit_weight=-1.0), "limit_weight is -1.0"),
+        (lambda: hfa.state_dependent(DUFFING, AT_REST, dt=0.0), "dt is 0.0 s"),
+    ],
+)
+def test_what_is_refused(refused: Any, says: str) -> None:
+    """Wrong arguments are refused in one line."""
+    with pytest.raises(hfa.BadInputError, match=says) as error:
+        refused()
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delta", [np.inf, 200.0])
+def test_the_flexible_aircraft_converges_inside_its_envelope(delta: float) -> None:
+    """From x(0) at 10 deg, at 1.2 times the cost of the best flight, 4560."""
+    model = hfa.aircraft()
+    point = hfa.trim(model, dihedral=np.radians(10.0))
+    game = hfa.paper.published_game(hfa.linearize(model, point))
+    policy = hfa.state_dependent(model, point, game.Q, game.R, delta=delta, E=game.E)
+    start = {"speed": 5.0, "alpha": 0.05}
+    weights = game.Q, game.R
+    flight = hfa.fly(model, point, policy, 3.0, initial=start, weights=weights)
+    assert flight.ok
+    assert flight.cost < 1.2 * 4560.0
+    assert policy.unsolved == 0

@@ -1,1 +1,0 @@
-"""Policies as they are deployed: observations, actions, timing, and assessment by simulation."""
