@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from game_samples import game_models
 from project import ROOT
 from scipy.optimize import brentq
 
@@ -94,6 +96,28 @@ def test_a_gain_that_does_not_stabilize_has_no_late_errors() -> None:
         track(linear, solution, {"dihedral": 0.1}, K=-solution.K)
 
 
+@pytest.mark.parametrize("cross", [0.0, 0.1])
+def test_feedforward_satisfies_its_differential_equation(cross: float) -> None:
+    """-s' = (A - S P)'s + P r, d = δ⁻² E's, and u_d = -R⁻¹B's, of a constant, a ramp and sinusoids."""
+    game = game_models()["published-5"]
+    N = cross * np.random.default_rng(3).standard_normal((6, 5))
+    game = replace(game, Q=game.Q + np.eye(6), R=game.R + np.eye(5), N=N)
+    P = hfa.solve(game).P
+    command = {"x1": "7+0.01t+2sin(0.5t)", "x2": "0.1+0.03cos(1.3t)", "x3": "0.002t+0.02sin(1.3t)"}
+    exact = track(hfa.LinearModel.of(game.A, game.B), hfa.solve(game), command).exact
+    s, reference = exact.costate, exact.reference
+    plain = game.without_cross_weights
+    weights = np.array([1.0, -8.0, 8.0, -1.0]) / 12e-3  # of central differences
+    for t in (0.0, 3.0, 17.0):
+        around = t + 1e-3 * np.array([-2.0, -1.0, 1.0, 2.0])
+        r = game.A @ reference.at(t) - weights @ np.array([reference.at(each) for each in around])
+        rate = weights @ np.array([s.at(each) for each in around])
+        off = rate + (plain.A - plain.S @ P).T @ s.at(t) + P @ r
+        assert np.abs(off).max() < 1e-9 * np.abs(P @ r).max()
+        assert exact.disturbance.at(t) == pytest.approx(game.E.T @ s.at(t) / game.delta**2)
+        assert exact.inputs.at(t) == pytest.approx(-np.linalg.solve(game.R, game.B.T @ s.at(t)))
+
+
 def test_late_errors_solve_the_loop_and_give_the_means() -> None:
     """z' = (A - B K) z + B u_d + A x_d - x_d', and the means are those of z and u over a period.
 
@@ -140,15 +164,3 @@ def test_late_errors_solve_the_loop_and_give_the_means() -> None:
         track(linear, solution, command, duration=0.0)
     with pytest.raises(hfa.BadInputError, match="unknown state"):
         track(linear, solution, {"height": 1.0})
-
-
-@pytest.mark.slow
-def test_a_flight_with_feedforward_follows_the_command() -> None:
-    """The nonlinear aircraft follows a small dihedral command more closely with feedforward."""
-    found = tracking(15.0, {"dihedral": 0.02})
-    model = hfa.aircraft()
-    point = hfa.trim(model, at=math.radians(15.0))
-    flight = hfa.fly(model, point, found, duration=40.0)
-    moved = flight["dihedral"][-1] - point["dihedral"]
-    expected = 0.02 + found.late_error(found.inputs).at(40.0)[4]
-    assert moved == pytest.approx(expected, abs=2e-4)

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import copy
-import dataclasses
 import io
 import json
 import math
@@ -19,9 +18,6 @@ from typing import Any
 import numpy as np
 from hypothesis import HealthCheck, settings, strategies as st
 from hypothesis.extra import numpy as arrays
-from scipy.linalg import matrix_balance
-
-from hfa import Game
 
 #: Number of random examples of each property; without it, few that are the same in every run.
 EXAMPLES = os.environ.get("EXAMPLES")
@@ -213,83 +209,6 @@ def changed_folder(files: Mapping[str, bytes]) -> st.SearchStrategy[dict[str, by
         return damaged | st.sampled_from([rest, stray])
 
     return st.sampled_from(sorted(files)).flatmap(one)
-
-
-# Games, and changes of their coordinates.
-
-#: Matrices with a row for each state, T M, and with a column for each state, M T⁻¹, if y = T z.
-_OF_ROWS = {"A", "A_low", "B", "E", "B1", "B2"}
-_OF_COLUMNS = {"A", "A_low", "C1", "C2", "K", "L"}
-#: Weights of states, T⁻ᵀ M T⁻¹, and cross weights of states and inputs, T⁻ᵀ M.
-_WEIGHTS = {"Q", "P"}
-_CROSS_WEIGHTS = {"N"}
-
-
-def matrices(rows: int, columns: int) -> st.SearchStrategy[np.ndarray]:
-    """Return matrices with entries from -3 to 3 that are multiples of 1/16."""
-    sixteenths = arrays.arrays(np.int64, (rows, columns), elements=st.integers(-48, 48))
-    return sixteenths.map(lambda entries: entries / 16.0)
-
-
-@st.composite
-def games(draw: st.DrawFn, delta: float = math.inf) -> Game:
-    """Return a game with one to four states, inputs and disturbances, Q = C'C and R > 0."""
-    n = draw(st.integers(1, 4))
-    m = draw(st.integers(1, 3))
-    C = draw(matrices(n, n))
-    root = draw(matrices(m, m))
-    return Game(
-        draw(matrices(n, n)),
-        draw(matrices(n, m)),
-        draw(matrices(n, draw(st.integers(1, 3)))),
-        C.T @ C,
-        root @ root.T + np.eye(m) / 16.0,
-        delta,
-    )
-
-
-@st.composite
-def coordinates(draw: st.DrawFn, A: np.ndarray) -> np.ndarray:
-    """Return T, (n, n), of states y = T z: in another order, in other units (powers of two up to
-    2^±12), or turned in units in which the states have similar size.
-    """
-    n = len(A)
-    kind = draw(st.sampled_from(["order", "units", "turn"]))
-    if kind == "order":
-        return np.eye(n)[draw(st.permutations(range(n)))]
-    if kind == "units":
-        return np.diag(np.exp2(draw(st.lists(st.integers(-12, 12), min_size=n, max_size=n))))
-    return turn(A, draw(st.integers(0, 10**6)))
-
-
-def turn(A: np.ndarray, seed: int) -> np.ndarray:
-    """Return T, (n, n), that turns states in units in which they have similar size."""
-    _, (units, _) = matrix_balance(A, permute=False, separate=True)  # powers of two
-    return np.linalg.qr(np.random.default_rng(seed).standard_normal(A.shape))[0] / units
-
-
-def in_coordinates(problem: Any, T: np.ndarray) -> Any:
-    """Return a game in either time with states y = T z."""
-    changes = {}
-    for field in dataclasses.fields(problem):
-        value = getattr(problem, field.name)
-        if isinstance(value, np.ndarray):
-            changes[field.name] = changed_matrix(field.name, value, T)
-        elif dataclasses.is_dataclass(value) and hasattr(value, "A"):
-            changes[field.name] = in_coordinates(value, T)
-    return dataclasses.replace(problem, **changes)
-
-
-def changed_matrix(name: str, matrix: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """Return a matrix of a problem or a critic in the states y = T z."""
-    back = np.linalg.inv(T)
-    if name in _OF_ROWS:
-        matrix = T @ matrix
-    if name in _OF_COLUMNS | _WEIGHTS:
-        matrix = matrix @ back
-    if name in _WEIGHTS | _CROSS_WEIGHTS:
-        matrix = back.T @ matrix
-    return (matrix + matrix.T) / 2.0 if name in _WEIGHTS else matrix
 
 
 def flights() -> st.SearchStrategy[dict[str, float]]:

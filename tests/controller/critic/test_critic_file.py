@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ GAME = Game(
     [[4.0, 1.0], [1.0, 2.0]],
     10.0,
 )
+I2 = np.eye(2)
 P6 = np.diag(np.arange(1.0, 7.0)) + 0.1
 K5 = np.arange(30.0).reshape(5, 6)
 TIMES = np.array([0.0, 0.1, 0.3])
@@ -52,27 +54,54 @@ def test_parts_of_a_critic_file_are_read(name: str, content: dict[str, Any]) -> 
         assert key not in content or np.array_equal(getattr(critic, key), content[key])
 
 
+STEPS = replace(GAME, A=0.2 * GAME.A, dt=True)
+SKEW = np.eye(4) + np.triu(np.ones((4, 4)), 1)
+
+
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("game", "content", "message"),
     [
-        ({"A": np.eye(2)}, r"the file contains no W, P or K; .* \(found: A\)"),
-        ({"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape .2, 2., one for each time"),
-        ({"W": [1.0, math.inf]}, r"W\[1\] is inf"),
-        ({"P": [1.0, 2.0]}, "the number of dimensions of P is 1; give 2"),
+        (GAME, {"A": np.eye(2)}, r"the file contains no W, P or K; .* \(found: A\)"),
+        (GAME, {"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape .2, 2., one for each time"),
+        (GAME, {"W": [1.0, math.inf]}, r"W\[1\] is inf"),
+        (GAME, {"P": [1.0, 2.0]}, "the number of dimensions of P is 1; give 2"),
+        (GAME, {"P": np.ones((4, 2, 2))}, "one for each time; give one"),
+        (GAME, {"K": np.ones((4, 2, 2))}, "K has three dimensions"),
+        (GAME, {"P": I2, "policy_weights": np.ones((2, 4))}, "give a column for each monomial"),
+        (GAME, {"P": I2, "policy_weights": np.ones((1, 2))}, "give one for each of the 2 inputs"),
+        (GAME, {"W": [1.0], "basis": "__import__('os')"}, "is not supported; use x1 to x2"),
+        (GAME, {"W": np.ones(5), "basis": ["quadratic", "paper"]}, "entry basis is not one name"),
+        (STEPS, {"H": np.eye(5)}, r"give 4 x 4 over \(x, u\) or 6 x 6 over \(x, u, w\)"),
+        (STEPS, {"H": SKEW}, r"\(row 1, column 2\); give \(H \+ H'\)/2"),
+        (STEPS, {"H": np.diag([1.0, 1.0, 1.0, 0.0])}, "is singular"),
     ],
 )
-def test_bad_entries_are_refused_in_one_line(content: Any, message: str) -> None:
+def test_bad_entries_are_refused_in_one_line(game: Game, content: Any, message: str) -> None:
     """Each faulty critic file is refused by one line that names the file and the fault."""
     with pytest.raises(BadInputError, match=f"^a.json: .*{message}") as refusal:
-        critic_in(stored("a.json", **content), GAME)
+        critic_in(stored("a.json", **content), game)
     assert "\n" not in str(refusal.value)
 
 
-def test_messages_list_the_suffixes_of_packages() -> None:
-    """The message on an unknown suffix also lists the suffixes that installed packages read."""
-    with pytest.raises(BadInputError, match=r"^K\.abc: the suffix '\.abc' is unknown") as refusal:
-        critic_in("K.abc", GAME)
-    assert ".onnx" in str(refusal.value)
+@pytest.mark.parametrize(
+    ("name", "n", "says"), [("quadratic", 0, "0 st"), ("paper", 4, "6 states")]
+)
+def test_a_basis_needs_its_states(name: str, n: int, says: str) -> None:
+    with pytest.raises(BadInputError, match=says):
+        basis(name, n)
+
+
+@pytest.mark.parametrize("has_gain", [False, True])
+def test_a_value_with_a_policy_of_its_own_keeps_both(has_gain: bool) -> None:
+    """A polynomial policy in a file stands beside the value of its weights; so does a gain."""
+    x, y = z = np.array([0.4, -0.3])
+    rows = np.array([[1.0, -2.0, 0.5, 0.0, 3.0], [0.3, 0.7, 0.0, 0.0, 0.0]])
+    policy = {"K": -rows[:, :2]} if has_gain else {"policy_weights": rows}
+    critic = critic_in(stored("both.npz", W=np.array([1.0, 0.2, 3.0]), **policy), GAME)
+    terms = np.array([x, y, x * x, x * y, y * y])
+    assert critic.u(z) == pytest.approx(rows[:, :2] @ z if has_gain else rows @ terms)
+    assert critic.value is not None
+    assert float(critic.value(z)) == pytest.approx(terms[2:] @ [1.0, 0.2, 3.0])
 
 
 def test_functions_of_a_critic_follow_its_matrices() -> None:
@@ -124,7 +153,7 @@ def test_the_files_basis_applies_unless_another_is_named() -> None:
     listed = critic_in(stored("f.npz", W=[1.0, 2.0], basis="x1**2, x2**4"), GAME)
     assert listed.value is not None
     assert float(listed.value([3.0, 2.0])) == 9.0 + 32.0
-    with pytest.raises(BadInputError, match=r"w\.npz: the entry basis is not one name"):
-        critic_in(stored("w.npz", W=np.ones(5), basis=["quadratic", "paper"]), GAME)
     np.savez("P.npz", P=np.eye(2), basis=["of", "another", "program"])
     assert np.array_equal(critic_in("P.npz", GAME).P, np.eye(2))
+    with pytest.raises(BadInputError, match="add W, or give --basis a name"):
+        critic_in("P.npz", GAME, reading=Reading("x1**2, x2**2"))

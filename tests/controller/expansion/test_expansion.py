@@ -17,7 +17,6 @@ from project import ROOT
 import hfa
 from hfa import BadInputError, Expansion, Game, LinearModel, Model, NoSolutionError, Signal, expand
 from hfa.paper import published_game
-from hfa_aircraft import in_si
 from trim import usual_condition
 
 #: Rounding of the identity, relative to the sizes of its terms.
@@ -165,24 +164,6 @@ def test_flexible_aircraft_satisfies_the_identity(degree: int) -> None:
         assert expansion.residual <= ROUNDING
 
 
-def test_value_does_not_depend_on_units() -> None:
-    """The flexible aircraft in ft and in m has the same values at the same states."""
-    aircraft = hfa.aircraft()
-    expansions = []
-    for model in (aircraft, in_si(aircraft)):
-        linear = linear_of(model)
-        game = published_game(linear)
-        expansions.append(expand(linear, hfa.solve(game), 4))
-    english, si = expansions
-    factors = [0.3048, 1.0, 1.0, 1.0, 1.0, 1.0]
-    y = np.random.default_rng(3).standard_normal((english.states, 20))
-    z = np.linalg.solve(english.root.T, y)
-    in_si_units = np.array(factors)[:, None] * z
-    for degree in (3, 4):
-        V = np.array(english.value_to(degree)(z))
-        assert np.array(si.value_to(degree)(in_si_units)) == pytest.approx(V, rel=1e-9)
-
-
 def usual_game(linear: LinearModel) -> Game:
     return published_game(linear) if len(linear.inputs) == 5 else nominal_game(linear)
 
@@ -202,35 +183,6 @@ def test_smooth_aircraft_satisfy_the_identity(name: str) -> None:
     for delta in (solution.game.delta, 1.05 * solution.delta_min):
         exact = hfa.solve(solution.game.with_delta(delta))
         assert expand(linear, exact, 4).residual <= ROUNDING
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["flexible", "gtm"])
-def test_mixed_units_satisfy_the_identity(name: str) -> None:
-    """With each state in a unit of its own, the identity holds and the values are the same."""
-    linear = smooth_aircraft(name)
-    game = usual_game(linear)
-    plain = expand(linear, hfa.solve(game), 4)
-    rates = plain.rates
-    units = 10.0 ** np.random.default_rng(5).uniform(-3.0, 3.0, len(linear.states))
-
-    def equations(x, u, p, w):
-        z = ca.vertcat(*x) / units
-        return dict(zip(x._fields, ca.vertsplit(rates(z, ca.vertcat(*u)) * units), strict=True)), {}
-
-    states = {state: Signal() for state in linear.states}
-    inputs = {input_name: Signal() for input_name in linear.inputs}
-    model = Model("mixed units", states, inputs, equations, trim=dict.fromkeys(states, 0.0))
-    mixed = linear_of(model)
-    Q = game.Q / np.outer(units, units)
-    of_mixed = hfa.game(mixed, Q, game.R, game.delta, E=units[:, None] * game.E)
-    expansion = expand(mixed, hfa.solve(of_mixed), 4)
-    assert expansion.residual <= ROUNDING
-    y = np.random.default_rng(3).standard_normal((len(states), 20))
-    z = np.linalg.solve(plain.root.T, y)
-    V = np.array(plain.V(z))
-    rounding = 1e-12 * np.abs(V).max()
-    assert np.array(expansion.V(units[:, None] * z)) == pytest.approx(V, rel=1e-9, abs=rounding)
 
 
 def test_linear_plant_has_no_further_terms() -> None:

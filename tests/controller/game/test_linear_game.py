@@ -53,14 +53,6 @@ def test_commands_and_functions_have_one_default(
     np.testing.assert_allclose(solved["K"], hfa.solve(default).K, rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.slow  # test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper
-def test_plans_have_the_default_weights(linear: LinearModel) -> None:
-    default = hfa.game(linear)
-    planned = hfa.predictive(linear.model, linear.point).problem
-    np.testing.assert_array_equal(planned.Q, default.Q)
-    np.testing.assert_array_equal(planned.R, default.R)
-
-
 def test_weights_by_name_are_placed_on_diagonals(linear: LinearModel) -> None:
     """Weights given by name are placed on the diagonals, and the game keeps the names."""
     weights = dict(reversed(list(zip(linear.inputs, [1.0, 2.0, 3.0, 4.0, 5.0], strict=True))))

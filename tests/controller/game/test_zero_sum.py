@@ -14,8 +14,7 @@ from tolerances import SAME_FORMULA
 
 from controller import basis
 from hfa import BadInputError, Game, from_weights
-from hfa.paper import published_game
-from hfa_model import LINEAR_STATES, published_models
+from hfa_model import LINEAR_STATES
 
 #: States with fourth powers in the paper's basis.
 QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
@@ -100,22 +99,7 @@ def test_a_game_cannot_be_changed_from_outside() -> None:
     assert game.A[0, 0] == -0.2
     with pytest.raises(ValueError, match="read-only"):
         game.A[0, 0] = 7.0
-    assert game.with_delta(2.0).delta == 2.0
-    assert game.delta == 3.0
-
-
-def test_published_game_has_the_settings_of_the_paper() -> None:
-    """The published game has the paper's Q, R, E and delta, and refuses a plant of another size."""
-    model = published_models()[0]
-    game = published_game(model.A, model.B)
-    assert np.array_equal(np.diag(game.Q), [1000.0, 1000.0, 0.01, 0.01, 1000.0, 0.01])
-    assert np.array_equal(np.diag(game.R), [100.0, 400.0, 400.0, 400.0, 50.0])
-    assert np.array_equal(game.E, np.eye(6))
-    assert game.delta == 200.0
-    with pytest.raises(BadInputError, match="Q is 6 x 6; give 2 x 2, to match A and B"):
-        published_game(np.eye(2), np.ones((2, 1)))
-    with pytest.raises(BadInputError, match="the number of dimensions of A is 0; give 2"):
-        published_game(np.array(3.0), model.B)
+    assert (game.with_delta(2.0).delta, game.delta) == (2.0, 3.0)
 
 
 # The basis of the value.

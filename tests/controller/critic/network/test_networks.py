@@ -3,31 +3,24 @@
 from __future__ import annotations
 
 import json
-import pickle
-import zipfile
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 from cli import answer, hfa
-from game_files import AT_15, small, stored
+from game_files import AT_15, stored
 from network_files import (
-    ONES,
-    QUADRATIC,
     onnx_file,
     safetensors_file,
     torch_file,
-    two_layers,
 )
 from planted_critics import gain, value, weights_of
 
-from controller import critic_in, load_game
+from controller import critic_in
 from hfa import (
-    BadInputError,
     Game,
     from_network,
-    from_weights,
     read_critic,
     solve,
     verify,
@@ -40,25 +33,6 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 # Right networks.
-
-
-@pytest.mark.slow  # test_exact_gradient_and_policy_networks_pass
-def test_a_network_that_equals_the_value_passes(game: Game) -> None:
-    """A network that equals V passes, with float64 and with float32 weights."""
-    wide, narrow = (
-        onnx_file(
-            f"{kind}.onnx", QUADRATIC, {"P": value(game).astype(kind), "ones": ONES.astype(kind)}
-        )
-        for kind in ("float64", "float32")
-    )
-    check = verify(game, from_network(game, wide), scope=Scope(flights=4))
-    assert check.ok
-    found = check.to_dict()["network"]
-    assert (found["output"], found["precision"]) == ("V", "float64")
-    assert {"value", "gradient", "policy"} == {each["name"] for each in found["searched"]}
-    assert pickle.loads(pickle.dumps(check)).to_dict()["network"] == check.to_dict()["network"]
-    assert from_network(game, narrow).precision == "float32"
-    assert hfa("verify", *AT_15, "--weights", narrow).code == DONE
 
 
 def test_exact_gradient_and_policy_networks_pass(game: Game) -> None:
@@ -121,34 +95,6 @@ def test_the_scale_of_inputs_is_applied(game: Game) -> None:
     )
 
 
-@pytest.mark.slow  # test_v_and_a_policy_are_checked_together
-def test_value_and_policy_of_one_file_are_named(game: Game) -> None:
-    """A value and a policy in one file are selected by --network.
-
-    A missing or unknown name is refused. A note asks for the deployment file.
-    """
-    heads = {"action_net.weight": np.ones((5, 3)), "value_net.weight": np.ones((1, 3))}
-    policy = two_layers("mlp_extractor.policy_net", 3)
-    torch_file("policy.pth", policy | two_layers("mlp_extractor.value_net", 3) | heads)
-    with zipfile.ZipFile("ppo.zip", "w") as archive:
-        archive.write("policy.pth")
-    words = ("verify", *AT_15, "--weights", "ppo.zip", "--set", "activation=tanh", "--network")
-    both = "V=value_net,policy=policy_net+action_net"
-    judged = hfa(*words, both, "--flights", "1", "--json")
-    assert judged.code == FAILED
-    assert json.loads(judged.out)["network"]["output"] == "V and policy"
-    assert "deployment file" in judged.err  # a zip has no normalizer and no map
-    assert "; select one of the networks " in hfa(*words[:-1]).err
-    assert "mlp_extractor.policy_net+action_net" in hfa(*words[:-1]).err
-    with pytest.warns(UserWarning, match="deployment file") as caught:
-        read_critic("ppo.zip", game, network="policy_net+action_net", activation="tanh")
-    assert caught[0].filename == __file__
-    assert (
-        "the word before = is not a kind of output; choose from V, gradient, policy, V+policy"
-        in hfa(*words, "W=value_net").err
-    )
-
-
 def test_v_and_a_policy_are_checked_together(game: Game) -> None:
     """V and u as outputs of one graph are checked together.
 
@@ -172,34 +118,6 @@ def test_v_and_a_policy_are_checked_together(game: Game) -> None:
 
 
 FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i, 7))])
-
-
-@pytest.mark.slow  # test_scale_applies_to_the_inputs_of_a_basis
-def test_a_basis_is_accepted_as_text_or_function(game: Game) -> None:
-    """A basis of a critic is accepted in words, or as a function with a constant.
-
-    Wrong weights fail. A wrong number of weights is refused.
-    """
-    plant = small("plant.json", states=["speed", "alpha"])
-    P = solve(load_game("plant.json")).P
-    psi = ("--basis", "speed**2, speed*x2, x2**2, sin(alpha)**4")
-    for last, code in ((0.0, DONE), (-1.0, FAILED)):
-        file = stored("W.npz", weights=[*weights_of(P), last])
-        assert answer("verify", "--model", plant, "--weights", file, *psi, code=code)
-    weights = np.append(-3.0, weights_of(value(game)))
-    check = verify(game, from_weights(game, weights, FEATURES), scope=Scope(flights=1))
-    assert check.ok
-    assert check.to_dict()["network"]["value_at_origin"] == -3.0
-    z = ca.SX.sym("z", 6)
-    squares = ca.Function("squares", [z], [z**2])
-    assert not verify(
-        game, from_weights(game, np.diag(value(game)), squares), scope=Scope(flights=1)
-    ).ok
-    with pytest.raises(
-        BadInputError,
-        match="give a basis of 6 functions",
-    ):
-        from_weights(game, np.ones(6), FEATURES)
 
 
 @pytest.mark.parametrize("basis", ["quadratic", FEATURES.removeprefix("1, ")])
