@@ -4,87 +4,64 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa.learning import Learning
-from hfa.options.aircraft import Aircraft
-from hfa.options.argument_types import whole
-from hfa.options.game import CONTINUOUS, GameGiven, NamedGame
-from hfa.options.output import Output, ProgressLine, picture_option
-from hfa.options.part import option, part
-from hfa.options.ranges import Range, array_of, value_or_range
-from hfa.options.reference import reference_option, with_tracking
-from hfa.options.request import Request, command
-from hfa.options.trim import Trim, called_at, scheduled
-from hfa_aircraft.waveform import Waveform
+from controller.learning.law_names import DEFAULT_LAW
+from hfa.learning import LearningOptions
+from hfa.options.argument_types import each_of, quantity, whole
+from hfa.options.command import Request, command, picture_option
+from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, game_at, given_game, given_weights
+from hfa.options.option import option, refuse
+from hfa.options.output import ProgressLine
+from hfa.options.plants import aircraft_source, loaded_model
+from hfa.options.ranges import array_of, scheduled_range
+from hfa.options.show import show
+from hfa.options.tracking import reference_of, reference_option, with_tracking
+from hfa.options.trims import (
+    AT_SEVERAL,
+    DIHEDRAL_SEVERAL,
+    GivenTrim,
+    at_name,
+    at_option,
+    at_value,
+    condition_source,
+    dihedral_option,
+    parameters_in,
+    trim_with,
+)
 from hfa_support.errors import BadInputError
 from hfa_support.progress import with_progress
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
-    from controller.critic.training_run import TrainingRun
     from controller.riccati.gare import Solution
     from hfa_aircraft.model import Model
-    from verification.verdict import Verdict
 
 #: Largest number of games of a gain table. Each takes about a tenth of a second.
 _MOST_BREAKPOINTS = 1000
+#: Options of `hfa solve` that apply to one trim of an aircraft.
+_OF_ONE_TRIM = ("order", "reference")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GameRequest(Request):
-    """Request of a command that solves, learns or checks one game."""
-
-    aircraft: Aircraft = part(Aircraft)
-    trim: Trim = part(Trim)
-    game: GameGiven = part(GameGiven)
-
-    def named_game(self) -> NamedGame:
-        """Return the game that the options define, in continuous or discrete time."""
-        return self.game.game(self.aircraft, self.trim, may_be_discrete=True)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SolvedTrim(Trim):
-    """The trim of one game, or the trims of a gain table."""
-
-    at: float | Range | None = scheduled(
-        value_or_range, "RANGE", "a number, or a list a,b,c or a range start:stop:step of a table"
-    )
-
-    @property
-    def breakpoints(self) -> np.ndarray | None:
-        """Values of the scheduling variable of a gain table, (G,), or None for one trim.
-
-        Raises BadInputError unless they increase.
-        """
-        if self.at is None or isinstance(self.at, float):
-            return None
-        name = f"--{called_at(self.model)}"
-        values = array_of(name, self.at, _MOST_BREAKPOINTS)
-        if np.any(np.diff(values) <= 0.0):
-            raise BadInputError(f"{name} does not increase; give the values in increasing order")
-        return values
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SolveRequest(GameRequest):
+class SolveRequest(Request, GameOptions):
     """Options of `hfa solve`."""
 
-    trim: SolvedTrim = part(SolvedTrim)
-    output: Output = part(
-        Output,
-        picture=picture_option("with --order: errors of V2 to VD over the distance from the trim"),
+    at: str | None = at_option(f"{AT_SEVERAL} of a table", "RANGE")
+    dihedral: str | None = dihedral_option(f"{DIHEDRAL_SEVERAL} of a table", "RANGE")
+    picture: Path | None = picture_option(
+        "with --order: errors of V2 to VD over the distance from the trim"
     )
     order: int | None = option(
         "also the value of the nonlinear game about the trim, to degree D = 2 to 5",
         "D",
         whole(2, 5),
     )
-    reference: Mapping[str, Waveform] = reference_option()
+    reference: Mapping[str, str] = reference_option()
 
 
 @command(SolveRequest)
@@ -102,15 +79,14 @@ def solve(request: SolveRequest) -> int:
     from controller.riccati import gare
 
     if request.order is None:
-        request.output.refuse(("picture",), "shows the nonlinear game; add --order D")
-    if request.game.plant is not None:
-        request.refuse(
-            ("order", "reference"),
-            "requires the equations of an aircraft; remove --model",
-        )
-    elif request.trim.breakpoints is not None:
-        return _solve_table(request, request.trim.breakpoints)
-    named = request.named_game()
+        refuse(request, ("picture",), "shows the nonlinear game; add --order D")
+    at = request.dihedral or request.at or ""
+    if request.plant is not None:
+        refuse(request, _OF_ONE_TRIM, "requires the equations of an aircraft; remove --model")
+    elif "," in at or ":" in at:
+        return _solve_table(request)
+    named = given_game(request)
+    reference = reference_of(request.reference, named)
     with named.asking_for_time():
         solution = gare.solve(named.game, ProgressLine("solve"))
         solved = solution.report()
@@ -122,27 +98,41 @@ def solve(request: SolveRequest) -> int:
         expanded = expansion.report()
         parts = (*solved.parts, expanded.title, *expanded.parts)
         solved = replace(solved, parts=parts).with_data(expanded.data)
-    solved = with_tracking(solved, request.reference, named, solution.P, solution.K)
-    request.show(solved.with_data(named), figure=figure, notes=named.warnings)
+    solved = with_tracking(solved, reference, named, solution.P, solution.K)
+    show(request, solved.with_data(named), named.source, figure=figure, notes=named.warnings)
     return 0
 
 
-def _solve_table(request: SolveRequest, breakpoints: np.ndarray) -> int:
+def _solve_table(request: SolveRequest) -> int:
     """Solve the game at each value of the scheduling variable, and show the gain table."""
     from controller.riccati import gare
 
-    request.refuse(
-        ("order", "reference"),
-        f"applies to one trim; remove this option, or give one --{called_at(request.model)}",
+    model = loaded_model(request)
+    name = f"--{at_name(model)}"
+    refuse(
+        request,
+        _OF_ONE_TRIM,
+        f"applies to one trim; remove this option, or give one {name}",
     )
+    values = at_value(request, model, scheduled_range)
+    assert values is not None  # several values are given
+    breakpoints = array_of(name, values, _MOST_BREAKPOINTS)
+    if np.any(np.diff(breakpoints) <= 0.0):
+        raise BadInputError(f"{name} does not increase; give the values in increasing order")
+    hold = each_of("--hold", model, request.hold, quantity)
+    weights = given_weights(request)
+    trims: list[GivenTrim] = []
     games: list[NamedGame] = []
     solutions: list[Solution] = []
     for value in with_progress(breakpoints.tolist(), ProgressLine("solve")):
-        named = replace(request, trim=replace(request.trim, at=value)).named_game()
-        games.append(named)
-        solutions.append(gare.solve(named.game))
+        trims.append(trim_with(request, model, value, hold))
+        games.append(game_at(trims[-1], weights))
+        solutions.append(gare.solve(games[-1].game))
+    held = parameters_in(model, hold)
+    source = aircraft_source(request, model, held)
+    source |= condition_source(trims[0].common, values, held)
     notes = dict.fromkeys(note for named in games for note in named.warnings)
-    request.show(_table_report(request.model, breakpoints, games, solutions), notes=notes)
+    show(request, _table_report(model, breakpoints, games, solutions), source, notes=notes)
     return 0
 
 
@@ -185,10 +175,8 @@ def _table_report(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LearnRequest(GameRequest):
+class LearnRequest(Request, GameOptions, LearningOptions):
     """Options of `hfa learn`."""
-
-    learning: Learning = part(Learning)
 
 
 @command(LearnRequest)
@@ -198,24 +186,16 @@ def learn(request: LearnRequest) -> int:
     -o FILE saves the weights for `hfa verify`. For a discrete-time plant, Q-learning from recorded
     steps is used. The exit code is 1 if a check fails.
     """
+    from controller.learning.laws import learn
     from verification.critic.critic_check import verify
-
-    named = request.named_game()
-    if named.game.is_discrete:
-        request.learning.refuse(("law",), CONTINUOUS)
-    run = request.learning.learned(named.game)
-    return _show_learned(request, named, run, verify(named.game, run))
-
-
-def _show_learned(
-    request: LearnRequest,
-    named: NamedGame,
-    run: TrainingRun,
-    verdict: Verdict,
-) -> int:
-    """Print and save a learned critic with its checks, and return the exit code."""
     from verification.verdict import checks_part
 
+    named = given_game(request)
+    if named.game.is_discrete:
+        refuse(request, ("law",), CONTINUOUS)
+    law = request.law or DEFAULT_LAW
+    run = learn(named.game, law, request.seed, progress=ProgressLine("learn"))
+    verdict = verify(named.game, run)
     judged = {"certificates": verdict.checks, "converged": verdict.ok}
     report = run.report()
     parts = (
@@ -228,5 +208,5 @@ def _show_learned(
     if not verdict.ok:
         title = f"{verdict.grade.upper()}: K is off by {100.0 * verdict.K_rel_error:.2g} %\n{title}"
     report = replace(report, title=title, parts=parts).with_data(named, judged)
-    request.show(report, notes=named.warnings)
+    show(request, report, named.source, notes=named.warnings)
     return 0 if verdict.ok else 1

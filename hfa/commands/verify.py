@@ -7,22 +7,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from controller.critic.critic_file import critic_in, critic_suffixes, is_network, stated_in
 from controller.critic.reading import Stated
 from controller.game.zero_sum import Game
-from hfa.commands.game import GameRequest
 from hfa.options.argument_types import positive, whole
-from hfa.options.critics import ReadingGiven, critic_path
-from hfa.options.game import CONTINUOUS, NamedGame
-from hfa.options.output import Output, ProgressLine, picture_option
-from hfa.options.part import option, part
-from hfa.options.reference import reference_option, with_tracking
-from hfa.options.request import command
-from hfa.options.trim import called_at
-from hfa_aircraft.model import Model
-from hfa_aircraft.waveform import Waveform
+from hfa.options.command import Request, command, picture_option
+from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
+from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, given_game, given_weights
+from hfa.options.option import is_given, option, refuse
+from hfa.options.output import ProgressLine
+from hfa.options.plants import loaded_model
+from hfa.options.show import show
+from hfa.options.tracking import reference_of, reference_option, with_tracking
+from hfa.options.trims import OF_THE_TRIM
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.progress import with_progress
@@ -61,7 +60,7 @@ def _names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(","))
 
 
-def _about_weights(_: Model) -> str:
+def _about_weights() -> str:
     """Return the help of --weights with the suffixes of critic files."""
     known = (*MATRIX_FILES, _DEPLOYMENT)
     others = [suffix for suffix in critic_suffixes() if suffix not in known]
@@ -73,13 +72,11 @@ def _about_weights(_: Model) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class VerifyRequest(GameRequest):
+class VerifyRequest(Request, GameOptions, ReadingOptions):
     """Options of `hfa verify`."""
 
-    reading: ReadingGiven = part(ReadingGiven)
-    output: Output = part(
-        Output,
-        picture=picture_option("P, the exact P and their difference, or errors of several critics"),
+    picture: Path | None = picture_option(
+        "P, the exact P and their difference, or errors of several critics"
     )
     weights: tuple[list[Path], ...] = option(
         _about_weights,
@@ -100,56 +97,54 @@ class VerifyRequest(GameRequest):
         "judge a network on the nonlinear game: Taylor coefficients about the trim, and flights",
         rare=True,
     )
-    discount: float | None = option("discount factor per sample; requires --dt", "NUMBER", positive)
-    dt: float | None = option("sample time, s; requires --discount", "S", positive)
+    discount: float | None = option(
+        "discount factor per sample; requires --dt", "NUMBER", positive, rare=True
+    )
+    dt: float | None = option("sample time, s; requires --discount", "S", positive, rare=True)
     limit_error: float = option(
         f"largest accepted relative error; default {LIMIT:g}", "X", positive, default=LIMIT
     )
     limit_cost: float | None = option(
         "largest excess of the cost above the optimum for exit code 0, percent", "PERCENT", positive
     )
-    reference: Mapping[str, Waveform] = reference_option()
+    reference: Mapping[str, str] = reference_option()
     flights: int | None = option(
         "add N nonlinear flights with the critic, compared with the best flights found",
         "N",
         whole(1),
+        rare=True,
         package="hfa_flight",
     )
 
-    @property
-    def paths(self) -> list[Path]:
-        """The critic files."""
-        return [path for files in self.weights for path in files]
 
-    def named_game(self) -> NamedGame:
-        """Return the game that the options define, in which only --inputs move.
+def _given_game(request: VerifyRequest, paths: list[Path]) -> NamedGame:
+    """Return the game of the options, in which only the inputs of the policy move.
 
-        By default, the inputs, Q and R are those of a single deployment file. With --inputs, --R by
-        name needs no weight for the inputs that stay at the trim.
-        """
-        files = self.paths
-        stated = stated_in(files[0], lambda: self.model) if len(files) == 1 else Stated()
-        weights = self.game.weights
-        inputs = self.inputs or stated.inputs
-        of_file: dict[str, Any] = {
-            name: weight for name, weight in stated.cost.items() if getattr(weights, name) is None
-        }
-        weights = replace(weights, **of_file)
-        if isinstance(weights.R, Mapping) and self.game.plant is None:
-            weights = replace(weights, R=_of_moved(weights.R, tuple(self.model.inputs), inputs))
-        game = replace(self.game, weights=weights)
-        named = super(VerifyRequest, replace(self, game=game)).named_game()
-        if of_file:
-            note = f"used: {' and '.join(of_file)} of {files[0]}"
-            sources = {**named.weights_from, **dict.fromkeys(of_file, "deployment")}
-            named = replace(named, warnings=(*named.warnings, note), weights_from=sources)
-        if not inputs:
-            return named
-        if not self.inputs:
-            note = f"{files[0]} moves {', '.join(inputs)}; the other inputs stay at the trim"
-            named = replace(named, warnings=(*named.warnings, note))
-        with prefix_errors("--inputs"):
-            return named.select(inputs)
+    Without --inputs, --Q and --R, they are those of a single deployment file. An input that stays
+    at the trim needs no weight in --R.
+    """
+    stated = Stated()
+    if len(paths) == 1:
+        stated = stated_in(paths[0], lambda: loaded_model(request))
+    inputs = request.inputs or stated.inputs
+    weights = given_weights(request)
+    of_file = {name: value for name, value in stated.cost.items() if name not in weights}
+    weights |= of_file
+    if isinstance(weights.get("R"), Mapping) and request.plant is None:
+        all_inputs = tuple(loaded_model(request).inputs)
+        weights["R"] = _of_moved(weights["R"], all_inputs, inputs)
+    named = given_game(request, weights)
+    notes = list(named.warnings)
+    if of_file:
+        notes.append(f"used: {' and '.join(of_file)} of {paths[0]}")
+    if inputs and not request.inputs:
+        notes.append(f"{paths[0]} moves {', '.join(inputs)}; the other inputs stay at the trim")
+    sources = {**named.weights_from, **dict.fromkeys(of_file, "deployment")}
+    named = replace(named, warnings=tuple(notes), weights_from=sources)
+    if not inputs:
+        return named
+    with prefix_errors("--inputs"):
+        return named.select(inputs)
 
 
 def _of_moved(
@@ -173,16 +168,12 @@ def verify(request: VerifyRequest) -> int:
     """Compare a critic with the exact solution of the game.
 
     The exit code is 0 if every check passes or the cost is within --limit-cost, and 1 otherwise."""
-    paths = request.paths
+    paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
-    if len(paths) > 1:
-        request.refuse(
-            ("reference", "taylor"),
-            "requires a single critic; remove it, or give a single file with --weights",
-        )
-    named = request.named_game()
+    named = _given_game(request, paths)
     if named.game.is_discrete:
-        request.refuse(("discount", "dt", "flights", "reference"), CONTINUOUS)
+        refuse(request, ("discount", "dt", "flights", "reference"), CONTINUOUS)
+    reference = reference_of(request.reference, named)
     game = _judged_game(request, named)
     scope = Scope(
         flights=_FEW_FLIGHTS if len(paths) > _MANY else FLIGHTS,
@@ -212,8 +203,9 @@ def verify(request: VerifyRequest) -> int:
 
         report = with_flights(report, judged, named, request.flights)
     last = judged[-1]
-    report = with_tracking(report, request.reference, named, last.exact.P, last.critic.K)
-    request.show(report, figure=partial(_figure, verdicts, origin), notes=named.warnings)
+    report = with_tracking(report, reference, named, last.exact.P, last.critic.K)
+    figure = partial(_figure, verdicts, origin)
+    show(request, report, named.source, figure=figure, notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in judged) else 1
 
 
@@ -247,12 +239,13 @@ def _assess_line(request: VerifyRequest, source: str) -> str:
     """Return the command line that assesses the policy of a network at the same trim."""
     is_deployment = Path(source).suffix.lower() == _DEPLOYMENT
     words = ["hfa assess", source if is_deployment else "DEPLOYMENT.toml"]
-    if request.aircraft.is_given:
-        words.append(f"--aircraft {request.aircraft.source}")
-    if request.trim.at is not None:
-        shown = request.model.describe(request.model.schedule, request.trim.at)
-        words.append(f"--{called_at(request.model)} {shown.partition(' ')[0]}")
-    if any(name.startswith("trim.") and name != "trim.at" for name in request.typed):
+    if request.aircraft is not None:
+        words.append(f"--aircraft {request.aircraft}")
+    if request.dihedral is not None:
+        words.append(f"--dihedral {request.dihedral}")
+    elif request.at is not None:
+        words.append(f"--at {request.at}")
+    if any(is_given(request, name) for name in OF_THE_TRIM):
         words.append("with the same options of the trim")
     if not is_deployment:
         words.append(f"(DEPLOYMENT.toml names {source}, its observations and actions)")
@@ -261,15 +254,22 @@ def _assess_line(request: VerifyRequest, source: str) -> str:
 
 def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
     """Raise BadInputError if an option has no effect or contradicts another option."""
+    if len(paths) > 1:
+        refuse(
+            request,
+            ("reference", "taylor"),
+            "requires a single critic; remove it, or give a single file with --weights",
+        )
     if not any(map(is_network, paths)):
-        request.refuse(
-            ("reading.network", "reading.set"),
+        refuse(
+            request,
+            ("network", "set"),
             "applies only to a network; give a network with --weights",
         )
     if (request.discount is None) != (request.dt is None):
         raise BadInputError("--discount and --dt require each other; give both options")
     if request.discount is not None:
-        request.refuse(("reference",), "applies only to continuous time; remove it or --discount")
+        refuse(request, ("reference",), "applies only to continuous time; remove it or --discount")
 
 
 def _check_file(
@@ -285,8 +285,7 @@ def _check_file(
 
     alone: whether it is the only file; only then is it also judged on the nonlinear game
     """
-    reading = replace(request.reading.reading, linear=named.linear)
-    critic = critic_in(path, game, reading)
+    critic = critic_in(path, game, reading_of(request, named.linear))
     if not critic.is_quadratic and named.linear is not None:
         from verification.scope import nonlinear_plant
 

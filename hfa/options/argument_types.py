@@ -45,6 +45,17 @@ def number(text: str, declared: Number = NUMBER) -> float:
 positive = partial(number, declared=POSITIVE)
 
 
+def listed_numbers(text: str) -> list[float]:
+    """Return the numbers in a text "a,b,...".
+
+    Raises BadInputError if an entry is not a number.
+    """
+    try:
+        return [number(word) for word in text.split(",")]
+    except BadInputError as error:
+        raise BadInputError(f"{error} for each entry, a,b,...") from None
+
+
 def quantity(model: Model, name: str, text: str) -> float:
     """Return the value of a named variable, in internal units, from its text.
 

@@ -9,22 +9,10 @@ from typing import Any
 
 from controller.critic.critic_file import critic_suffixes
 from controller.critic.reading import Reading
-from hfa.options.argument_types import input_file, number
+from hfa.options.argument_types import input_file, listed_numbers
 from hfa.options.part import Part, option
 from hfa_support.errors import BadInputError, choice_of
 from hfa_support.files import MATRIX_FILES
-
-
-def listed_numbers(text: str) -> list[float]:
-    """Return the numbers in a text "a,b,...".
-
-    Raises BadInputError if an entry is not a number.
-    """
-    try:
-        return [number(word) for word in text.split(",")]
-    except BadInputError as error:
-        raise BadInputError(f"{error} for each entry, a,b,...") from None
-
 
 #: Setting of --set -> type of its value, for files of --weights.
 _SETTINGS: dict[str, Callable[[str], Any]] = {

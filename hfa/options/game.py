@@ -17,8 +17,7 @@ from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names
 from controller.riccati.smallest_delta import ModeError
 from hfa.options.aircraft import Aircraft, is_own
-from hfa.options.argument_types import input_file, number
-from hfa.options.critics import listed_numbers
+from hfa.options.argument_types import input_file, listed_numbers, number
 from hfa.options.part import Part, option, part
 from hfa.options.trim import OF_THE_TRIM, Trim
 from hfa_model.variants import VARIANTS

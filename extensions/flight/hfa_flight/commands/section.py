@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from controller.riccati.gare import unconfirmed_solution
-from hfa.options.game import NamedGame
+from hfa.options.games import NamedGame
 from hfa.options.output import ProgressLine
 from hfa_flight.plan.initial_box import drawn_starts
 from hfa_flight.plan.initial_conditions import starts_table

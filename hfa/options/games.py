@@ -1,0 +1,303 @@
+"""The game of a request: its plant, an aircraft at a trim or a plant file, and its weights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.game.linear_game import game as game_of
+from controller.game.weights import weights_line
+from controller.game.zero_sum import Game
+from controller.hfa_game import plant_names
+from controller.riccati.smallest_delta import ModeError
+from hfa.options.advice import trimmed
+from hfa.options.argument_types import input_file, listed_numbers, number
+from hfa.options.option import option, refuse
+from hfa.options.plants import is_own
+from hfa.options.trims import OF_THE_TRIM, GivenTrim, TrimOptions, given_trim
+from hfa_model.variants import VARIANTS
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.files import MATRIX_FILES
+from hfa_support.reporting.results import Result, given
+from trim.linear.linear_model import LinearModel
+
+#: Default weights for an aircraft other than the HFA, for notes and helps.
+USUAL_WEIGHTS = {
+    "Q": "1/nominal^2 on the diagonal",
+    "R": "1/nominal^2 on the diagonal",
+    "delta": "inf (no disturbance)",
+}
+#: Reason why an option is refused for a discrete-time plant.
+CONTINUOUS = "applies only to continuous time; remove this option for a plant with time = discrete"
+
+
+def _delta(text: str) -> float:
+    return math.inf if text.strip().lower() in ("inf", "infinity") else number(text)
+
+
+def diagonal(text: str) -> np.ndarray | dict[str, float]:
+    """Return the matrix diag(a, b, ...), (n, n), or name -> weight of the text "name=a,name=b".
+
+    Raises BadInputError if an entry is not a number.
+    """
+    if "=" not in text:
+        return np.diag(listed_numbers(text))
+    pairs = [word.partition("=") for word in text.split(",")]
+    return {name.strip(): number(value) for name, _, value in pairs}
+
+
+def _rows(text: str) -> np.ndarray:
+    """Return the matrix with the rows in the text "a,b;c,d", (2, 2)."""
+    rows = [listed_numbers(row) for row in text.split(";")]
+    if len({len(row) for row in rows}) > 1:
+        raise BadInputError(f"is {text}; give rows of equal length, a,b;c,d")
+    return np.array(rows)
+
+
+def _diagonal_option(name: str) -> Any:
+    """Return a request field whose option sets the diagonal of Q or R."""
+    usual = f"of the paper for the HFA, of the file of a plant, else {USUAL_WEIGHTS[name]}"
+    order = "states" if name == "Q" else "inputs"
+    about = f"diagonal of {name} in the order of the {order}, or NAME=a,...; default: {usual}"
+    return option(about, "a,b,...", diagonal, names=f"--{name}", rare=True)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WeightOptions:
+    """The weights Q, R, delta and N of a game."""
+
+    delta: float | None = option(
+        "disturbance weight; default: 200 for the HFA, else inf (LQR)",
+        "NUMBER",
+        _delta,
+    )
+    Q: np.ndarray | Mapping[str, float] | None = _diagonal_option("Q")
+    R: np.ndarray | Mapping[str, float] | None = _diagonal_option("R")
+    N: np.ndarray | None = option(
+        "cross weights of the cost 2 z'Nu, one row for each state; default 0",
+        "a,b;c,d",
+        _rows,
+        names="--N",
+        rare=True,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GameOptions(WeightOptions, TrimOptions):
+    """The game: on an aircraft at a trim, or on a plant read from a file."""
+
+    plant: Path | None = option(
+        f"file with a plant: A, B and optionally E, Q, R, N ({' '.join(MATRIX_FILES)})",
+        "FILE",
+        input_file(*MATRIX_FILES),
+        names="--model",
+    )
+
+
+def given_weights(request: WeightOptions) -> dict[str, Any]:
+    """Return the weights that options set, "Q", "R", "delta" or "N" -> value, in model units."""
+    given = {"Q": request.Q, "R": request.R, "delta": request.delta, "N": request.N}
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def weighted_game(weights: Mapping[str, Any], linear: LinearModel) -> Game:
+    """Return the game on a linear model, with given weights and default values for the others."""
+    return replace(game_of(linear, **weights), names=plant_names(linear))
+
+
+def weight_sources(weights: Collection[str], of_file: Collection[str] = ()) -> dict[str, str]:
+    """Return the source of each weight.
+
+    The result is "Q", "R" and "delta" -> "given", "file" or "default", and "N" if given.
+
+    weights: names of the given weights
+    of_file: names of the weights that the plant file contains
+    """
+    sources = dict.fromkeys(("Q", "R", "delta"), "default")
+    sources |= {name: "file" for name in of_file if name in (*sources, "N")}
+    return sources | dict.fromkeys(weights, "given")
+
+
+def weight_notes(weights: Collection[str], linear: LinearModel) -> tuple[str, ...]:
+    """Return notes on the weights of a file, and on default weights of a user's aircraft.
+
+    weights: names of the given weights
+    """
+    sources = weight_sources(weights, _of_file(linear))
+    notes: tuple[str, ...] = ()
+    if stored := [name for name, source in sources.items() if source == "file"]:
+        notes += (f"used: {' and '.join(stored)} of {linear.model.name}",)
+    missing = [name for name, source in sources.items() if source == "default"]
+    if is_own(linear.model) and missing:
+        taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
+        notes += (f"{' and '.join(missing)} not given; used: {', '.join(taken)}",)
+    return notes
+
+
+def _of_file(linear: LinearModel) -> tuple[str, ...]:
+    """Return the names of the weights in the plant file of a linear model."""
+    about = linear.model.about
+    return tuple(about.weights) if about.weights_source == "file" else ()
+
+
+def given_game(request: GameOptions, weights: Mapping[str, Any] | None = None) -> NamedGame:
+    """Return the game of the options, on a plant file or on an aircraft at a trim.
+
+    weights: weights in place of those of the options, or None
+
+    Raises BadInputError in these cases:
+    - The plant file is not valid, or is combined with an option of the aircraft.
+    - Neither a dihedral angle nor a plant file is given for the paper's flexible aircraft.
+    Raises NoSolutionError if the aircraft has no trim.
+    """
+    weights = given_weights(request) if weights is None else weights
+    if request.plant is not None:
+        return _game_of_file(request, request.plant, weights)
+    refuse_no_plant(request)
+    return game_at(given_trim(request), weights)
+
+
+def refuse_no_plant(request: GameOptions) -> None:
+    """Raise BadInputError if neither an aircraft, a dihedral angle nor a plant file is given."""
+    is_of_paper = request.aircraft is None and (request.dynamics or "published") in VARIANTS
+    if is_of_paper and request.at is None and request.dihedral is None:
+        raise BadInputError(
+            "no plant is given; add --dihedral DEG, --aircraft FILE or --model FILE"
+        )
+
+
+def game_at(given: GivenTrim, weights: Mapping[str, Any]) -> NamedGame:
+    """Return the game on the linear model of an aircraft at a trim."""
+    return game_on(trimmed(given).linearize(), weights, given.source)
+
+
+def game_on(
+    linear: LinearModel, weights: Mapping[str, Any], source: Mapping[str, Any]
+) -> NamedGame:
+    """Return the game on a linear model at a trim.
+
+    source: entries of the provenance
+    """
+    return NamedGame(
+        weighted_game(weights, linear),
+        (*linear.point.warnings, *linear.kinks, *weight_notes(weights, linear)),
+        linear=linear,
+        weights_from=weight_sources(weights, _of_file(linear)),
+        source=source,
+    )
+
+
+def _game_of_file(request: GameOptions, plant: Path, weights: Mapping[str, Any]) -> NamedGame:
+    """Return the game on a plant file.
+
+    Raises BadInputError if an option of the aircraft or its trim is given.
+    """
+    from controller.game.game_file import stored_game
+    from controller.hfa_files import paper_defaults
+
+    if request.at is not None or request.dihedral is not None:
+        raise BadInputError(
+            "--dihedral and --model both define the plant; remove one of these options"
+        )
+    of_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "units", "dynamics")
+    refuse(request, of_aircraft, "applies only to the aircraft; remove this option or --model")
+    stored = stored_game(plant, defaults=paper_defaults, **weights)
+    return NamedGame(
+        stored.game,
+        warnings=stored.notes,
+        plant_provenance=stored.provenance,
+        has_time=stored.has_time,
+        weights_from=weight_sources(weights, stored.stated),
+        source={"model": str(plant)},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class NamedGame(Result):
+    """A game, its plant, and the sources of its weights.
+
+    game: the game
+    warnings: notes to print with results
+    plant_provenance: provenance of a plant read from a file
+    linear: linear model of the aircraft, or None for a plant from a file
+    has_time: False if the plant file does not state whether time is continuous or discrete
+    weights_from: name -> "given", "file" or "default", for Q, R and delta
+    source: entries of the provenance
+    """
+
+    game: Game
+    warnings: tuple[str, ...] = ()
+    plant_provenance: Mapping[str, str] = field(default_factory=dict)
+    linear: LinearModel | None = None
+    has_time: bool = True
+    weights_from: Mapping[str, str] = field(default_factory=dict)
+    source: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def origins(self) -> dict[str, str] | None:
+        """Provenance of a plant read from a file, or None if the plant has none."""
+        return dict(self.plant_provenance) or None
+
+    @property
+    def weights(self) -> dict[str, Any]:
+        """Weights Q, R, and N unless it is 0, of the game, with their sources."""
+        game = self.game
+        weights = {"Q": game.Q, "R": game.R, "weights_from": self.weights_from}
+        return weights | ({"N": game.N} if game.N.any() else {})
+
+    def weights_line(self) -> str:
+        """Return one line of text with Q, R, delta, N unless it is 0, the source of each, and E."""
+        return weights_line(self.game, self.weights_from)
+
+    def select(self, inputs: Sequence[str]) -> NamedGame:
+        """Return the game in which only the named inputs move (`Game.select`)."""
+        linear = None if self.linear is None else self.linear.select(inputs=inputs)
+        return replace(self, game=self.game.select(inputs), linear=linear)
+
+    @contextmanager
+    def asking_for_time(self) -> Iterator[None]:
+        """Add a question on discrete time to a NoSolutionError that is raised in the `with` block.
+
+        The question is added if the plant file does not state whether time is continuous or
+        discrete, and if the game has a solution in discrete time. It is not added if a mode is the
+        reason: a gain for discrete time would leave this mode unstable in continuous time.
+        """
+        try:
+            yield
+        except ModeError:
+            raise
+        except NoSolutionError as failure:
+            if self.has_time or not _is_solvable_in_steps(self.game):
+                raise
+            raise NoSolutionError(
+                f'{failure}; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'
+            ) from failure
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "plant": self.game.names.origin,
+            "states": self.game.names.states,
+            "inputs": self.game.names.inputs,
+            "state_units": self.game.names.state_units,
+            "input_units": self.game.names.input_units,
+            "delta": self.game.delta,
+            "warnings": self.warnings,
+        } | given(plant_provenance=self.origins)
+
+
+def _is_solvable_in_steps(game: Game) -> bool:
+    """Return whether the game x⁺ = A x + B u has a solution."""
+    from controller.riccati.gare import unconfirmed_solution
+
+    try:
+        unconfirmed_solution(replace(game, dt=True))
+    except NoSolutionError:
+        return False
+    return True
