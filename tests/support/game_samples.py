@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
 import pytest
 
 from hfa import Game
@@ -31,15 +30,3 @@ def failed_names(checks: Iterable[Check]) -> set[str]:
 )
 def game(request: pytest.FixtureRequest) -> Game:
     return game_models()[request.param]
-
-
-def game_in(state: float, of_input: float = 1.0) -> Game:
-    """Return a game with two states and two inputs, the second of which have other units.
-
-    state, of_input: scale of the second state and the second input
-    """
-    u = np.array([1.0, state])
-    v = np.array([1.0, of_input])
-    A = np.array([[-1.0, 0.2], [0.1, -1.0]])
-    weights = np.diag(u**-2), np.diag(v**-2)
-    return Game(A * u[:, None] / u, np.diag(u / v), np.diag(u), *weights, 5.0)

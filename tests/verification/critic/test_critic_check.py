@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 from game_files import AT_15, stored
-from game_samples import failed_names, game_in
+from game_samples import failed_names
 from planted_critics import gain, solved, value, weights_of
 
 from controller import basis, load_game
@@ -36,14 +37,6 @@ from hfa.main import BAD_INPUT
 from hfa_model import INPUTS, LINEAR_STATES
 from verification import Box, Scope, relative_error
 
-QUADRATIC = basis("quadratic", 6)
-RICHER = pytest.mark.parametrize(
-    "name",
-    [
-        *(pytest.param(f"quadratic+{x}", marks=pytest.mark.slow) for x in ("linear", "quartic")),
-        "paper",
-    ],
-)
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
 FEW = Scope(flights=1)
 pytestmark = pytest.mark.usefixtures("folder")
@@ -70,36 +63,11 @@ def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
     assert data["disk_margin"] == pytest.approx(data["disk_margin_exact"], rel=1e-6)
 
 
-def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float, int]:
-    """Return weights with a Bellman residual of 0 on 15 samples, the largest relative residual, and
-    the rank of the samples.
-
-    Newton steps of least norm, beginning at the LQR, lead to these weights.
-    """
-    z = np.random.default_rng(3).standard_normal((15, 6)) / np.sqrt(np.diag(value(game)))
-    weights = weights_of(value(game.with_delta(math.inf)) * 1.2)
-    for _ in range(30):
-        P = QUADRATIC.matrix(weights)
-        residual = np.einsum("ni,ij,nj->n", z, game.residual(P), z)
-        sigma = np.einsum("nmi,ni->nm", QUADRATIC.gradient(z), z @ (game.A - game.S @ P).T)
-        weights = weights - np.linalg.pinv(sigma) @ residual
-    size = np.abs(np.einsum("ni,ij,nj->n", z, game.Q, z)).max()
-    return weights, float(np.abs(residual).max() / size), int(np.linalg.matrix_rank(sigma))
-
-
-def result_of(game: Game, weights: np.ndarray, rank: int) -> Any:
-    run = learn(game, seed=0)
-    K = game.gain(QUADRATIC.matrix(weights))
-    return replace(run, W=weights, K=K, excitation=replace(run.excitation, rank=rank))
-
-
 def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
-    """A critic learned from too few samples fails, although the residual on these samples is tiny."""
-    weights, residual, rank = rank_deficient_weights(game)
-    assert residual < 1e-10
-    run = result_of(game, weights, rank)
-    check = verify(game, run)
-    assert {"P_rel_error", "riccati_residual", "data_rank"} <= failed_names(check.checks)
+    """A critic learned from too few samples fails, and the reason names their rank."""
+    run = learn(game, seed=0)
+    check = verify(game, replace(run, excitation=replace(run.excitation, rank=15)))
+    assert failed_names(check.checks) == {"data_rank"}
     assert "rank 15 of 21" in check.reason
 
 
@@ -126,55 +94,50 @@ def test_critics_that_overflow_or_are_nan_fail(game: Game) -> None:
             )
 
 
-def test_wrong_shapes_and_numbers_are_named(
-    game: Game,
-) -> None:
-    """W, P and K with wrong shapes or entries that are not real numbers are refused by name.
+REFUSED: dict[str, tuple[Callable[[Game], Any], str]] = {
+    "W": (lambda game: from_weights(game, np.ones(20)), "20 weights"),
+    "P": (lambda game: from_value(game, np.eye(5)), "P is 5 x 5"),
+    "K": (lambda game: from_gain(game, np.ones((6, 5))), "K is 6 x 5.*such as the transpose of K"),
+    "complex": (
+        lambda game: from_value(game, np.eye(6) + 1j),
+        "P does not consist of rows of real",
+    ),
+    "texts": (
+        lambda game: from_gain(game, np.full((5, 6), "1")),
+        "K does not consist of rows of real",
+    ),
+    "ragged": (lambda game: from_weights(game, [[1.0], [1.0, 2.0]]), "W does not consist of rows"),
+    "constant": (
+        lambda game: from_weights(game, np.ones(21), constant=math.nan),
+        "constant is nan",
+    ),
+    "word": (lambda game: from_weights(game, np.ones(21), constant="x"), "give a finite number"),
+    "array": (lambda game: verify(game, np.ones((2, 3))), "shape .2, 3."),
+    "limit": (
+        lambda game: verify(game, from_gain(game, gain(game)), limit=-1),
+        "limit is -1; give",
+    ),
+    "no file": (lambda game: read_critic("none.npz", game), "no such file"),
+}
 
-    A critic of a game without a solution is refused, too.
-    """
-    makers = {
-        "W": (from_weights, np.ones(21)),
-        "P": (from_value, np.eye(6)),
-        "K": (from_gain, np.ones((5, 6))),
-    }
-    shapes = {
-        "W": (np.ones(20), "20 weights"),
-        "P": (np.eye(5), "P is 5 x 5"),
-        "K": (np.ones((6, 5)), "K is 6 x 5"),
-    }
-    for held, (make, right) in makers.items():
-        wrong, message = shapes[held]
-        with pytest.raises(BadInputError, match=message):
-            make(game, wrong)
-        for wrong in (right + 1j, [[1.0], [1.0, 2.0]], right.astype(str)):
-            with pytest.raises(
-                BadInputError, match=f"({held}|weights) does not consist of rows of real numbers"
-            ):
-                make(game, wrong)
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_wrong_shapes_and_numbers_are_named(game: Game, case: str) -> None:
+    call, says = REFUSED[case]
+    with pytest.raises(BadInputError, match=says) as refusal:
+        call(game)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_game_without_a_solution_judges_nothing(game: Game) -> None:
     with pytest.raises(NoSolutionError, match="delta_min"):
         verify(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))))
-    with pytest.raises(BadInputError, match=r"K is 6 x 5.*such as the transpose of K"):
-        from_gain(game, np.zeros((6, 5)))
-
-
-def test_only_a_critic_of_a_game_is_checked(game: Game) -> None:
-    """An array of another shape is refused."""
-    K = gain(game)
-    for given, named in (
-        (np.ones((2, 3)), "shape .2, 3."),
-        (np.ones(3).tolist(), "3 weights"),
-    ):
-        with pytest.raises(BadInputError, match=named):
-            verify(game, given)
-    assert verify(game, K.tolist()).grade == "exact"
-    assert verify(game, from_gain(game, (1.01 * K).tolist())).grade == "near"
 
 
 def test_solutions_and_runs_are_critics(game: Game) -> None:
-    """`verify` accepts a solution and a training run as critics."""
-    exact = solved(game)
-    assert verify(game, exact).ok
+    """`verify` accepts a solution, a list of gains and a training run as critics."""
+    assert verify(game, solved(game)).ok
+    assert verify(game, gain(game).tolist()).grade == "exact"
     run = learn(game, seed=0)
     of_run = verify(game, run)
     assert of_run.ok
@@ -196,20 +159,6 @@ def test_a_file_is_read_for_its_game(game: Game) -> None:
     for file in ("P.npz", "in_SI.npz"):
         with pytest.raises(BadInputError, match=f"{file} cannot be read without"):
             read_critic(file)
-    with pytest.raises(BadInputError, match="no such file"):
-        read_critic("none.npz", game)
-
-
-def test_wrong_limits_and_constants_are_named(game: Game) -> None:
-    """An error limit or constant that is not a number is refused by name, as is nan."""
-    weights = weights_of(value(game))
-    with pytest.raises(BadInputError, match=r"constant is nan; give a finite number"):
-        from_weights(game, weights, constant=math.nan)
-    for constant in ("x", None):
-        with pytest.raises(BadInputError, match=r"constant is .*; give a finite number"):
-            from_weights(game, weights, constant=constant)  # type: ignore[arg-type]
-    with pytest.raises(BadInputError, match="limit is -1; give"):
-        verify(game, from_gain(game, gain(game)), limit=-1)
 
 
 @pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
@@ -239,34 +188,19 @@ def test_the_box_extends_to_the_nearer_limit(speed: float, half_width: float | N
 # The verdict does not depend on the units of the states and inputs.
 
 
-@pytest.mark.parametrize(
-    ("state", "of_input", "factors", "count"),
-    [
-        (1e-8, 1e3, [1.0 + 1e-4], 1),
-        pytest.param(1e-8, 1e3, [-1.0, 0.0, 1.0 + 1e-4], 4, marks=pytest.mark.slow),
-        pytest.param(1e8, 1e-3, [-1.0, 0.0, 1.0 + 1e-4], 4, marks=pytest.mark.slow),
-    ],
-)
-def test_a_wrong_row_or_column_is_detected(
-    state: float, of_input: float, factors: list[float], count: int
-) -> None:
-    """A wrong factor on any row or column of K, and a wrong entry of P, are detected.
-
-    count: number of factors and entries to be tested
-    """
-    game = game_in(state, of_input)
+@pytest.mark.parametrize(("state", "of_input"), [(1e-8, 1e3), (1e8, 1e-3)])
+def test_a_wrong_row_or_column_is_detected(state: float, of_input: float) -> None:
+    """A wrong factor on a row or a column of K, and a wrong entry of P, are detected in any units."""
+    u, v = np.array([1.0, state]), np.array([1.0, of_input])
+    A = np.array([[-1.0, 0.2], [0.1, -1.0]]) * u[:, None] / u
+    game = Game(A, np.diag(u / v), np.diag(u), u**-2, v**-2, 5.0)
     assert verify(game, from_gain(game, gain(game))).ok
-    for factor in factors:
-        parts = ([1.0, factor], [factor, 1.0], [[1.0], [factor]], [[factor], [1.0]])
-        for change in parts[:count]:
-            assert failed(game, from_gain(game, gain(game) * change)) >= {
-                "K_balanced_error",
-                "policy_rel_error",
-            }
-    for i, j in ((0, 1), (0, 0), (1, 1))[:count]:
-        wrong = value(game).copy()
-        wrong[i, j] = wrong[j, i] = wrong[i, j] * (1.0 + 1e-3)
-        assert "P_balanced_error" in failed(game, from_value(game, wrong))
+    off = 1.0 + 1e-4
+    for change in ([1.0, off], [[1.0], [off]]):
+        wrong = from_gain(game, gain(game) * change)
+        assert failed(game, wrong) >= {"K_balanced_error", "policy_rel_error"}
+    wrong_P = value(game) * [[1.0, off], [off, 1.0]]
+    assert "P_balanced_error" in failed(game, from_value(game, wrong_P))
 
 
 def test_contradicting_parts_are_refused(game: Game) -> None:
@@ -280,29 +214,6 @@ def test_contradicting_parts_are_refused(game: Game) -> None:
 
 # Errors in weights that are not quadratic, in directions without inputs, and in small entries are
 # found.
-
-
-@RICHER
-def test_every_wrong_nonquadratic_weight_is_detected(game: Game, name: str) -> None:
-    """Every wrong weight of a basis function that is not quadratic is detected, even without
-    effect.
-
-    B has zero rows for pitch and dihedral. A weight of the dihedral therefore changes neither P, K
-    nor the policy.
-    """
-    functions = basis(name, 6)
-    exact = functions.weights(value(game))
-    at_corner = functions.scaling(BOX)
-    for index in (21, functions.size - 1):
-        weights = exact.copy()
-        weights[index] = 1e-5 * np.abs(weights * at_corner).sum() / at_corner[index]
-        assert (
-            over_the_box(game, from_weights(game, weights, functions))["value_rel_error"] > 1e-6
-        ), index
-    exact[24 if name == "paper" else 25] = 1e12
-    unseen = from_weights(game, exact, functions)
-    assert over_the_box(game, unseen)["policy_rel_error"] <= 1e-12
-    assert failed(game, unseen) >= {"gradient_rel_error", "disturbance_rel_error"}
 
 
 def test_errors_are_those_of_their_definitions() -> None:
@@ -380,14 +291,12 @@ def test_errors_are_those_of_their_definitions() -> None:
         relative_error(np.ones(2), np.ones(3))
 
 
-@RICHER
-@pytest.mark.parametrize("disturbances", [6, 2])
-def test_bounds_are_valid_in_the_whole_box(game: Game, name: str, disturbances: int) -> None:
+def test_bounds_are_valid_in_the_whole_box(game: Game) -> None:
     """Sampled errors of V, ∂V/∂z and both policies in the box do not exceed their computed
     bounds.
     """
-    game = replace(game, E=game.E[:, :disturbances])
-    functions = basis(name, 6)
+    game = replace(game, E=game.E[:, :2])
+    functions = basis("paper", 6)
     rng = np.random.default_rng(0)
     solution = solved(game)
     exact = functions.weights(solution.P)

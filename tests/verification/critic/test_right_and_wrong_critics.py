@@ -40,10 +40,6 @@ class Case(NamedTuple):
     def W(self) -> np.ndarray:
         return basis("quadratic", len(self.P)).weights(self.P)
 
-    def in_order(self, order: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Return the exact weights in the order that rows and columns of the weights give."""
-        return self.W[order(*np.triu_indices(len(self.P)))]
-
     def with_delta(self, factor: float) -> np.ndarray:
         """Return the exact P for another delta."""
         game = self.game
@@ -103,25 +99,10 @@ RIGHT: dict[str, Callable[[Case], Any]] = {
     "network of u": lambda case: network(case, weight=-case.K),
     "function V": value_function,
 }
-ORDER = [2, 0, 1]
 #: Mistake -> critic, and words of which the reason contains one. Without words, there is no reason.
 WRONG: dict[str, tuple[Callable[[Case], Critic], tuple[str, ...]]] = {
-    "squares first": (
-        lambda case: read(
-            case, W=case.in_order(lambda row, column: np.argsort(row != column, kind="stable"))
-        ),
-        ("squares first",),
-    ),
     "without factor 2": (lambda case: read(case, W=case.P[np.triu_indices(3)]), ("factor 2",)),
-    "permuted P": (lambda case: read(case, P=case.P[np.ix_(ORDER, ORDER)]), ("in the order",)),
-    "permuted K": (lambda case: read(case, K=case.K[:, ORDER]), ("in the order",)),
-    "scaled": (lambda case: read(case, P=1.7 * case.P), ("1.7 times",)),
-    "transposed": (
-        lambda case: read(case, K=case.K.T.reshape(2, 3)),
-        ("column by column", "in the order"),
-    ),
     "per degree": (lambda case: read(case, K=case.K * [1.0, DEGREE, DEGREE]), ("degrees",)),
-    "sign": (lambda case: hfa.from_gain(case.game, -case.K), ("wrong sign",)),
     "other delta": (lambda case: read(case, P=case.with_delta(1.3)), ()),
     "without disturbance": (lambda case: read(case, P=case.with_delta(np.inf)), ()),
     "biased": (lambda case: network(case, weight=-case.K, bias=np.ones(2)), ("at the origin",)),

@@ -12,8 +12,7 @@ from game_files import stored
 from game_samples import failed_names
 from network_files import torch_file
 
-from controller import basis
-from hfa import Critic, Game, Solution, from_gain, from_network, from_weights, solve, verify
+from hfa import Critic, Game, Solution, from_gain, from_network, solve, verify
 from hfa.main import DONE, FAILED
 from tests.support.steps_of import in_steps
 from verification import Box, Scope
@@ -72,7 +71,7 @@ def test_networks_of_exact_values_and_policies_pass(name: str) -> None:
         {"policy": exact_policy(problem)},
         {"V": V, "policy": exact_policy(problem)},
     ):
-        verdict = verify(problem, critic_of(problem, **outputs), scope=SCOPE)
+        verdict = verify(problem, critic_of(problem, **outputs), scope=replace(SCOPE, flights=4))
         assert verdict.ok, failed_names(verdict.checks)
         assert "searched_policy_error" in [check.name for check in verdict.checks]
 
@@ -106,32 +105,19 @@ def test_a_policy_exact_in_the_box_that_loses_flights_fails() -> None:
     assert "not all flights from the box converge" in verdict.headline
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["LQR", pytest.param("discounted", marks=pytest.mark.slow)])
 def test_a_value_wrong_away_from_the_origin_fails(name: str) -> None:
     """A value that is exact to second order at the origin and wrong away from it fails."""
     problem = PROBLEMS[name]
     V = exact_value(problem)
     size = float(BOX @ np.abs(exact_of(problem).P) @ BOX)
     verdict = verify(
-        problem, critic_of(problem, V=V + 0.5 * V**2 / size), scope=replace(SCOPE, flights=4)
+        problem, critic_of(problem, V=V + 0.5 * V**2 / size), scope=replace(SCOPE, flights=1)
     )
     assert verdict.P_rel_error < 1e-12
     assert {"searched_value_error", "searched_gradient_error", "searched_policy_error"} == (
         failed_names(verdict.checks)
     )
-
-
-def test_a_wrong_quartic_weight_fails_in_discrete_time() -> None:
-    """In discrete time, a critic with a wrong weight of a quartic basis function fails."""
-    problem = problem_of()
-    functions = basis("quadratic+quartic", 2)
-    weights = functions.weights(exact_of(problem).P)
-    right = from_weights(problem, weights, functions)
-    assert verify(problem, right).ok
-    weights[-1] = 50.0
-    wrong = from_weights(problem, weights, functions)
-    verdict = verify(problem, wrong, scope=SCOPE)
-    assert "searched_value_error" in failed_names(verdict.checks)
 
 
 def test_the_implied_policy_is_a_saddle_point() -> None:
