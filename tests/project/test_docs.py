@@ -225,8 +225,7 @@ def looks_like(picture: Path, other: Path) -> bool:
     return bool(np.mean(different) < 0.005)
 
 
-#: Examples that print nothing: aircraft (tests/trim/test_own_models.py), and a training script
-#: (tests/verification/network/test_trained.py).
+#: Examples that print nothing: aircraft (tests/trim/test_own_models.py), and a training script.
 SILENT = (
     "f16",
     "f16_constant",

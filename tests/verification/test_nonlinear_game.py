@@ -258,7 +258,7 @@ def test_the_policy_in_the_file_is_judged_and_flies() -> None:
     """`hfa verify` and a flight read the policy of `hfa solve --order`, which is not linear."""
     pytest.importorskip("hfa_flight")
     words = ("--aircraft", PENDULUM, "--Q", "1,0.1", "--R", "1", "--delta", "inf")
-    answer("solve", *words, "--order", "3", "-o", "value.npz")
+    answer("solve", *words, "--order", "4", "-o", "value.npz")
     data = answer("verify", *words, "--weights", "value.npz")
     assert (data["ok"], data["grade"], data["nonlinear"]["ok"]) == (True, "exact", True)
     model = hfa.load_model(PENDULUM)
