@@ -33,7 +33,7 @@ def test_the_air_of_aircraft_agrees_with_ambiance(
 
     The constants of tables are JSBSim's, which differ by 2e-5.
     """
-    altitudes = np.linspace(lowest, highest, 100)
+    altitudes = np.linspace(lowest, highest, 40)
     expected = Atmosphere(altitudes * METRE_PER_FOOT)
     flexible, table = hfa.aircraft(), hfa.load_model(str(ROOT / "examples/cessna182.toml"))
     for model, off in ((flexible, tolerance), (table, 2e-5 + tolerance)):

@@ -1,5 +1,4 @@
-"""The equations of motion, compared with a second derivation and with the conservation of
-energy."""
+"""The equations of motion, compared with a second derivation and with MuJoCo."""
 
 from __future__ import annotations
 
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+import pytest
 from lagrangian import lagrangian_rates, winds_of
 from random_points import (
     RATE_SCALES,
@@ -24,7 +24,7 @@ from random_points import (
 from standard_air import density
 
 import hfa
-from hfa_model import STATES, Input, Parameters, State
+from hfa_model import STATES, Parameters, State
 
 
 def function_of(rates: Callable[..., State], moving: bool) -> ca.Function:
@@ -76,8 +76,8 @@ def disagreement(
 
 
 def test_newton_equals_the_euler_lagrange_equations(parameters: Parameters) -> None:
-    """The rates of "newton" equal the Euler-Lagrange equations at 1,000 random states."""
-    worst = disagreement(euler_lagrange_rates(False), "newton", parameters, 1000, moving=False)
+    """The rates of "newton" equal the Euler-Lagrange equations at 300 random states."""
+    worst = disagreement(euler_lagrange_rates(False), "newton", parameters, 300, moving=False)
     assert max(worst) <= 1e-12, worst
 
 
@@ -87,64 +87,16 @@ def test_newton_in_wind_equals_the_euler_lagrange_equations(parameters: Paramete
     assert max(disagreement(reference, "newton", parameters, 100, moving=True)) <= 1e-11
 
 
-def test_published_differs_from_newton_in_two_equations_only(parameters: Parameters) -> None:
+@pytest.mark.parametrize(("moving", "most"), [(False, 1e-12), (True, 1e-11)])
+def test_published_differs_from_newton_in_two_equations_only(
+    parameters: Parameters, moving: bool, most: float
+) -> None:
     """The rates of "published" differ from the Euler-Lagrange equations only in q' and η''."""
-    worst = disagreement(
-        euler_lagrange_rates(False), "published", parameters, 100, moving=False
-    )._asdict()
+    reference = euler_lagrange_rates(moving)
+    worst = disagreement(reference, "published", parameters, 100, moving=moving)._asdict()
     assert worst.pop("pitch_rate") > 0.1
     assert worst.pop("dihedral_rate") > 0.1
-    assert max(worst.values()) <= 1e-12, worst
-
-
-# Energy.
-
-
-def internal_energy(state: np.ndarray, p: Parameters) -> float:
-    """Return the energy about the center of mass, ft lbf.
-
-    ½ (c1 + c2 sin² η) q² + (I_xx + m s²/4 - (m s²/6) cos² η) η'² + k η², with c1 = 3 I_yy, c2 = 2
-    I_zz - 2 I_yy + m s²/6, and the inertias I of a panel.
-    """
-    x = State(*state.tolist())
-    mass_moment = p.panel_mass * p.panel_span**2
-    pitch_inertia = 3 * p.inertia_pitch
-    pitch_inertia += (2 * p.inertia_yaw - 2 * p.inertia_pitch + mass_moment / 6) * np.sin(
-        x.dihedral
-    ) ** 2
-    hinge_inertia = p.inertia_roll + mass_moment / 4 - mass_moment / 6 * np.cos(x.dihedral) ** 2
-    return float(
-        pitch_inertia * x.pitch_rate**2 / 2
-        + hinge_inertia * x.dihedral_rate**2
-        + p.hinge_stiffness * x.dihedral**2
-    )
-
-
-def energy_growth(dynamics: str, parameters: Parameters, seconds: float) -> float:
-    """Return the largest relative change of the internal energy in a fall without air and damping.
-
-    seconds: duration of the fall
-    """
-    from scipy.integrate import solve_ivp
-
-    forces = ("hinge_damping", "lift_slope", "aileron_lift", "aileron_moment", "zero_lift_moment")
-    p = parameters._replace(**dict.fromkeys((*forces, "zero_lift_drag"), 0.0))
-    symbol = ca.SX.sym("x", len(STATES))
-    rate = rates(State(*ca.vertsplit(symbol)), Input(*[0.0] * 5), p, dynamics)
-    motion = ca.Function("motion", [symbol], [ca.vertcat(*rate)])
-    start = State(68.0, 0.05, 40_000.0, 0.05, 0.3, 0.26, 0.2)
-    tolerance = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
-    flight = solve_ivp(
-        lambda _, state: np.array(motion(state)).ravel(), (0.0, seconds), start, **tolerance
-    )
-    assert flight.success, flight.message
-    energy = np.array([internal_energy(state, p) for state in flight.y.T])
-    return float(np.abs(energy / energy[0] - 1).max())
-
-
-def test_newton_conserves_energy_in_free_flight(parameters: Parameters) -> None:
-    """ "newton" conserves the energy for 20 s without air and damping."""
-    assert energy_growth("newton", parameters, seconds=20.0) <= 1e-10
+    assert max(worst.values()) <= most, worst
 
 
 # Rigid bodies.
