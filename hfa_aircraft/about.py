@@ -27,7 +27,8 @@ class About:
     trained_at: value of the scheduling variable at which environments begin, or None for the
         default trim
     configuration: function (x, u, p) of arrays -> name -> (value, unit) of mass, center of gravity,
-        inertias and sizes (`trim.point.configuration`); None if only signals have them
+        inertias and sizes, and words on flap and gear (`trim.point.configuration`); None if only
+        signals have them
     weights: default cost, {} without one. Of the file of a linear plant "Q", "R" and "N" as they
         are stored, for states and inputs divided by their nominal values. Of other models "Q" and
         "R" as signal -> weight on the diagonal, "delta", and "E", the states that are disturbed;
@@ -47,7 +48,7 @@ class About:
     equations: str = ""
     atmosphere: str = ""
     trained_at: float | None = None
-    configuration: Callable[[Any, Any, Any], Mapping[str, tuple[float, str]]] | None = None
+    configuration: Callable[[Any, Any, Any], Mapping[str, tuple[float | str, str]]] | None = None
     weights: Mapping[str, Any] = field(default_factory=dict)
     weights_source: str = "file"
     fault: Callable[[], str] | None = None

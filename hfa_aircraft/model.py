@@ -487,6 +487,8 @@ class Model(Reported):
         for name, value in values.items():
             refuse_unknown(f"{self.name} has no parameter", name, tuple(self.parameters))
             signal = self.parameters[name]
+            if not is_finite(value):
+                raise BadInputError(f"{name} is {shown(value)}; give a finite number")
             if not signal.min <= value <= signal.max:
                 which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
                 raise BadInputError(

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 #: Name of an entry -> name on the sheet. Models name signals or `About.configuration` so.
 _ENTRIES = {
     "mass": "mass",
+    "center_of_gravity": "c.g.",
     "center_of_gravity_x": "c.g. x",
     "center_of_gravity_y": "c.g. y",
     "center_of_gravity_z": "c.g. z",
@@ -55,7 +56,8 @@ def configuration_of(point: OperatingPoint) -> dict[str, Quantity]:
         for name, (value, unit) in declared(*values).items():
             in_si = native is not model
             factor = si_factor(unit) if in_si else 1.0
-            found[name] = Quantity(name, float(value) * factor, si_unit(unit) if in_si else unit)
+            number = value if isinstance(value, str) else float(value) * factor
+            found[name] = Quantity(name, number, si_unit(unit) if in_si else unit)
     parameters = dict(zip(model.parameters, model.p.tolist(), strict=True))
     for name in _ENTRIES:
         if name not in found and name in (*parameters, *model.outputs, *model.inputs):
@@ -73,13 +75,12 @@ def configuration_parts(point: OperatingPoint, found: Mapping[str, Quantity]) ->
     is_aircraft = "alpha" in recognized(point.model.states)
     if not found and not is_aircraft:
         return
-    rows = [
-        (_ENTRIES[name], f"{shown_value(each.value, each.unit, '.6g')}", shown_unit(each.unit))
-        for name, each in found.items()
-    ]
+    rows = [(_ENTRIES[name], _shown(each), shown_unit(each.unit)) for name, each in found.items()]
     missing = [label for name, label in _ENTRIES.items() if name not in (*found, *_OPTIONAL)]
-    if {"c.g. x", "c.g. z"} <= {*missing}:
-        missing = ["c.g.", *(label for label in missing if not label.startswith("c.g."))]
+    if not {*missing}.isdisjoint({"c.g.", "c.g. x", "c.g. z"}):
+        has_center = any(name.startswith("center_of_gravity") for name in found)
+        others = (label for label in missing if not label.startswith("c.g."))
+        missing = [*(["c.g."] * (not has_center)), *others]
     line = f"{', '.join(missing)}: not in this model"
     doubt = _inertia_doubt(point.model, found)
     line = "\n".join([line] * bool(missing) + [doubt] * bool(doubt))
@@ -90,6 +91,13 @@ def configuration_parts(point: OperatingPoint, found: Mapping[str, Quantity]) ->
         yield table
     else:
         yield line
+
+
+def _shown(quantity: Quantity) -> str:
+    """Return a number with six digits, or a word."""
+    if isinstance(quantity.value, str):
+        return quantity.value
+    return shown_value(quantity.value, quantity.unit, ".6g")
 
 
 def _inertia_doubt(model: Model, found: Mapping[str, Quantity]) -> str:

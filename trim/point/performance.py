@@ -41,12 +41,12 @@ class Quantity(Result):
     """Load, measure of performance or handling quality, such as the short-period damping.
 
     name: name of the measure
-    value: number in `unit`
+    value: number in `unit`, or a word on the configuration
     unit: unit of the value
     """
 
     name: str
-    value: float
+    value: Any
     unit: str
 
     def contents(self) -> dict[str, Any]:

@@ -16,9 +16,16 @@ THRUST = {
     "thrust_height": ("ft", "m"),
     "thrust_slope": ("lbf/(ft/s)", "N/(m/s)"),
 }
+#: Center of gravity of the file's moments, in chords behind the leading edge of the mean chord, and
+#: distance from it back to the tail that causes the derivatives with respect to q and alphadot.
+CENTER = "cg"
+TAIL_ARM = "tail_arm"
+PLACES = {CENTER: ("chord", "chord"), TAIL_ARM: ("ft", "m")}
+#: Free words about the configuration, which reports repeat.
+WORDS = ("flap", "gear")
 #: Largest lift coefficient, from which reports of trims compute the stall margin.
 LARGEST_LIFT = "CL_max"
-UNITS = GEOMETRY | INERTIA | MASS | CONDITION | THRUST | {LARGEST_LIFT: ("1", "1")}
+UNITS = GEOMETRY | INERTIA | MASS | CONDITION | THRUST | PLACES | {LARGEST_LIFT: ("1", "1")}
 #: Required entries. In addition, either mass or weight is required.
 REQUIRED = (*GEOMETRY, "Ixx", "Iyy", "Izz", "speed", "CL_0", "CD_0", "CL_alpha", "Cm_alpha")
 

@@ -10,6 +10,17 @@ differences of the Mach number and of u = V/V_0 from the reference condition. C_
 C_D,CL2 C_L². With C_T,u, the thrust T at the reference condition becomes
 q̄ (T/q̄_0 + S C_T,u (u - 1)).
 
+The derivatives are about a point of the aircraft, the entry `cg`. If the parameter `cg` has another
+value, the center of gravity is Δ behind this point, along the body axis x. The aerodynamic forces
+and the thrust then add -Δ Z to the pitching moment and Δ Y to the yawing moment about the center of
+gravity. Mass and inertias are unchanged. Derivatives with respect to q and alphadot:
+
+- by default they are unchanged, and their forces act at the point too
+- with `tail_arm`, l, they are those of a tail: C_m,q (1 - Δ/l)², C_m,alphadot (1 - Δ/l) and
+  C_L,q (1 - Δ/l). Source: B. Etkin, L. D. Reid, *Dynamics of Flight*, 3rd ed., 1996, Section 5.4
+- those of AVL are exact: alpha and beta are the angles of the flow at the point, alpha - q Δ/V and
+  beta + r Δ/V
+
 The angle of attack alpha_0 of the reference condition defines the body axes. The inertias are about
 the body axes. C_l, C_n, p and r are about the axes given by the entry `axes`. The stability axes
 are rotated from the body axes by alpha_0.
@@ -21,15 +32,17 @@ from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 
 from hfa_aircraft.about import About, Domain
 from hfa_aircraft.model import Model
 from hfa_aircraft.readers.derivatives.names import (
+    CENTER,
     INDUCED,
     LARGEST_LIFT,
+    TAIL_ARM,
     THRUST_BY_SPEED,
     THRUST_INPUT,
 )
@@ -40,7 +53,10 @@ from hfa_aircraft.rigid.atmosphere import air_at
 from hfa_aircraft.rigid.motion import inertia_matrix, wind_axes
 from hfa_aircraft.signals import Signal
 from hfa_support.errors import BadInputError
+from hfa_support.units import conversion
 
+#: Coefficients of the forces.
+_FORCES = ("CL", "CD", "CY")
 #: Largest deviation of alpha from the reference condition, and of beta from 0, rad.
 _WIDEST = 0.3
 
@@ -140,13 +156,23 @@ def _reference(table: Table) -> dict[str, float]:
     return {"alpha": alpha, "speed": speed, "altitude": altitude, "mach": mach}
 
 
-def _configuration(table: Table, x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
-    """Return the sizes, and the center of gravity of an AVL file, name -> (value, unit)."""
+def _configuration(table: Table, x: Any, u: Any, p: Any) -> dict[str, tuple[float | str, str]]:
+    """Return sizes, center of gravity, flap and gear as far as known, name -> (value, unit)."""
     names = {"reference_area": "wing_area", "reference_span": "span", "reference_chord": "chord"}
-    found = {name: (table.values[entry], table.unit(entry)) for name, entry in names.items()}
+    found: dict[str, tuple[float | str, str]] = {
+        name: (table.values[entry], table.unit(entry)) for name, entry in names.items()
+    }
+    found |= {name: (word, "") for name, word in table.words.items()}
+    moved = 0.0
+    if CENTER in table.values:
+        center = p[list(_parameters(table)).index(CENTER)]
+        moved = (center - table.values[CENTER]) * table.values["chord"]
+        found["center_of_gravity"] = center, table.unit(CENTER)
     if table.center is not None:
         place, length = table.center
-        for axis, value in zip("xyz", place, strict=True):
+        x_of_point, *others = place
+        in_length = conversion(table.unit("chord"), length) or 1.0  # the reader checks it
+        for axis, value in zip("xyz", (x_of_point + moved * in_length, *others), strict=True):
             found[f"center_of_gravity_{axis}"] = value, length
     return found
 
@@ -172,9 +198,24 @@ def _parameters(table: Table) -> dict[str, Signal]:
         signals[name] = Signal(table.unit(name), abs(value) or table.values["Ixx"], start=value)
     gravity = GRAVITY[table.system]
     signals["gravity"] = Signal(f"{LENGTH[table.system]}/s^2", gravity, 0.0, start=gravity)
+    if CENTER in table.values:
+        signals[CENTER] = Signal(table.unit(CENTER), 0.1, start=table.values[CENTER])
     for name, value in table.derivatives.items():
         signals[name] = Signal(nominal=abs(value) or 1.0, start=value)
     return signals
+
+
+class _ForceCoefficients(NamedTuple):
+    """Coefficients of lift, drag and side force."""
+
+    lift: Any
+    drag: Any
+    side: Any
+
+    @property
+    def along_axes(self) -> Any:
+        """The coefficients along the stability axes, (3,)."""
+        return ca.vertcat(-self.drag, self.side, -self.lift)
 
 
 class _Equations:
@@ -198,36 +239,51 @@ class _Equations:
         sizes = SimpleNamespace(**self._table.values)
         motion = Motion(x, p.gravity, self._table.system)
         rates = ca.mtimes(self._turn.T, motion.rates)
-        arguments = self._arguments(x, u, rates, motion.mach - self._mach)
-        lift = self._coefficient("CL", p, arguments)
-        drag = self._coefficient("CD", p, arguments) + self._value(p, INDUCED) * lift**2
-        side = self._coefficient("CY", p, arguments)
-        force = motion.pressure * sizes.wing_area
-        stability = wind_axes(x.alpha, 0.0)
-        air_force = force * ca.mtimes(stability, ca.vertcat(-drag, side, -lift))
+        moved = self._moved(p)
+        arguments = self._arguments(x, u, rates, motion, moved)
+        q = arguments["q"]
+        tail = self._tail_factor(moved)
+        pressure_area = motion.pressure * sizes.wing_area
+        to_body = wind_axes(x.alpha, 0.0)
+
+        of_forces = self._force_coefficients(p, arguments | {"q": tail * q})
+        air_force = pressure_area * ca.mtimes(to_body, of_forces.along_axes)
         size = self._thrust(x, u, p, motion)
         thrust = size * ca.vertcat(ca.cos(self._angle), 0.0, -ca.sin(self._angle))
         specific = (air_force + thrust) / p.mass
         alpha_rate = self._alpha_rate(x, p, motion, specific)
-        lag = {"alphadot": alpha_rate * sizes.chord / (2.0 * x.speed)}
-        lift_lag = self._coefficient("CL", p, lag)
-        drag_lag = self._coefficient("CD", p, lag)
-        side_lag = self._coefficient("CY", p, lag)
-        lag_force = force * ca.mtimes(stability, ca.vertcat(-drag_lag, side_lag, -lift_lag))
-        steady_moment = self._coefficient("Cm", p, arguments)
-        arguments |= lag
-        moments = [self._coefficient(name, p, arguments) for name in ("Cl", "Cm", "Cn")]
+        lag = alpha_rate * sizes.chord / (2.0 * x.speed)
+        of_lag = _ForceCoefficients(
+            *(self._coefficient(name, p, {"alphadot": lag}) for name in _FORCES)
+        )
+        lag_force = pressure_area * ca.mtimes(to_body, of_lag.along_axes)
+
+        # Forces at the point of the derivatives, without and with those of the lag. With a tail
+        # arm, the forces of q and alphadot are not at this point, but at the tail.
+        at_point, with_lag = air_force, air_force + lag_force
+        if TAIL_ARM in self._table.values:
+            without_tail = self._force_coefficients(p, arguments | {"q": 0.0})
+            at_point = with_lag = pressure_area * ca.mtimes(to_body, without_tail.along_axes)
+        of_moments = arguments | {"q": tail**2 * q}
+        steady = pressure_area * sizes.chord * self._coefficient("Cm", p, of_moments)
+        of_moments["alphadot"] = tail * lag
+        moments = [self._coefficient(name, p, of_moments) for name in ("Cl", "Cm", "Cn")]
         arms = ca.vertcat(sizes.span, sizes.chord, sizes.span)
-        pitching = ca.vertcat(0.0, self._height * size * ca.cos(self._angle), 0.0)
-        moment = ca.mtimes(self._turn, force * arms * ca.vertcat(*moments)) - pitching
+        by_thrust = ca.vertcat(0.0, self._height * size * ca.cos(self._angle), 0.0)
+        moment = ca.mtimes(self._turn, pressure_area * arms * ca.vertcat(*moments)) - by_thrust
+        _, side_force, down_force = ca.vertsplit(with_lag + thrust)
+        moment += moved * ca.vertcat(0.0, -down_force, side_force)
         inertia = inertia_matrix((p.Ixx, p.Iyy, p.Izz), (0.0, p.Ixz, 0.0))
         specific += lag_force / p.mass
         state_rates, outputs = motion.rates_and_outputs(specific, moment, inertia)
-        coefficients = {"lift_coefficient": lift + lift_lag, "drag_coefficient": drag + drag_lag}
+        coefficients = {
+            "lift_coefficient": of_forces.lift + of_lag.lift,
+            "drag_coefficient": of_forces.drag + of_lag.drag,
+        }
         forces = motion.forces(
-            force * lift,
-            force * drag,
-            force * sizes.chord * steady_moment,
+            pressure_area * of_forces.lift,
+            pressure_area * of_forces.drag,
+            steady - moved * at_point[2],
             size,
             p.mass,
             sizes.wing_area,
@@ -236,6 +292,21 @@ class _Equations:
         if LARGEST_LIFT in self._table.values:
             forces["largest_lift_coefficient"] = self._table.values[LARGEST_LIFT]
         return state_rates, outputs | coefficients | forces
+
+    def _moved(self, p: Any) -> Any:
+        """Return the distance of the center of gravity behind the point of the derivatives."""
+        values = self._table.values
+        return (p.cg - values[CENTER]) * values["chord"] if CENTER in values else 0.0
+
+    def _tail_factor(self, moved: Any) -> Any:
+        """Return 1 - Δ/l, the arm of the tail relative to that of the file."""
+        values = self._table.values
+        return 1.0 - moved / values[TAIL_ARM] if TAIL_ARM in values else 1.0
+
+    def _force_coefficients(self, p: Any, arguments: Mapping[str, Any]) -> _ForceCoefficients:
+        """Return the coefficients of the forces, with induced drag."""
+        lift, drag, side = (self._coefficient(name, p, arguments) for name in _FORCES)
+        return _ForceCoefficients(lift, drag + self._value(p, INDUCED) * lift**2, side)
 
     def _thrust(self, x: Any, u: Any, p: Any, motion: Motion) -> Any:
         """Return the thrust; the input is the thrust at the speed of the reference condition."""
@@ -250,22 +321,26 @@ class _Equations:
             thrust = thrust + motion.pressure * area * self._value(p, THRUST_BY_SPEED) * change
         return thrust
 
-    def _arguments(self, x: Any, u: Any, rates: Any, mach: Any) -> dict[str, Any]:
+    def _arguments(self, x: Any, u: Any, rates: Any, motion: Motion, moved: Any) -> dict[str, Any]:
         """Return the variables that derivatives multiply, suffix -> value."""
         # The variable of the suffix alphadot is not included.
         # rates (3,)
         sizes = self._table.values
+        alpha, beta = x.alpha, x.beta
+        if self._table.center is not None:  # AVL's angles are those of the flow at its point
+            alpha = alpha - x.pitch_rate * moved * ca.cos(x.alpha) / x.speed
+            beta = beta + x.yaw_rate * moved / x.speed
         half_span = sizes["span"] / (2.0 * x.speed)
         half_chord = sizes["chord"] / (2.0 * x.speed)
         deflections = {name: getattr(u, name) for name in self._table.surfaces}
         return {
             "0": 1.0,
-            "alpha": x.alpha - self._alpha,
-            "beta": x.beta,
+            "alpha": alpha - self._alpha,
+            "beta": beta,
             "p": rates[0] * half_span,
             "q": rates[1] * half_chord,
             "r": rates[2] * half_span,
-            "mach": mach,
+            "mach": motion.mach - self._mach,
             "u": x.speed / sizes["speed"] - 1.0,
             **deflections,
         }

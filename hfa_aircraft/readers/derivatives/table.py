@@ -7,7 +7,7 @@ import hashlib
 import io
 import math
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,12 +27,15 @@ from hfa_aircraft.readers.derivatives.dimensional import (
 from hfa_aircraft.readers.derivatives.entries import Entry, number
 from hfa_aircraft.readers.derivatives.names import (
     ARGUMENTS,
+    CENTER,
     COEFFICIENTS,
     INDUCED,
     REQUIRED,
+    TAIL_ARM,
     THRUST_BY_SPEED,
     THRUST_INPUT,
     UNITS,
+    WORDS,
     Derivative,
     derivative_of,
 )
@@ -50,6 +53,7 @@ _TEXTS: dict[str, tuple[str, ...] | None] = {
     "per": ("rad", "deg"),
     "axes": ("body", "stability"),
     "dimensional": DIVIDED,
+    **dict.fromkeys(WORDS),
 }
 #: The table in messages, if it is a dictionary.
 _DICTIONARY = "the table"
@@ -72,6 +76,7 @@ class Table:
     notes: sentences for every report.
     center: center of gravity in the axes of a stability file and unit of length, or None.
     mach: Mach number of a stability file, or None.
+    words: flap and gear in the words of the table, name -> text.
     """
 
     name: str
@@ -86,6 +91,7 @@ class Table:
     notes: tuple[str, ...] = ()
     center: tuple[tuple[float, ...], str] | None = None
     mach: float | None = None
+    words: Mapping[str, str] = field(default_factory=dict)
 
     def unit(self, name: str) -> str:
         """Return the unit of an entry that is not a derivative, in the table's system of units."""
@@ -141,6 +147,10 @@ def _table(
     table = _checked(with_stability_file(entries, file, source.text or _DICTIONARY), source, stem)
     sound = float(air_at(table.values.get("altitude", 0.0), table.system).sound)
     notes = tuple(file.notes("CD_0" in entries, table.values["speed"] / sound))
+    if TAIL_ARM in entries:
+        raise entries[TAIL_ARM].error(
+            f"{TAIL_ARM} is not required: derivatives of AVL are moved exactly; remove {TAIL_ARM}"
+        )
     center = (file.reference_point, length)
     return replace(table, notes=notes, center=center, mach=file.value("Mach"))
 
@@ -197,9 +207,10 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
 
 def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
     """Return the table of the entries after checks of names, units, limits and required entries."""
-    texts = {name: _text(name, entries) for name in _TEXTS}
-    system = texts["units"] or "si"
     pairs = {name: each for name, each in entries.items() if isinstance(each.value, list | tuple)}
+    given_texts = [name for name in _TEXTS if name not in pairs or name not in WORDS]
+    texts = dict.fromkeys(_TEXTS, "") | {name: _text(name, entries) for name in given_texts}
+    system = texts["units"] or "si"
     limits = {name: _limits(name, each, system) for name, each in pairs.items()}
     thrust = limits.pop(THRUST_INPUT, (0.0, math.inf))
     numbers = {
@@ -244,8 +255,29 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
         derivatives[coefficient.name] = other.value(
             value, texts["dimensional"], values, steady, axes, system
         )
-    name = texts["name"] or stem
-    return Table(name, system, source, values, derivatives, meanings, limits, thrust, axes)
+    return Table(
+        texts["name"] or stem,
+        system,
+        source,
+        values,
+        derivatives,
+        meanings,
+        limits,
+        thrust,
+        axes,
+        tuple(_notes(values, derivatives)),
+        words={name: texts[name] for name in WORDS if texts[name]},
+    )
+
+
+def _notes(values: Mapping[str, float], derivatives: Mapping[str, float]) -> Iterator[str]:
+    """Yield what holds of other centers of gravity, if the table states its own."""
+    by_tail = [name for name in ("Cm_q", "Cm_alphadot") if derivatives.get(name)]
+    if CENTER in values and TAIL_ARM not in values and by_tail:
+        yield (
+            f"{' and '.join(by_tail)} about {CENTER} {values[CENTER]:g} stay at another {CENTER}; "
+            f"give {TAIL_ARM} in the table, and they change with the arm of the tail"
+        )
 
 
 def _divided(name: str, entry: Entry, stated: str) -> str:
@@ -359,10 +391,15 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
         "Izz",
         "speed",
         "CL_max",
+        TAIL_ARM,
     )
     for name in positive:
         if name in values and values[name] <= 0.0:
             raise entries[name].error(f"{name} is {values[name]:g}; give a positive number")
+    if TAIL_ARM in values and CENTER not in values:
+        raise entries[TAIL_ARM].error(
+            f"{TAIL_ARM} is the distance of the tail behind {CENTER}; add {CENTER}"
+        )
     if {"mass", "weight"} <= set(values):
         raise entries["weight"].error("both mass and weight are given; remove mass or weight")
     if values["Ixx"] * values["Izz"] <= values.get("Ixz", 0.0) ** 2:
