@@ -137,12 +137,6 @@ class PolicyGiven(Part):
         number,
         rare=True,
     )
-    estimate: str | None = option(
-        f"what --law {PREDICTIVE} estimates: rates (default), nothing, or a disturbance of the "
-        "model",
-        "NAME",
-        rare=True,
-    )
     keep_inside: bool = option(
         "change the command of a sample where a rate would leave its limits", default=False
     )
@@ -192,7 +186,7 @@ class PolicyGiven(Part):
             request.refuse(of_law, f"applies only to a law; {instead}")
         if self.flown_law != PREDICTIVE:
             self.refuse(
-                ("horizon", "margin", "estimate"),
+                ("horizon", "margin"),
                 f"applies only to --law {PREDICTIVE}; remove this option",
             )
         if self.weights is None:
@@ -201,20 +195,15 @@ class PolicyGiven(Part):
                 "applies only to a network; remove this option, or give a network with --weights",
             )
 
-    def planning(
-        self, linear: LinearModel, limits: Mapping[str, Any], *, is_filtered: bool
-    ) -> Policy:
+    def planning(self, linear: LinearModel, limits: Mapping[str, Any]) -> Policy:
         """Return the policy of a law that plans on the nonlinear model.
 
         limits: state -> (lowest, highest), replacing the limits of the flight envelope
-        is_filtered: whether a filter estimates the states, so that the law estimates nothing
         """
         game = self._game_of_law(linear)
         game.refuse_cross_weights(f"--law {self.law}")
-        given = {"horizon": self.horizon, "margin": self.margin, "estimate": self.estimate}
+        given = {"horizon": self.horizon, "margin": self.margin}
         settings = {name: value for name, value in given.items() if value is not None}
-        if is_filtered and self.law == PREDICTIVE:
-            settings.setdefault("estimate", "nothing")
         problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
         return loaded(LAWS[self.law])(problem, game, **settings)
 

@@ -294,6 +294,51 @@ def test_a_delayed_gain_acts_on_the_state_ahead(point, known, gain):
     assert (late["left"] == -1).all()
 
 
+def test_a_delay_between_samples_is_refused(known, gain):
+    with pytest.raises(BadInputError, match=r"the delay is 0\.015 s; the filter takes whole"):
+        known.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=0.015))
+
+
+@pytest.mark.parametrize("law", [hfa.predictive, hfa.state_dependent])
+def test_a_law_that_plans_is_filtered_with_the_nonlinear_model(law):
+    """A pendulum falls from 2.5 rad: the linear model would call every later sample impossible."""
+    model = hfa.load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
+    point = hfa.trim(model)
+    noise = {"angle": 0.002, "rate": 0.01}
+    planned = law(model, point, np.eye(2), np.eye(1))
+    policy = hfa.filter(point.linearize(), noise, dt=planned.dt).policy(planned)
+    scenario = Scenario(0.5, initial=np.array([2.5, 0.0]), uncertainty=Uncertainty(noise=noise))
+    policy, scenario = policy.in_scenario(scenario)
+    hfa.fly(model, point, policy, scenario=scenario.drawn(3, 0, point), predict=False)
+    assert policy.unused == 0
+
+
+@pytest.mark.slow
+def test_plans_that_know_the_winds_are_cheaper_than_the_exact_gain(point, known, gain, linear):
+    """In moderate turbulence; and from x(0) in it, where the exact gain leaves, they stay inside."""
+    game = hfa.paper.published_game(linear)
+    planned = hfa.predictive(point.model, point, game.Q, game.R, margin=0.03)
+    air = Uncertainty(noise=NOISE, turbulence=Turbulence("moderate", 40000.0))
+    costs = {}
+    for name, law in (("gain", gain), ("plans", planned)):
+        policy, scenario = known.policy(law).in_scenario(Scenario(10.0, uncertainty=air))
+        flights = [
+            hfa.fly(
+                point.model, point, policy, scenario=scenario.drawn(5, member, point),
+                weights=(game.Q, game.R),
+            )
+            for member in range(2)
+        ]  # fmt: skip
+        costs[name] = sum(flight.cost for flight in flights)
+    assert costs["plans"] < 0.8 * costs["gain"]
+    start = np.zeros(7)
+    start[:2] = 5.0, 0.05
+    scenario = Scenario(1.0, initial=start, uncertainty=air)
+    policy, scenario = known.policy(planned).in_scenario(scenario)
+    flight = hfa.fly(point.model, point, policy, scenario=scenario.drawn(5, 0, point))
+    assert flight.departure is None
+
+
 def test_a_deployment_flies_behind_a_filter():
     """Its samples are those of the filter; another sample time is refused."""
     model = hfa.load_model("examples/gtm.py:GTM")

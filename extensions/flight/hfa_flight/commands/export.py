@@ -51,7 +51,7 @@ class ExportRequest(Request):
     trim: Trim = part(Trim)
     policy: PolicyGiven = part(
         PolicyGiven,
-        without=("horizon", "margin", "estimate", "keep_inside"),
+        without=("horizon", "margin", "keep_inside"),
         law=option(
             f"gain to export: {EXACT}; default: {EXACT} in C, none in an FMU",
             "NAME",

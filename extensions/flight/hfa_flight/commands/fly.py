@@ -196,7 +196,7 @@ class FlyRequest(Request):
             )
             linear = noted_linear_model(model, point)
             limits = self.scenario.envelope
-            policy = given.planning(linear, limits, is_filtered=self.filter)
+            policy = given.planning(linear, limits)
         else:
             for name in steps.names:
                 refuse_unknown("a gain cannot follow a command of", name, model.linear)

@@ -58,17 +58,18 @@ class CommandsUnderWay:
             return np.zeros(self._model.scaled.sizes[2])
         return self._commands[number]
 
-    def moved(self, z: np.ndarray, delay: float, d: np.ndarray) -> np.ndarray:
+    def moved(self, z: np.ndarray, delay: float, w: np.ndarray) -> np.ndarray:
         """Return the states when the command of the next sample acts, (n,).
 
         z: states now, (n,)
+        w: winds
         """
-        return self.over(z, self.acting(len(self._commands), delay, delay), d)
+        return self.over(z, self.acting(len(self._commands), delay, delay), w)
 
     def over(
-        self, z: np.ndarray, acting: list[tuple[np.ndarray, float]], d: np.ndarray
+        self, z: np.ndarray, acting: list[tuple[np.ndarray, float]], w: np.ndarray
     ) -> np.ndarray:
         """Return the states after some inputs have acted, (n,)."""
         for v, seconds in acting:
-            z = self._model.after(z, v, d, seconds)
+            z = self._model.after(z, v, w, seconds)
         return z

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hfa_flight.plan.hold import Hold
-from hfa_flight.plan.planner import Target
 from hfa_flight.plan.scaled import ScaledProblem
+from hfa_flight.plan.target import Target
 
 #: Fraction of the limits within which the linear loop stays.
 _WITHIN = 0.9

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_flight.plan.held_model import HeldModel
+from hfa_flight.plan.held_model import STILL, HeldModel
 from hfa_flight.plan.scaled import ScaledProblem
 
 #: Fraction of the distance from trim to limit within which the next state must stay.
@@ -19,7 +19,7 @@ class OneSampleFilter:
     """Least change of the inputs of one sample after which some states are within their limits.
 
     The states are those that the inputs can move by a tenth of the range in one sample, such as a
-    pitch rate. The change is least in fractions of the inputs' ranges. It knows no disturbance.
+    pitch rate. The change is least in fractions of the inputs' ranges. It knows no wind.
 
     scaled: the problem in nominal units
     dt: sample time, s
@@ -36,7 +36,6 @@ class OneSampleFilter:
         self._within = within
         self._limits = within * below[self._kept], within * above[self._kept]
         self._squares = np.where(np.isfinite(ranges), ranges, 1.0) ** 2
-        self._no_disturbance = np.zeros(self.model.disturbances)
 
     def __reduce__(self) -> tuple[type[OneSampleFilter], tuple[Any, ...]]:
         """Return the constructor and its arguments, for copies and pickle."""
@@ -56,9 +55,7 @@ class OneSampleFilter:
         lowest, highest = self.model.scaled.input_limits
         n = len(z)
         for _ in range(_STEPS):
-            after, slopes = (
-                each[0] for each in self.model.moved_along(z[None], v[None], self._no_disturbance)
-            )
+            after, slopes = (each[0] for each in self.model.moved_along(z[None], v[None], STILL))
             excess = after[self._kept] - np.clip(after[self._kept], *self._limits)
             if not np.any(excess):
                 return v

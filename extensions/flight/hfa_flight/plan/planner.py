@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_flight.plan.held_model import HeldModel
+from hfa_flight.plan.held_model import STILL, HeldModel
 from hfa_flight.plan.hold import Hold
 from hfa_flight.plan.holds import Grid, gains_of
 from hfa_flight.plan.one_sample_filter import OneSampleFilter
 from hfa_flight.plan.plan_program import Change, PlanProgram
 from hfa_flight.plan.scaled import ScaledProblem
+from hfa_flight.plan.target import Target
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
 
@@ -39,29 +40,10 @@ _HARDER = 2.0
 _HORIZONS = 4
 
 
-class Target(NamedTuple):
-    """Equilibrium at which a flight under constant disturbances ends, and the value about it.
-
-    d: disturbances, the constants of the rates, then that of the model
-    z, v: deviations of states and inputs from the trim, (n,) and (m,)
-    P: matrix of the cost z'Pz at the end of a plan, (n, n)
-    """
-
-    d: np.ndarray
-    z: np.ndarray
-    v: np.ndarray
-    P: np.ndarray
-
-    def value(self, z: np.ndarray) -> float:
-        """Return the linear cost (z - z_t)'P (z - z_t) of some states, (n,)."""
-        away = z - self.z
-        return float(away @ self.P @ away)
-
-
 class Plan(NamedTuple):
     """Flight of the model over the horizon.
 
-    target: equilibrium at which it ends, with the disturbances of the flight
+    target: equilibrium at which it ends, with the winds of the flight
     z: states at the nodes, (N + 1, n)
     middle: states in the middle of the holds, (N, n)
     v: inputs during the holds, (N, m)
@@ -104,7 +86,7 @@ class Planner:
     grid: holds of a plan
     P: matrix of the cost z'Pz at the end of a plan about the trim, (n, n)
     margin: fraction of the distance from the trim by which the limits of the states are narrowed
-    disturbance: disturbance of the model in the disturbances d of a plan, or "" for none
+    winds: names of the disturbances of the model in moving air, constant in a plan
     """
 
     def __init__(
@@ -113,7 +95,7 @@ class Planner:
         grid: Grid,
         P: np.ndarray,
         margin: float,
-        disturbance: str = "",
+        winds: tuple[str, ...] = (),
     ) -> None:
         self.scaled = scaled
         self.grid = grid
@@ -125,19 +107,17 @@ class Planner:
         self._fast = np.flatnonzero(scaled.reached(grid.dt)[self.soft])
         self._slopes, self._curvatures = self._slack_prices(P)
         self._filter = OneSampleFilter(scaled, grid.dt * longest[-1], 1.0 - margin)
-        self.model = HeldModel(scaled, grid.dt * longest, disturbance)
-        self._halves = HeldModel(scaled, 0.5 * grid.dt * longest, disturbance)
-        self._flights = HeldModel(scaled, np.full(2 * count, 0.5 * grid.dt), disturbance)
-        #: The trim as target of a flight without disturbances.
-        self.trim = Target(
-            np.zeros(self.model.disturbances), np.zeros(len(P)), np.zeros(scaled.sizes[2]), P
-        )
+        self.model = HeldModel(scaled, grid.dt * longest, winds)
+        self._halves = HeldModel(scaled, 0.5 * grid.dt * longest, winds)
+        self._flights = HeldModel(scaled, np.full(2 * count, 0.5 * grid.dt), winds)
+        #: The trim as target of a flight in still air.
+        self.trim = Target(np.zeros(len(winds)), np.zeros(len(P)), np.zeros(scaled.sizes[2]), P)
         self._gain_flight = self._flight_of_gain()
         self._programs = self._all_programs()
 
     def __reduce__(self) -> tuple[type[Planner], tuple[Any, ...]]:
         """Return the constructor and its arguments, for copies and pickle."""
-        given = self.scaled, self.grid, self.trim.P, self.margin, self.model.disturbance
+        given = self.scaled, self.grid, self.trim.P, self.margin, self.model.winds
         return Planner, given
 
     def _slack_prices(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -161,7 +141,7 @@ class Planner:
         ends = np.cumsum(halves)
         inputs = np.zeros((len(self._flights.holds), len(target.v)))
         inputs[: ends[-1]] = np.repeat(v, halves, axis=0)
-        states = self._flights.flown(z, inputs, target.d)[: ends[-1] + 1]
+        states = self._flights.flown(z, inputs, target.w)[: ends[-1] + 1]
         nodes, middle = states[np.append(0, ends)], states[ends - holds.samples]
         with np.errstate(all="ignore"):
             both = np.hstack([nodes[:-1] - target.z, v - target.v])
@@ -187,22 +167,22 @@ class Planner:
         z: initial states, (n,)
         """
         begin = np.concatenate([z, [0.0, 0.0]])
-        (after,) = self._gain_flight.at(begin, K.ravel(), target.z, target.v, target.d)
+        (after,) = self._gain_flight.at(begin, K.ravel(), target.z, target.v, target.w)
         cost = float(after[-2]) + target.value(after[:-2]) if after[-1] == 0.0 else np.inf
         return cost if cost < _LOST else np.inf
 
     def _flight_of_gain(self) -> BoundFunction:
-        """Return the machine code of ([z, cost, excess], K by rows, z_t, v_t, d) -> [z, cost,
+        """Return the machine code of ([z, cost, excess], K by rows, z_t, v_t, w) -> [z, cost,
         largest excess over the limits] after four horizons.
         """
         k, n, m = self.scaled.sizes
-        sizes = {"begin": n + 2, "K": m * k, "z_t": n, "v_t": m, "d": self.model.disturbances}
-        begin, K, z_t, v_t, d = given = [ca.MX.sym(name, size) for name, size in sizes.items()]
+        sizes = {"begin": n + 2, "K": m * k, "z_t": n, "v_t": m, "w": len(self.model.winds)}
+        begin, K, z_t, v_t, w = given = [ca.MX.sym(name, size) for name, size in sizes.items()]
         away = begin[:n] - z_t
         least, most = (ca.DM(limit) for limit in self.scaled.input_limits)
         v = ca.fmin(ca.fmax(v_t - ca.reshape(K, k, m).T @ away[:k], least), most)
         both = ca.vertcat(away, v - v_t)
-        after = self.model.sample(begin[:n], v, d, self.grid.dt)
+        after = self.model.sample(begin[:n], v, w, self.grid.dt)
         cost = begin[n] + ca.bilin(ca.DM(self.grid.at(0).weights[0]), both, both)
         soft = ca.vec(after[self.soft.tolist()])
         lows, highs = (ca.DM(room) for room in self._room)
@@ -342,14 +322,14 @@ class Planner:
 
     def _slopes_along(self, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives of the states at the ends and middles of the holds."""
-        holds, d = self.grid.at(plan.age), plan.target.d
+        holds, w = self.grid.at(plan.age), plan.target.w
         z, n = plan.z[:-1], plan.z.shape[1]
         if not len(self._fast):
-            ends = self.model.moved_along(z, plan.v, d, holds.seconds)[1]
+            ends = self.model.moved_along(z, plan.v, w, holds.seconds)[1]
             return ends, ends
         half = 0.5 * holds.seconds
-        middle, begins = self._halves.moved_along(z, plan.v, d, half)
-        ends = self._halves.moved_along(middle, plan.v, d, half)[1]
+        middle, begins = self._halves.moved_along(z, plan.v, w, half)
+        ends = self._halves.moved_along(middle, plan.v, w, half)[1]
         over = ends[:, :, :n] @ begins
         over[:, :, n:] += ends[:, :, n:]
         return over, begins
@@ -375,7 +355,7 @@ class Planner:
             v = target.v - factor * gain @ (z - target.z)
             inputs.append(np.clip(v, *self.scaled.input_limits))
             for _ in range(samples):
-                z = self.model.after(z, inputs[-1], target.d, self.grid.dt)
+                z = self.model.after(z, inputs[-1], target.w, self.grid.dt)
         return np.array(inputs)
 
     def later(self, plan: Plan, z: np.ndarray, target: Target) -> Plan:
@@ -402,10 +382,9 @@ class Planner:
         gain, _ = hold.back(target.P)
         linear = np.clip(target.v - gain @ (z - target.z), *self.scaled.input_limits)
         inputs = [self._filter(z, v) for v in (linear, plan.v[-1], target.v)]
-        calm = np.zeros(self._filter.model.disturbances)
         costs = []
         for v in inputs:
-            (after,) = self._filter.model.moved_along(z[None], v[None], calm)[0]
+            (after,) = self._filter.model.moved_along(z[None], v[None], STILL)[0]
             both = np.concatenate([z - target.z, v - target.v])
             costs.append(both @ hold.W @ both + target.value(after) + self._price(after[None]))
         return inputs[int(np.argmin(costs))]

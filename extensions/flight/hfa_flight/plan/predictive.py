@@ -25,14 +25,17 @@ from hfa_flight.plan.scaled import ScaledProblem
 from hfa_flight.policies.laws import compared
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_support.arguments import ArrayLike
-from hfa_support.errors import BadInputError, numbers_in, refuse_unless_positive, shown
+from hfa_support.errors import (
+    BadInputError,
+    numbers_in,
+    refuse_unknown,
+    refuse_unless_positive,
+    shown,
+)
 from trim.point.operating_point import OperatingPoint
 
 #: Default fraction of the distances from trim to limits by which a plan's envelope is narrowed.
 MARGIN = 0.01
-#: Estimate of one constant disturbance for each rate, and no estimate.
-RATES = "rates"
-NOTHING = "nothing"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,13 +47,15 @@ class Predictive(SampledPolicy):
     initial: states at which a flight begins, deviations from the trim, (n,), or None if unknown
     """
 
+    plans = True
+
     problem: FlightProblem
     controller: RecedingHorizon
 
     initial: np.ndarray | None = field(default=None, kw_only=True)
 
     def reset(self) -> None:
-        """Forget the plan, the estimates and the times of an earlier flight."""
+        """Forget the plan, the winds and the times of an earlier flight."""
         self.controller.reset()
 
     def begin(self, X: Any) -> None:
@@ -80,32 +85,42 @@ class Predictive(SampledPolicy):
         initial = scenario.initial if np.size(scenario.initial) else None
         return replace(policy, initial=initial), scenario
 
-    def __call__(self, t: float, X: Any, disturbance: ArrayLike | None = None) -> np.ndarray:
+    @property
+    def winds(self) -> tuple[str, ...]:
+        """Names of the disturbances of the model in moving air that plans know."""
+        return self.controller.planner.model.winds
+
+    def in_air(self, winds: tuple[str, ...]) -> Self:
+        """Return the policy whose plans know some disturbances of the model in moving air."""
+        before = self.controller
+        planner, margin = before.planner, before.planner.margin
+        planner = Planner(planner.scaled, planner.grid, planner.trim.P, margin, winds)
+        controller = RecedingHorizon(planner, before.end, before.budget)
+        controller.rehearse()
+        return replace(self, controller=controller)
+
+    def __call__(self, t: float, X: Any, winds: Mapping[str, float] | None = None) -> np.ndarray:
         """Return the inputs U of the sample at t, absolute, (m,).
 
         A sample that is not finite or impossible is not used: its prediction is.
 
         t: s
         X: all states, absolute, (n,) or by name in their order
-        disturbance: constants that an estimator outside adds to the rates of the states, in their
-            units per second, (n,), or None for the own estimate. With it, X is its estimate too,
-            and used as it is
+        winds: estimated value of each disturbance of `winds`, in its unit, which the plan takes as
+            constant, or None. With it, X is an estimate too, and used as it is
         """
         z = self.problem.followed_of(X)
-        d = None if disturbance is None else self._scaled_rates(disturbance)
-        return self.problem.inputs_of(self.controller(z, self.delay, d))
+        w = None if winds is None else self._values(winds)
+        return self.problem.inputs_of(self.controller(z, self.delay, w))
 
-    def _scaled_rates(self, disturbance: ArrayLike) -> np.ndarray:
-        """Return disturbances of the rates of all states as the controller takes them."""
-        rates = numbers_in("disturbance", disturbance)
-        if rates.shape != (len(self.point.x),) or not np.isfinite(rates).all():
-            raise BadInputError(
-                f"disturbance is {shown(disturbance)}; give {len(self.point.x)} finite numbers, one"
-                " for the rate of each state"
-            )
-        known = rates[self.problem.followed_places] / self.problem.sizes[0]
-        own = np.zeros(len(self.controller.d) - len(known))
-        return np.concatenate([known, own])
+    def _values(self, winds: Mapping[str, float]) -> np.ndarray:
+        """Return the winds in the order of the plans."""
+        for name in winds:
+            refuse_unknown("the plans do not know the wind", name, self.winds)
+        values = numbers_in("winds", [winds.get(name, 0.0) for name in self.winds])
+        if not np.isfinite(values).all():
+            raise BadInputError(f"winds is {shown(winds)}; give finite numbers")
+        return values
 
     @property
     def holds(self) -> np.ndarray:
@@ -116,7 +131,7 @@ class Predictive(SampledPolicy):
     def K(self) -> np.ndarray:
         """Held gain of v = -K z near the trim, (m, k)."""
         of_states, of_inputs = self.problem.sizes
-        nominal = self.controller.nominal_end.K
+        nominal = self.controller.end.K
         return nominal * of_inputs[:, None] / of_states[: nominal.shape[1]]
 
     @property
@@ -132,7 +147,7 @@ class Predictive(SampledPolicy):
 
     def sampled_modes(self) -> np.ndarray:
         """Return the eigenvalues of the held linear loop near the trim, 1/s, (k,)."""
-        values = self.controller.nominal_end.poles
+        values = self.controller.end.poles
         return np.log(values[values != 0.0].astype(complex)) / self.dt
 
     def data(self, model: Model) -> dict[str, Any]:
@@ -189,18 +204,7 @@ class Predictive(SampledPolicy):
             lines.append(
                 f"HPIPM ended {done.unsolved} programs before its tolerance. Flights judged them."
             )
-        lines += wrong_samples_note(self.controller.wrong)
-        if done.radius is not None:
-            own = self.controller.planner.model.disturbance
-            nominal = self.problem.model.disturbances[own].nominal
-            unit = self.problem.model.unit(own)
-            unstable = "un" * (done.radius > 1.0)
-            lines.append(
-                f"Estimated {own}: {nominal * self.controller.d[-1]:.3g} {unit}. There, "
-                f"the exact gain of the trim is {unstable}stable (spectral radius "
-                f"{done.radius:.4f})."
-            )
-        return tuple(lines)
+        return (*lines, *wrong_samples_note(self.controller.wrong))
 
 
 def predictive(
@@ -213,7 +217,6 @@ def predictive(
     dt: float | None = None,
     horizon: float | None = None,
     margin: float = MARGIN,
-    estimate: str = RATES,
     budget: float | None = None,
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
@@ -229,8 +232,8 @@ def predictive(
     takes over.
 
     This does not prove that a flight converges or stays within the limits. Plans are local optima.
-    The limits of states hold at the nodes of a plan, for the model without other disturbances than
-    the estimated ones.
+    The limits of states hold at the nodes of a plan, for the model in still air, or behind
+    `hfa.filter` in the winds that the filter estimates.
 
     model: the aircraft
     point: trim at which flights end
@@ -241,8 +244,6 @@ def predictive(
     horizon: duration of a plan, s, by default chosen from the linear model. The rule cuts a longer
         one than it permits, and the notes of a flight say so
     margin: fraction of the distances from trim to limits by which a plan's envelope is narrowed
-    estimate: "rates" for one constant disturbance of each rate, estimated from the samples; the
-        name of a disturbance of the model, which is estimated too; or "nothing"
     budget: processor time of a sample after which no further quadratic program begins, s, by
         default half of dt. The plan of the sample before is then flown on. With math.inf, flights
         do not depend on the machine
@@ -265,7 +266,7 @@ def predictive(
         refuse_unless_positive("dt", dt, " s")
     problem = flight_problem(model, point, Q, R, inputs, limits)
     at_end = game(problem.linear, problem.Q, problem.R, delta=delta)
-    return policy_of(problem, at_end, dt, horizon, margin, estimate, budget)
+    return policy_of(problem, at_end, dt, horizon, margin, budget)
 
 
 def policy_of(
@@ -274,34 +275,29 @@ def policy_of(
     dt: float | None = None,
     horizon: float | None = None,
     margin: float = MARGIN,
-    estimate: str = RATES,
     budget: float | None = None,
 ) -> Predictive:
     """Return the predictive policy of a problem. The arguments are those of `predictive`.
 
     at_end: game whose P and K are at the end of a plan
 
-    Raises BadInputError for a wrong margin, estimate, budget, dt or horizon, and NoSolutionError if
-    the game has no solution.
+    Raises BadInputError for a wrong margin, budget, dt or horizon, and NoSolutionError if the game
+    has no solution.
     """
     if not 0.0 <= margin < 1.0:
         raise BadInputError(f"margin is {shown(margin)}; give a fraction from 0 to less than 1")
-    own = "" if estimate in (RATES, NOTHING) else estimate
-    if own and own not in problem.model.disturbances:
-        names = ", ".join([RATES, NOTHING, *problem.model.disturbances])
-        raise BadInputError(f"estimate is {shown(estimate)}; give one of {names}")
     if budget is not None and not budget > 0.0:
         raise BadInputError(f"budget is {shown(budget)}; give a time above 0 s")
     scaled = ScaledProblem(problem)
     grid = grid_of(scaled, dt, horizon)
     P, K = _end_of(scaled, grid.dt, at_end)
-    planner = Planner(scaled, grid, P, margin, own)
+    planner = Planner(scaled, grid, P, margin)
     end = EndLaw(scaled, hold_of(*scaled.linear_states, grid.dt), K)
     most = 0.5 * grid.dt if budget is None else budget
-    controller = RecedingHorizon(planner, end, estimates=estimate != NOTHING, budget=most)
+    controller = RecedingHorizon(planner, end, most)
     controller.rehearse()
     identity = {
-        "predictive": [problem.Q.tolist(), problem.R.tolist(), at_end.delta, margin, estimate],
+        "predictive": [problem.Q.tolist(), problem.R.tolist(), at_end.delta, margin],
         "holds": grid.at(0).seconds.tolist(),
     }
     return Predictive("predictive", problem.point, grid.dt, problem, controller, identity=identity)

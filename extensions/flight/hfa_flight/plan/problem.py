@@ -16,6 +16,7 @@ from controller.riccati.gare import unconfirmed_solution
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.simulate.envelope import control_limits, flight_envelope
 from hfa_flight.simulate.flight_report import series
 from hfa_support.errors import BadInputError, is_finite, numbers_in, refuse_unknown, shown
@@ -188,39 +189,34 @@ class FlightProblem:
 
     @cached_property
     def rates(self) -> ca.Function:
-        """CasADi function (followed states, v) -> time derivatives of the followed states.
+        """CasADi function (followed states, v) -> time derivatives, `rates_in` still air."""
+        return self.rates_in(())
 
-        The argument is one column of deviations. All deviations and derivatives are divided by
-        nominal values. Inputs that do not move have their trim values.
+    def rates_in(self, winds: tuple[str, ...]) -> ca.Function:
+        """CasADi function (followed states, v, w) -> time derivatives of the followed states.
+
+        The argument is one column of deviations. Those of states and inputs, and the derivatives,
+        are divided by nominal values. Inputs that do not move have their trim values.
+
+        winds: names of the disturbances w of the model in moving air
         """
-        both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
-        return ca.Function("rates", [both], [self._rates(both, {})], {"cse": True})
-
-    def rates_in(self, disturbance: str) -> ca.Function:
-        """CasADi function (followed states and v, w) -> time derivatives, as `rates`, with a
-        disturbance w of the model.
-
-        disturbance: name of the disturbance
-        """
-        both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
-        w = ca.SX.sym("w")
-        nominal = self.model.disturbances[disturbance].nominal
-        rates = self._rates(both, {disturbance: nominal * w})
-        return ca.Function("rates", [both, w], [rates], {"cse": True})
-
-    def _rates(self, both: ca.SX, winds: Mapping[str, ca.SX]) -> ca.SX:
-        """Return the time derivatives of the followed states, in nominal values."""
         of_states, of_inputs = self.sizes
+        count = len(self.followed) + len(self.inputs)
+        column = ca.SX.sym("column", count + len(winds))
         X = [ca.SX(value) for value in self.point.states]
         U = [ca.SX(value) for value in self.point.inputs]
         for row, place in enumerate(self.followed_places):
-            X[place] += float(of_states[row]) * both[row]
+            X[place] += float(of_states[row]) * column[row]
         for row, place in enumerate(self.moved):
-            U[place] += float(of_inputs[row]) * both[len(self.followed) + row]
+            U[place] += float(of_inputs[row]) * column[len(self.followed) + row]
         vectors = X, U, components(ca.DM(self.model.p))
-        every_wind = [winds.get(name, 0.0) for name in self.model.disturbances] if winds else None
-        every_rate, _ = self.model.layout.expressions(vectors, (), every_wind)
-        return ca.densify(every_rate[self.followed_places] / ca.DM(of_states))
+        model, air = self.model, dict(zip(winds, ca.vertsplit(column)[count:], strict=True))
+        if air.keys() - model.disturbances.keys():
+            model = in_gusts(model)
+        every_wind = [air.get(name, 0.0) for name in model.disturbances] if air else None
+        every_rate, _ = model.layout.expressions(vectors, (), every_wind)
+        rates = ca.densify(every_rate[self.followed_places] / ca.DM(of_states))
+        return ca.Function("rates", [column], [rates], {"cse": True})
 
     def scaled_weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return Q, (followed, followed), R, (m, m), and P, (followed, followed), for nominal

@@ -11,13 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hfa_flight.plan.commands_under_way import CommandsUnderWay
-from hfa_flight.plan.disturbance_estimate import DisturbanceEstimate, LastSample
 from hfa_flight.plan.end_law import EndLaw
-from hfa_flight.plan.hold import hold_of
-from hfa_flight.plan.planner import Plan, Planner, Target
+from hfa_flight.plan.planner import Plan, Planner
 from hfa_flight.plan.sample_gate import SampleGate
-from hfa_support.errors import NoSolutionError
-from hfa_support.matrices import spectral_radius
+from hfa_flight.plan.target import CheapestEquilibrium, Target
 
 #: Largest numbers of steps of the quadratic program at the first sample, and at each later one. A
 #: later sample takes a further step only while the cost so far plus that of its plan exceeds the
@@ -36,8 +33,6 @@ _LINEAR = 0.01
 _SMALL_END = 0.002
 #: Cost below which a flight is at its target, relative to z'Pz at a corner of the usual box.
 _NOTHING = 1e-12
-#: Number of samples after which the linear policy is computed again at the estimated equilibrium.
-_RENEWED = 10
 
 
 @dataclass
@@ -55,8 +50,6 @@ class Samples:
     rise: largest rise of the cost so far plus that of the plan over the least such sum before it,
         relative to that sum. The plan counts with the flight of the linear policy after its end, or
         with z'Pz where that flight leaves the limits. A change by what was not predicted is no rise
-    radius: largest spectral radius of the loop of the trim's held gain, linearized at the estimated
-        equilibrium, or None without a disturbance of the model
     """
 
     planned: int = 0
@@ -68,16 +61,13 @@ class Samples:
     first_seconds: float = 0.0
     seconds: list[float] = field(default_factory=list)
     rise: float = 0.0
-    radius: float | None = None
 
 
 @dataclass
 class _Memory:
     """What the samples of a flight leave for the next one.
 
-    target: equilibrium at which the flight ends, and the known disturbances
-    end: linear policy near it
-    last: last sample that was used or replaced by its prediction, or None before the first one
+    target: equilibrium at which the flight ends, and the known winds
     plan: last plan, or None where none is to be continued
     waits: whether the plan was made before the flight, and waits for its first sample
     near: whether the linear policy has taken over
@@ -86,8 +76,6 @@ class _Memory:
     """
 
     target: Target
-    end: EndLaw
-    last: LastSample | None = None
     plan: Plan | None = None
     waits: bool = False
     near: bool = False
@@ -100,19 +88,15 @@ class RecedingHorizon:
     """Policy v = controller(z) in nominal units, with a memory of the samples of one flight.
 
     planner: plans
-    nominal_end: linear policy near the trim
-    estimates: whether constant disturbances are estimated
+    end: linear policy near the target
     budget: processor time of a sample after which no further program begins, s
     """
 
-    def __init__(
-        self, planner: Planner, nominal_end: EndLaw, *, estimates: bool, budget: float
-    ) -> None:
+    def __init__(self, planner: Planner, end: EndLaw, budget: float) -> None:
         k, n, _ = planner.scaled.sizes
         self.planner = planner
-        self.nominal_end = nominal_end
-        self._estimate = DisturbanceEstimate(planner)
-        self._estimates = estimates
+        self.end = end
+        self._equilibrium = CheapestEquilibrium(planner.model)
         self.budget = budget
         self._commands = CommandsUnderWay(planner.model)
         #: Cost below which a flight is at its target.
@@ -121,8 +105,8 @@ class RecedingHorizon:
         self.reset()
 
     def reset(self) -> None:
-        """Begin a flight: forget its plans, commands, estimates and times."""
-        self._memory = _Memory(self.planner.trim, self.nominal_end)
+        """Begin a flight: forget its plans, commands, winds and times."""
+        self._memory = _Memory(self.planner.trim)
         self._commands.clear()
         self._gate.clear()
 
@@ -136,11 +120,6 @@ class RecedingHorizon:
         """Record of the flight since the last reset."""
         return self._memory.samples
 
-    @property
-    def d(self) -> np.ndarray:
-        """Known disturbances: constants of the rates, then that of the model."""
-        return self._memory.target.d
-
     def begin(self, z: np.ndarray, delay: float = 0.0) -> None:
         """Begin a flight with a first plan that is made before its first sample.
 
@@ -148,7 +127,7 @@ class RecedingHorizon:
         delay: time after which inputs act, s
         """
         self.reset()
-        self._begin_plan(self._commands.moved(z, delay, self.d))
+        self._begin_plan(self._commands.moved(z, delay, self._memory.target.w))
         self._memory.waits = True
 
     def rehearse(self) -> None:
@@ -161,47 +140,34 @@ class RecedingHorizon:
         self.reset()
 
     def __call__(
-        self, z: np.ndarray, delay: float = 0.0, d: np.ndarray | None = None
+        self, z: np.ndarray, delay: float = 0.0, w: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the inputs v of the next sample, (m,), within their limits.
 
-        z: measured deviations of the followed states, (n,), or with d their estimate
+        z: measured deviations of the followed states, (n,), or with w their estimate
         delay: time after which v acts, s
-        d: disturbances that others have estimated, or None for the own estimate
+        w: estimated winds, or None
         """
         began = time.thread_time()
         memory = self._memory
-        if d is None:
-            used = self._used(z)
+        used: np.ndarray | None = z
+        if w is None:
+            used = self._gate.used(z)
         else:
-            used = z
-            self._know(d)
+            memory.target = self._equilibrium.near(memory.target, w)
         if used is None:  # nothing is known about the states yet
             v = np.zeros(self.planner.scaled.sizes[2])
             self._commands.append(v)
             return v
         planned, first = memory.samples.planned, memory.samples.first
         with np.errstate(over="ignore", invalid="ignore"):  # the flight may be lost
-            v = self._input(self._commands.moved(used, delay, self.d), began + self.budget)
+            moved = self._commands.moved(used, delay, memory.target.w)
+            v = self._input(moved, began + self.budget)
         self._commands.append(v)
-        self._remember(used, z, delay)
+        self._gate.predict(used, z, delay, memory.target.w)
         if memory.samples.planned > planned and first is not None:
             memory.samples.seconds.append(time.thread_time() - began)
         return v
-
-    def _used(self, z: np.ndarray) -> np.ndarray | None:
-        """Return the states of a sample, or their prediction if it is wrong, None without one."""
-        last = self._memory.last
-        after_a_wrong_one = self._gate.follows_a_wrong_one
-        used = self._gate.used(z)
-        if self._estimates and last is not None and used is z and not after_a_wrong_one:
-            self._know(self._estimate.updated(self.d, z, last))
-        return used
-
-    def _know(self, d: np.ndarray) -> None:
-        """Plan with some disturbances from now on."""
-        self._memory.target = self._estimate.target(d, self._memory.target)
-        self._renew_end()
 
     def _input(self, z: np.ndarray, until: float) -> np.ndarray:
         """Return the inputs from the states at the time at which they act, (m,).
@@ -210,11 +176,11 @@ class RecedingHorizon:
         """
         memory = self._memory
         target = memory.target
-        inside = memory.end.contains(z, target)
+        inside = self.end.contains(z, target)
         if memory.near and inside:
             memory.samples.linear += 1
             memory.plan = None
-            return memory.end.inputs(z, target)
+            return self.end.inputs(z, target)
         plan = memory.plan = self._planned(z, until)
         memory.samples.planned += 1
         value = target.value(z)
@@ -226,7 +192,7 @@ class RecedingHorizon:
 
     def _linear_cost(self, z: np.ndarray) -> float:
         """Return the cost of the flight of the linear policy from z, inf beyond the limits."""
-        return self.planner.cost_of_gain(self._memory.end.K, z, self._memory.target)
+        return self.planner.cost_of_gain(self.end.K, z, self._memory.target)
 
     def _value(self, plan: Plan) -> float:
         """Return the cost of a plan with the flight of the linear policy after its end, or with
@@ -305,38 +271,3 @@ class RecedingHorizon:
         samples.rise = max(samples.rise, (total - memory.least) / max(memory.least, self.nothing))
         memory.least = min(total, memory.least)
         return plan
-
-    def _remember(self, z: np.ndarray, measured: np.ndarray, delay: float) -> None:
-        """Store the states, the acting inputs, and the states predicted for the next sample.
-
-        z: states of the sample, or their prediction, (n,)
-        measured: the sample itself, (n,)
-        """
-        dt = self.planner.grid.dt
-        acting = self._commands.acting(self._commands.count - 1, delay, dt)
-        shares = [seconds / dt for _, seconds in acting]
-        average = np.array(shares) @ np.array([v for v, _ in acting])
-        predicted = self._gate.predict(z, measured, delay, self.d)
-        self._memory.last = LastSample(z, average, predicted)
-
-    def _renew_end(self) -> None:
-        """Linearize the end of a plan at the target, if a disturbance of the model is known."""
-        from scipy.linalg import LinAlgError, solve_continuous_are
-
-        planner, target = self.planner, self._memory.target
-        k, n, _ = planner.scaled.sizes
-        if len(target.d) == n or self._commands.count % _RENEWED:
-            return
-        _, slopes, _ = planner.model.slopes(np.concatenate([target.z, target.v]), target.d[n:])
-        by_both = np.array(slopes)[:k]
-        linear = by_both[:, :k], by_both[:, n:], *planner.scaled.linear_states[2:]
-        hold = hold_of(*linear, planner.grid.dt)
-        radius = spectral_radius(hold.A - hold.B @ self.nominal_end.K)
-        self.samples.radius = max(radius, self.samples.radius or 0.0)
-        try:
-            K, _ = hold.forever()
-            P = solve_continuous_are(*linear)
-        except (NoSolutionError, LinAlgError):
-            return
-        self._memory.end = EndLaw(planner.scaled, hold, K)
-        self._memory.target = target._replace(P=np.pad(P, [(0, n - k)] * 2))

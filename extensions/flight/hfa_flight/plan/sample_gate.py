@@ -47,11 +47,6 @@ class SampleGate:
         self._predicted: np.ndarray | None = None
         self._doubted: np.ndarray | None = None
 
-    @property
-    def follows_a_wrong_one(self) -> bool:
-        """Whether the last sample was wrong, but finite."""
-        return self._doubted is not None
-
     def used(self, z: np.ndarray) -> np.ndarray | None:
         """Return the sample, or its prediction if it is wrong, None without a prediction.
 
@@ -64,20 +59,17 @@ class SampleGate:
         self.wrong += 1
         return self._predicted
 
-    def predict(
-        self, used: np.ndarray, measured: np.ndarray, delay: float, d: np.ndarray
-    ) -> np.ndarray:
-        """Predict the next sample after the command of a sample, and return its states, (n,).
+    def predict(self, used: np.ndarray, measured: np.ndarray, delay: float, w: np.ndarray) -> None:
+        """Predict the next sample after the command of a sample.
 
         used: result of `used` for the measured states, (n,) each
         delay: time from a sample until its command acts, s
-        d: disturbances
+        w: winds
         """
         acting = self._commands.acting(self._commands.count - 1, delay, self._dt)
         is_doubted = used is not measured and bool(np.isfinite(measured).all())
-        self._doubted = self._commands.over(measured, acting, d) if is_doubted else None
-        self._predicted = self._commands.over(used, acting, d)
-        return self._predicted
+        self._doubted = self._commands.over(measured, acting, w) if is_doubted else None
+        self._predicted = self._commands.over(used, acting, w)
 
 
 def wrong_samples_note(count: int) -> list[str]:

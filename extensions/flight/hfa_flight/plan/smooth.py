@@ -29,10 +29,12 @@ _KINK_POINTS = 500
 
 
 @lru_cache(maxsize=16)
-def smooth_rates(problem: FlightProblem) -> ca.Function:
-    """Return the rates of a problem with smoothed tables and kinks.
+def smooth_rates(problem: FlightProblem, winds: tuple[str, ...] = ()) -> ca.Function:
+    """Return the rates of a problem in moving air with smoothed tables and kinks.
 
-    The result is `problem.rates` itself if no kink is smoothed.
+    In still air, the result is `problem.rates` itself if no kink is smoothed.
+
+    winds: names of the disturbances w, the last elements of the argument
     """
     of_states, of_inputs = problem.sizes
     pairs = zip(problem.state_limits, problem.input_limits, strict=True)
@@ -44,7 +46,8 @@ def smooth_rates(problem: FlightProblem) -> ca.Function:
     is_bounded[: len(of_states)] = False
     most[is_bounded] = np.inf
     near = rng.uniform(np.maximum(below, -most), np.minimum(above, most), shape)
-    return smoothed(problem.rates, near, KINK_WIDTH)
+    rates = problem.rates_in(winds) if winds else problem.rates
+    return smoothed(rates, np.pad(near, [(0, 0), (0, len(winds))]), KINK_WIDTH)
 
 
 def has_kinks(problem: FlightProblem) -> bool:
@@ -52,22 +55,6 @@ def has_kinks(problem: FlightProblem) -> bool:
     smoothed for the optimizer.
     """
     return smooth_rates(problem) is not problem.rates
-
-
-@lru_cache(maxsize=16)
-def disturbed_rates(problem: FlightProblem, disturbance: str) -> ca.Function:
-    """Return the function (followed states and v, w) -> smoothed rates, in nominal values.
-
-    disturbance: name of the disturbance w of the model, or "" for none
-    """
-    calm = smooth_rates(problem)
-    both = ca.SX.sym("both", calm.numel_in(0))
-    w = ca.SX.sym("w", 1 if disturbance else 0)
-    rates = calm(both)
-    if disturbance:
-        moved = problem.rates_in(disturbance)
-        rates += moved(both, w) - moved(both, 0.0)
-    return ca.Function("disturbed", [both, w], [ca.densify(rates)], {"cse": True})
 
 
 @lru_cache(maxsize=16)

@@ -18,6 +18,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
 from hfa_flight.plan.commands_under_way import CommandsUnderWay
+from hfa_flight.plan.held_model import STILL
 from hfa_flight.plan.holds import sample_time
 from hfa_flight.plan.one_sample_filter import OneSampleFilter
 from hfa_flight.plan.problem import FlightProblem, flight_problem
@@ -54,6 +55,8 @@ class StateDependent(SampledPolicy):
     problem: aircraft, trim, weights and limits
     law: the policy in nominal units
     """
+
+    plans = True
 
     problem: FlightProblem
     law: RiccatiLaw
@@ -132,7 +135,6 @@ class RiccatiLaw:
         self._ray = 0.5 * (1.0 + nodes), 0.5 * shares
         self._commands = CommandsUnderWay(self.filter.model)
         self._gate = SampleGate(scaled, self._commands, dt)
-        self._calm = np.zeros(self.filter.model.disturbances)
         self.reset()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -165,12 +167,12 @@ class RiccatiLaw:
             v = np.zeros(self._scaled.sizes[2])
             self._commands.append(v)
             return v
-        acted = self._commands.moved(used, delay, self._calm)
+        acted = self._commands.moved(used, delay, STILL)
         K = self.gain_at(acted)
         v = np.clip(-K @ acted[: K.shape[1]], *self._scaled.input_limits)
         v = self.filter(acted, v)
         self._commands.append(v)
-        self._gate.predict(used, z, delay, self._calm)
+        self._gate.predict(used, z, delay, STILL)
         return v
 
     def gain_at(self, z: np.ndarray) -> np.ndarray:

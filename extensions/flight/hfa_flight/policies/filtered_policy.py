@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self, cast
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_flight.air.delay import in_samples
+from hfa_flight.air.held_step import held_step, parts_of_a_sample
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
@@ -27,8 +30,8 @@ from trim.point.operating_point import OperatingPoint
 IMPOSSIBLE = 8.0
 #: After this number of such samples in a row, the estimate begins anew at the measured values.
 LOST = 10
-#: Function (number of the sample, deviations of all states) -> deviations of the inputs.
-_Law = Callable[[int, np.ndarray], np.ndarray]
+#: Function (number of the sample, deviations of all states, winds) -> deviations of the inputs.
+_Law = Callable[[int, np.ndarray, Mapping[str, float]], np.ndarray]
 
 
 @dataclass
@@ -57,6 +60,8 @@ class FilteredPolicy(SampledPolicy):
     A sample that is not finite, or with an innovation beyond 8 standard deviations, is not used
     and counted. If the first sample, or ten in a row, are impossible, the estimate begins at the
     measured values. With a delay the law acts on the state predicted over the commands under way.
+    The linear model predicts the states, or the nonlinear one for a law that plans on it. Such a
+    law may receive the winds of the filter too.
 
     filter: the filter
     law: the policy behind it
@@ -76,7 +81,7 @@ class FilteredPolicy(SampledPolicy):
         object.__setattr__(self, "_memory", self._new())
 
     def _new(self) -> _Memory:
-        late = round(self.delay / self.dt)
+        late = in_samples(self.delay, self.dt).whole
         still = [np.zeros(len(self.point.u)) for _ in range(late)]
         return _Memory(np.zeros(len(self.filter.Phi)), still)
 
@@ -142,17 +147,56 @@ class FilteredPolicy(SampledPolicy):
         updated = self._updated(memory, y)
         ahead = updated  # when the command of this sample acts
         for under_way in memory.waiting:
-            ahead = known.Phi @ ahead + known.Gamma @ under_way
+            ahead = self._moved(ahead, under_way)
         x = np.zeros(len(self.point.x))
         x[self.point.model.state_places(known.states)] = ahead[: len(known.states)]
         limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
-        command = memory.law(memory.samples, x) + self.point.u
+        command = memory.law(memory.samples, x, known.winds_at(ahead)) + self.point.u
         u = np.clip(command, limits.lowest, limits.highest) - self.point.u
         memory.waiting.append(u)
         acting = memory.waiting.pop(0)
-        memory.predicted = known.Phi @ updated + known.Gamma @ acting
+        memory.predicted = self._moved(updated, acting)
         memory.samples += 1
         return np.asarray(u)
+
+    def _moved(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return the states of the filter after a sample, (n,).
+
+        x: states of the filter, (n,)
+        u: deviations of the acting inputs from the trim, (m,)
+        """
+        known, k = self.filter, len(self.filter.states)
+        after: np.ndarray = known.Phi @ x + known.Gamma @ u
+        if isinstance(self.law, SampledPolicy) and self.law.plans:
+            point, rows = self.point, self.point.model.state_places(known.states)
+            X, push = point.x, np.append(np.zeros(k), [*known.winds_at(x).values()])
+            X[rows] += x[:k]
+            moved, _ = self._nonlinear.at(X, point.u + u, push, point.model.p)
+            if np.isfinite(moved).all():
+                after[:k] = (moved - point.x)[rows]
+        return after
+
+    @cached_property
+    def _nonlinear(self) -> BoundFunction:
+        """Function (X, U, [0; winds], p) -> (X after a sample of the nonlinear model, extremes)."""
+        parts = parts_of_a_sample([self.point], self.dt)
+        return BoundFunction(held_step(self.point.model, self.dt, parts, self.filter.winds))
+
+    def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
+        """Return the policy and the scenario with ticks that divide samples and delays.
+
+        Raises BadInputError if the delay is not a whole number of samples.
+        """
+        policy, scenario = super().in_scenario(scenario)
+        if not in_samples(scenario.delay, self.dt).is_whole:
+            raise BadInputError(
+                f"the delay is {scenario.delay:g} s; the filter takes whole samples of "
+                f"{self.dt:g} s"
+            )
+        if not isinstance(self.law, SampledPolicy):
+            return policy, scenario
+        law, _ = self.law.in_scenario(replace(scenario, delay=0.0))
+        return replace(policy, law=replace(law, tick=self.dt)), scenario
 
     def _updated(self, memory: _Memory, y: np.ndarray) -> np.ndarray:
         """Return the states of the filter with the sample y, (n,)."""
@@ -196,7 +240,9 @@ class FilteredPolicy(SampledPolicy):
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields, without functions that are made at the next sample."""
         memory = replace(self._memory, law=None, waiting=[*self._memory.waiting])
-        return {**self.__dict__, "_memory": memory}
+        fields = {**self.__dict__, "_memory": memory}
+        fields.pop("_nonlinear", None)
+        return fields
 
 
 def filtered_policy(known: KalmanFilter, law: Any) -> FilteredPolicy:
@@ -219,7 +265,7 @@ def filtered_policy(known: KalmanFilter, law: Any) -> FilteredPolicy:
         raise BadInputError(f"the policy {behind.name} has a memory; give one without a memory")
     own = own_sample_time(behind, known.dt)
     if isinstance(behind, SampledPolicy):
-        behind = replace(behind, tick=known.dt)
+        behind = replace(behind.in_air(known.winds), tick=known.dt)
     if not math.isclose(own, known.dt, rel_tol=1e-6):
         raise BadInputError(
             f"the filter has samples of {known.dt:g} s, the policy {behind.name} of {own:g} s; "
@@ -240,15 +286,18 @@ def own_sample_time(policy: Policy, otherwise: float) -> float:
 def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
     """Return the law of the estimate: a sampler of the policy, or its expression."""
     sampler = policy.sampler()
+    if isinstance(policy, SampledPolicy) and policy.winds:
+        trim, inputs, planned = point.x, point.u, cast(Any, policy)
+        return lambda sample, x, winds: planned(sample * dt, trim + x, winds) - inputs
     if sampler is not None:
-        return sampler
+        return lambda sample, x, _: sampler(sample, x)
     rows = point.model.state_places(point.model.linear)
     t, z = ca.SX.sym("t"), ca.SX.sym("z", len(rows))
     held = ca.SX.sym("held", policy.held.shape[1])
     command = command_of(policy, t, z, held)
     function = BoundFunction(ca.Function("law", [t, z, held], [ca.densify(command)]))
 
-    def law(sample: int, x: np.ndarray) -> np.ndarray:
+    def law(sample: int, x: np.ndarray, _: Mapping[str, float]) -> np.ndarray:
         (u,) = function.at(sample * dt, x[rows], policy.held_inputs(sample, sample * dt))
         return np.array(u)
 

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 #: hundredth of its nominal value.
 DRIFT = 0.1
 _UNMEASURED = 0.01
+#: Largest estimate of a wind, in standard deviations of the turbulence.
+_STRONGEST = 4.0
 #: Smallest singular value of [A - s I; C] of an observable mode, relative to that of A.
 _OBSERVED = 1e-7
 #: Largest relative residual of the Riccati equation.
@@ -41,6 +43,7 @@ class _Plant(NamedTuple):
     """Aircraft and air, x' = A x + B u + G ν with white noise ν, y = C x.
 
     x are the k linear states and the states of the turbulence filter; scale (n,) are their units.
+    The winds are W times the latter.
     """
 
     A: np.ndarray
@@ -49,6 +52,9 @@ class _Plant(NamedTuple):
     noise: np.ndarray  # G G', of the turbulence
     drift: np.ndarray  # (n,), standard deviation of the drift in one second
     scale: np.ndarray
+    winds: tuple[str, ...]
+    W: np.ndarray
+    strongest: np.ndarray  # largest estimates of the winds
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +75,9 @@ class KalmanFilter(Result):
     L: gain, (n, p).
     residual: residual of the Riccati equation of P, relative to P, in balanced units.
     unobservable: names of decaying modes that the sensors do not observe.
+    winds: names of the model's disturbances w = W x_air that the turbulence sets.
+    W: (w, n - k).
+    strongest: 4 standard deviations of the winds of the turbulence, (w,).
     """
 
     point: OperatingPoint
@@ -86,6 +95,9 @@ class KalmanFilter(Result):
     L: np.ndarray
     residual: float
     unobservable: tuple[str, ...]
+    winds: tuple[str, ...]
+    W: np.ndarray
+    strongest: np.ndarray
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -96,6 +108,11 @@ class KalmanFilter(Result):
     def states(self) -> tuple[str, ...]:
         """Names of the k linear states."""
         return tuple(self.drift)
+
+    def winds_at(self, x: np.ndarray) -> dict[str, float]:
+        """Return the winds of some states (n,), by name, within 4 standard deviations."""
+        w = np.clip(self.W @ x[len(self.states) :], -self.strongest, self.strongest)
+        return dict(zip(self.winds, w.tolist(), strict=True))
 
     @cached_property
     def innovation(self) -> np.ndarray:
@@ -282,6 +299,8 @@ def _plant(
     A, B, E = linear.A, linear.B, np.zeros((k, 0))
     scale = [noise.get(name, _UNMEASURED * model.states[name].nominal) for name in linear.states]
     Aw, noise_of_air = np.zeros((0, 0)), np.zeros((0, 0))
+    winds: tuple[str, ...] = ()
+    W, strongest = np.zeros((0, 0)), np.zeros(0)
     if turbulence is not None:
         air = turbulence.air(point, dt, 1, 0)
         shape = AirFilter.of(air)
@@ -291,10 +310,13 @@ def _plant(
             in_gusts(model), point.states, point.inputs, disturbances=air.names
         )
         rows = model.state_places(model.linear)
-        E = slopes.E[rows] @ seen[:, used]
+        winds, W = air.names, seen[:, used]
+        E = slopes.E[rows] @ W
+        covariance = shape.covariance[np.ix_(used, used)]
+        strongest = _STRONGEST * np.sqrt(np.diag(W @ covariance @ W.T))
         Aw = shape.A[np.ix_(used, used)]
         noise_of_air = np.pi * (shape.B @ shape.B.T)[np.ix_(used, used)]
-        scale += np.sqrt(np.diag(shape.covariance))[used].tolist()
+        scale += np.sqrt(np.diag(covariance)).tolist()
     n = k + len(Aw)
     whole = np.block([[A, E], [np.zeros((len(Aw), k)), Aw]])
     G = np.zeros((n, n))
@@ -304,7 +326,7 @@ def _plant(
     C = np.zeros((len(noise), n))
     C[np.arange(len(noise)), [linear.states.index(name) for name in noise]] = 1.0
     B = np.vstack([B, np.zeros((n - k, m))])
-    return _Plant(whole, B, C, G, drifts, np.array(scale))
+    return _Plant(whole, B, C, G, drifts, np.array(scale), winds, W, strongest)
 
 
 def _used(A: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -367,6 +389,9 @@ def _solved(
         L=L * plant.scale[:, None] / sigma,
         residual=residual,
         unobservable=unobservable,
+        winds=plant.winds,
+        W=plant.W,
+        strongest=plant.strongest,
     )
 
 

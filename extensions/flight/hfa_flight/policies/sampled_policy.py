@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -30,6 +30,8 @@ class SampledPolicy(Policy):
     """
 
     predicts = False
+    #: Whether the policy plans on the nonlinear model.
+    plans: ClassVar[bool] = False
 
     point: OperatingPoint
     dt: float
@@ -50,6 +52,15 @@ class SampledPolicy(Policy):
         X and U are absolute values.
         """
         raise NotImplementedError
+
+    @property
+    def winds(self) -> tuple[str, ...]:
+        """Names of the winds that `__call__` takes as a third argument, name -> value."""
+        return ()
+
+    def in_air(self, winds: tuple[str, ...]) -> Self:
+        """Return the policy that takes some winds, if it plans with them."""
+        return self
 
     def reset(self) -> None:
         """Forget the samples of an earlier flight."""

@@ -102,7 +102,7 @@ def test_one_program_makes_the_last_plan_the_optimum_of_another_state() -> None:
     of the exact gain of the holds. The old plan would give -0.43 in place of -0.17.
     """
     policy = hfa.predictive(
-        CART, AT_REST, *WEIGHTS, horizon=1.6, margin=0.0, estimate="nothing",
+        CART, AT_REST, *WEIGHTS, horizon=1.6, margin=0.0,
         limits={"position": (-1.0, 1.0)},
     )  # fmt: skip
     linear = hfa.linearize(CART, AT_REST)
@@ -134,7 +134,7 @@ def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies()
     """A plan of half a second costs z'Pz with P of SciPy within 1 %, and the next input is -K z."""
     linear = hfa.linearize(CART, AT_REST)
     P = np.array(hfa.lqr(linear.A, linear.B, *WEIGHTS).P)
-    policy = hfa.predictive(CART, AT_REST, *WEIGHTS, horizon=0.5, estimate="nothing")
+    policy = hfa.predictive(CART, AT_REST, *WEIGHTS, horizon=0.5)
     z, later = np.array([0.02, -0.01]), np.array([0.015, -0.012])
     policy(0.0, z)
     assert policy.samples.first.cost == pytest.approx(z @ P @ z, rel=0.01)
@@ -200,7 +200,7 @@ def test_the_exact_gain_waits_until_its_own_flight_costs_the_value() -> None:
     """At x = 1 the plan costs the linear value, although the gain's own flight costs 16 % more."""
     model = unstable(-3.0, 3.91)
     point = hfa.trim(model)
-    policy = hfa.predictive(model, point, [[1.0]], [[1.0]], estimate="nothing")
+    policy = hfa.predictive(model, point, [[1.0]], [[1.0]])
     flight = hfa.fly(
         model, point, policy, scenario=Scenario(duration=8.0), initial=[1.0], predict=False,
         weights=(np.eye(1), np.eye(1)),
@@ -297,7 +297,7 @@ def test_a_delay_is_bridged_by_the_commands_under_way() -> None:
     """
     dt = 0.1
     start, delay = np.array([1.0, 0.3]), 0.2
-    policy = hfa.predictive(CART, AT_REST, *WEIGHTS, dt=dt, estimate="nothing")
+    policy = hfa.predictive(CART, AT_REST, *WEIGHTS, dt=dt)
     late, _, _ = flown(
         policy, CART, AT_REST, dict(zip(CART.states, start.tolist(), strict=True)), 15.0,
         tick=0.01, step=0.01, delay=delay,
@@ -309,28 +309,29 @@ def test_a_delay_is_bridged_by_the_commands_under_way() -> None:
     assert late == pytest.approx(start @ drift @ start + prompt, rel=5e-4)
 
 
-@pytest.mark.slow
-def test_a_constant_disturbance_leaves_the_cheapest_equilibrium() -> None:
-    """Under a constant push, the estimate leads to the cheapest equilibrium: of the cart, at rest
-    in the position 0, of a torque-controlled pendulum at min z'Qz + v'Rv with all moments balanced.
+def ends_in_a_push(policy: Any, model: Any, point: Any, push: float) -> float:
+    """Return the first state after 15 s in a constant push that the plans know."""
+    knows = policy.in_air(("push",))
+    air = {"push": Waveform(np.array([push]), np.zeros(1))}
+    scenario = Scenario(duration=15.0, tick=policy.dt, step=policy.dt / 10.0, air=air)
+    flight = hfa.fly(
+        model, point, lambda t, X: knows(t, [*X], {"push": push}), scenario=scenario, predict=False
+    )
+    return float(flight.states[-1][0])
 
-    Without the estimate, the flight ends elsewhere.
-    """
+
+@pytest.mark.slow
+def test_plans_end_at_the_cheapest_equilibrium_in_a_known_wind() -> None:
+    """A torque-controlled pendulum ends at min z'Qz + v'Rv with all moments balanced."""
     push = 0.2
     angles = np.linspace(-0.6, 0.6, 200_001)
     torques = -push - 0.15 * 9.81 * 0.5 * np.sin(angles)
     cheapest = angles[np.argmin(angles**2 + torques**2)]
-    ends = {}
-    for estimate in ("rates", "push", "nothing"):
-        policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS, estimate=estimate)
-        air = {"push": Waveform(np.array([push]), np.zeros(1))}
-        _, states, _ = flown(policy, PENDULUM, UPRIGHT, {}, 12.0, air=air)
-        ends[estimate] = states[-1, 0]
-    assert ends["rates"] == pytest.approx(cheapest, abs=2e-3)
-    assert ends["push"] == pytest.approx(cheapest, abs=2e-3)
-    assert abs(ends["nothing"] - cheapest) > 0.02
+    policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS)
+    assert ends_in_a_push(policy, PENDULUM, UPRIGHT, push) == pytest.approx(cheapest, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_the_policy_rests_at_the_cheapest_equilibrium_of_a_cheap_state() -> None:
     """The weight of the speed is 1e-6 of that of the roll, which the force does not move. The rest
     speed s minimizes s² + v² with v = s - push: weights that only make it unique must not move it.
@@ -345,9 +346,7 @@ def test_the_policy_rests_at_the_cheapest_equilibrium_of_a_cheap_state() -> None
     )
     point = hfa.trim(boat)
     policy = hfa.predictive(boat, point, np.diag([1.0, 1e6]), np.eye(1))
-    air = {"push": Waveform(np.array([push]), np.zeros(1))}
-    flight = hfa.fly(boat, point, policy, scenario=Scenario(duration=15.0, air=air), predict=False)
-    assert flight.states[-1][0] == pytest.approx(0.5 * push, rel=2e-3)
+    assert ends_in_a_push(policy, boat, point, push) == pytest.approx(0.5 * push, rel=2e-3)
 
 
 def test_the_game_of_a_finite_delta_is_at_the_end() -> None:
@@ -376,7 +375,6 @@ def test_the_game_of_a_finite_delta_is_at_the_end() -> None:
     ("wrong", "error", "says"),
     [
         ({"margin": 1.0}, hfa.BadInputError, "margin is 1.0"),
-        ({"estimate": "wind"}, hfa.BadInputError, "rates, nothing, push"),
         ({"dt": -0.1}, hfa.BadInputError, "dt is -0.1 s"),
         ({"dt": 100.0}, hfa.BadInputError, "dt is 100.0 s; give at most"),
         ({"budget": 0.0}, hfa.BadInputError, "budget is 0.0"),
@@ -452,12 +450,13 @@ def test_a_copy_in_flight_flies_on_as_the_policy_does(law: str, copied: Any) -> 
     assert flown[0] == pytest.approx(flown[1], rel=1e-9)
 
 
-def test_an_estimate_of_others_takes_the_place_of_the_own() -> None:
+def test_the_first_plan_knows_the_wind() -> None:
     """With the true push given, the first plan already ends at rest against it."""
-    policy = hfa.predictive(CART, AT_REST, *WEIGHTS, estimate="nothing")
-    assert policy(0.0, [0.0, 0.0], disturbance=[0.0, 0.5]) == pytest.approx([-0.5], abs=1e-3)
-    with pytest.raises(hfa.BadInputError, match="give 2 finite numbers"):
-        policy(0.1, [0.0, 0.0], disturbance=[np.nan, 0.5])
+    policy = hfa.predictive(CART, AT_REST, *WEIGHTS).in_air(("push",))
+    assert policy(0.0, [0.0, 0.0], {"push": 0.5}) == pytest.approx([-0.5], abs=1e-3)
+    for wrong in ({"push": np.nan}, {"gust": 0.5}):
+        with pytest.raises(hfa.BadInputError, match=r"finite numbers|unknown|do not know"):
+            policy(0.1, [0.0, 0.0], wrong)
 
 
 def test_a_first_plan_before_the_flight_is_that_of_its_first_sample() -> None:
@@ -471,7 +470,7 @@ def test_a_first_plan_before_the_flight_is_that_of_its_first_sample() -> None:
 
 def test_a_spent_budget_flies_the_last_plan_on() -> None:
     """Without time for a program, the second input is that of the first plan."""
-    policy = hfa.predictive(CART, AT_REST, *WEIGHTS, budget=1e-9, estimate="nothing")
+    policy = hfa.predictive(CART, AT_REST, *WEIGHTS, budget=1e-9)
     policy.begin([3.0, 0.1])
     plan = policy.controller.samples.first
     policy(0.0, [3.0, 0.1])
