@@ -18,36 +18,23 @@ B = np.array([[0.0], [1.0]])
 
 
 def test_matrices_alone_define_a_linear_model() -> None:
-    """A linear model from A and B has default names, modes and an operating point.
+    """A, B, C and D have default names, the modes, zeros and response of `control.ss`.
 
-    Linearizing its nonlinear model gives the same A and B.
+    Linearizing the nonlinear model gives the same matrices.
     """
-    linear = hfa.LinearModel.of(A, B)
-    assert (linear.states, linear.inputs, linear.outputs) == (("x1", "x2"), ("u1",), ("x1", "x2"))
-    assert [mode.eigenvalue for mode in linear.modes] == pytest.approx(
-        sorted(np.linalg.eigvals(A), key=abs, reverse=True)
-    )
-    assert not linear.is_stable
-    assert linear.A["x2", "x1"] == 2.0
-    again = hfa.linearize(linear.model, linear.point)
-    assert np.array_equal(again.A, A)
-    assert np.array_equal(again.B, B)
-    assert linear.to_dict()["A"] == A.tolist()
-
-
-def test_linear_models_accept_a_b_c_d() -> None:
-    """LinearModel.of(A, B, C, D) has the order of arguments and the response of `control.ss`.
-
-    Linearizing its nonlinear model gives the same C and D.
-    """
-    C = [[1.0, 2.0]]
-    D = [[3.0]]
+    alone = hfa.LinearModel.of(A, B)
+    assert (alone.states, alone.inputs, alone.outputs) == (("x1", "x2"), ("u1",), ("x1", "x2"))
+    assert not alone.is_stable
+    C, D = [[1.0, 2.0]], [[3.0]]
     linear = hfa.LinearModel.of(A, B, C, D, states=("q", "v"), inputs=("f",))
-    assert linear.to_control()(2j) == pytest.approx(control.ss(A, B, C, D)(2j))
+    peer = control.ss(A, B, C, D)
+    assert linear.to_control()(2j) == pytest.approx(peer(2j))
+    assert linear.zeros() == pytest.approx(peer.zeros())
+    values = [mode.eigenvalue for mode in linear.modes]
+    assert values == pytest.approx(sorted(np.linalg.eigvals(A), key=abs, reverse=True))
     again = hfa.linearize(linear.model, linear.point, outputs=linear.outputs)
-    assert np.array_equal(again.C, C)
-    assert np.array_equal(again.D, D)
-    assert linear.zeros() == pytest.approx(control.ss(A, B, C, D).zeros())
+    for name, matrix in zip("ABCD", (A, B, C, D), strict=True):
+        assert np.array_equal(getattr(again, name), matrix)
 
 
 def test_lqr_of_matrices_equals_python_control() -> None:

@@ -10,7 +10,7 @@ import pytest
 from extension import Extension
 
 import hfa
-from hfa import BadInputError, Model, Signal, linearize, trim
+from hfa import BadInputError, Model, linearize, trim
 from hfa_aircraft import in_si
 from trim import usual_condition
 
@@ -59,31 +59,6 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
     assert again.rates_at(point.states, point.inputs) == heavier.rates_at(
         point.states, point.inputs
     )
-
-
-def test_signals_named_like_data_are_converted() -> None:
-    """Signals are converted to SI even if they are named like other data, such as "noise"."""
-    names = ("effort", "limits", "gust", "history", "noise")
-    model = Model(
-        "cart",
-        {name: Signal("ft/s", start=1.0) for name in names},
-        {"force": Signal("lbf")},
-        lambda x, u, p, w: (dict.fromkeys(names, u.force), {}),
-        trim=dict.fromkeys(names, 2.0),
-    )
-    converted = in_si(model)
-    assert {signal.unit for signal in converted.states.values()} == {"m/s"}
-    assert converted.trim == pytest.approx(dict.fromkeys(names, 2.0 * 0.3048))
-    newton = si_factor("lbf")
-    assert converted.rates_at([0.0] * 5, [newton])["effort"] == pytest.approx(0.3048)
-
-
-def test_a_model_without_english_units_is_unchanged() -> None:
-    """`in_si` returns a model without English units unchanged."""
-    model = Model(
-        "x", {"x": Signal("m")}, {"u": Signal("m/s")}, lambda x, u, p, w: ({"x": u.u}, {})
-    )
-    assert in_si(model) is model
 
 
 def test_conditions_and_points_in_other_units_are_refused() -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+from own_models import NAVION
 from project import ROOT
 
 import hfa
@@ -20,7 +21,7 @@ from hfa import BadInputError, LinearModel, Model, Signal, TrimCondition
 from hfa.paper import default_parameters, level_flight
 from hfa_aircraft import from_control
 from hfa_flight import Waveform
-from trim import InterpolatedModel, entry_bands, modes_of, release, trim_points
+from trim import InterpolatedModel, entry_bands, load_condition, modes_of, release, trim_points
 
 HFA = hfa.aircraft()
 GTM = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
@@ -64,7 +65,77 @@ def plant(folder: Path, **entries: Any) -> str:
     return str(path)
 
 
+def linear() -> LinearModel:
+    return point().linearize()
+
+
+def heavier(factor: float) -> Any:
+    """Return the identified parameters with another mass of the panels."""
+    found = default_parameters()
+    mass = factor * found.values.panel_mass
+    return replace(found, values=found.values._replace(panel_mass=mass))
+
+
+def bode(**chosen: Any) -> Any:
+    """Draw channels of the Navion."""
+    return hfa.trim(NAVION).linearize(outputs=("beta",)).select(**chosen).bode()
+
+
+TWO = LinearModel.of(-np.eye(2), np.eye(2), np.ones((3, 2)), states=("q", "v"), inputs=("f", "g"))
+LEVEL = level_flight(0.2)
 CALLS: dict[str, Callable[[Path], Any]] = {
+    "unknown variable 'sped'; did you mean speed": lambda _: point()["sped"],
+    "did you mean alpha": lambda _: point().states["alph"],
+    "'theta'": lambda _: point().linearize().A["pitch_rate", "theta"],
+    "unknown name 'sped'; did you mean speed": lambda _: HFA.unit("sped"),
+    "'holds'": lambda _: hfa.trim(HFA, holds={"speed": 70.0}),
+    "did you mean throttle": lambda _: swept().inputs["throt"],
+    "did you mean dihedral": lambda _: swept()["dihedrals"],
+    "one value for each of dihedral, speed": lambda _: swept().at(speed=67.0),
+    "cannot sweep 'sped'; did you mean speed": lambda _: hfa.sweep(HFA, sped=[70.0]),
+    "no variable is swept": lambda _: hfa.sweep(HFA, {}),
+    "; give a list of numbers": lambda _: hfa.sweep(HFA, speed=[]),
+    "dihedral is -114.592 deg; give a value between -60 deg and 60 deg": lambda _: hfa.sweep(
+        HFA, speed=[60.0, 62.0], dihedral=[0.1, -2.0, 0.0]
+    ),
+    "throttle is 50; give a value between 0 and 40": lambda _: hfa.sweep(
+        HFA, {"throttle": [0.0, 50.0]}, condition=release(LEVEL, limits={"throttle": (0.0, 40.0)})
+    ),
+    "alpha is given for dihedral from 0 deg to 20 deg": lambda _: hfa.sweep(
+        HFA, {"dihedral": [0.1, 0.5]}, condition=load_condition("simvfa-64")
+    ),
+    "speed has masked entries": lambda _: hfa.sweep(
+        HFA, speed=np.ma.masked_less([60.0, 68.0], 65.0)
+    ),
+    "panel_mass is -1 slug to 10 slug in the sweep; give values between 0 slug": lambda _: (
+        hfa.sweep(HFA, panel_mass=[-1.0, 10.0])
+    ),
+    "have [2, 1] values": lambda _: hfa.sweep(
+        HFA, {"speed": [60.0, 70.0], "dihedral": [0.0]}, listed=True
+    ),
+    "pitch cannot be residualized": lambda _: linear().select(residualize=("pitch",)),
+    "residualize contains every state": lambda _: linear().select(residualize=linear().states),
+    "the model has no inputs, so no Bode plot exists": lambda _: bode(inputs=()),
+    "no chosen input affects any chosen output": lambda _: bode(inputs=("thrust",)),
+    "unknown state 'yaw'": lambda _: linear().select(("speed", "yaw")),
+    "unknown input 3; choose from throttle": lambda _: linear().select(inputs=3),
+    "the index is not a pair of names": lambda _: linear()["pitch_rate"],
+    "trimmed with 'published' dynamics, but the aircraft has 'newton'": lambda _: hfa.linearize(
+        hfa.aircraft("newton"), point()
+    ),
+    "bands exist only for the identified parameters": lambda _: entry_bands(
+        heavier(1.0 + 1e-6), LEVEL, linear()
+    ),
+    "output y2 is named twice": lambda _: TWO.step(outputs=("y2", "y1", "y2")),
+    "not 2 and 1": lambda _: TWO.transfer_function(("f", "g"), "y1"),
+    "not 1 and 3": lambda _: TWO.nyquist("f", ("y1", "y2", "y3")),
+    "u is a function": lambda _: TWO.simulate(lambda t: t),
+    "input f has shape": lambda _: TWO.simulate({"f": np.zeros(3)}, [0.0, 1.0]),
+    "u has shape": lambda _: TWO.simulate(np.zeros((3, 2)), [0.0, 1.0]),
+    "unknown input 'h'": lambda _: TWO.simulate({"h": 1.0}),
+    "unknown state 'p'": lambda _: TWO.simulate(initial={"p": 1.0}),
+    "initial has shape": lambda _: TWO.simulate(initial=[1.0]),
+    "time has fewer than two values": lambda _: TWO.simulate(np.zeros((2, 1))),
     "shape (2, 3); give shape (2, 2)": lambda _: modes_of(np.ones((2, 3)), ("a", "b")),
     "shape (2, 2); give shape (3, 3)": lambda _: modes_of(np.eye(2), ("a", "b", "c")),
     "A has an entry that is not finite": lambda _: modes_of(

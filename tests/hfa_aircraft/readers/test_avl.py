@@ -49,13 +49,6 @@ def glider(folder: Path) -> Path:
     return folder
 
 
-def refused(message: str) -> None:
-    """Check that the table is refused in one line that contains a message."""
-    with pytest.raises(BadInputError, match=re.escape(message)) as caught:
-        tool.load_model("glider.toml")
-    assert "\n" not in str(caught.value)
-
-
 def test_modes_agree_with_those_of_avl() -> None:
     """A glide with nearly horizontal body axis has AVL's modes within 2 %, the spiral within 10 %."""
     model = tool.load_model(str(EXAMPLES / "glider.toml"))
@@ -173,87 +166,61 @@ def test_both_ways_name_the_same_aircraft(glider: Path) -> None:
     assert_refused(hfa("trim", "--mass", "glider.toml"), 2, "--mass", "--aircraft FILE.st")
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("Clb =  -0.100443", "Clb =  ********", "Clb is '********'"),
-        ("Beta  =   0.00000", "Beta  =   2.00000", "Beta is 2;"),
-        ("Beta  =   0.00000", "Beta  =  -2.00000", "Beta is -2;"),
-        ("qc/2V =   0.00000", "qc/2V =   0.01000", "qc/2V is 0.01;"),
-        ("Standard axis orientation,  X fwd, Z down", "Geometric axis orientation,  X aft, Z up",
-         "x is aft"),
-        ("Clp =  -0.650798", "Clp =   0.000000", "Clp is 0"),
-        ("   aileron  ", "   mass     ", "the control 'mass' cannot be"),
-    ],
-)  # fmt: skip
-def test_faulty_stability_files_are_refused(old: str, new: str, message: str, glider: Path) -> None:
-    """A stability file is refused with the line that is wrong."""
-    line = PRINTED.partition(old)[0].count("\n") + 1
-    Path("glider.st").write_text(PRINTED.replace(old, new))
-    refused(f"glider.st, line {line}: {message}")
+#: Text of the stability file, the text in its place, and the message.
+FILES = [
+    ("Clb =  -0.100443", "Clb =  ********", "Clb is '********'"),
+    ("Beta  =   0.00000", "Beta  =   2.00000", "Beta is 2;"),
+    ("Beta  =   0.00000", "Beta  =  -2.00000", "Beta is -2;"),
+    ("qc/2V =   0.00000", "qc/2V =   0.01000", "qc/2V is 0.01;"),
+    ("Standard axis orientation,  X fwd, Z down", "Geometric axis orientation,  X aft, Z up",
+     "x is aft"),
+    ("Clp =  -0.650798", "Clp =   0.000000", "Clp is 0"),
+    ("   aileron  ", "   mass     ", "the control 'mass' cannot be"),
+    ("CLa =   5.911822", "", "CLa is missing"),
+    ("   rudder          =   0.00000\n", "", "3 controls have derivatives, but 2 a deflection"),
+    ("Xref = 0.30000", "Xref = 0.35000", "moments about [0.35, 0, 0]"),
+    (" Stability-axis derivatives...", " Body-axis derivatives...", "no stability derivatives"),
+    (PRINTED, PRINTED + PRINTED, "given twice; write each run case to a file of its own"),
+    (PRINTED, of_older_version(), f"CD_CL2 = {1.0 / (math.pi * 0.9895 * 16.0):.5g}"),
+]  # fmt: skip
+#: Beginning of a line of the table, the line in its place, and the message.
+ENTRIES = [
+    ('length = "m"', "", 'add length = "m"'),
+    ("center_of_gravity", "", "add center_of_gravity = [x, y, z]"),
+    (
+        "rudder",
+        "",
+        'rudder, a control of glider.st, is missing; add rudder = ["-25 deg", "25 deg"]',
+    ),
+    ("mass = 420", "", "missing entries: mass"),
+    ("speed", "", "missing entries: speed"),
+    ("length", 'length = "kg"', "length is 'kg'; give m, ft"),
+    ("center_of_gravity", "center_of_gravity = [0.3, 0.0]", "give [x, y, z]"),
+    ("center_of_gravity", "center_of_gravity = [0.3, 0.0, 0.1]", "moments about [0.3, 0, 0]"),
+    ("wing_area", "wing_area = 9.0", "wing_area is in glider.st too"),
+]
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("CLa =   5.911822", "", "glider.st: CLa is missing"),
-        ("   rudder          =   0.00000\n", "", "3 controls have derivatives, but 2 a deflection"),
-        ("Xref = 0.30000", "Xref = 0.35000", "moments about [0.35, 0, 0]"),
-        (" Stability-axis derivatives...", " Body-axis derivatives...", "no stability derivatives"),
-    ],
+    ("file", "old", "new", "message"),
+    [*(("glider.st", *row) for row in FILES), *(("glider.toml", *row) for row in ENTRIES)],
 )
-def test_other_stability_files_are_refused(old: str, new: str, message: str, glider: Path) -> None:
-    """A file with other content, or about another point, is refused."""
-    Path("glider.st").write_text(PRINTED.replace(old, new))
-    refused(message)
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ('length = "m"', 'add length = "m"'),
-        ("center_of_gravity", "add center_of_gravity = [x, y, z]"),
-        (
-            "rudder",
-            'rudder, a control of glider.st, is missing; add rudder = ["-25 deg", "25 deg"]',
-        ),
-        ("mass = 420", "missing entries: mass"),
-        ("speed", "missing entries: speed"),
-    ],
-)
-def test_missing_entries_are_named(line: str, message: str, glider: Path) -> None:
-    """An entry that the table lacks is named, with what to add."""
-    kept = [each for each in TABLE.splitlines() if not each.startswith(line)]
-    Path("glider.toml").write_text("\n".join(kept))
-    refused(message)
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ('length = "kg"', "length is 'kg'; give m, ft"),
-        ("length = 1.0", "length is 1.0; give m, ft"),
-        ("center_of_gravity = 0.3", "give [x, y, z]"),
-        ("center_of_gravity = [0.3, 0.0]", "give [x, y, z]"),
-        ("center_of_gravity = [0.3, 0.0, 0.1]", "moments about [0.3, 0, 0]"),
-        ("center_of_gravity = [0.29, 0.0, 0.0]", "moments about [0.3, 0, 0]"),
-        ("wing_area = 9.0", "wing_area is in glider.st too"),
-    ],
-)
-def test_entries_that_disagree_with_the_file_are_refused(
-    line: str, message: str, glider: Path
+def test_faulty_files_are_refused(
+    file: str, old: str, new: str, message: str, glider: Path
 ) -> None:
-    """The unit of lengths and the center of gravity must be those of the stability file."""
-    name = line.partition(" ")[0]
-    kept = [each for each in TABLE.splitlines() if not each.startswith(name)]
-    Path("glider.toml").write_text("\n".join([line, *kept]))
-    refused(message)
-
-
-def test_drag_that_the_file_lacks_is_not_guessed(glider: Path) -> None:
-    """A file without CDa is refused with the induced drag of its span efficiency."""
-    Path("glider.st").write_text(of_older_version())
-    refused(f"CD_CL2 = {1.0 / (math.pi * 0.9895 * 16.0):.5g}")
+    """Each fault of the stability file or of its table is named in one line."""
+    if file == "glider.st":
+        Path(file).write_text(PRINTED.replace(old, new))
+    else:
+        kept = [line for line in TABLE.splitlines() if not line.startswith(old)]
+        Path(file).write_text("\n".join([new, *kept]))
+    with pytest.raises(BadInputError, match=re.escape(message)) as caught:
+        tool.load_model("glider.toml")
+    assert "\n" not in str(caught.value)
+    if "*" in new:
+        assert f"glider.st, line {PRINTED.partition(old)[0].count(chr(10)) + 1}" in str(
+            caught.value
+        )
 
 
 def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider: Path) -> None:
@@ -283,12 +250,6 @@ def test_a_dictionary_names_a_stability_file(glider: Path) -> None:
     """A dictionary with the entry `avl` gives the aircraft of the file with the same entries."""
     of_dictionary = tool.from_derivatives(tomllib.loads(TABLE))
     assert of_dictionary.parameters == tool.load_model("glider.toml").parameters
-
-
-def test_two_run_cases_in_a_file_are_refused(glider: Path) -> None:
-    """A file with two run cases is refused at the first line of the second one."""
-    Path("glider.st").write_text(PRINTED + PRINTED)
-    refused("given twice; write each run case to a file of its own")
 
 
 def test_names_of_controls_become_identifiers(glider: Path) -> None:

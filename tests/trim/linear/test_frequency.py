@@ -11,7 +11,7 @@ import pytest
 from cli import answer, assert_refused, hfa
 from own_models import F16, NAVION, trimmed
 
-from hfa import BadInputError, LinearModel, aircraft, linearize
+from hfa import LinearModel, aircraft, linearize
 from hfa.paper import level_model
 from trim import Transfer, transfers
 
@@ -135,23 +135,6 @@ def test_residualized_models_equal_python_controls(model: LinearModel) -> None:
         for fewer in (reduced, model.select(keep))
     ]
     assert errors[0] < 0.1 * errors[1]
-
-
-def test_impossible_residualization_is_refused() -> None:
-    """Residualization with a singular A22 or of all states is refused.
-
-    A Bode plot without inputs, or in which no input affects an output, is refused, too.
-    """
-    model = level_model(aircraft(), 0.2)
-    with pytest.raises(BadInputError, match="pitch cannot be residualized"):
-        model.select(residualize=("pitch",))
-    with pytest.raises(BadInputError, match="residualize contains every state of the model"):
-        model.select(residualize=model.states)
-    with pytest.raises(BadInputError, match="the model has no inputs, so no Bode plot exists"):
-        model.select(inputs=()).bode()
-    navion = linearize(NAVION, trimmed(NAVION), outputs=("beta",)).select(inputs=("thrust",))
-    with pytest.raises(BadInputError, match="no chosen input affects any chosen output"):
-        navion.bode()
 
 
 def test_a_bode_plot_shows_at_most_six_outputs() -> None:

@@ -12,7 +12,7 @@ from cli import hfa as run
 from known_models import model_at, released_simulation
 
 import hfa
-from hfa import BadInputError, LinearModel, Model, OperatingPoint, linearize, trim
+from hfa import LinearModel, Model, OperatingPoint, linearize, trim
 from hfa.paper import level_flight
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Parameters, published_models
 from studies.identification.parameters import IDENTIFIED
@@ -112,22 +112,13 @@ def test_a_band_is_two_standard_errors(parameter_set: Any, dynamics: str) -> Non
 def test_slightly_changed_parameters_keep_their_bands(
     parameter_set: Any,
 ) -> None:
-    """A relative change of the panel mass by 1e-9 leaves the bands unchanged to 1 %.
-
-    Bands are refused for changes of 1e-6 or more.
-    """
-
-    def heavier(factor: float) -> Any:
-        values = parameter_set.values
-        return replace(parameter_set, values=values._replace(panel_mass=factor * values.panel_mass))
-
-    elsewhere = heavier(1 + 1e-9)
+    """A relative change of the panel mass by 1e-9 leaves the bands unchanged to 1 %."""
+    values = parameter_set.values
+    heavier = values._replace(panel_mass=(1 + 1e-9) * values.panel_mass)
+    elsewhere = replace(parameter_set, values=heavier)
     np.testing.assert_allclose(
         bands_of(elsewhere).A, bands_of(parameter_set).A, rtol=0.01, atol=1e-6
     )
-    for factor in (1.1, 1 + 1e-6):
-        with pytest.raises(BadInputError, match="bands exist only for the identified parameters"):
-            bands_of(heavier(factor))
 
 
 # Winds at each panel, compared with the released simulation.
@@ -164,20 +155,6 @@ def test_select_returns_rows_and_columns_by_name(
     np.testing.assert_array_equal(part.B, model.B[rows])
     assert (part.states, part.state_units) == (("pitch_rate", "speed"), ("rad/s", "ft/s"))
     np.testing.assert_array_equal(part.state_offsets, [0.0, 68.0])
-    with pytest.raises(BadInputError, match="unknown state 'yaw'"):
-        model.select(("speed", "yaw"))
-    with pytest.raises(BadInputError, match="unknown input 3; choose from throttle"):
-        model.select(inputs=3)  # type: ignore[arg-type]
-
-
-def test_a_point_of_other_dynamics_is_refused(
-    parameters: Parameters, point: OperatingPoint
-) -> None:
-    """`linearize` refuses a trim of the published dynamics with a "newton" aircraft."""
-    with pytest.raises(
-        BadInputError, match="trimmed with 'published' dynamics, but the aircraft has 'newton'"
-    ):
-        linearize(hfa.aircraft("newton", parameters), point)
 
 
 def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
@@ -223,15 +200,12 @@ def test_vertical_wind_has_the_released_columns() -> None:
 
 
 def test_a_channel_is_selected_by_output_and_input() -> None:
-    """`linear[output, input]` has one column of B and one row of C. Other indices are refused."""
+    """`linear[output, input]` has one column of B and one row of C."""
     linear = model_at(15.0)
     loop = linear["pitch_rate", "elevator_center"]
     assert np.array_equal(loop.B, linear.B[:, [INPUTS.index("elevator_center")]])
     assert np.array_equal(loop.C, np.eye(6)[[LINEAR_STATES.index("pitch_rate")]])
     assert np.array_equal(loop.A, linear.A)
-    for wrong in (0, "pitch_rate", (0, 0), slice(None)):
-        with pytest.raises(BadInputError, match="the index is not a pair of names"):
-            linear[wrong]
 
 
 @pytest.mark.parametrize(

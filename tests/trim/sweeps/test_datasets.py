@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import pytest
 from own_models import F16
 
@@ -42,10 +40,3 @@ def test_points_and_linear_models_are_datasets() -> None:
     trimmed = point.to_xarray()
     assert float(trimmed.alpha) == point["alpha"]
     assert trimmed.alpha.attrs["units"] == "rad"
-
-
-def test_a_missing_xarray_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The error for a missing xarray contains the command that installs it."""
-    monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(hfa.BadInputError, match="pip install xarray"):
-        hfa.trim(hfa.aircraft()).to_xarray()
