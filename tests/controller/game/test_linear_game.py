@@ -43,16 +43,6 @@ def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(
     assert hfa.game(linear, delta=np.inf).delta == np.inf
 
 
-def test_commands_and_functions_have_one_default(
-    linear: LinearModel, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The command solves the game of `hfa.game(linear)`."""
-    assert main(["solve", "--dihedral", "11.459155902616466", "--json"]) == 0
-    solved = json.loads(capsys.readouterr().out)
-    default = hfa.game(linear)
-    np.testing.assert_allclose(solved["K"], hfa.solve(default).K, rtol=1e-6, atol=1e-9)
-
-
 def test_weights_by_name_are_placed_on_diagonals(linear: LinearModel) -> None:
     """Weights given by name are placed on the diagonals, and the game keeps the names."""
     weights = dict(reversed(list(zip(linear.inputs, [1.0, 2.0, 3.0, 4.0, 5.0], strict=True))))

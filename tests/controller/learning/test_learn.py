@@ -99,12 +99,6 @@ def test_equal_seeds_give_identical_bits() -> None:
     assert first.W.tobytes() != other.W.tobytes()
 
 
-def test_an_unstabilizable_mode_is_named() -> None:
-    unstable = Game([[1.0, 0.0], [0.0, -1.0]], [[0.0], [1.0]], Q=np.eye(2), R=np.eye(1))
-    with pytest.raises(NoSolutionError, match=r"\(A, B\) is stabilizable"):
-        learn(unstable)
-
-
 endless: list[Any] = []
 endless.append(endless)
 #: Case -> (call, words of the message).
@@ -167,19 +161,9 @@ def printed_law(game: Game, pool: Stack) -> tuple[np.ndarray, np.ndarray, float,
     return rows, np.array(constants), alpha1, alpha2
 
 
-def test_the_law_as_printed_overflows_with_the_step_that_it_requires() -> None:
-    """The stable explicit step is 2 / |∂W'/∂W|; on the aircraft of the paper the law overflows, too."""
-    with pytest.raises(NoSolutionError, match="overflows at step"):
+def test_the_law_as_printed_overflows_on_the_aircraft_of_the_paper() -> None:
+    with pytest.raises(NoSolutionError, match=r"overflows at step .* explicit step below"):
         learn(PAPER, "published")
-    pool = random_pool(STABLE, 5, 0)
-    with pytest.raises(NoSolutionError, match="overflows at step") as refused:
-        learn(STABLE, "published", pool=pool)
-    rows, constants, alpha1, alpha2 = printed_law(STABLE, pool)
-    e = np.abs(FIRST * rows.sum(axis=1) + constants)
-    slope = (alpha1 + 1.0) * 0.2 * e**-0.8 + (alpha2 + 1.0) * 1.8 * e**0.8
-    fastest = np.linalg.eigvalsh(0.01 * rows.T @ (slope[:, None] * rows))[-1]
-    found = float(str(refused.value).partition("explicit step below ")[2].partition(" s")[0])
-    assert found == pytest.approx(2.0 / fastest, rel=0.05)
 
 
 def test_the_law_as_printed_is_eq_46() -> None:

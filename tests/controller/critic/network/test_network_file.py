@@ -87,51 +87,6 @@ def test_one_output_for_one_state_and_two_inputs_needs_a_kind() -> None:
     np.testing.assert_allclose(critic.P, [[3.0]])
 
 
-@pytest.mark.parametrize(
-    ("path", "write"),
-    [("a.safetensors", safetensors_file), ("a.npz", npz_file), ("a.json", json_file)],
-)
-def test_layers_of_ambiguous_order_are_refused(path: str, write: Any) -> None:
-    """Layers whose names and widths permit several orders are refused."""
-    write(path, square_layers("hidden", "embed", "out"))
-    assert "does not store their order" in refusal(path, activation="tanh")
-
-
-def test_a_module_that_contradicts_its_numbers_is_refused(game: Game) -> None:
-    """A torch file is refused if the order of its layers contradicts the numbers in their names."""
-    path = torch_file("declared.pt", square_layers("fc2", "fc1", "out"))
-    with pytest.raises(BadInputError, match="'fc1' is stored after 'fc2'"):
-        from_network(game, path, activation="tanh")
-
-
-# Other layers.
-
-
-@pytest.mark.parametrize(
-    "norm",
-    [
-        {"1.weight": np.ones(4), "1.bias": np.zeros(4)},
-        {"1.weight": np.ones(4), "1.bias": np.zeros(4), "1.running_mean": np.zeros(4)},
-        {"1.weight_ih_l0": np.ones((4, 4))},
-        {"1.weight": np.ones((4, 4, 3))},
-    ],
-)
-def test_other_layers_are_refused(norm: dict[str, np.ndarray]) -> None:
-    """Layers of which a state dict does not contain the settings are left to ONNX."""
-    layers = {"0.weight": np.ones((4, 6)), **norm, "3.weight": np.ones((1, 4))}
-    message = refusal(torch_file("a.pt", layers), activation="tanh")
-    assert f"'{next(iter(norm))}'" in message
-    assert "export the network to ONNX" in message
-
-
-def test_a_transposed_layer_is_named() -> None:
-    """A weight (inputs, outputs) is refused by its name, with the shape of its transpose."""
-    layers = {"0.weight": np.ones((6, 4)), "0.bias": np.zeros(4), "2.weight": np.ones((1, 4))}
-    message = refusal(torch_file("a.pt", layers), activation="tanh")
-    assert "'0.weight' (6, 4) looks transposed" in message
-    assert "save its transpose (4, 6)" in message
-
-
 # Wide layers.
 
 
@@ -156,10 +111,6 @@ def test_wide_networks_are_kept_as_matrix_functions(game: Game) -> None:
     assert float(critic.value(X[0])) == pytest.approx((C @ second).item(), rel=1e-12)
     slopes = (C * (1 - second**2)) @ (B * (1 - first**2)) @ A
     assert np.array(critic.gradient(X[0])).ravel() == pytest.approx(slopes.ravel(), rel=1e-11)
-    assert critic.P is not None
-    step = 1e-5 * np.hstack([np.eye(6), -np.eye(6)])
-    ends = np.array(critic.gradient(step))
-    assert pytest.approx((ends[:, :6] - ends[:, 6:]) / 4e-5, abs=1e-9) == critic.P
 
 
 # Names, and several networks in one file.
@@ -249,32 +200,40 @@ def test_a_tensor_beyond_its_storage_is_refused(stride: int) -> None:
     assert "damaged" in refusal("a.pt")
 
 
-def test_wrong_state_dicts_are_refused() -> None:
-    """State dicts with wrong sizes, types, numbers or tensors are refused."""
-    good = np.zeros((1, 6), "float32")
-    wrong = {
-        "has 10 inputs": {"weight": np.zeros((1, 10))},
-        "has the type float16; save the weights as float32": {"weight": good.astype("float16")},
-        "not finite": {"weight": good + np.nan},
-        "'conv.weight' (3, 1, 1) is not a weight or bias": {
-            "0.weight": good,
-            "conv.weight": np.zeros((3, 1, 1)),
-        },
-        "'1.weight' (4,) is not a weight or bias": {
-            "0.weight": np.zeros((4, 6)),
-            "1.weight": np.ones(4),
-        },
-        "have more than 4194304 entries": {"weight": np.zeros((700_000, 6))},
-        "has the input size 6, but layer '0' before it has the output size 1": {
-            "0.weight": good,
-            "1.weight": good,
-        },
-    }
-    for said, tensors in wrong.items():
-        assert said in refusal(torch_file("wrong.pt", tensors)), said
-    assert "has the type float16" in refusal(
-        safetensors_file("half.safetensors", {"weight": good.astype("float16")})
-    )
+ONE = np.zeros((1, 6), "float32")
+OF_FOUR = {"0.weight": np.ones((4, 6)), "3.weight": np.ones((1, 4))}
+#: What is said of a state dict, in a file of torch or of another suffix.
+WRONG: dict[str, dict[str, np.ndarray]] = {
+    "has 10 inputs": {"weight": np.zeros((1, 10))},
+    "has the type float16; save the weights as float32": {"weight": ONE.astype("float16")},
+    "not finite": {"weight": ONE + np.nan},
+    "'conv.weight' (3, 1, 1) is not a weight or": {
+        "0.weight": ONE,
+        "conv.weight": np.zeros((3, 1, 1)),
+    },
+    "have more than 4194304 entries": {"weight": np.zeros((700_000, 6))},
+    "has the input size 6, but layer '0' before": {"0.weight": ONE, "1.weight": ONE},
+    "'1.weight' (4,)": OF_FOUR | {"1.weight": np.ones(4), "1.bias": np.zeros(4)},
+    "'1.running_mean'": OF_FOUR | {"1.running_mean": np.zeros(4)},
+    "'1.weight_ih_l0'": OF_FOUR | {"1.weight_ih_l0": np.ones((4, 4))},
+    "its bias is (4,); save its transpose (4, 6)": OF_FOUR
+    | {"0.weight": np.ones((6, 4)), "0.bias": np.zeros(4)},
+    "'fc1' is stored after 'fc2'": square_layers("fc2", "fc1", "out"),
+}
+
+
+@pytest.mark.parametrize("said", WRONG)
+def test_wrong_state_dicts_are_refused(said: str) -> None:
+    assert said in refusal(torch_file("wrong.pt", WRONG[said]), activation="tanh")
+
+
+def test_layers_of_unknown_order_are_refused() -> None:
+    """Only a file of torch stores the order of layers whose names have no numbers."""
+    path = safetensors_file("a.safetensors", square_layers("hidden", "embed", "out"))
+    assert "does not store their order" in refusal(path, activation="tanh")
+
+
+def test_damaged_and_foreign_files_are_refused() -> None:
     damaged, foreign = "is damaged or is not a network", "was not written by torch.save"
     for name, content, said in (
         ("a.pt", b"PK\3\4", damaged),
@@ -290,6 +249,4 @@ def test_wrong_state_dicts_are_refused() -> None:
     with zipfile.ZipFile("script.pt", "w") as archive:
         for name in ("script/data.pkl", "script/constants.pkl", "script/code/__torch__.py"):
             archive.writestr(name, b"")
-    assert "the file is a TorchScript program, which is not supported; save state_dict" in refusal(
-        "script.pt"
-    )
+    assert "the file is a TorchScript program" in refusal("script.pt")

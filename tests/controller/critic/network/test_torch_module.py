@@ -116,29 +116,6 @@ def test_another_module_is_read_through_its_state_dict() -> None:
         hfa.from_network(GAME, made(), activation="tanh")
 
 
-def test_a_sequential_is_simulated_as_a_policy() -> None:
-    """In a flight with a Sequential as policy, the inputs follow the network's formula at all
-    times.
-
-    A network with a wrong number of outputs is refused.
-    """
-    pytest.importorskip("hfa_flight")
-    model = hfa.aircraft()
-    point = hfa.trim(model)
-    game = hfa.game(hfa.linearize(model, point), np.eye(6), np.eye(5))
-    K = hfa.solve(game).K
-    network = _sequential(_linear(np.eye(6), None), _module("Tanh"), _linear(-K, None))
-    initial = {"alpha": 0.02}
-    critic = hfa.from_network(game, network, network="policy")
-    flown = hfa.fly(model, point, critic, 0.1, initial=initial)
-    z = flown.states[:, [list(model.states).index(name) for name in model.linear]]
-    z = z - [point[name] for name in model.linear]
-    u = flown.inputs - [point[name] for name in model.inputs]
-    assert u == pytest.approx(-np.tanh(z) @ K.T, rel=1e-6, abs=1e-9)
-    with pytest.raises(BadInputError, match="the network has 1 outputs"):
-        hfa.from_network(game, _sequential(_linear(np.ones((1, 6)), None)), network="policy")
-
-
 def test_unsupported_modules_and_settings_are_refused() -> None:
     """Unsupported modules, settings, sizes and numbers are refused by name."""
     layer = _linear(np.ones((1, 2)), None)
