@@ -24,9 +24,7 @@ FAR_OF_VALUE = 1e12
 #: A flight about an expansion leaves its neighborhood if z'Pz exceeds this multiple of its initial
 #: value.
 FAR_OF_EXPANSION = 100.0
-#: A flight converges to the trim if its cost-to-go at the end is at most this fraction ...
-#: ... of its cost, for `optimize`. It may end at an equilibrium near the trim.
-OF_COST = 0.05
+#: A flight converges if its cost-to-go at the end is at most this fraction ...
 #: ... of its initial cost-to-go, for critics that are not quadratic, and for flights about an
 #: expansion, where V is the cost beyond.
 OF_VALUE = 0.05

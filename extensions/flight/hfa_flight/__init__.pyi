@@ -15,6 +15,7 @@ from .air.turbulence import (
     scales_and_intensities as scales_and_intensities,
     turbulence_of as turbulence_of,
 )
+from .needs import lost_band as lost_band
 from .policies.deployment.deployed import Deployed as Deployed
 from .policies.policy import (
     GainPolicy as GainPolicy,
@@ -22,7 +23,6 @@ from .policies.policy import (
     Policy as Policy,
 )
 from .samples.monte_carlo import MonteCarlo as MonteCarlo, fly_member as fly_member
-from .samples.report import lost_band as lost_band
 from .samples.store import run_monte_carlo as run_monte_carlo, stream_members as stream_members
 from .schedule.gain_schedule import (
     GainSchedule as GainSchedule,

@@ -33,6 +33,24 @@ def is_enough(count: int, flights: int, share: float) -> bool:
     return count >= share * flights - _ROUNDING
 
 
+def lost_band(lost: int, members: int) -> tuple[float, float]:
+    """Return the ends of the 95 % band of the probability that a flight is lost.
+
+    The band is that of Clopper and Pearson (1934), one-sided if no flight or every one is lost.
+    """
+    from scipy.stats import beta
+
+    tail = 0.05 if lost in (0, members) else 0.025
+    low = beta.ppf(tail, lost, members - lost + 1) if lost else 0.0
+    high = beta.ppf(1.0 - tail, lost + 1, members - lost) if lost < members else 1.0
+    return float(low), float(high)
+
+
+def is_refuted(lost: int, flights: int, share: float) -> bool:
+    """Return whether so many lost flights contradict a share, beyond their 95 % band."""
+    return lost_band(lost, flights)[0] > 1.0 - share
+
+
 def need_text(share: float) -> str:
     """Return the requirement as the end of a sentence, or "" if every flight must succeed."""
     return "" if share == ALL else f" ({100.0 * share:g} % required)"

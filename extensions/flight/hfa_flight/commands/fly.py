@@ -42,10 +42,6 @@ if TYPE_CHECKING:
 
 _MOST_MEMBERS = 10_000_000
 _MOST_STEPS = 1_000_000
-#: Largest cost to go at the end of a flight that has returned, relative to its cost.
-_RETURNED = 1e-3
-#: Cost of a flight that nothing moved.
-_UNMOVED = 1e-12
 #: Form of --command in the help.
 _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
 
@@ -325,29 +321,11 @@ def fly(request: FlyRequest) -> int:
 def _end_of(result: Flight) -> str:
     """Return the phrase on where the flight of a law that plans ends, and its cost, with the ratio
     to the cost of the law's first plan, if it has one.
-
-    A flight has returned if the exact value z'Pz of its end is at most a thousandth of its cost.
     """
-    from controller.game.linear_game import game
-    from controller.riccati.gare import unconfirmed_solution
-    from trim.point.linearize import linearize
-
-    loop_cost, spent = result.loop.cost, result.cost
-    assert loop_cost is not None  # a law that plans has weights
-    assert spent is not None
-    if spent < _UNMOVED:
-        return "returned"
-    if not np.isfinite(spent):
-        return "not returned"
-    linear = linearize(result.model, result.point)
-    P = unconfirmed_solution(game(linear, loop_cost.Q, loop_cost.R, np.inf)).P
-    places = [list(result.model.states).index(name) for name in result.model.linear]
-    z = (result.states[-1] - np.array(result.point.states))[places]
-    to_go = float(z @ np.array(P) @ z)
-    returned = "returned" if to_go <= _RETURNED * (spent + to_go) else "not returned"
+    ended = "returned" if result.returned else "not returned"
     first = result.loop.policy.data(result.model).get("samples", {}).get("first_plan")
-    ratio = f", {spent / first:.4g} times its first plan" if first else ""
-    return f"{returned}, cost {spent:.4g}{ratio}"
+    ratio = f", {result.cost / first:.4g} times its first plan" if first else ""
+    return f"{ended}, cost {result.cost:.4g}{ratio}"
 
 
 def _fly_members(request: FlyRequest) -> int:

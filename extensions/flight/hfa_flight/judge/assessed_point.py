@@ -15,7 +15,7 @@ from hfa_flight.judge.flight_costs import FlightCosts
 from hfa_flight.judge.outcomes import Outcomes, Place
 from hfa_flight.judge.reach import OwnMode, left_alone
 from hfa_flight.judge.rough_flights import RoughFlights
-from hfa_flight.needs import ALL, is_enough
+from hfa_flight.needs import ALL, is_enough, is_refuted
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Delays, Margins
@@ -103,14 +103,30 @@ class AssessedPoint(Result):
         """True if the policy stabilizes the aircraft.
 
         The sampled loop must be stable at its equilibrium, within the limits of the states and with
-        no action or input saturated there. If flights were simulated, the required share must
-        converge, without and with a disturbance pulse.
+        no action or input saturated there. Of the flights, the required share must converge,
+        without and with a disturbance pulse, and of those with a cost it must return to the trim.
         """
         if self.equilibrium is None or self.equilibrium.clips or not self.radius < 1.0:
             return False
+        return not self.beyond and self.reaches(self.share)
+
+    def reaches(self, share: float) -> bool:
+        """Return whether a share of the flights converges, and those with a cost do not refute it.
+
+        They do if more do not return to the trim than the share permits, beyond the 95 % band.
+        """
         flown = [each for each in (self.flights, self.disturbed) if each is not None]
-        converge = (is_enough(each.returned, each.starts, self.share) for each in flown)
-        return not self.beyond and all(converge)
+        enough = (is_enough(each.returned, each.starts, share) for each in flown)
+        return all(enough) and not self.costs_refute(share)
+
+    def costs_refute(self, share: float) -> bool:
+        """Return whether more of the flights with a cost are lost than a share permits.
+
+        A mode that is not judged may keep these flights from the trim.
+        """
+        if self.best is None or (self.place.reach is not None and self.place.reach.own):
+            return False
+        return is_refuted(self.best.lost, self.best.compared, share)
 
     @property
     def beyond(self) -> list[str]:

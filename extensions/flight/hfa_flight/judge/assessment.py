@@ -16,7 +16,7 @@ from hfa_flight.judge.assessment_report import records_table, report_parts
 from hfa_flight.judge.findings import Finding, Severity, findings_at_trims, where_text, worst_first
 from hfa_flight.judge.variations import Variation
 from hfa_flight.judge.weights import has_weights
-from hfa_flight.needs import SHARE, is_enough
+from hfa_flight.needs import SHARE
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.notes import notes_on_files
 from hfa_support.errors import BadInputError, refuse_unknown
@@ -223,6 +223,9 @@ class Assessment(Result, Reported):
         """Return a phrase on the ratio of the policy's costs, and shorter forms of it."""
         dearest = self._dearest()
         if dearest is not None and dearest.best is not None:
+            lost, flights = dearest.best.lost, dearest.best.compared
+            if self.ok and 2 * lost > flights:
+                return [f"{lost} of {flights} costs not compared", "costs not compared"]
             return dearest.best.ratio_texts()
         if any(point.flights is not None for point in self.points):
             return ["no costs were compared"]
@@ -252,8 +255,7 @@ def _meets(point: AssessedPoint, name: str, need: float) -> bool:
     if name == "margin":
         return point.margins is not None and point.margins.disk.disk >= need
     if name == SHARE:
-        flown = [each for each in (point.flights, point.disturbed) if each is not None]
-        return all(is_enough(each.returned, each.starts, need) for each in flown)
+        return point.reaches(need)
     if point.cost is None:
         return False
     return point.cost.largest <= need

@@ -8,13 +8,20 @@ from typing import Any
 
 from hfa_flight.judge.action_effects import ActionEffect
 from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
+from hfa_flight.judge.endings import BALL
 from hfa_flight.judge.findings import where_text
 from hfa_flight.judge.rough_flights import rough_table
 from hfa_flight.judge.variations import Variation, variation_table
 from hfa_flight.judge.weights import weights_at
 from hfa_flight.plan.problem import cost_text
 from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.simulate.returned import RULE
 from hfa_support.reporting.text import Table, shown_unit
+
+_CONVERGES = (
+    f"A flight converges if it ends within {100 * BALL:g} % of the initial-condition box about the "
+    "policy's equilibrium."
+)
 
 
 def report_parts(
@@ -23,7 +30,9 @@ def report_parts(
     """Return the parts of the report of an assessment, in reading order."""
     parts: list[Any] = [deployed.deployment.actor.chain]
     if any(point.best is not None for point in points):
-        parts.append(_weights_text(deployed, points[0]))
+        parts += [_weights_text(deployed, points[0]), f"{_CONVERGES} {RULE}"]
+    elif any(point.flights is not None for point in points):
+        parts.append(_CONVERGES)
     parts += [loop_table(points), flights_table(points)]
     error = points[0].integration
     if error is not None and error.is_resolved:

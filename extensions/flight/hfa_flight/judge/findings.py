@@ -167,6 +167,20 @@ def _convergence(point: AssessedPoint) -> list[_Found]:
     return [] if flown.lost else [_Found(Severity.NOTE, "every flight converges")]
 
 
+def _not_returned(point: AssessedPoint) -> list[_Found]:
+    """Return the finding on the flights with a cost that leave or do not return to the trim."""
+    costs = point.best
+    if costs is None or not costs.lost:
+        return []
+    share = costs.lost / costs.compared
+    text = (
+        f"{costs.lost} of {costs.compared} other flights leave or have not returned to the trim "
+        f"after {costs.seconds:.3g} s"
+    )
+    severity = Severity.FAILURE if point.costs_refute(point.share) else Severity.WARNING
+    return [_Found(severity, text, share)]
+
+
 def _other_equilibrium(point: AssessedPoint) -> list[_Found]:
     flown = point.flights
     if flown is None or not flown.elsewhere:
@@ -309,7 +323,7 @@ def _integration(point: AssessedPoint) -> list[_Found]:
 _KINDS: tuple[Callable[[AssessedPoint], list[_Found]], ...] = (
     *(_no_equilibrium, _saturation, _beyond_limits, _calm_in_rough_air),
     lambda point: _leaving_flights(point, point.flights, ""),
-    *(_limit_cycle, _own_mode, _instability, _convergence, _other_equilibrium),
+    *(_limit_cycle, _own_mode, _instability, _convergence, _not_returned, _other_equilibrium),
     lambda point: _leaving_flights(point, point.disturbed, "with a disturbance pulse: "),
     _clipped_observations,
     *(_delay, _steady_state_error, _linear_cost, _judged_states, _kinks, _left_out),

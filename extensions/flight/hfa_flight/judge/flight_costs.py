@@ -70,7 +70,7 @@ class FlightCosts(Result):
     found: number of initial conditions with a best flight.
     refused: number of initial conditions for which a search found no flight, or for which the
         simulation did not confirm the flight.
-    lost: number of the policy's flights that leave the envelope or are not at the trim at the end,
+    lost: number of the policy's flights that leave the envelope or have not returned to the trim,
         from the initial conditions that are compared. The others are held.
     seconds: duration of the longest of the policy's flights, s.
     lqr_lost: the same of the LQR's flights.
@@ -125,14 +125,14 @@ class FlightCosts(Result):
         best = "" if self.found else f", no best {'found' if self.searched else 'searched'}"
         if 2 * self.lost > self.compared:
             lost = f"{self.lost} of {self.compared}"
-            end = f"leave or are not at the trim after {self.seconds:.3g} s{best}"
+            end = f"leave or have not returned after {self.seconds:.3g} s{best}"
             return [
                 f"{lost} flights {end}",
                 f"{lost} {end}",
                 f"{lost} fail{best}",
             ]
         if self.ratios is None:
-            fails = "no flight of the exact gain ends at the trim"
+            fails = "no flight of the exact gain returns"
             return [f"{fails}{best}", f"the exact gain fails{best}"]
         if not self.found:
             ratio = f"{_number(self.median)}x the exact gain"
@@ -147,20 +147,18 @@ class FlightCosts(Result):
         """Return sentences on the mean costs and on the range of the ratios."""
         sentences = []
         if self.cost is not None and self.lqr_cost is not None:
-            some = f" where both end at the trim ({self.both} of {self.starts})"
+            some = f" where both return ({self.both} of {self.starts})"
             some = "" if self.both == self.starts else some
             sentences.append(f"mean cost {self.cost.text()}, LQR {self.lqr_cost.text()}{some}")
         if self.ratios is not None:
             least, _, worst = self.ratios
             reference = "the best found" if self.found else "the exact gain's"
             sentences.append(f"flights cost {_number(least)} to {_number(worst)} x {reference}")
-        if self.lost or self.lqr_lost or self.refused:
-            count = f"{self.compared} of {self.starts}" if self.refused else f"{self.starts}"
-            refused = f" (no best flight found from {self.refused})" if self.refused else ""
+        if self.refused:
+            sentences.append(f"no best flight found from {self.refused} of {self.starts}")
+        if self.lqr_lost:
             sentences.append(
-                f"costs are of flights from {count} other initial conditions{refused}, of which "
-                f"{self.lost} leave or are not at the trim after at most {self.seconds:.3g} s, of "
-                f"the LQR {self.lqr_lost}"
+                f"of the LQR, {self.lqr_lost} of {self.compared} flights leave or have not returned"
             )
         if self.unresolved:
             sentences.append(f"{self.unresolved} flights are not resolved by the integration step")

@@ -21,6 +21,7 @@ from hfa_flight.plan.report_lines import (
 )
 from hfa_flight.plan.search import MESHES_AGREE, Found
 from hfa_flight.plan.smooth import has_kinks
+from hfa_flight.simulate.returned import RULE
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
@@ -260,6 +261,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             table,
             tuple(lines),
             self.weights_text(),
+            RULE,
             limits_table(self.problem),
             "No cheaper flight from this initial condition was found. This does not prove that "
             f"none exists. The linear model without limits gives {self.linear_cost:.6g}, which is "

@@ -14,7 +14,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.symbols import symbols_for
 from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.ending import FAR, OF_COST, EndRule, Outcome, has_decayed
+from hfa_aircraft.march.ending import FAR, EndRule, Outcome
 from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
 from hfa_flight.air.history import Deviations
 from hfa_flight.air.scenario import Scenario
@@ -24,6 +24,7 @@ from hfa_flight.plan.tracking import STEPS, TrackingPolicy, held_size, tracking_
 from hfa_flight.policies.policy import FunctionPolicy, Policy
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import Departure, departure
+from hfa_flight.simulate.returned import has_returned
 from hfa_flight.simulate.simulation import CompiledLoop
 
 #: Largest integration step, s.
@@ -274,8 +275,7 @@ class Flights:
         """Return a simulated flight with its cost, first departure from the envelope and saturated
         inputs.
 
-        The flight converges if z'Pz at its end is at most the fraction `OF_COST` of the cost.
-        Otherwise the cost is inf.
+        The cost is inf unless the flight has returned to the trim (`has_returned`).
 
         policy: the simulated policy
         rows: deviations of the simulated states and inputs from the trim
@@ -290,7 +290,7 @@ class Flights:
         with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
             tail = float(z[-1] @ problem.P @ z[-1])
             cost = float(rows.cost[-1]) + tail
-        if not has_decayed(tail, cost, OF_COST):
+        if not has_returned(problem.model, z[-1:], problem.P, rows.cost[-1:]).all():
             cost = math.inf
         lowest, highest = problem.input_limits
         slack = _AT_LIMIT * problem.sizes[1]

@@ -14,6 +14,7 @@ from hfa_flight.plan.interruption import interruption
 from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.report_lines import limits_table, line_with_ratios
 from hfa_flight.plan.search import AFTER, MESHES_AGREE, BestFlights
+from hfa_flight.simulate.returned import RULE
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -161,7 +162,7 @@ class StartsTable(OfProblem, Result, Reported):
         parts: list[Any] = [Table(header, rows)]
         if refused:
             parts.append(Table(("no proposal confirmed", "initial conditions"), refused))
-        parts += [self.weights_text(), limits_table(self.problem)]
+        parts += [self.weights_text(), RULE, limits_table(self.problem)]
         return Report(
             "\n".join(self._title_lines()), parts, data=self.as_data(), records=self._records()
         )

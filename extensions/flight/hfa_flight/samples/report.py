@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.air.names import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
 from hfa_flight.air.scenario import Scenario, Uncertainty
-from hfa_flight.needs import is_enough, need_text
+from hfa_flight.needs import is_enough, lost_band, need_text
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.simulate.envelope import control_limits
@@ -81,19 +81,6 @@ def _verdict(plan: MonteCarlo, found: Mapping[str, Any]) -> str:
     worst = max(found["left"], key=lambda name: found["left"][name])
     by = f" by {worst}" if found["left"][worst] else ""
     return f"{line}; {lost} lost{by} ({100 * low:.3g} to {100 * high:.3g} %, 95 %)"
-
-
-def lost_band(lost: int, members: int) -> tuple[float, float]:
-    """Return the ends of the 95 % band of the probability that a flight is lost.
-
-    The band is that of Clopper and Pearson (1934), one-sided if no flight or every one is lost.
-    """
-    from scipy.stats import beta
-
-    tail = 0.05 if lost in (0, members) else 0.025
-    low = beta.ppf(tail, lost, members - lost + 1) if lost else 0.0
-    high = beta.ppf(1.0 - tail, lost + 1, members - lost) if lost < members else 1.0
-    return float(low), float(high)
 
 
 def _air_text(scenario: Scenario) -> str:

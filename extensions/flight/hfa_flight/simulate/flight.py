@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,6 +48,7 @@ from hfa_flight.simulate.limit_cycle import (
     oscillation,
     slowest_recognized,
 )
+from hfa_flight.simulate.returned import RULE, has_returned
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import (
     BadInputError,
@@ -57,6 +59,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
     warn,
 )
+from hfa_support.matrices import quadratic_forms
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.named import with_names
@@ -85,7 +88,10 @@ _STORED = (
     *("state_units", "input_units", "dynamics", "exceeded", "held", "scenario", "flown", "final"),
     *("largest_deviation", "rms_error", "share_beyond_control_limits", "policy", "warnings"),
 )
-_STORED_IF_ANY = ("decay", "integration", "largest_difference_from_linear", "cost")
+_STORED_IF_ANY = (
+    *("decay", "integration", "largest_difference_from_linear"),
+    *("cost", "cost_to_go", "returned"),
+)
 #: Nominal values of the states to which changes of smaller deviations are relative.
 _SMALL = 1e-3
 
@@ -465,6 +471,39 @@ class Flight(StatesAndInputs, Result, Reported):
         """
         return None if self.flight.cost is None else float(self.flight.cost[-1])
 
+    @cached_property
+    def _optimum(self) -> np.ndarray | None:
+        """P of the linear optimum, (k, k), or None without weights or an optimum."""
+        from controller.game.linear_game import game
+        from controller.riccati.gare import unconfirmed_solution
+
+        cost = self.loop.cost
+        if cost is None:
+            return None
+        try:
+            return unconfirmed_solution(game(self.point.linearize(), cost.Q, cost.R, np.inf)).P
+        except NoSolutionError:
+            return None
+
+    @property
+    def cost_to_go(self) -> float | None:
+        """Linear cost-to-go z'Pz at the end, omitted without weights or a linear optimum."""
+        z = self.flight.errors[-1:]
+        return None if self._optimum is None else float(quadratic_forms(z, self._optimum)[0])
+
+    @property
+    def returned(self) -> bool | None:
+        """Whether the flight stays inside and has returned to the trim, omitted without cost_to_go.
+
+        The rule is that of `optimize` and of the costs of `assess`.
+        """
+        if self._optimum is None or self.flight.cost is None:
+            return None
+        end = has_returned(
+            self.model, self.flight.errors[-1:], self._optimum, self.flight.cost[-1:]
+        )
+        return self.departure is None and bool(end[0])
+
     @property
     def warnings(self) -> Sequence[str]:
         """Notes on the operating point, and on moving inputs whose dynamics are not modeled."""
@@ -595,6 +634,9 @@ class Flight(StatesAndInputs, Result, Reported):
                 f"Cost of this flight of {self.flown:g} s with Q and R: {self.cost:.6g}, "
                 "without the cost after its end."
             )
+        if self.cost_to_go is not None:
+            has = "has returned" if self.returned else "has not returned"
+            parts.append(f"Cost-to-go at the end: {self.cost_to_go:.4g}; the flight {has}. {RULE}")
         if self.integration is not None and self.integration.is_resolved:
             parts.append(self.integration.text())
         parts += self.loop.policy.notes()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import casadi as ca
+import numpy as np
 import pytest
 
 import hfa
@@ -54,6 +55,31 @@ def test_every_flight_must_converge_or_the_required_share() -> None:
         assert (again.ok, again.points[0].holds) == (passes, passes)
     with pytest.raises(hfa.BadInputError, match=r"share is 1\.2"):
         hfa.assess(UNSTABLE, deployment(4.0), samples=0, needs={"share": 1.2})
+
+
+@pytest.mark.parametrize(("offset", "passes"), [(0.01, True), (0.2, False)])
+def test_a_policy_passes_only_if_flights_return_to_the_trim(offset: float, passes: bool) -> None:
+    """Every flight converges to the equilibrium; with a large steady-state error none returns."""
+    found = hfa.assess(SLOW, deployment(1.0, offset), samples=6, best=0)
+    (point,) = found.points
+    assert point.flights.returned == point.disturbed.returned == 6
+    assert (found.ok, point.holds) == (passes, passes)
+    assert (point.best.lost == 0) is passes
+
+
+def test_a_flight_has_returned_when_its_cost_to_go_is_a_twentieth() -> None:
+    """v' = -1.1 v costs (1 + k²) v² a second; the linear cost-to-go is P v² with P² + .2 P = 1."""
+    P = -0.1 + math.sqrt(1.01)
+    spent = (1.0 + 1.0) / (2.0 * 1.1)
+    point = hfa.trim(SLOW)
+    for share in (0.049, 0.051):
+        end = math.sqrt(share * spent / (P * (1.0 - share) + share * spent))
+        seconds = round(-math.log(end) / 1.1, 2)
+        weights = (np.eye(1), np.eye(1))
+        flight = hfa.fly(SLOW, point, np.eye(1), seconds, initial={"v": 0.5}, weights=weights)
+        assert flight.returned is (share < 0.05)
+        assert flight.cost_to_go == pytest.approx(P * flight["v"][-1] ** 2, rel=1e-9)
+        assert flight.cost == pytest.approx(spent * (0.25 - flight["v"][-1] ** 2), rel=1e-9)
 
 
 def test_costs_of_a_mode_that_hardly_decays_are_not_compared() -> None:

@@ -1,6 +1,6 @@
 """Train the policies of `policies/` again, and write their outputs and slopes.
 
-    python extensions/policy/tests/support/train_policies.py [NAME ...]
+    python extensions/flight/tests/support/train_policies.py [NAME ...]
 
 Each policy is trained according to its deployment file. The slopes are computed with the modules
 of Stable-Baselines3 in float64. The package stable-baselines3 is required.
