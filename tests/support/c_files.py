@@ -21,16 +21,6 @@ def compiled(folder: Path, *words: str) -> None:
     subprocess.run([str(COMPILER), *FLAGS, *words, "-lm"], cwd=folder, check=True)
 
 
-def ran(folder: Path, *words: str) -> dict[str, float]:
-    """Compile and run an exported loop, and return the numbers in its output by name.
-
-    words: source files and options of the compiler
-    """
-    compiled(folder, *words, "-o", "loop")
-    printed = subprocess.run([folder / "loop"], check=True, capture_output=True, text=True).stdout
-    return {line[:32].strip(): float(line[32:].split()[0]) for line in printed.splitlines()}
-
-
 def written(folder: Path, texts: Mapping[str, str], source: str) -> Path:
     """Write C files to a folder, compile one of them to library.so, and return the folder.
 

@@ -46,7 +46,3 @@ def small(path: str | Path, **changes: Any) -> str:
     """
     content = {key: value for key, value in (SMALL | changes).items() if value is not None}
     return stored(path, **content)
-
-
-def checks_of(data: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    return {check["name"]: check for check in data["checks"]}

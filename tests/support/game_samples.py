@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import pytest
-
 from hfa import Game
 from hfa.extend import Check
 from hfa.paper import published_game
@@ -23,10 +21,3 @@ def game_models() -> dict[str, Game]:
 def failed_names(checks: Iterable[Check]) -> set[str]:
     """Return the names of the checks that fail."""
     return {check.name for check in checks if not check.ok}
-
-
-@pytest.fixture(
-    params=["published-15", pytest.param("published-5", marks=pytest.mark.slow)],
-)
-def game(request: pytest.FixtureRequest) -> Game:
-    return game_models()[request.param]

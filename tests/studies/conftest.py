@@ -1,5 +1,0 @@
-"""Fixtures of cases that several studies simulate."""
-
-from simulated_cases import newton
-
-__all__ = ["newton"]
