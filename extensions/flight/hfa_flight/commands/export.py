@@ -72,7 +72,7 @@ class ExportRequest(Request):
     )
     actuators: tuple[float, ...] | None = actuators_option()
     filter: bool = option(
-        "C source of the policy behind the Kalman filter of --noise and --turbulence too",
+        "policy behind the Kalman filter of --noise and --turbulence, in C too, or in the FMU",
         default=False,
         rare=True,
     )
@@ -137,7 +137,7 @@ def _check_filter(request: ExportRequest) -> None:
         raise BadInputError("--filter requires the noise of the sensors; add --noise STATE=VALUE")
     request.refuse(("policy.controller", "policy.deployment"), "cannot be combined with --filter")
     if _is_fmu(request):
-        raise BadInputError(f"{request.target}: an FMU has no filter; give a folder for C source")
+        request.policy.require("--filter")
 
 
 def _is_fmu(request: ExportRequest) -> bool:
@@ -179,7 +179,11 @@ def _written(
 ) -> list[Path]:
     """Write the aircraft, with a policy or alone, as C or as an FMU."""
     from hfa_flight.export.aircraft_c import c_model_texts
-    from hfa_flight.export.exported_loop import exported_loop, following_a_reference
+    from hfa_flight.export.exported_loop import (
+        behind_a_filter,
+        exported_loop,
+        following_a_reference,
+    )
     from hfa_flight.export.filter_c import c_filter_texts
     from hfa_flight.export.fmu import write_fmu
     from hfa_flight.policies.kalman import filter
@@ -195,17 +199,20 @@ def _written(
         policy = scheduled_gains(name, schedule, point, request.trim.common_condition.at)
     elif with_gain:
         policy = request.policy.about(linear)
+    filtered = None
+    if request.filter:
+        air = at_held_altitude(request.turbulence, request.trim.hold)
+        filtered = filter(linear, request.noise, air).policy(policy)
     if _is_fmu(request):
         steering = None if policy is None else following_a_reference(model, policy)
+        if filtered is not None:
+            steering = behind_a_filter(model, filtered)
         loop = exported_loop(model, point, steering, actuators)
         write_fmu(loop, request.target, request.provenance)
         return [request.target]
     texts = c_model_texts(linear, policy, origin)
-    if request.filter:
-        known = filter(
-            linear, request.noise, at_held_altitude(request.turbulence, request.trim.hold)
-        )
-        texts |= c_filter_texts(known.policy(policy), origin)
+    if filtered is not None:
+        texts |= c_filter_texts(filtered, origin)
     return write_texts(request.target, texts)
 
 

@@ -17,6 +17,8 @@ from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.air.actuators import ActuatorBank
 from hfa_flight.air.scenario import Scenario
+from hfa_flight.export.filter_c import filter_sample
+from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
 from trim.point.operating_point import OperatingPoint
@@ -76,14 +78,28 @@ class GivenInputs(Policy):
         return self.inputs
 
 
+class Sampled(NamedTuple):
+    """Sampled policy of an exported loop, whose commands are held.
+
+    function: (y, v, memory) -> (commands, memory), with the inputs of the loop in v
+    dt: sample time, s
+    starts: commands before the first sample, (m,)
+    """
+
+    function: ca.Function
+    dt: float
+    starts: tuple[float, ...]
+
+
 class Steering(NamedTuple):
     """Policy and input signals v of an exported loop.
 
     policy: the policy, without memory
     arguments: channels of v
-    v: (k,), symbols of the inputs of the loop
+    v: (k,), symbols of the inputs of the loop, then of the held commands
     reference: x_d, as part of v, or None
     sets_inputs: False if v are the inputs of the aircraft
+    filtered: policy behind a filter, whose commands are held, or None
     """
 
     policy: Policy
@@ -91,6 +107,27 @@ class Steering(NamedTuple):
     v: ca.SX
     reference: Argument | None = None
     sets_inputs: bool = True
+    filtered: FilteredPolicy | None = None
+
+
+def behind_a_filter(model: Model, policy: FilteredPolicy) -> Steering:
+    """Return the steering by a policy behind a filter, with the noise of its sensors as inputs."""
+    sensors = policy.filter.sensors
+    U = ca.SX.sym("U", len(model.inputs))
+    arguments = [Channel(f"noise_{name}", model.unit(name)) for name in sensors]
+    v = ca.vertcat(ca.SX.sym("noise", len(sensors)), U)
+    return Steering(GivenInputs("held", U - ca.DM(policy.point.u)), arguments, v, filtered=policy)
+
+
+def _sampled(policy: FilteredPolicy, states: int, winds: int, v: ca.SX) -> Sampled:
+    """Return the sampled policy of a loop with some numbers of states and winds."""
+    sensors = policy.filter.sensors
+    y, w = ca.SX.sym("y", states), ca.SX.sym("w", winds)
+    memory = ca.SX.sym("memory", len(policy.filter.Phi) + 2)
+    measured = y[policy.point.model.state_places(sensors)] + v[: len(sensors)]
+    results = filter_sample(policy).call([memory, measured])
+    function = ca.Function("sample", [y, ca.vertcat(w, v), memory], results)
+    return Sampled(function, policy.dt, tuple(policy.point.u.tolist()))
 
 
 def given_inputs(model: Model, point: OperatingPoint) -> Steering:
@@ -115,10 +152,11 @@ def following_a_reference(model: Model, policy: Policy) -> Steering:
 class ExportedLoop:
     """Loop y' = f(y, v) in absolute values, with the outputs h(y, v).
 
-    function: (y, v) -> (f, h)
+    function: (y, v) -> (f, h), with the held commands of a sampled policy after v
     states, outputs, inputs: channels of y, h and v. The outputs are the inputs of the aircraft that
         a policy sets, then the outputs of the model
     flown: number of aircraft states. They are the first of `states`
+    sampled: sampled policy, or None
     """
 
     function: ca.Function
@@ -126,6 +164,7 @@ class ExportedLoop:
     outputs: tuple[Channel, ...]
     inputs: tuple[Channel, ...]
     flown: int
+    sampled: Sampled | None = None
 
 
 def exported_loop(
@@ -167,6 +206,9 @@ def exported_loop(
     states = _channels(model, model.states, point.states, rates=True)
     states += _actuator_channels(model, actuators)
     winds = [Channel(name, model.unit(name)) for name in model.disturbances]
+    sampled = None
+    if steering.filtered is not None:
+        sampled = _sampled(steering.filtered, Y.numel(), w.numel(), steering.v)
     return ExportedLoop(
         function=ca.Function(
             "loop", arguments, [ca.densify(now.rate), ca.densify(h)], {"cse": True}
@@ -175,6 +217,7 @@ def exported_loop(
         outputs=tuple(outputs),
         inputs=(*winds, *steering.arguments),
         flown=len(model.states),
+        sampled=sampled,
     )
 
 

@@ -29,7 +29,7 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
         "memory": len(policy.filter.Phi) + 2,
         "impossible": IMPOSSIBLE,
         "lost": LOST,
-        "sample": c_function(_sample(policy), "sample", ("memory", "y"), ("u", "later")),
+        "sample": c_function(filter_sample(policy), "sample", ("memory", "y"), ("u", "later")),
     }
     return {file: filled(file, **fields) for file in FILTER_FILES}
 
@@ -39,7 +39,7 @@ def _positions(prefix: str, units: dict[str, str]) -> str:
     return "\n".join(f"    {prefix}{name.upper()}, /* {unit} */" for name, unit in units.items())
 
 
-def _sample(policy: FilteredPolicy) -> ca.Function:
+def filter_sample(policy: FilteredPolicy) -> ca.Function:
     """Return the function (memory, y) -> (U, memory) of a sample, as in `FilteredPolicy`.
 
     The memory has the predicted states, the number of missed samples in a row, and 1 once a sample

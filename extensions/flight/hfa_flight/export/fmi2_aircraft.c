@@ -1,7 +1,8 @@
 /* The aircraft as a functional mock-up unit of FMI 2.0, model exchange and co-simulation, around fmu_loop.
 
    fmu_settings.h says how many numbers there are. Value references: states, their rates, outputs, inputs. Co-simulation:
-   Runge-Kutta of order 4, steps of FMU_LONGEST_STEP or less that divide the communication step, inputs held. */
+   Runge-Kutta of order 4, steps of FMU_LONGEST_STEP or less that divide the communication step, inputs held. A sampled policy
+   (FMU_HELD commands) is computed every FMU_SAMPLE seconds from the first step on, and its commands are held. */
 #include "fmu_settings.h"
 
 #include <math.h>
@@ -35,11 +36,17 @@ enum {
     RATE = STATE + FMU_STATES,
     OUTPUT = RATE + FMU_STATES,
     INPUT = OUTPUT + FMU_OUTPUTS,
-    END = INPUT + FMU_INPUTS
+    END = INPUT + FMU_INPUTS,
+    /* Of a sampled policy: held commands, memory, number of samples, time of the first one. */
+    HELD = END,
+    MEMORY = HELD + FMU_HELD,
+    SAMPLES = MEMORY + FMU_MEMORY,
+    BEGIN,
+    ALL
 };
 
 typedef struct {
-    double time, value[END];
+    double time, value[ALL];
     char name[64];
     Callbacks callbacks;
 } Aircraft;
@@ -48,9 +55,13 @@ static void reset(Aircraft *a)
 {
     static const double states[FMU_STATES] = FMU_STATE_STARTS, inputs[FMU_INPUTS] = FMU_INPUT_STARTS;
     a->time = 0.0;
-    for (int i = 0; i < END; i++) a->value[i] = 0.0;
+    for (int i = 0; i < ALL; i++) a->value[i] = 0.0;
     for (int i = 0; i < FMU_STATES; i++) a->value[STATE + i] = states[i];
     for (int i = 0; i < FMU_INPUTS; i++) a->value[INPUT + i] = inputs[i];
+#if FMU_HELD
+    static const double held[FMU_HELD] = FMU_HELD_STARTS;
+    for (int i = 0; i < FMU_HELD; i++) a->value[HELD + i] = held[i];
+#endif
 }
 
 static fmi2Status refused(const Aircraft *a, const char *why)
@@ -76,6 +87,23 @@ static void step(Aircraft *a, double seconds)
         for (int i = 0; i < FMU_STATES; i++) sum[i] += weight[stage] * dx[i];
     }
     for (int i = 0; i < FMU_STATES; i++) x[i] += seconds / 6.0 * sum[i];
+}
+
+/* Compute the samples that are due at a time, and return the time of the next one, or the end. */
+static double sampled(Aircraft *a, double time, double end)
+{
+#if FMU_HELD
+    if (a->value[SAMPLES] == 0.0) a->value[BEGIN] = time;
+    double next = a->value[BEGIN] + a->value[SAMPLES] * FMU_SAMPLE;
+    if (next <= time + 1e-9 * FMU_SAMPLE) {
+        fmu_sample(a->value + STATE, a->value + INPUT, a->value + MEMORY, a->value + HELD);
+        a->value[SAMPLES] += 1.0;
+        next = a->value[BEGIN] + a->value[SAMPLES] * FMU_SAMPLE;
+    }
+    if (next < end - 1e-9 * FMU_SAMPLE) return next;
+#endif
+    (void)a, (void)time;
+    return end;
 }
 
 /* Both kinds. */
@@ -248,10 +276,14 @@ EXPORT fmi2Status fmi2GetNominalsOfContinuousStates(void *c, double *nominal, si
 EXPORT fmi2Status fmi2DoStep(void *c, double now, double seconds, int no_return)
 {
     Aircraft *a = c;
-    const double count = ceil(seconds / FMU_LONGEST_STEP - 1e-6);
     (void)no_return;
-    if (!(seconds >= 0.0 && count < 1e9)) return refused(a, "the communication step is negative or too long");
-    for (long i = 0; i < (long)count; i++) step(a, seconds / count);
+    if (!(seconds >= 0.0 && seconds < 1e9 * FMU_LONGEST_STEP))
+        return refused(a, "the communication step is negative or too long");
+    for (double begin = now, until; begin < now + seconds; begin = until) {
+        until = sampled(a, begin, now + seconds);
+        const double count = ceil((until - begin) / FMU_LONGEST_STEP - 1e-6);
+        for (long i = 0; i < (long)count; i++) step(a, (until - begin) / count);
+    }
     a->time = now + seconds;
     for (int i = 0; i < FMU_STATES; i++)
         if (!isfinite(a->value[STATE + i])) return refused(a, "the aircraft left every bound");

@@ -85,7 +85,7 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
 def _source(loop: ExportedLoop, origin: Provenance) -> str:
     """Return the C source of a function `fmu_loop` that evaluates the loop."""
     results = ("dy", "u") if loop.outputs else ("dy",)
-    one = ca.SX.sym("y", len(loop.states)), ca.SX.sym("v", len(loop.inputs))
+    one = ca.SX.sym("y", len(loop.states)), ca.SX.sym("v", loop.function.numel_in(1))
     function = ca.Function("loop", [*one], loop.function.call([*one])[: len(results)])
     unused = "" if loop.outputs else "\n    (void)u;"
     call = f"    loop({', '.join(('y', 'v', *results))});{unused}"
@@ -93,6 +93,21 @@ def _source(loop: ExportedLoop, origin: Provenance) -> str:
         f'/* {comment_lines(_heading(origin))} */\n#include "{SETTINGS}"\n\n#include <math.h>\n\n'
         f"{c_function(function, 'loop', ('y', 'v'), results)}\n"
         f"void fmu_loop(const double *y, const double *v, double *dy, double *u)\n{{\n{call}\n}}\n"
+        + _sample_source(loop)
+    )
+
+
+def _sample_source(loop: ExportedLoop) -> str:
+    """Return the C source of a function `fmu_sample` that computes a sampled policy, or nothing."""
+    if loop.sampled is None:
+        return ""
+    sample = c_function(loop.sampled.function, "sample", ("y", "v", "memory"), ("u", "later"))
+    return (
+        f"\n{sample}\n"
+        "void fmu_sample(const double *y, const double *v, double *memory, double *u)\n{\n"
+        "    double later[FMU_MEMORY];\n"
+        "    sample(y, v, memory, u, later);\n"
+        "    for (int i = 0; i < FMU_MEMORY; i++) memory[i] = later[i];\n}\n"
     )
 
 
@@ -104,12 +119,24 @@ def _settings(loop: ExportedLoop, guid: str) -> str:
         "STATE_STARTS": braced([one.start for one in loop.states]),
         "INPUT_STARTS": braced([one.start for one in loop.inputs]),
         "NOMINALS": braced([one.size for one in loop.states]),
+        "HELD": 0,
+        "MEMORY": 0,
     }
+    sampled = loop.sampled
+    if sampled is not None:
+        defined |= {
+            "HELD": len(sampled.starts),
+            "HELD_STARTS": braced(list(sampled.starts)),
+            "MEMORY": sampled.function.numel_in(2),
+            "SAMPLE": repr(sampled.dt),
+        }
     lines = [f"#define FMU_{name} {value}" for name, value in defined.items()]
     lines += ["", "/* Rates of the states y and the outputs u under the inputs v. */"]
-    return "\n".join(
-        [*lines, "void fmu_loop(const double *y, const double *v, double *dy, double *u);", ""]
-    )
+    lines += ["void fmu_loop(const double *y, const double *v, double *dy, double *u);"]
+    if sampled is not None:
+        lines += ["", "/* Commands u of a sample, and its memory. */"]
+        lines += ["void fmu_sample(const double *y, const double *v, double *memory, double *u);"]
+    return "\n".join([*lines, ""])
 
 
 def _heading(origin: Provenance) -> str:
@@ -120,7 +147,8 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
     """Return the text of modelDescription.xml.
 
     The variables are the states, their rates, the outputs of the loop, and its inputs. The outputs
-    of the FMU are the aircraft states and the outputs of the loop.
+    of the FMU are the aircraft states and the outputs of the loop. A sampled policy is simulated in
+    co-simulation alone.
 
     origin: provenance
     guid: identifier of the FMU
@@ -136,7 +164,7 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
         generationDateAndTime=origin.date,
         numberOfEventIndicators="0",
     )
-    for kind in ("ModelExchange", "CoSimulation"):
+    for kind in ("ModelExchange", "CoSimulation") if loop.sampled is None else ("CoSimulation",):
         able = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
         able |= {"canHandleVariableCommunicationStepSize": "true"} if kind == "CoSimulation" else {}
         listed = xml.SubElement(

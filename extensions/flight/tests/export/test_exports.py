@@ -144,17 +144,45 @@ def test_an_fmu_simulates_the_flight_in_fmpy(
     assert np.abs(known - known[0]).max() > 0.01
 
 
+#: Noise of the sensors of a filter, and the options that give it.
+NOISE = {"speed": 0.3, "pitch": 0.002, "pitch_rate": 0.003, "dihedral": 0.002}
+FILTER = [
+    *("--filter", "--turbulence", "moderate:40000"),
+    *(f"--noise={name}={math.degrees(v) if name != 'speed' else v}" for name, v in NOISE.items()),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("interval", [0.1, 0.025])
+def test_an_fmu_behind_a_filter_simulates_the_flight(folder: Path, interval: float) -> None:
+    """Co-simulation, with a sensor that is .1 ft/s off, in steps that samples divide or not."""
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
+    validation = pytest.importorskip("fmpy.validation")
+    exported("--law", "exact", *FILTER, "-o", "a.fmu")
+    assert validation.validate_fmu("a.fmu") == []
+    linear = model_at(10.0, "published")
+    point, seconds = linear.point, 2.0
+    policy = hfa.filter(linear, NOISE, "moderate:40000").policy(exact_gain(10.0))
+    scenario = Scenario(
+        seconds, 0.001, 0.01, 0.2 * np.eye(7)[0], noise=Waveform(0.1 * np.eye(6)[0], np.zeros(6))
+    )
+    flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
+    start = {"speed": point["speed"] + 0.2, "noise_speed": 0.1}
+    found = fmpy.simulate_fmu(
+        "a.fmu", stop_time=seconds, step_size=interval, output_interval=interval, start_values=start
+    )
+    known = flight.states[:: round(interval / flight.step)]
+    for column, name in enumerate(STATES):
+        np.testing.assert_allclose(found[name], known[:, column], rtol=1e-8, atol=1e-8)
+    assert np.abs(known[:, 1] - known[0, 1]).max() > 1e-4
+
+
 def test_an_exported_filter_equals_the_policy_behind_it(folder: Path) -> None:
     """Random samples, impossible ones, and some that are no numbers: commands equal to rounding."""
-    noise = {"speed": 0.3, "pitch": 0.002, "pitch_rate": 0.003, "dihedral": 0.002}
-    words = [
-        f"--noise={name}={math.degrees(size) if name != 'speed' else size}"
-        for name, size in noise.items()
-    ]
-    exported("--filter", *words, "--turbulence", "moderate:40000", "-o", "c")
+    exported(*FILTER, "-o", "c")
     compiled(folder / "c", "-shared", "-fPIC", "hfa_filter.c", "-o", "library.so")
     linear = model_at(10.0, "published")
-    policy = hfa.filter(linear, noise, "moderate:40000").policy(exact_gain(10.0))
+    policy = hfa.filter(linear, NOISE, "moderate:40000").policy(exact_gain(10.0))
     trim = np.array([linear.point[name] for name in policy.filter.sensors])
     random = np.random.default_rng(1)
     memory, u = np.zeros(len(policy.filter.Phi) + 2), np.zeros(5)
