@@ -432,7 +432,6 @@ def test_exports_without_a_filter_refuse_its_options(folder):
     for words, said in (
         (("-o", "c", "--noise", "speed=.3"), "add --filter"),
         (("-o", "c", "--filter"), "add --noise STATE=VALUE"),
-        (("-o", "a.fmu", "--filter", "--noise", "speed=.3"), "an FMU has no filter"),
     ):
         assert_refused(run("export", *words), 2, said)
 

@@ -122,7 +122,7 @@ def export(request: ExportRequest) -> int:
     if policy.deployment is not None:
         written = _write_deployed_policy(request, policy.deployment, point, origin)
     else:
-        is_aircraft_alone = names_no_policy and _is_fmu(request)
+        is_aircraft_alone = names_no_policy and _is_fmu(request) and not request.filter
         written = _written(request, model, point, origin, with_gain=not is_aircraft_alone)
     request.print(_report(written), notes=point.warnings)
     return 0
@@ -136,8 +136,6 @@ def _check_filter(request: ExportRequest) -> None:
     if not request.noise:
         raise BadInputError("--filter requires the noise of the sensors; add --noise STATE=VALUE")
     request.refuse(("policy.controller", "policy.deployment"), "cannot be combined with --filter")
-    if _is_fmu(request):
-        request.policy.require("--filter")
 
 
 def _is_fmu(request: ExportRequest) -> bool:
