@@ -146,6 +146,7 @@ def complaints(output: str) -> dict[str, str]:
     return dict(zip(heads[1::2], heads[2::2], strict=True))
 
 
+@pytest.mark.slow
 def test_planted_forbidden_imports_are_detected(tmp_path: Path) -> None:
     """The linter reports each planted import under the contract that forbids it, and each contract
     has one.

@@ -162,6 +162,7 @@ def metadata(site: Path, name: str, entries: str) -> None:
     (folder / "entry_points.txt").write_text(entries)
 
 
+@pytest.mark.slow
 def test_a_broken_package_disables_no_other_command(tmp_path: Path) -> None:
     """A package that cannot be loaded, or offers a suffix that the project reads itself, is named
     in one line where it is used. All other commands run.

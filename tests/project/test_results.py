@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from known_models import game_at, model_at
 
 import hfa
 import hfa_flight
@@ -100,7 +101,7 @@ def test_attributes_and_names_in_brackets_complete() -> None:
 
 def test_linear_models_are_equal_by_their_values() -> None:
     """Linear models are compared entry by entry, where nan equals nan, and cannot be hashed."""
-    model = results()["LinearModel"]
+    model = model_at(15.0)
     assert model == replace(model, A=model.A.copy())
     changed = model.A.copy()
     changed[0, 0] += 1e-12
@@ -117,7 +118,7 @@ def test_linear_models_are_equal_by_their_values() -> None:
 def test_a_trimerror_can_be_pickled() -> None:
     """A pickled TrimError keeps its message and its nearest point."""
     with pytest.raises(trim.TrimError) as caught:
-        hfa.trim(results()["Model"], hfa.paper.level_flight(0.1, speed=30.0))
+        hfa.trim(hfa.aircraft(), hfa.paper.level_flight(0.1, speed=30.0))
     again = pickle.loads(pickle.dumps(caught.value))
     assert (str(again), again.attempt) == (str(caught.value), caught.value.attempt)
 
@@ -127,7 +128,7 @@ def test_games_are_equal_by_their_values() -> None:
 
     Games that differ in delta, or in the last bit of an entry of A, are not equal.
     """
-    game = results()["Game"]
+    game = game_at(15.0)
     again = game.with_delta(100.0).with_delta(game.delta)
     assert (again, hash(again)) == (game, hash(game))
     assert game != game.with_delta(100.0)
