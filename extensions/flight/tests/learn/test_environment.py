@@ -16,6 +16,17 @@ START = np.array([2.0, 0.03, 0.1, -0.05])
 ACTION = {"elevator": {"box": [-1, 1], "map": "trim + 0.3 * a"}}
 
 
+def test_gymnasium_makes_the_flexible_aircraft_by_name() -> None:
+    """`gymnasium.make` returns the environment at the given dihedral angle, by default 10 deg."""
+    made = gymnasium.make("hfa.gym:hfa/Flexible-v0", points=[0.17], seconds=1.0)
+    direct = environment(hfa.aircraft(), points=[0.17], seconds=1.0)
+    assert np.array_equal(made.reset(seed=3)[0], direct.reset(seed=3)[0])
+    action = np.zeros(made.action_space.shape, np.float32)
+    assert made.step(action)[1] == direct.step(action)[1]
+    usual = gymnasium.spec("hfa/Flexible-v0").kwargs
+    assert usual["points"] == pytest.approx([np.radians(10.0)])
+
+
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_the_checker_of_gymnasium_passes() -> None:
     """The environment passes the checker of Gymnasium."""
