@@ -130,18 +130,6 @@ def flight_cost(game: Game, policy: ca.Function, start: np.ndarray) -> float:
     return float(solved.y[2, -1])
 
 
-def test_a_wrong_policy_beside_a_right_value_is_found() -> None:
-    """The coefficients of a policy that does not follow from the value are compared, too."""
-    linear, game, expansion = case(4)
-    z = ca.SX.sym("z", 2)
-    change = ca.vertcat(0.0, 1e-3 * z[0] ** 2 * z[1])
-    verdict, _ = judged(expansion, game, linear, change, z)
-    wrong = [each for each in verdict.nonlinear.errors if each.error > LIMIT]
-    assert not verdict.ok
-    assert [(each.of, each.degree) for each in wrong] == [("u", 3)]
-    assert wrong[0].worst == "v: a**2*b"
-
-
 @pytest.mark.parametrize("factor", [1.01, 0.0])
 def test_one_wrong_coefficient_is_found(factor: float) -> None:
     """A coefficient that is changed fails, and is the worst one of its degree."""
@@ -165,7 +153,7 @@ def test_one_wrong_coefficient_is_found(factor: float) -> None:
         assert f", off by {100.0 * wrong.error:.2g} %)" in found.sentence
 
 
-@pytest.mark.parametrize("changes", [{}, {4: 1.02}, {8: 30.0}, {0: 1.001}])
+@pytest.mark.parametrize("changes", [{}, {4: 1.02}, {0: 1.001}])
 def test_the_verdict_is_that_of_the_first_line(changes: dict[int, float]) -> None:
     """With and without a limit of the cost, on both games: a value may be wrong beside its policy."""
     linear, game, expansion = case(4)
@@ -205,15 +193,12 @@ def test_a_missing_degree_and_a_linear_term_are_found() -> None:
 
 
 def test_a_network_is_compared_on_request() -> None:
-    """The cost, the equilibrium and K of a network come first; its Taylor terms only if asked."""
+    """The Taylor terms of a network are compared only if asked."""
     linear, game, expansion = case(4)
     z = ca.SX.sym("z", 2)
     network = hfa.from_network(game, ca.Function("policy", [z], [expansion.policy(z)]))
     plain = hfa.verify(game, network, scope=QUICK, linear=linear)
     assert plain.nonlinear is None
-    cost, rest, gain = str(plain.report()).splitlines()[:3]
-    assert cost.endswith("above the optimum")
-    assert (rest, gain) == ("equilibrium at the trim", "K exact within 1e-06")
     asked = hfa.verify(game, network, scope=QUICK, linear=linear, taylor=True)
     assert asked.nonlinear is not None
     assert asked.nonlinear.ok

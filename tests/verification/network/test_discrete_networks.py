@@ -7,13 +7,9 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer, hfa
-from game_files import stored
 from game_samples import failed_names
-from network_files import torch_file
 
 from hfa import Critic, Game, Solution, from_gain, from_network, solve, verify
-from hfa.main import DONE, FAILED
 from tests.support.steps_of import in_steps
 from verification import Box, Scope
 
@@ -105,7 +101,8 @@ def test_a_policy_exact_in_the_box_that_loses_flights_fails() -> None:
     assert "not all flights from the box converge" in verdict.headline
 
 
-@pytest.mark.parametrize("name", ["LQR", pytest.param("discounted", marks=pytest.mark.slow)])
+@pytest.mark.slow  # test_no_network_error_exceeds_the_reported_one, in continuous time
+@pytest.mark.parametrize("name", ["LQR", "discounted"])
 def test_a_value_wrong_away_from_the_origin_fails(name: str) -> None:
     """A value that is exact to second order at the origin and wrong away from it fails."""
     problem = PROBLEMS[name]
@@ -166,18 +163,11 @@ def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(
 
 
 def test_the_equilibrium_of_a_shifted_network_is_found() -> None:
-    """`hfa verify` passes the exact policy of a plant file, and fails one with a bias b.
-
-    The equilibrium of x⁺ = A x + B (b - K x) is (I - A + B K)⁻¹ B b.
-    """
+    """The equilibrium of x⁺ = A x + B (b - K x) is (I - A + B K)⁻¹ B b."""
     problem, bias = problem_of(), np.array([0.2])
     K = exact_of(problem).K
-    plant = {name: getattr(problem, name).tolist() for name in "ABEQR"} | {"delta": problem.delta}
-    path = stored("plant.json", time="discrete", **plant)
-    words = ("verify", "--model", path, "--network", "policy=", "--weights")
-    assert hfa(*words, torch_file("right.pt", {"weight": -K})).code == DONE
-    shifted = torch_file("shifted.pt", {"weight": -K, "bias": bias})
-    rest = answer(*words, shifted, code=FAILED)["network"]["rest_point"]
+    critic = critic_of(problem, policy=ca.DM(bias) - ca.DM(K) @ Z)
+    rest = verify(problem, critic, scope=SCOPE).to_dict()["network"]["rest_point"]
     np.testing.assert_allclose(rest, np.linalg.solve(np.eye(2) - A + B @ K, B @ bias), rtol=1e-6)
 
 

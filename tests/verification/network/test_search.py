@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from game_samples import failed_names
-from network_files import ONES, QUADRATIC, onnx_file, torch_file
+from network_files import torch_file
 from planted_critics import gain, value
 
 from hfa import Critic, Game, from_gain, from_network, solve, verify
@@ -19,49 +19,24 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_a_network_right_only_at_the_origin_fails(game: Game) -> None:
-    """A network that is right only at the origin fails.
-
-    For u = -K z + 5 z_1³/7³, the error found equals the largest error in the box.
-    """
-    nodes = [
-        ("MatMul", "x K", "u"),
-        ("MatMul", "x first", "h"),
-        ("Mul", "h h", "s"),
-        ("Mul", "s h", "c"),
-    ]
-    constants = {
-        "K": -gain(game).T,
-        "first": 5.0 ** (1 / 3) / 7.0 * np.eye(6)[:, :1] @ np.eye(5)[:1],
-    }
-    critic = from_network(game, onnx_file("bent.onnx", [*nodes, ("Add", "u c", "y")], constants, 5))
-    check = verify(game, critic, scope=Scope())
+    """For u = -K z + 5 z_1³/7³ e_1, the error found is the largest one in the box."""
+    z = ca.SX.sym("z", 6)
+    u = -ca.DM(gain(game)) @ z + 5.0 * (z[0] / 7.0) ** 3 * ca.DM(np.eye(5)[0])
+    critic = from_network(game, ca.Function("policy", [z], [u]), network="policy")
+    check = verify(game, critic, scope=Scope(flights=20))
     assert check.K_rel_error < 1e-12
-    assert [each.name for each in check.checks if not each.ok] == ["searched_policy_error"]
-    (found,) = check.to_dict()["network"]["searched"]
+    assert failed_names(check.checks) == {"searched_policy_error"}
     largest = np.sqrt(game.R.diagonal()) * (np.abs(solve(game).K) @ BOX)
-    assert found["error"] == pytest.approx(5.0 * np.sqrt(game.R[0, 0]) / largest[0], rel=1e-6)
-    assert check.to_dict()["graded"]["cost_lost_worst_percent"] <= 1e-6
+    found = check.value_of("searched_policy_error")
+    assert found == pytest.approx(5.0 * np.sqrt(game.R[0, 0]) / largest[0], rel=1e-6)
     assert not check.holds(1e-6)
 
 
 def test_a_value_with_nan_in_the_box_fails(game: Game) -> None:
     """The error of a value that is nan in part of the box is infinite."""
-    nodes = [
-        *QUADRATIC[:2],
-        ("MatMul", "terms ones", "V"),
-        ("Slice", "x a b c", "s"),
-        ("Pow", "s half", "r"),
-    ]
-    constants = {
-        "P": value(game),
-        "ones": ONES,
-        "a": np.array([0]),
-        "b": np.array([1]),
-        "c": np.array([1]),
-    }
-    constants |= {"half": np.array(2.5), "zero": np.array(1e-30)}
-    path = onnx_file("nan.onnx", [*nodes, ("Mul", "r zero", "n"), ("Add", "V n", "y")], constants)
-    critic = from_network(game, path)
+    z = ca.SX.sym("z", 6)
+    V = ca.bilin(ca.DM(value(game)), z, z) + 1e-30 * ca.sqrt(z[0]) ** 5
+    critic = from_network(game, ca.Function("V", [z], [V]), network="V")
     verdict = verify(game, critic, scope=Scope(flights=1))
     assert verdict.value_of("searched_value_error") == math.inf
 
@@ -80,13 +55,10 @@ def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
     assert data["rest_point"] == pytest.approx(rest, rel=1e-9)
     assert data["cost_lost_flown_percent"] == pytest.approx(0.0, abs=1e-9)
     assert data["reach"] == 16.0
-    headline = verdict.headline
     assert verdict.grade == "fail"
-    assert ": equilibrium 0." in headline
     first = str(verdict).partition("\n\n")[0]
-    assert "\noptimal cost about its equilibrium\nK exact within 1e-06\n" in first
-    first = f"u at the origin is {offset[0]:.4g}, {offset[1]:.4g} rad, "
-    assert verdict.reason.startswith(first)
+    assert first.index(": equilibrium 0.") < first.index("optimal cost about its equilibrium")
+    assert verdict.reason.startswith(f"u at the origin is {offset[0]:.4g}, {offset[1]:.4g} rad, ")
     assert verdict.reason.endswith("not 0: a bias; otherwise the policy is exact")
 
 
@@ -135,14 +107,12 @@ def test_the_cost_of_a_very_small_bias_is_printed(game: Game) -> None:
     assert f"costs {found['equilibrium_cost']:.2g} per second" in str(verdict)
 
 
-@pytest.mark.parametrize("share", [1e-2, 1e-5])
-def test_a_low_cost_is_no_reason_to_pass_off_the_trim(game: Game, share: float) -> None:
+def test_a_low_cost_is_no_reason_to_pass_off_the_trim(game: Game) -> None:
     """A loop that rests off the trim neither passes by its cost nor is near, however low the cost.
 
     The cost counts from the equilibrium. From the trim, the cost grows without bound.
     """
-    critic = biased(game, share)
-    verdict = verify(game, critic, scope=Scope(flights=4))
+    verdict = verify(game, biased(game, 1e-5), scope=Scope(flights=4))
     assert verdict.cost_lost <= 1.0
     assert "rest_point" in failed_names(verdict.checks)
     assert verdict.grade == "fail"
