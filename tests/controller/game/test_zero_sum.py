@@ -9,8 +9,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from game_files import SMALL
-from game_samples import game_models
-from tolerances import SAME_FORMULA
 
 from controller import basis
 from hfa import BadInputError, Game, from_weights
@@ -66,29 +64,6 @@ def test_a_constant_of_the_value_is_kept() -> None:
         assert float(critic.value(np.zeros(n))) == 3.0
         assert float(critic.value(state)) == pytest.approx(3.0 + state @ state)
         assert critic.u(state) == pytest.approx(-game.gain(np.eye(n)) @ state)
-
-
-def test_gains_are_extremals_of_the_hamiltonian() -> None:
-    """u = -K z and d = L z are the extremals of the Hamiltonian, with the value z' residual(P) z.
-
-    The Hamiltonian is z'Qz + u'Ru - δ²d'd + 2 z'P(Az + Bu + Ed).
-    """
-    rng = np.random.default_rng(4)
-    for game in (Game(**SMALL), *game_models().values()):
-        n = len(game.A)
-        root = rng.standard_normal((n, n))
-        z = rng.standard_normal(n)
-        P = root @ root.T
-        u = -game.gain(P) @ z
-        d = game.disturbance_gain(P) @ z
-        np.testing.assert_allclose(game.R @ u, -game.B.T @ P @ z, rtol=SAME_FORMULA, atol=1e-12)
-        np.testing.assert_allclose(game.delta**2 * d, game.E.T @ P @ z, rtol=SAME_FORMULA)
-        cost = z @ game.Q @ z + u @ game.R @ u - game.delta**2 * d @ d
-        hamiltonian = cost + 2.0 * z @ P @ (game.A @ z + game.B @ u + game.E @ d)
-        assert z @ game.residual(P) @ z == pytest.approx(hamiltonian, rel=1e-11)
-        assert z @ P @ game.S @ P @ z == pytest.approx(
-            u @ game.R @ u - game.delta**2 * d @ d, rel=1e-11
-        )
 
 
 def test_a_game_cannot_be_changed_from_outside() -> None:
