@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import dataclass
 from fractions import Fraction
 from types import SimpleNamespace
@@ -12,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from proofs import decided
 
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.check.cover import (
@@ -30,7 +30,6 @@ from hfa_prove.enclosure.taylor import TaylorProgram, lowest
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece, Polynomial
 from hfa_prove.statements.region import RegionStatement, RegionWitness
-from hfa_support.errors import NoSolutionError
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,11 +166,8 @@ def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.81)
     statement = RegionStatement(loop, {"level": 0.0}, piece, {"level": (-0.91, 0.91)})
     witness = RegionWitness(np.full((1, 2), 0.55), 10**6)
-    if margin > 0.0:
+    with decided(margin > 0.0, error=RefutedError):
         assert check_region(statement, witness) > 0
-    else:
-        with pytest.raises(RefutedError):
-            check_region(statement, witness)
 
 
 def _still(rates: ca.Function) -> Any:
@@ -198,11 +194,8 @@ def test_an_equilibrium_is_enclosed_in_every_coordinate(
     """A root is enclosed; rates of which the first or the second entry has none are refused."""
     x = ca.SX.sym("x", 2)
     loop = _still(ca.Function("f", [x], [rates(x)]))
-    if root is not None:
+    with decided(root is not None, "no equilibrium is enclosed"):
         assert equilibrium_near(loop, np.array([0.7, 0.2])).x == pytest.approx(root)
-        return
-    with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
-        equilibrium_near(loop, np.array([0.7, 0.2]))
 
 
 def _bump(x: Any) -> Any:
@@ -239,7 +232,7 @@ def test_increase_within_the_hole_is_refused(
     loop = Loop(model, {}, {"angle": 0.0}, {}, {}, {}, none)
     piece = Piece(np.eye(1) / reach, Polynomial(1, ((reach**2, (2,)),)), 0.9 * reach**2)
     statement = RegionStatement(loop, {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
-    with nullcontext() if is_proved else pytest.raises(RefutedError):
+    with decided(is_proved, error=RefutedError):
         assert check_region(statement, RegionWitness(np.zeros((1, 2)), 10**4)) > 0
 
 

@@ -11,9 +11,10 @@ import casadi as ca
 import numpy as np
 import pytest
 from mutations import accepted_claims
+from proofs import certificate
 from tank import LIMITS, TANK
 
-from hfa_prove.certificate import SCHEMA, read_content
+from hfa_prove.certificate import read_content
 from hfa_prove.check.region_boxes import check_region
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
@@ -69,12 +70,7 @@ def content(kind: str) -> dict[str, Any]:
     at = {"level": 0.0}
     loop = Loop(TANK, {"inflow": 0.5}, at, {"valve": 0.0}, {"slope": 0.25}, LIMITS, policy or gain)
     statement = RegionStatement(loop, at, Piece(np.eye(1), W, c), {"level": (-0.91, 0.91)})
-    return {
-        **{"schema": SCHEMA, "toolchain": "", "digest": "", "provenance": {}, "checksum": ""},
-        "kind": "region",
-        "statement": statement.content(),
-        "witness": {"multipliers": [[0.4, 0.4]], "boxes": 500},
-    }
+    return certificate("region", statement, {"multipliers": [[0.4, 0.4]], "boxes": 500})
 
 
 def command(statement: RegionStatement, kind: str, z: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Enclosures of the model's rates contain the exact values, and wrong operations are detected."""
+"""Balls contain the values of functions, and what they do not decide is not decided."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-import flint
 import numpy as np
 import pytest
 
@@ -14,58 +13,12 @@ pytest.importorskip("hfa_prove")
 
 from flint import arb
 from known_models import model_at
-from random_points import rates_function
 
 import hfa
 import hfa_model
 from hfa import BadInputError
-from hfa_model import VARIANTS
 from hfa_prove.enclosure.ball_function import BallFunction, Undecided
 from hfa_prove.enclosure.balls import exact
-
-
-def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
-    """Return the number of points whose rates are outside the enclosure of the rates.
-
-    The points are random in a box of states, inputs and parameters. Their rates are computed with
-    200 bits.
-
-    radius: half-widths of the box, relative to the values plus 0.01
-    points: number of points
-    """
-    random = np.random.default_rng(seed)
-    rates = BallFunction(rates_function(VARIANTS[dynamics]))
-    point = model_at(15.0, dynamics).point
-    middle = [
-        np.array(point.states),
-        np.array(point.inputs),
-        np.array(hfa_model.parameters_of(hfa.aircraft(dynamics))),
-    ]
-    sizes = [radius * (0.01 + np.abs(values)) for values in middle]
-    box = [
-        [arb(m, s) for m, s in zip(values.tolist(), size.tolist(), strict=True)]
-        for values, size in zip(middle, sizes, strict=True)
-    ]
-    enclosure = rates(*box)[0]
-    missed = 0
-    with flint.ctx.workprec(200):
-        for _ in range(points):
-            drawn = [
-                m + s * random.uniform(-1.0, 1.0, m.size)
-                for m, s in zip(middle, sizes, strict=True)
-            ]
-            value = rates(*([exact(entry) for entry in values.tolist()] for values in drawn))[0]
-            missed += not all(
-                ball.contains(entry) for ball, entry in zip(enclosure, value, strict=True)
-            )
-    return missed
-
-
-@pytest.mark.parametrize("dynamics", VARIANTS)
-def test_enclosures_contain_random_points(dynamics: str) -> None:
-    """For three radii, the enclosures contain the exact rates at 100 random points."""
-    for radius in (1e-8, 1e-4, 1e-2):
-        assert escaped(dynamics, radius, points=100) == 0
 
 
 def _smooth() -> ca.Function:
@@ -75,16 +28,8 @@ def _smooth() -> ca.Function:
     expressions = [
         *(a * b, b / a, 1 / a, a**-3, a**1.5, ca.sqrt(a), ca.exp(b), ca.log(a), ca.expm1(b)),
         *(ca.log1p(b), ca.sin(a), ca.cos(b), ca.tan(b), ca.asin(b), ca.acos(b), ca.atan(b)),
-        *(
-            b + b,
-            a**b,
-            ca.atan2(b, a),
-            ca.tanh(b),
-            b**2 - a,
-            ca.fmax(a, b),
-            ca.fmin(a, b),
-            ca.fabs(-a),
-        ),
+        *(b + b, a**b, ca.atan2(b, a), ca.tanh(b), b**2 - a, ca.fabs(-a)),
+        *(ca.fmax(a, b), ca.fmin(a, b)),
     ]
     return ca.Function("smooth", [y], [ca.vertcat(*expressions)])
 

@@ -22,6 +22,19 @@ SMOOTH = ca.interpolant(
 SURFACE = ca.interpolant(
     "surface", "linear", [[-1.0, 0.0, 0.4], [1.5, 2.0, 2.1]], np.sin(np.arange(9.0)).tolist()
 )
+QUADRATIC = ca.interpolant(
+    "quadratic",
+    "bspline",
+    [[-2.0, -0.4, 0.0, 0.1, 2.0]],
+    [0.3, -0.2, 0.0, 0.1, 1.0],
+    {"degree": [2]},
+)
+TWO = ca.interpolant(
+    "two",
+    "bspline",
+    [[-2.0, -0.3, 0.0, 2.0], [0.0, 1.9, 2.1, 4.0]],
+    np.cos(np.arange(32.0)).tolist(),
+)
 
 
 def every_operation() -> ca.Function:
@@ -36,6 +49,7 @@ def every_operation() -> ca.Function:
         *(ca.fmax(b, b + 0.1) - ca.fmin(a + 0.1, a), (b + b) * a, a**b),
         *(f(0.5 * (a + b) - 0.5 * a - 0.5 * b) for f in (ca.cos, ca.exp, ca.sin, ca.atan)),
         *(b - ca.fmax(0, ca.fabs(b) - 0.1), TABLE(b) * a, SMOOTH(b) - SURFACE(ca.vertcat(b, a))),
+        *(QUADRATIC(b) * a, TWO(ca.vertcat(b, a))),
     ]
     return ca.Function("f", [y], [ca.vertcat(*expressions)])
 
@@ -50,6 +64,7 @@ def every_switch() -> ca.Function:
         ca.if_else(ca.logic_or(a > 0.2, b > 0.1), a * b, b),
         ca.gradient(ca.fmax(a, 0.0) * b, y)[0],
         (a > 0) / (2 + b),
+        ca.jacobian(TABLE(a) + SURFACE(ca.vertcat(b, a + 2.0)), y).T,
     ]
     return ca.Function("f", [y], [ca.densify(ca.vertcat(*expressions))])
 
