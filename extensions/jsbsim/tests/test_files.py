@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
 from constructs.jet import slope
-from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, written
+from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, with_elevator, written
 
 from hfa import BadInputError, load_model, trim
 
@@ -259,41 +259,29 @@ def test_a_property_never_set_is_zero_and_listed(tmp_path):
             ),
             {-1.0: 0.0, 0.5: np.radians(10.0), 1.0: np.radians(20.0)},
         ),
+        (
+            (
+                '<actuator name="e"> <input>fcs/elevator-cmd-norm</input> <lag>60</lag>'
+                " <hysteresis_width>0.05</hysteresis_width> <output>fcs/elevator-pos-rad</output>"
+                " </actuator>"
+            ),
+            {0.3: 0.3},
+        ),
     ],
 )
 def test_components_have_their_steady_output_in_the_model(tmp_path, component, positions):
     """In the model, the output of a component of the flight control system is its steady value for
-    the present input.
+    the present input. A note names a hysteresis, which it has not.
     """
-    start = CONTROL.index('  <pure_gain name="Elevator')
-    end = CONTROL.index('  <pure_gain name="Aileron')
-    model = model_of(tmp_path, glider(control=CONTROL[:start] + component + CONTROL[end:]))
+    model = model_of(tmp_path, with_elevator(component))
     x = [120.0, 0.1, *[0.0] * 7, 1000.0]
     for command, position in positions.items():
         u = [command if name == "elevator" else 0.0 for name in model.inputs]
         outputs = model.outputs_at(x, u)
         assert outputs["elevator_position"] == pytest.approx(position, abs=1e-14)
-
-
-def test_an_actuator_is_read_without_its_hysteresis(tmp_path):
-    """In equilibrium, the hysteresis of an actuator is ignored, and a note reports this.
-
-    The output of the actuator equals its input.
-    """
-    actuator = (
-        '<actuator name="e"> <input>fcs/elevator-cmd-norm</input> <lag>60</lag>'
-        " <hysteresis_width>0.05</hysteresis_width> <output>fcs/elevator-pos-rad</output>"
-        " </actuator>"
-    )
-    start = CONTROL.index('  <pure_gain name="Elevator')
-    end = CONTROL.index('  <pure_gain name="Aileron')
-    model = model_of(tmp_path, glider(control=CONTROL[:start] + actuator + CONTROL[end:]))
-    u = [0.3 if name == "elevator" else 0.0 for name in model.inputs]
-    outputs = model.outputs_at([120.0, 0.1, *[0.0] * 7, 1000.0], u)
-    assert outputs["elevator_position"] == pytest.approx(0.3, abs=1e-14)
     notes = [note for note in model.about.notes if "hysteresis" in note]
-    assert len(notes) == 1
-    assert "0.025" in notes[0]
+    assert len(notes) == component.count("<hysteresis_width>")
+    assert all("0.025" in note for note in notes)
 
 
 def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
@@ -306,9 +294,7 @@ def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
         '<pid name="e"> <input>fcs/elevator-cmd-norm</input> <kp>1</kp> <ki>0.1</ki> <clipto>'
         " <min>-0.2</min> <max>0.3</max> </clipto> <output>fcs/elevator-pos-rad</output> </pid>"
     )
-    start = CONTROL.index('  <pure_gain name="Elevator')
-    end = CONTROL.index('  <pure_gain name="Aileron')
-    model = model_of(tmp_path, glider(control=CONTROL[:start] + pid + CONTROL[end:]))
+    model = model_of(tmp_path, with_elevator(pid))
     elevator = model.inputs["elevator"]
     assert (elevator.unit, elevator.min, elevator.max) == ("rad", -0.2, 0.3)
     assert any("the integrator has no steady-state value" in note for note in model.about.notes)

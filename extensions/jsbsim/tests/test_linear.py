@@ -1,15 +1,12 @@
 """Linear models of jets compared with those of JSBSim (`FGLinearization`)."""
 
-import importlib.util
-
 import pytest
 from jsbsim_reference import GRAVITY, RADIUS, measured
+from small_aircraft import needs_jsbsim
 
 from hfa import linearize, load_model, trim
 
-pytestmark = pytest.mark.skipif(
-    importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
-)
+pytestmark = needs_jsbsim
 #: JSBSim's name -> name in the model. The derivative of its altitude rate with respect to roll is
 #: wrong.
 STATES = {

@@ -1,19 +1,14 @@
 """Fuel, payload, wind, failed engines, and filters with states, compared with JSBSim."""
 
-import importlib.util
-
 import numpy as np
 import pytest
 from constructs.jet import coefficient, jet, slope
 from jsbsim_flights import positions
 from jsbsim_reference import AXES, GRAVITY, RADIUS, responses
-from small_aircraft import CONTROL, LIFT, REST, force, glider, written
+from small_aircraft import CONTROL, LIFT, REST, force, glider, needs_jsbsim, written
 
 from hfa import BadInputError, linearize, load_model, trim
 
-needs_jsbsim = pytest.mark.skipif(
-    importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
-)
 WIND = {"wind_north": 30.0, "wind_east": -20.0, "wind_down": 4.0}
 JET = {"kcas": 250.0, "altitude": 5000.0}
 #: Aircraft, calibrated airspeed, and throttle for which no torque limiter is active.

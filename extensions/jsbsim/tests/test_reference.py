@@ -1,16 +1,13 @@
 """Accelerations and engines compared with JSBSim, which runs in a separate process."""
 
-import importlib.util
-
 import numpy as np
 import pytest
 from jsbsim_reference import measured
+from small_aircraft import needs_jsbsim
 
 from hfa import load_model
 
-pytestmark = pytest.mark.skipif(
-    importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
-)
+pytestmark = needs_jsbsim
 #: Aircraft for which this comparison is not possible: they are refused, their engine stops, or
 #: JSBSim moves their surfaces depending on past states. JSBSim also ignores fuel tanks while no
 #: engine burns. Accelerations of the fokker50 are not finite at one point in JSBSim.

@@ -1,18 +1,13 @@
 """Trims of JSBSim's aircraft, and the reasons reported if no trim exists."""
 
-import importlib.util
 import re
 
 import numpy as np
 import pytest
 from cli import hfa as run
-from small_aircraft import glider, written
+from small_aircraft import glider, needs_jsbsim, written
 
 from hfa import BadInputError, linearize, load_model, sweep, trim
-
-needs_jsbsim = pytest.mark.skipif(
-    importlib.util.find_spec("jsbsim") is None, reason="JSBSim's data are not installed"
-)
 
 
 @needs_jsbsim
@@ -190,17 +185,19 @@ def test_an_empty_tank_is_noted():
     assert point["gamma"] < -0.1
 
 
-def test_missing_lift_is_explained(tmp_path):
+@pytest.mark.parametrize(
+    ("speed", "reason"),
+    [
+        (15.0, r"the greatest lift is \d+ % of the weight"),
+        (60.0, r"the elevator balances .* only up to a lift of 5\d % of the weight"),
+    ],
+)
+def test_missing_lift_is_explained(speed, reason, tmp_path):
     """At 15 ft/s the greatest lift is too small, at any elevator; at 60 ft/s the elevator is.
 
     At 60 ft/s, the wing alone would carry more than the weight below an alpha of 40 deg.
     """
-    path = written(tmp_path, glider())
-    assert re.search(
-        r"the greatest lift is \d+ % of the weight", explained_failure(path, speed=15.0)
-    )
-    bound = explained_failure(path, speed=60.0)
-    assert re.search(r"the elevator balances .* only up to a lift of 5\d % of the weight", bound)
+    assert re.search(reason, explained_failure(written(tmp_path, glider()), speed=speed))
 
 
 def test_missing_jsbsim_aircraft_are_refused(monkeypatch, tmp_path):

@@ -119,8 +119,8 @@ def measured(name: str, points: Sequence[Mapping[str, Any]]) -> list[Any]:
     """Return JSBSim's response at each point, or None for a point at which JSBSim fails.
 
     name: name of an aircraft of JSBSim
-    points: {"state": {...}, "commands": {...}} with the names of a `Model`, or {"trim": {"kcas",
-      "altitude"}}. "linear": true adds A and B. "held" is {property: constant value}.
+    points: {"state": {...}, "commands": {...}} with the names of a `Model`. "linear": true adds A and
+      B. "held" is {property: constant value}.
     """
     items = [{"aircraft": name, "point": point} for point in points]
     answers = responses(items)
@@ -130,13 +130,10 @@ def measured(name: str, points: Sequence[Mapping[str, Any]]) -> list[Any]:
 def responses(items: Sequence[Mapping[str, Any]]) -> list[Any]:
     """Return JSBSim's response to each request, computed in child processes.
 
-    The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated or did not
-    end. In
-    a request, "root" and "earth" are optional. "root" is a folder that contains the folder
-    "aircraft", by default JSBSim's. With "earth", JSBSim's earth replaces a sphere without
-    rotation.
+    The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated or did
+    not end. "root" in a request is a folder that contains the folder "aircraft", by default JSBSim's.
 
-    items: requests {"aircraft": NAME, "point": {...}, "root": FOLDER, "earth": "own"}
+    items: requests {"aircraft": NAME, "point": {...}, "root": FOLDER}
     """
     answers: list[Any] = []
     while len(answers) < len(items):
@@ -194,14 +191,12 @@ def _response(item: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _found(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSBSim's response to a request: a flight, a trim, or one fixed state."""
+    """Return JSBSim's response to a request: a flight, or one fixed state."""
     point = item["point"]
     simulator = _simulator(item)
     for name in _missing(item["aircraft"], item.get("root")):
         simulator[name] = 0.0
-    if "flight" in point:
-        return _simulated(simulator, point)
-    return _trimmed(simulator, point) if "trim" in point else _settled(simulator, point)
+    return _simulated(simulator, point) if "flight" in point else _settled(simulator, point)
 
 
 @lru_cache
@@ -229,22 +224,14 @@ def _simulator(item: Mapping[str, Any]) -> Any:
             simulator.set_dt(
                 item["point"].get("step", _FINE)
             )  # filters use the time step at which they are loaded
-        if item.get("earth") == "own":
-            _load_model(simulator, name)
-            return simulator
         planet = Path(folder) / "planet.xml"
         radius = item["point"].get("radius", RADIUS)
         planet.write_text(_PLANET.format(radius=radius, pull=GRAVITY * radius * radius))
         simulator.load_planet(str(planet), False)
-        _load_model(simulator, name)
+        if not simulator.load_model(name):
+            raise RuntimeError("JSBSim does not load it")
     simulator["simulation/gravity-model"] = 0
     return simulator
-
-
-def _load_model(simulator: Any, name: str) -> None:
-    """Load an aircraft into the simulator."""
-    if not simulator.load_model(name):
-        raise RuntimeError("JSBSim does not load it")
 
 
 def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
@@ -368,12 +355,10 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     _run(simulator.run, simulator)
     simulator.set_trim_status(False)
     simulator["propulsion/fuel_freeze"] = 0 if point.get("burn") else 1
-    for name, value in point.get("override", {}).items():
-        simulator[name] = value
     _fail(simulator, commands)
     values = _unsettled(simulator)
     steady = 0
-    for second in range(point.get("longest", _LONGEST)):
+    for second in range(_LONGEST):
         for _ in range(_RATE):
             _run(simulator.run, simulator)
         before = values
@@ -410,12 +395,11 @@ def _freeze_state(simulator: Any) -> None:
 def _simulated(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     """Simulate a flight in JSBSim and return the final states."""
     # "start" of the result contains the states at the start of the flight, including those of
-    # engines, and "states" those at the end of each interval. Entries of the request:
+    # engines, and "states" those at the end of each second. Entries of the request:
     # - "flight": duration, s
     # - "step": time step, s, by default 1 ms
     # - "rest": time before the flight in which engines settle, s
     # - "changes": list of [time, {command: value}], in order
-    # - "interval": time between stored states, s, by default 1 s
     commands = dict(point.get("commands", {}))
     length = point.get("step", _FINE)
     _start(simulator, point["state"], commands)
@@ -431,14 +415,14 @@ def _simulated(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     start = _states(simulator) | _of_engines(simulator)
     states = []
     changes = list(point.get("changes", ()))
-    interval = round(point.get("interval", 1.0) / length)
+    second = round(1.0 / length)
     for step in range(round(point["flight"] / length)):
         while changes and changes[0][0] <= step * length + 1e-9:
             _command(simulator, changes.pop(0)[1])
         if "changes" in point:
             _lean(simulator, commands, leaned)
         _run(simulator.run, simulator)
-        if (step + 1) % interval == 0:
+        if (step + 1) % second == 0:
             states.append(_states(simulator))
     return _states(simulator) | {"start": start, "states": states}
 
@@ -527,27 +511,6 @@ def _value(simulator: Any, name: str) -> float:
         return float(simulator[name])
     except KeyError:
         return 0.0
-
-
-def _trimmed(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """Trim the aircraft by JSBSim, and return the result or the reason for its failure."""
-    simulator["ic/h-sl-ft"] = point["trim"]["altitude"]
-    simulator["ic/vc-kts"] = point["trim"]["kcas"]
-    simulator["ic/gamma-deg"] = 0.0
-    _run(simulator.run_ic, simulator)
-    simulator["propulsion/set-running"] = -1
-    simulator["gear/gear-cmd-norm"] = 0
-    try:
-        simulator.do_trim(1)
-    except Exception as error:  # JSBSim raises its own exceptions
-        return {"trimmed": False, "reason": str(error).strip()[:200]}
-    return {
-        "trimmed": True,
-        "alpha": simulator["aero/alpha-rad"],
-        "throttle": simulator["fcs/throttle-cmd-norm"],
-        "elevator": simulator["fcs/elevator-cmd-norm"],
-        "speed": simulator["velocities/vt-fps"],
-    }
 
 
 if __name__ == "__main__":

@@ -1,8 +1,14 @@
 """XML files of a small glider for the tests, made of parts of the small jet."""
 
+import importlib.util
 from pathlib import Path
 
+import pytest
 from constructs.jet import AIR, SURFACES, coefficient, slope
+
+needs_jsbsim = pytest.mark.skipif(
+    importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
+)
 
 METRICS = """<metrics>
  <wingarea unit="FT2"> 150 </wingarea> <wingspan unit="FT"> 30 </wingspan> <chord unit="FT"> 5 </chord>
@@ -54,3 +60,10 @@ def written(folder: Path, text: str, name: str = "glider") -> str:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     return str(path)
+
+
+def with_elevator(component: str) -> str:
+    """Return the text of the glider with another component in place of the elevator's gain."""
+    start = CONTROL.index('  <pure_gain name="Elevator')
+    end = CONTROL.index('  <pure_gain name="Aileron')
+    return glider(control=CONTROL[:start] + component + CONTROL[end:])
