@@ -79,7 +79,7 @@ def _maneuver(model: hfa.Model) -> dict[str, np.ndarray]:
         return np.asarray(f(x, u, model.p)[0].full().ravel())
 
     ends, begin = (0.0, time[-1]), list(point.states)
-    flown = solve_ivp(rates, ends, begin, t_eval=time, rtol=1e-9, atol=1e-11, max_step=STEP)
+    flown = solve_ivp(rates, ends, begin, t_eval=time, rtol=1e-6, atol=1e-8, max_step=STEP)
     states = dict(zip(model.states, flown.y, strict=True))
     measured = {name: states[name] for name in SENSORS}
     return {"time": time, **dict(zip(model.inputs, inputs.T, strict=True)), **measured}
