@@ -12,7 +12,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import hfa
 from hfa.entry_points import commands
 from hfa.main import with_options
 from hfa.options.parser import Parser
@@ -58,10 +57,9 @@ suppress_warnings = ["misc.highlighting_failure"]
 
 def commands_page() -> str:
     """Return a Markdown page with the complete help of every command."""
-    aircraft = hfa.aircraft()
     parts = ["# Commands"]
     for name, entry in commands().items():
-        parser = with_options(Parser(prog=f"hfa {name}"), entry.load(), aircraft)
+        parser = with_options(Parser(prog=f"hfa {name}"), entry.load())
         parts.append(f"## hfa {name}\n\n```text\n{parser.format_help(more=True).strip()}\n```")
     return "\n\n".join(parts) + "\n"
 

@@ -8,14 +8,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from hfa.options.part import is_installed
+from hfa.options.option import is_installed
 from hfa_support.entry_points import COMMANDS as GROUP, loaded, offered, package_of
 from hfa_support.errors import BadInputError, choice_of, shortened
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
+
+    from hfa.options.command import Command
 
 
 class CommandEntry(NamedTuple):
@@ -34,21 +36,17 @@ class CommandEntry(NamedTuple):
     example: str = ""
     install: tuple[str, ...] = ()
 
-    def load(self) -> Any:
+    def load(self) -> Command:
         """Return the command, imported from its module, with the example and install text of the
         entry.
 
-        Raises BadInputError if the object is not a `Command` whose request class declares options.
+        Raises BadInputError if the object is not a `Command`.
         """
         module, _, name = self.command.partition(":")
-        from hfa.options.request import Command
+        from hfa.options.command import Command
 
         found = getattr(import_module(module), name)
-        from hfa.options.command import Command as PlainCommand
-
-        if isinstance(found, PlainCommand):
-            return found._replace(install=self.install, example=self.example)
-        if not (isinstance(found, Command) and hasattr(found.request, "declared")):
+        if not isinstance(found, Command):
             raise BadInputError(
                 f"{self.command} is not a command; write @command(OPTIONS) above the function, "
                 "where OPTIONS is a dataclass that extends hfa.extend.Request"

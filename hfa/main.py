@@ -13,7 +13,8 @@ import shlex
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from itertools import chain
+from typing import TYPE_CHECKING
 
 from hfa.entry_points import command_named, commands, found_in, words_after
 from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED, TERMINATED
@@ -23,8 +24,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shor
 from hfa_support.progress import drop, print_notes, print_to_stderr
 
 if TYPE_CHECKING:
-    from hfa.options.request import Command, Request
-    from hfa_aircraft.model import Model
+    from hfa.options.command import Command, Request
 
     #: Function: words -> (command, program name, option words).
     Find = Callable[[list[str]], tuple[Command, str, list[str]]]
@@ -130,7 +130,8 @@ def _run(words: list[str], find: Find) -> int:
             return command.run(request)
         except BadInputError as error:
             name = error.options[0] if error.options else ""
-            if name not in _flags(request):
+            flags = [each.flags for each in options_of(command.request).values()]
+            if name not in chain(*flags):
                 raise
             kept = list(options)
             if name in kept and name != "--set":
@@ -140,7 +141,7 @@ def _run(words: list[str], find: Find) -> int:
             raise BadInputError(f"{error}; type {typed}") from error
         except SystemExit as error:
             raise BadInputError(
-                f"the equations of {_name_of(request)} call sys.exit; raise a ValueError instead"
+                "the equations of the aircraft call sys.exit; raise a ValueError instead"
             ) from error
         except ModuleNotFoundError as error:
             if not command.install:
@@ -155,55 +156,15 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
     """Return the request of a command, with the values of the options in its command line."""
     from hfa_support.provenance import now
 
-    if not hasattr(command.request, "declared"):
-        return _plain_request(command, program, words)
-    is_help = bool({"-h", "--help"} & {*words})
-    model = _model(command.request, program, [] if is_help else words)
-    values = with_options(Parser(prog=program), command, model).parse_words(words)
-    line = shlex.join([*program.split(), *words])
-    return command.request.parsed(model, values, line=line, date=now())
+    values = with_options(Parser(prog=program), command).parse_words(words)
+    return command.request(**values, line=shlex.join([*program.split(), *words]), date=now())
 
 
-def _plain_request(command: Any, program: str, words: list[str]) -> Any:
-    from hfa_support.provenance import now
-
-    parser = with_options(Parser(prog=program), command)
-    values = parser.parse_words(words)
-    line = shlex.join([*program.split(), *words])
-    return command.request(**values, line=line, date=now())
-
-
-def _name_of(request: Any) -> str:
-    return str(request.model.name if hasattr(request, "declared") else request.aircraft)
-
-
-def _flags(request: Any) -> set[str]:
-    if hasattr(request, "declared"):
-        return {flag for each in request.options(request.model).values() for flag in each.flags}
-    return {flag for each in options_of(type(request)).values() for flag in each.flags}
-
-
-def _model(request: type[Request], program: str, words: list[str]) -> Model:
-    """Return the model that the options of the aircraft in a command line define."""
-    begin = "aircraft."
-    first = Parser(prog=program, with_help=False)
-    for path, option in request.declared().items():
-        if path.startswith(begin):
-            first.declare({path.removeprefix(begin): option.of(None, path)})
-    typed = first.typed(first.parse_known_args(words)[0])
-    return request.of_the_model().loaded(typed)
-
-
-def _refuse_to_overwrite(request: Any) -> None:
+def _refuse_to_overwrite(request: Request) -> None:
     """Raise BadInputError if an output file was read as input or is named for two outputs."""
     from hfa_support.files import refuse_read
 
-    outputs: Any = (
-        (request.output.file, request.output.picture)
-        if hasattr(request, "declared")
-        else (request.output, request.picture)
-    )
-    paths = [path for path in outputs if path is not None]
+    paths = [path for path in (request.output, request.picture) if path is not None]
     for path in paths:
         refuse_read(path)
     if len({os.path.realpath(path) for path in paths}) < len(paths):
@@ -236,17 +197,10 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
     raise BadInputError(unknown(f"command {shortened(first)!r}", first.lower(), commands(), "hfa"))
 
 
-def with_options(parser: Parser, command: Any, model: Any = None) -> Parser:
-    """Return the parser with the help text and the options of a command.
-
-    Values of options are read with the names and units of the model. The text of the help is the
-    same for all models.
-    """
+def with_options(parser: Parser, command: Command) -> Parser:
+    """Return the parser with the help text and the options of a command."""
     parser.description = inspect.cleandoc(command.run.__doc__ or "")
-    if hasattr(command.request, "declared"):
-        parser.declare(command.request.options(model))
-    else:
-        parser.declare(options_of(command.request))
+    parser.declare(options_of(command.request))
     parser.example = command.example
     called, _, name = parser.prog.partition(" ")
     if called == "hfa":  # otherwise the program has one command, such as python my_command.py

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from hfa.main import reported
 
 if TYPE_CHECKING:
-    from hfa.options.request import Command
+    from hfa.options.command import Command
 
 
 def run_alone(command: Command, program: str, argv: Sequence[str] | None = None) -> int:

@@ -16,7 +16,7 @@ from hfa.options.command import Request, command, picture_option
 from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, game_at, given_game, given_weights
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
-from hfa.options.plants import aircraft_source, loaded_model
+from hfa.options.plants import loaded_model
 from hfa.options.ranges import array_of, scheduled_range
 from hfa.options.show import show
 from hfa.options.tracking import reference_of, reference_option, with_tracking
@@ -27,9 +27,8 @@ from hfa.options.trims import (
     at_name,
     at_option,
     at_value,
-    condition_source,
     dihedral_option,
-    parameters_in,
+    trim_source,
     trim_with,
 )
 from hfa_support.errors import BadInputError
@@ -128,9 +127,7 @@ def _solve_table(request: SolveRequest) -> int:
         trims.append(trim_with(request, model, value, hold))
         games.append(game_at(trims[-1], weights))
         solutions.append(gare.solve(games[-1].game))
-    held = parameters_in(model, hold)
-    source = aircraft_source(request, model, held)
-    source |= condition_source(trims[0].common, values, held)
+    source = trim_source(request, trims[0].common, values, hold)
     notes = dict.fromkeys(note for named in games for note in named.warnings)
     show(request, _table_report(model, breakpoints, games, solutions), source, notes=notes)
     return 0

@@ -14,7 +14,7 @@ from hfa.options.argument_types import each_of, quantity
 from hfa.options.command import Request, command, output_option, picture_option
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
-from hfa.options.plants import aircraft_source, loaded_model
+from hfa.options.plants import loaded_model
 from hfa.options.ranges import Range, array_of, is_one_value, scheduled_range, value_range
 from hfa.options.show import provenance, show, show_text
 from hfa.options.trims import (
@@ -26,10 +26,10 @@ from hfa.options.trims import (
     at_option,
     at_value,
     common_condition,
-    condition_source,
     dihedral_option,
     named_condition,
     start_of,
+    trim_source,
 )
 from hfa.options.workers import WorkerOptions
 from hfa_support.errors import BadInputError, warn
@@ -165,8 +165,8 @@ def _plan(request: SweepRequest, stored: bool) -> tuple[SweepPlan, dict[str, Any
         warn(f"no --{by} is given: every point is at 0 deg")
     start = start_of(request, model)
     point = start if isinstance(start, OperatingPoint) else None
-    source = aircraft_source(request, model) | condition_source(condition, at, {})
-    return SweepPlan(axes, model, condition, point, listing is not None), source
+    plan = SweepPlan(axes, model, condition, point, listing is not None)
+    return plan, trim_source(request, condition, at, hold)
 
 
 def _listed_axes(

@@ -6,17 +6,19 @@ from controller.critic.reading import (
     Stated as Stated,
 )
 from hfa.entry_points import CommandEntry as CommandEntry
-from hfa.options.aircraft import Aircraft as Aircraft
+from hfa.options.advice import trimmed as trimmed
 from hfa.options.argument_types import (
     input_file as input_file,
     one_of as one_of,
     positive as positive,
     whole as whole,
 )
-from hfa.options.output import Output as Output, ProgressLine as ProgressLine
-from hfa.options.part import option as option, part as part
-from hfa.options.request import Request as Request, command as command
-from hfa.options.trim import Trim as Trim
+from hfa.options.command import Request as Request, command as command
+from hfa.options.option import option as option
+from hfa.options.output import ProgressLine as ProgressLine
+from hfa.options.plants import AircraftOptions as AircraftOptions, loaded_model as loaded_model
+from hfa.options.show import show as show
+from hfa.options.trims import TrimOptions as TrimOptions, given_trim as given_trim
 from hfa_aircraft.about import (
     About as About,
     Domain as Domain,

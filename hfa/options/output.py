@@ -1,83 +1,11 @@
-"""Output of a command: text, files, pictures and notes."""
+"""Standard output and error during a run: text, and the progress of a computation."""
 
 from __future__ import annotations
 
-import os
-import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from hfa.options.argument_types import PICTURES, output_file
-from hfa.options.part import Part, option
 from hfa_support.progress import drop, print_notes, print_to_stderr
-from hfa_support.reporting.report import SUFFIXES, Report
-
-if TYPE_CHECKING:
-    from hfa_aircraft.model import Model
-
-
-def output_option(
-    *more: str, stores: Sequence[str] = (), purpose: str | Callable[[], str] = ""
-) -> Any:
-    """Return the option -o, which names a file or store to write.
-
-    more: accepted suffixes besides those of a report
-    stores: accepted suffixes of stores
-    purpose: text on the additional suffixes for the help, or a function that returns it
-    """
-    suffixes = (*SUFFIXES, *more)
-
-    def about(_: Model) -> str:
-        """Return the help of -o, with the accepted suffixes."""
-        use = purpose() if callable(purpose) else purpose
-        return f"write results: {', '.join((*suffixes, *stores))}{use}"
-
-    return option(about, "FILE", output_file(*suffixes, stores=stores), names="-o --output")
-
-
-def picture_option(shows: str | Callable[[Model | None], str]) -> Any:
-    """Return the option --picture, which names the image file to write.
-
-    shows: content of the picture for the help, or a function of the model that returns it
-    """
-
-    def about(model: Model | None) -> str:
-        content = shows(model) if callable(shows) else shows
-        return f"draw {content} ({', '.join(PICTURES)})"
-
-    return option(about, "FILE", output_file(*PICTURES))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Output(Part):
-    """Where a report goes: text or JSON on standard output, a file, a picture.
-
-    `Request.show` writes the files and prints the report.
-    """
-
-    file: Path | None = output_option()
-    picture: Path | None = None
-    json: bool = option("print JSON (angles in radians) instead of text")
-
-    def print(self, report: Report, *, notes: Iterable[str] = ()) -> None:
-        """Print the report or, with --json, its data, and then the notes.
-
-        The text is colored only on a terminal, unless NO_COLOR is set or TERM is "dumb".
-        """
-        if self.json:
-            print_flushed(report.json())
-        elif sys.stdout is None or not sys.stdout.isatty():
-            print_flushed(report.text())
-        else:
-            # Colors are turned off by NO_COLOR (no-color.org).
-            plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
-            print_flushed(report.text(not plain, shutil.get_terminal_size().columns))
-        if notes:
-            print_notes(notes)
 
 
 def print_flushed(text: str) -> None:
@@ -90,9 +18,6 @@ def print_flushed(text: str) -> None:
         print(text, flush=True)
     except BrokenPipeError:
         drop(sys.stdout)
-
-
-# Standard error during a run.
 
 
 #: Seconds of work before the duration is estimated, and shortest duration that is announced.

@@ -8,30 +8,21 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from itertools import pairwise
 from typing import Any, NoReturn
 
-from hfa.options.other_options import INSTEAD, MEANINGS, NOTES
-from hfa.options.part import Option, is_installed
+from hfa.options.option import Option, is_installed
 from hfa_support.errors import BadInputError, advice, shortened
 
-#: Options of an input file, by which a stray file may be given.
+#: Heading of the options that only `--help more` explains.
 RARE = "rarely used"
-_INPUTS = ("--aircraft", "--model", "--weights", "--policy", "--controller")
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser that raises BadInputError instead of ending the process.
+    """Argument parser that raises BadInputError instead of ending the process."""
 
-    with_help: whether the parser accepts --help
-    """
-
-    def __init__(self, *, with_help: bool = True, **options: Any) -> None:
+    def __init__(self, **options: Any) -> None:
         super().__init__(allow_abbrev=False, add_help=False, **options)
-        if with_help:
-            self.add_argument(
-                "-h", "--help", nargs="?", const="", action=_Help, help=argparse.SUPPRESS
-            )
+        self.add_argument("-h", "--help", nargs="?", const="", action=_Help, help=argparse.SUPPRESS)
         # "-5:5:1" and "-.5,1" are values too.
         self._negative_number_matcher = re.compile(r"-[\d.]")
         #: Field of the request -> option.
@@ -42,7 +33,7 @@ class Parser(argparse.ArgumentParser):
         self.words: Mapping[str, str] = {}
         self._words: dict[str, list[str]] = {}
 
-    def declare(self, options: Mapping[str, Any]) -> None:
+    def declare(self, options: Mapping[str, Option]) -> None:
         """Add the options of a request to the parser.
 
         options: field of the request -> its option
@@ -58,7 +49,7 @@ class Parser(argparse.ArgumentParser):
             if names[0].startswith("-"):
                 how |= {"dest": name, "default": argparse.SUPPRESS}
             if option.named:
-                how |= {"action": _Named, "kind": kind, "aliases": getattr(option, "aliases", {})}
+                how |= {"action": _Named, "kind": kind}
                 how |= {"metavar": option.form}
             elif option.form:
                 how |= {"type": kind, "metavar": option.form}
@@ -70,7 +61,7 @@ class Parser(argparse.ArgumentParser):
                     how |= {"nargs": "?", "const": option.alone}
             else:
                 how["action"] = "store_true"
-            heading = "" if not hasattr(option, "group") else option.group or RARE * option.rare
+            heading = option.group or RARE * option.rare
             if heading not in groups:
                 groups[heading] = self.add_argument_group(heading)
             groups[heading].add_argument(*names, **how)
@@ -104,15 +95,7 @@ class Parser(argparse.ArgumentParser):
                 raise BadInputError(unknown(f"option {shortened(name)}", name, actions, self.prog))
         parsed, strays = self.parse_known_intermixed_args(words)
         if strays:
-            advised = ""
-            if "=" in strays[0]:
-                advised = "; separate several values of an option by commas, NAME=VALUE,NAME=VALUE"
-            elif re.search(r"[.:]", strays[0]):
-                files = [each for each in _INPUTS if each in actions]
-                if ["--json", strays[0]] in map(list, pairwise(words)):
-                    files = ["--output"]
-                advised = f"; give a file by its option, {' or '.join(files)}" * bool(files)
-            self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}{advised}")
+            self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}")
         typed = self.typed(parsed)
         missing = [
             option.flags[-1]
@@ -182,12 +165,9 @@ class _Help(argparse.Action):
 class _Named(argparse.Action):
     """Action of a repeatable option `NAME=VALUE,NAME=VALUE`, whose value is a dictionary."""
 
-    def __init__(
-        self, *, kind: Callable[[str, str], Any], aliases: Mapping[str, str], **options: Any
-    ) -> None:
+    def __init__(self, *, kind: Callable[[str, str], Any], **options: Any) -> None:
         super().__init__(**options)
         self._kind = kind
-        self._aliases = aliases
         self._texts: dict[str, str] = {}
 
     def __call__(
@@ -199,7 +179,6 @@ class _Named(argparse.Action):
                 raise argparse.ArgumentError(
                     self, f"{shortened(word)!r} is not NAME=VALUE; give a name and a value"
                 )
-            name = self._aliases.get(name, name)
             before = self._texts.setdefault(name, text)
             if before != text:
                 twice = (
@@ -216,21 +195,13 @@ class _Named(argparse.Action):
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     """Return the error message for an unknown option or command, with the nearest known name.
 
-    The message says what to do in place of an option of other tools. If no known name is near, it
-    names the help of `program`.
+    If no known name is near, the message names the help of `program`.
 
     what: kind of word, with the word
     name: the unknown name
     known: known names
     program: name of the command, such as "hfa trim"
     """
-    if instead := INSTEAD.get(f"{program} {name}"):
-        return f"unknown {what}; {instead}"
-    known = [*known]
-    meant = [each for each in MEANINGS.get(name, ()) if each in known]
-    if meant:
-        either = " or ".join(f"{each} ({NOTES[each]})" if each in NOTES else each for each in meant)
-        return f"unknown {what}; did you mean {either}?"
     return f"unknown {what}{advice(name, known) or f' (see `{program} --help`)'}"
 
 

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hfa.options.argument_types import one_of
 from hfa.options.option import PAPER, option
@@ -21,6 +21,9 @@ from hfa_model.parameters import (
 )
 from hfa_support.errors import BadInputError
 from hfa_support.provenance import Change, parameter_hash
+
+if TYPE_CHECKING:
+    from hfa_aircraft.uncertain import ParameterSpread
 
 
 def aircraft_help() -> str:
@@ -137,3 +140,16 @@ def aircraft_source(
         "parameter_hash": parameter_hash(chosen.values),
         "changed": changed,
     }
+
+
+def parameter_spread(
+    request: AircraftOptions, model: Model, held: Mapping[str, float]
+) -> ParameterSpread:
+    """Return the uncertain parameters of the aircraft, without those that are held.
+
+    Raises BadInputError if their covariance is unknown.
+    """
+    from hfa_aircraft.uncertain import spread_of
+
+    file = request.parameters or model.source.text
+    return spread_of(model, file if is_own(model) else parameter_set(request), held)

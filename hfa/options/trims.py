@@ -116,7 +116,7 @@ def trim_with(
     """
     held = parameters_in(model, {**hold, model.schedule: at})
     common = common_condition(request, named_condition(request, model), at, hold)
-    source = aircraft_source(request, model, held) | condition_source(common, at, held)
+    source = trim_source(request, common, at, hold)
     start = start_of(request, model)
     return GivenTrim(
         model.with_parameters(**held),
@@ -254,17 +254,20 @@ def parameters_in(model: Model, values: Mapping[str, Any]) -> dict[str, float]:
     return {name: values[name] for name in model.parameters if isinstance(values.get(name), float)}
 
 
-def condition_source(
-    common: TrimCondition, at: object, held: Mapping[str, float]
+def trim_source(
+    request: TrimOptions, common: TrimCondition, at: object, hold: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the entries of the provenance on a trim condition.
+    """Return the entries of the provenance on an aircraft and its trim, or trims.
 
     common: condition without the value of the scheduling variable
     at: value or values of the scheduling variable, or None
-    held: parameter -> value, for the parameters that options set
+    hold: variable or parameter -> value or values of --hold
     """
-    if is_own(common.model):
-        return {"condition": {**common.changes, "parameters": held}}
+    model = common.model
+    held = parameters_in(model, {**hold, model.schedule: at})
+    source = aircraft_source(request, model, held)
+    if is_own(model):
+        return source | {"condition": {**common.changes, "parameters": held}}
     condition: Mapping[str, Any] = common.changes
     if isinstance(at, float):
         single = common.at(at)
@@ -274,4 +277,4 @@ def condition_source(
             "free": list(single.free),
             "limits": limits,
         }
-    return {"condition": condition, "flight": common.in_words()}
+    return source | {"condition": condition, "flight": common.in_words()}

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hfa.options.argument_types import whole
-from hfa.options.option import option as new_option
-from hfa.options.part import Part, option
+from hfa.options.option import option
 
 MOST_WORKERS = 1000
 
@@ -17,7 +16,7 @@ def _workers(text: str) -> int | str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Workers(Part):
+class WorkerOptions:
     """The worker processes of a run into a store."""
 
     workers: int | str = option(
@@ -28,17 +27,3 @@ class Workers(Part):
         rare=True,
     )
     resume: bool = option("continue an interrupted run with the same options", rare=True)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class WorkerOptions:
-    """The worker processes of a run into a store."""
-
-    workers: int | str = new_option(
-        "number of processes, or address of a Dask scheduler (tcp://host:port); default 1",
-        "N|URL",
-        _workers,
-        default=1,
-        rare=True,
-    )
-    resume: bool = new_option("continue an interrupted run with the same options", rare=True)

@@ -5,17 +5,29 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options.aircraft import Aircraft
-from hfa.options.argument_types import output_file, some_of
-from hfa.options.output import Output, ProgressLine, print_flushed
-from hfa.options.part import OfModel, option, part
-from hfa.options.ranges import Range, array_of, scheduled_range
-from hfa.options.request import Request, command
-from hfa.options.trim import Trim, scheduled
+from hfa.options.argument_types import each_of, option_errors, output_file, quantity, some_of
+from hfa.options.command import Request, command
+from hfa.options.option import option
+from hfa.options.output import ProgressLine, print_flushed
+from hfa.options.plants import loaded_model, parameter_set
+from hfa.options.ranges import array_of, scheduled_range
+from hfa.options.show import provenance, stated
+from hfa.options.trims import (
+    AT_SEVERAL,
+    DIHEDRAL_SEVERAL,
+    TrimOptions,
+    at_option,
+    at_value,
+    common_condition,
+    dihedral_option,
+    named_condition,
+    start_of,
+    trim_source,
+)
 from hfa.page.claims import load_claims
 from hfa.page.flights import load_flights
 from hfa.page.job_report import critic_picture, main_report, page, plotly_script
@@ -23,11 +35,12 @@ from hfa.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, mai
 from hfa_aircraft.loading import load_model
 from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
-from hfa_support.errors import BadInputError, printable, shortened
+from hfa_support.errors import BadInputError, printable
 from hfa_support.files import write_text
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
+from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 
 if TYPE_CHECKING:
@@ -42,45 +55,25 @@ def _flights(text: str) -> Any:
     return load_flights(Path(text))
 
 
-def _refuse_aircraft(text: str) -> NoReturn:
-    raise BadInputError(
-        "is not an option of hfa report, whose page is of the flexible aircraft alone; write "
-        f"`hfa trim --aircraft {shortened(text)} -o page.html`"
-    )
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ReportRequest(Request):
+class ReportRequest(Request, TrimOptions):
     """Options of `hfa report`."""
 
-    aircraft: Aircraft = part(
-        Aircraft, source=option("", "FILE.py:NAME", _refuse_aircraft, names="--aircraft")
+    aircraft: None = None
+    at: str | None = at_option(f"{AT_SEVERAL}, shown in detail", "RANGE")
+    dihedral: str | None = dihedral_option(
+        f"angles shown in detail: {DIHEDRAL_SEVERAL}; default: the printed 5 and 15", "RANGE"
     )
-    trim: Trim = part(
-        Trim,
-        at=scheduled(
-            scheduled_range,
-            "RANGE",
-            "angles shown in detail: a number, a list a,b,c or a range start:stop:step; default: "
-            "the printed 5 and 15",
-        ),
+    output: Path | None = option(
+        "write one self-contained .html file, or a folder with the page, pictures and numbers "
+        "(JSON)",
+        "PLACE",
+        output_file(".html", folder=True),
+        names="-o --output",
     )
-    output: Output = part(
-        Output,
-        file=option(
-            "write one self-contained .html file, or a folder with the page, pictures and numbers "
-            "(JSON)",
-            "PLACE",
-            output_file(".html", folder=True),
-            names="-o --output",
-        ),
-        json=option("print the numbers as JSON (radians, feet, pounds)"),
-    )
-    sweep: Range = option(
-        "dihedral angles of the slider and the root locus, degrees; default 0:20:0.5",
-        "RANGE",
-        OfModel(scheduled_range),
-        default=tuple(SWEEP.tolist()),
+    json: bool = option("print the numbers as JSON (radians, feet, pounds)")
+    sweep: str | None = option(
+        "dihedral angles of the slider and the root locus, degrees; default 0:20:0.5", "RANGE"
     )
     outputs: tuple[str, ...] | None = option(
         "outputs for which C and D are added to the page", "a,b,...", some_of(*STATES, *OUTPUTS)
@@ -111,48 +104,58 @@ def report(request: ReportRequest) -> int:
     (package plotly) and loads nothing from a network. Exit code 1 if the printed matrices are not
     regenerated or a learned critic is wrong.
     """
-    place = request.output.file
-    if place is None and not request.output.json:
+    place = request.output
+    if place is None and not request.json:
         raise BadInputError(
             "no output is chosen; give --output FILE.html, --output FOLDER or --json"
         )
     if place is not None:
         plotly_script()  # refused before anything is computed if Plotly is missing
-    if "dihedral" in (*request.trim.free, *request.trim.hold):
+    model = loaded_model(request)
+    hold = each_of("--hold", model, request.hold, quantity)
+    if "dihedral" in (*request.free, *hold):
         raise BadInputError(
             "dihedral is held or free, but --dihedral and --sweep define the angles of a report; "
             "remove --hold dihedral or --free dihedral"
         )
-    asked = array_of("--dihedral", request.trim.at or ASKED, MOST_ASKED)
-    swept = array_of("--sweep", request.sweep, MOST_SWEPT)
+    angles = at_value(request, model, scheduled_range)
+    asked = array_of("--dihedral", angles or ASKED, MOST_ASKED)
+    swept = SWEEP
+    if request.sweep is not None:
+        with option_errors("--sweep"):
+            values = scheduled_range(model, request.sweep)
+        swept = array_of("--sweep", values, MOST_SWEPT)
+    condition = common_condition(request, named_condition(request, model), angles, hold)
+    start = start_of(request, model)
     job = main_job(
-        request.aircraft.parameter_set,
-        request.aircraft.dynamics,
+        parameter_set(request),
+        request.dynamics or "published",
         asked=np.unique(asked).tolist(),
         swept=np.unique(swept),
         outputs=request.outputs,
         claims=request.claims,
-        flight=request.trim.common_condition,
-        start=request.trim.start_point,
+        flight=condition,
+        start=start if isinstance(start, OperatingPoint) else None,
         progress=ProgressLine("report"),
     )
     beside = None if request.beside is None else trim(request.beside)
     job = replace(job, flights=request.flights, beside=beside)
-    whole = request.stated(main_report(job))
+    source = trim_source(request, condition, angles, hold)
+    whole = stated(request, main_report(job), source)
     lines = []
     if place is not None:
-        lines.append(_written(job, whole, place, request.provenance))
+        lines.append(_written(job, whole, place, provenance(request, source)))
     lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
     lines.append(
         f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}"
     )
-    print_flushed(whole.json() if request.output.json else "\n".join(lines))
+    print_flushed(whole.json() if request.json else "\n".join(lines))
     return 0 if job.ok else 1
 
 
-def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) -> str:
+def _written(job: MainJob, report: Report, place: Path, origin: Provenance) -> str:
     """Write the page and return a line with the names of the written files."""
-    html = page(job, report, provenance)
+    html = page(job, report, origin)
     if place.suffix:
         write_text(place, html)
         return f"wrote {printable(place)}"

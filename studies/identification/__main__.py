@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 from hfa.options.argument_types import whole
-from hfa.options.output import Output, ProgressLine, output_option
-from hfa.options.part import option, part
-from hfa.options.request import Request, command
+from hfa.options.command import Request, command, output_option
+from hfa.options.option import option
+from hfa.options.output import ProgressLine
+from hfa.options.show import show
 from studies.alone import run_alone
 from studies.identification.parameters import run_identification
 
@@ -20,7 +22,7 @@ PARAMETERS = ".toml"
 class IdentificationRequest(Request):
     """Options of the identification."""
 
-    output: Output = part(Output, file=output_option(PARAMETERS, purpose=" (the parameters)"))
+    output: Path | None = output_option(PARAMETERS, purpose=" (the parameters)")
     seed: int = option("seed of the rough guesses; default 0", "N", whole(0), default=0)
 
 
@@ -28,9 +30,8 @@ class IdentificationRequest(Request):
 def identification(request: IdentificationRequest) -> int:
     """Find the aircraft's parameters from the printed matrices, and report their accuracy."""
     result = run_identification(request.seed, ProgressLine("identify"))
-    file = request.output.file
-    is_parameters = file is not None and file.suffix.lower() == PARAMETERS
-    request.show(result.report(), write=result.fit.save if is_parameters else None)
+    is_parameters = request.output is not None and request.output.suffix.lower() == PARAMETERS
+    show(request, result.report(), write=result.fit.save if is_parameters else None)
     return 0
 
 

@@ -5,18 +5,19 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-from hfa.options.aircraft import Aircraft
-from hfa.options.part import part
-from hfa.options.request import Request, command
+from hfa.options.command import Request, command
+from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
+from hfa.options.show import show
 from studies.alone import run_alone
 from studies.validation.outside import validate
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ValidationRequest(Request):
+class ValidationRequest(Request, AircraftOptions):
     """Options of the comparison with published data."""
 
-    aircraft: Aircraft = part(Aircraft, without=("units", "source"))
+    aircraft: None = None
+    units: None = None
 
 
 @command(ValidationRequest)
@@ -26,8 +27,9 @@ def validation(request: ValidationRequest) -> int:
 
     Exit code 1 when a difference is beyond its limit.
     """
-    result = validate(request.model)
-    request.show(result.report())
+    model = loaded_model(request)
+    result = validate(model)
+    show(request, result.report(), aircraft_source(request, model))
     return 0 if result.ok else 1
 
 

@@ -50,8 +50,7 @@ REFUSED = {
         ("15", "unrecognized arguments: 15 (see `hfa trim --help`)"),
         ("--dihedral", "--dihedral expected one argument"),
         ("--dihedrl 15", "unknown option --dihedrl; did you mean --dihedral?"),
-        ("--angle 15", "unknown option --angle; did you mean --dihedral?"),
-        ("--alt 500", "unknown option --alt; did you mean --hold (such as"),
+        ("--altitude 500", "unknown option --altitude (see `hfa trim --help`)"),
         (
             "--dihedral 15 --hold Sped=68",
             "unknown trim variable 'Sped'; did you mean speed? choose from",
@@ -102,12 +101,6 @@ REFUSED = {
         ("--dihedral 0::1", "--dihedral is ''; give a finite number"),
         ("--dihedral 0:20:0.01 --hold speed=50:80:0.01", "the sweep has 6,005,001 points (maximum"),
         ("--dihedral 5 --free dihedral", "dihedral is given by both --dihedral and --free"),
-    ],
-    "report": [
-        (
-            "--aircraft given.toml -o page.html",
-            "write `hfa trim --aircraft given.toml -o page.html`",
-        ),
     ],
     "solve": [
         ("", "no plant is given; add --dihedral DEG, --aircraft FILE or --model FILE"),

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options.aircraft import is_own
 from hfa.options.argument_types import (
     among,
+    each_of,
     input_file,
     linear_state,
     number,
@@ -21,10 +21,10 @@ from hfa.options.argument_types import (
     span,
     whole,
 )
-from hfa.options.critics import ReadingGiven, critic_path
-from hfa.options.game import GameWeights
-from hfa.options.part import OfModel, Part, option, part
-from hfa.options.request import Request
+from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
+from hfa.options.games import WeightOptions, given_weights, weight_notes, weighted_game
+from hfa.options.option import is_given, option, options_of, refuse
+from hfa.options.trims import TrimOptions
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import constant
@@ -50,29 +50,18 @@ if TYPE_CHECKING:
 #: exact policy.
 NONE = "none"
 EXACT = "exact"
+#: Default duration of a flight, s.
+_DURATION = 20.0
 #: Forms of values in the help of options.
 _GUST = "LENGTH:PEAK[:BEGIN]"
 _ACTUATORS = "LAG:RATE[:ORDER]"
 #: Options of the game that the law solves.
-_OF_THE_GAME = ("policy.game.delta", "policy.game.Q", "policy.game.R")
-#: Option that replaces the law -> options that have no effect with it, by their paths in a request.
+_OF_THE_GAME = ("delta", "Q", "R")
+#: Option that replaces the law -> options that have no effect with it.
 _IN_PLACE = {
-    "controller": (
-        "policy.law",
-        "policy.reading.set",
-        "policy.weights",
-        *_OF_THE_GAME,
-    ),
-    "weights": ("policy.law", "policy.game.delta", "policy.game.Q"),
-    "deployment": (
-        "policy.law",
-        "policy.reading.set",
-        "policy.weights",
-        "policy.controller",
-        *_OF_THE_GAME,
-        "scenario.delay",
-        "command",
-    ),
+    "controller": ("law", "set", "weights", *_OF_THE_GAME),
+    "weights": ("law", "delta", "Q"),
+    "deployment": ("law", "set", "weights", "controller", *_OF_THE_GAME, "delay", "command"),
 }
 
 
@@ -114,15 +103,15 @@ def actuators_option() -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PolicyGiven(Part):
+class PolicyOptions(TrimOptions, WeightOptions, ReadingOptions):
     """The policy: a law with its game, or a file with a gain, a critic or a controller."""
 
-    law: str = option(
+    N: None = None
+    law: str | None = option(
         f"policy: {NONE}; {EXACT}, that of the game; or {' or '.join(LAWS)}, which plan on the "
         f"nonlinear model; default: {EXACT} for the HFA, {NONE} for another aircraft",
         "NAME",
         one_of(NONE, EXACT, *LAWS),
-        default="",
     )
     horizon: float | None = option(
         f"duration of a plan of --law {PREDICTIVE}, s; default from the linear model",
@@ -138,7 +127,7 @@ class PolicyGiven(Part):
         rare=True,
     )
     keep_inside: bool = option(
-        "change the command of a sample where a rate would leave its limits", default=False
+        "change the command of a sample where a rate would leave its limits", rare=True
     )
     weights: Path | None = option(
         "file with a gain K, a critic (W or P) or a network; replaces --law", "FILE", critic_path
@@ -147,6 +136,7 @@ class PolicyGiven(Part):
         "gain table, as of `hfa solve --dihedral 5,10,15 -o FILE`; replaces --law",
         "FILE",
         input_file(*MATRIX_FILES),
+        rare=True,
     )
     deployment: Path | None = option(
         "policy from a deployment file, sampled and held",
@@ -154,90 +144,105 @@ class PolicyGiven(Part):
         input_file(".toml"),
         names="--policy",
     )
-    game: GameWeights = part(GameWeights, without=("N",))
-    reading: ReadingGiven = part(ReadingGiven)
 
-    @property
-    def flown_law(self) -> str:
-        """The law that --law names, or the default of the aircraft; "" if a file replaces it."""
-        if any(name in self.typed for name in _IN_PLACE):
-            return ""
-        return self.law or (NONE if is_own(self.model) else EXACT)
 
-    def require(self, name: str) -> None:
-        """Raise BadInputError, which names the option that requires a policy, without a policy."""
-        if self.flown_law == NONE:
-            instead = f"remove --law {NONE}" if self.law else f"add --law {EXACT}"
-            raise BadInputError(f"{name} requires a policy; {instead}")
+def flown_law(request: PolicyOptions, usual: str = "") -> str:
+    """Return the law that --law names, or the default; "" if a file replaces it.
 
-    def check(self, request: Request, prices: Sequence[str] = ()) -> None:
-        """Raise BadInputError for an option that has no effect with the chosen policy.
+    usual: the default, or "" for that of the aircraft
+    """
+    if any(is_given(request, name) for name in _IN_PLACE):
+        return ""
+    return request.law or usual or (EXACT if request.aircraft is None else NONE)
 
-        request: the request, whose field `policy` is this group
-        prices: paths of weights of the flight's cost, which are not of the policy
-        """
-        for name, without_effect in _IN_PLACE.items():
-            if name in self.typed:
-                reason = f"has no effect with {self.typed[name]}; remove this option"
-                request.refuse([each for each in without_effect if each not in prices], reason)
-        if self.flown_law == NONE:
-            of_law = [each for each in _OF_THE_GAME if each not in prices]
-            instead = f"remove this option or --law {NONE}" if self.law else f"add --law {EXACT}"
-            request.refuse(of_law, f"applies only to a law; {instead}")
-        if self.flown_law != PREDICTIVE:
-            self.refuse(
-                ("horizon", "margin"),
-                f"applies only to --law {PREDICTIVE}; remove this option",
-            )
-        if self.weights is None:
-            self.reading.refuse(
-                ("set",),
-                "applies only to a network; remove this option, or give a network with --weights",
-            )
 
-    def planning(self, linear: LinearModel, limits: Mapping[str, Any]) -> Policy:
-        """Return the policy of a law that plans on the nonlinear model.
+def require_policy(request: PolicyOptions, name: str) -> None:
+    """Raise BadInputError, which names the option that requires a policy, without a policy."""
+    if flown_law(request) == NONE:
+        raise BadInputError(f"{name} requires a policy; {_remedy(request)}")
 
-        limits: state -> (lowest, highest), replacing the limits of the flight envelope
-        """
-        game = self._game_of_law(linear)
-        game.refuse_cross_weights(f"--law {self.law}")
-        given = {"horizon": self.horizon, "margin": self.margin}
-        settings = {name: value for name, value in given.items() if value is not None}
-        problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
-        return loaded(LAWS[self.law])(problem, game, **settings)
 
-    def _game_of_law(self, linear: LinearModel) -> Game:
-        """Return the game that the law solves, and issue the notes on its weights as warnings."""
-        for note in self.game.notes(linear):
-            warn(note)
-        return self.game.game(linear)
+def _remedy(request: PolicyOptions) -> str:
+    return f"remove --law {NONE}" if request.law else f"add --law {EXACT}"
 
-    def kept(self, policy: Policy, point: OperatingPoint, scenario: Scenario) -> Policy:
-        """Return the policy, kept inside the limits of rates with --keep-inside."""
-        if not self.keep_inside:
-            return policy
-        problem = flight_problem(point.model, point)
-        return loaded(KEEP_INSIDE)(policy, problem, scenario.tick)
 
-    def about(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
-        """Return the policy about a trim that the options specify.
+def check_policy(request: PolicyOptions, prices: Sequence[str] = (), usual: str = "") -> None:
+    """Raise BadInputError for an option that has no effect with the chosen policy.
 
-        The policy is read from a file or computed exactly. A nonlinear policy, such as a network,
-        is saturated at the control limits of the model.
-        """
-        from controller.critic.critic_file import critic_in
-        from controller.riccati.gare import unconfirmed_solution
-        from hfa_flight.policies.policy import GainPolicy, function_policy
+    prices: weights of the flight's cost, which are not of the policy
+    usual: the default law, or "" for that of the aircraft
+    """
+    options = options_of(type(request))
+    for name, without_effect in _IN_PLACE.items():
+        if is_given(request, name):
+            reason = f"has no effect with {options[name].flags[-1]}; remove this option"
+            idle = [each for each in without_effect if each not in prices and each in options]
+            refuse(request, idle, reason)
+    law = flown_law(request, usual)
+    if law == NONE:
+        of_law = [each for each in _OF_THE_GAME if each not in prices]
+        instead = f"remove this option or --law {NONE}" if request.law else f"add --law {EXACT}"
+        refuse(request, of_law, f"applies only to a law; {instead}")
+    if law != PREDICTIVE:
+        of_plans = ("horizon", "margin")
+        refuse(request, of_plans, f"applies only to --law {PREDICTIVE}; remove this option")
+    if request.weights is None:
+        refuse(
+            request,
+            ("set",),
+            "applies only to a network; remove this option, or give a network with --weights",
+        )
 
-        path = self.weights
-        if path is None:
-            return GainPolicy(EXACT, unconfirmed_solution(self._game_of_law(linear)).K)
-        critic = critic_in(path, self.game.game(linear), self.reading.reading)
-        if not critic.linear:
-            return function_policy(f"critic of {path}", critic.policy, linear.point)
-        kind = "gain" if critic.feedback is None else "weights"
-        return GainPolicy(f"{kind} of {path}", critic.K)
+
+def planning_policy(
+    request: PolicyOptions, linear: LinearModel, limits: Mapping[str, Any]
+) -> Policy:
+    """Return the policy of a law that plans on the nonlinear model.
+
+    limits: state -> (lowest, highest), replacing the limits of the flight envelope
+    """
+    assert request.law is not None  # the law plans
+    game = _game_of_law(request, linear)
+    game.refuse_cross_weights(f"--law {request.law}")
+    given = {name: getattr(request, name) for name in ("horizon", "margin")}
+    settings = {name: value for name, value in given.items() if value is not None}
+    problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
+    return loaded(LAWS[request.law])(problem, game, **settings)
+
+
+def _game_of_law(request: PolicyOptions, linear: LinearModel) -> Game:
+    """Return the game that the law solves, and issue the notes on its weights as warnings."""
+    weights = given_weights(request)
+    for note in weight_notes(weights, linear):
+        warn(note)
+    return weighted_game(weights, linear)
+
+
+def kept_inside(policy: Policy, point: OperatingPoint, scenario: Scenario) -> Policy:
+    """Return a policy that is kept inside the limits of rates."""
+    problem = flight_problem(point.model, point)
+    return loaded(KEEP_INSIDE)(policy, problem, scenario.tick)
+
+
+def policy_about(request: PolicyOptions, linear: LinearModel) -> GainPolicy | FunctionPolicy:
+    """Return the policy about a trim that the options specify.
+
+    The policy is read from a file or computed exactly. A nonlinear policy, such as a network, is
+    saturated at the control limits of the model.
+    """
+    from controller.critic.critic_file import critic_in
+    from controller.riccati.gare import unconfirmed_solution
+    from hfa_flight.policies.policy import GainPolicy, function_policy
+
+    path = request.weights
+    if path is None:
+        return GainPolicy(EXACT, unconfirmed_solution(_game_of_law(request, linear)).K)
+    game = weighted_game(given_weights(request), linear)
+    critic = critic_in(path, game, reading_of(request))
+    if not critic.linear:
+        return function_policy(f"critic of {path}", critic.policy, linear.point)
+    kind = "gain" if critic.feedback is None else "weights"
+    return GainPolicy(f"{kind} of {path}", critic.K)
 
 
 def turbulence_option() -> Any:
@@ -263,13 +268,16 @@ def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbu
 
 
 def noise_option(about: str) -> Any:
-    """Return the option `--noise` as a dataclass field.
-
-    The value of the field maps a state to the standard deviation of its sensor noise.
+    """Return the option `--noise` as a dataclass field, name of a state -> text.
 
     about: help text
     """
-    return option(about, "NAME=VALUE", OfModel(linear_state), named=True, rare=True)
+    return option(about, "NAME=VALUE", named=True, rare=True)
+
+
+def noise_of(texts: Mapping[str, str], model: Model) -> dict[str, float]:
+    """Return state -> standard deviation of its sensor noise, from the texts of --noise."""
+    return each_of("--noise", model, texts, linear_state)
 
 
 def gust_option() -> Any:
@@ -309,26 +317,22 @@ def _disturbed(model: Model, name: str, text: str) -> float:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ScenarioGiven(Part):
+class ScenarioOptions:
     """The scenario of a flight, except for commands.
 
     By default, nothing disturbs the flight.
     """
 
-    duration: float | None = option(
-        "duration, s; default 20, or more if unstable", "S", number, default=20.0
-    )
-    initial: Mapping[str, float] = option(
+    duration: float | None = option("duration, s; default 20, or more if unstable", "S", number)
+    initial: Mapping[str, str] = option(
         "initial deviation of a state from the trim, degrees for angles; repeatable",
         "NAME=VALUE",
-        OfModel(_state),
         named=True,
     )
-    disturbance: Mapping[str, float] = option(
+    disturbance: Mapping[str, str] = option(
         "constant added to the derivative of a state, or value of a disturbance of the model; "
         "repeatable",
         "NAME=VALUE",
-        OfModel(_disturbed),
         named=True,
         rare=True,
     )
@@ -342,68 +346,77 @@ class ScenarioGiven(Part):
     )
     turbulence: Turbulence | None = turbulence_option()
     seed: int = option("seed of all random numbers; default 0", "N", whole(0), default=0, rare=True)
-    error: Mapping[str, float] = option(
+    error: Mapping[str, str] = option(
         "factor on a parameter of the simulated aircraft only; with --samples, relative "
         "standard deviation of the parameter; repeatable",
         "NAME=NUMBER",
-        lambda _, text: number(text),
         named=True,
         rare=True,
     )
-    noise: Mapping[str, float] = noise_option(
+    noise: Mapping[str, str] = noise_option(
         "standard deviation of the sensor noise of a state, degrees for angles, white from sample "
         "to sample; repeatable"
     )
     gust: tuple[float, ...] | None = gust_option()
-    envelope: Mapping[str, tuple[float, float]] = option(
+    envelope: Mapping[str, str] = option(
         "limits of a state that replace its default envelope, degrees for angles (alpha is "
         "relative to the air); repeatable",
         "NAME=LOW:HIGH",
-        OfModel(span),
         named=True,
         rare=True,
     )
 
-    def scenario(self, point: OperatingPoint, hold: Mapping[str, Any], *, drawn: bool) -> Scenario:
-        """Return the scenario that the options specify for a trim.
 
-        The tick is the longest whole number of ms that divides both 10 ms and the delay.
+def scenario_of(
+    request: ScenarioOptions, point: OperatingPoint, hold: Mapping[str, Any], *, drawn: bool
+) -> Scenario:
+    """Return the scenario that the options specify for a trim.
 
-        hold: values of --hold, whose altitude is the one of the turbulence
-        drawn: whether the scenario is of several flights, with random errors of parameters
+    The tick is the longest whole number of ms that divides both 10 ms and the delay.
 
-        Raises BadInputError if the delay is out of range, or if both --gust and --turbulence are
-        given.
-        """
-        duration, delay = self.duration, self.delay
-        model = point.model
-        assert duration is not None  # has a default
-        if delay and not 0.0 < delay < duration:
-            raise BadInputError(
-                f"--delay is {delay:g} s; give a delay from 0 to less than {duration:g} s"
-            )
-        names = model.linear
-        disturbed = self.disturbance
-        common = Scenario(
-            duration=duration,
-            tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
-            initial=np.array([self.initial.get(name, 0.0) for name in model.states]),
-            disturbance=constant(np.array([disturbed.get(name, 0.0) for name in names])),
-            actuators=actuators_of(model, self.actuators),
-            delay=delay,
-            air={
-                name: constant(np.array([value]))
-                for name, value in disturbed.items()
-                if name not in names
-            },
+    hold: values of --hold, whose altitude is the one of the turbulence
+    drawn: whether the scenario is of several flights, with random errors of parameters
+
+    Raises BadInputError if the delay is out of range, or if both --gust and --turbulence are
+    given.
+    """
+    duration = _DURATION if request.duration is None else request.duration
+    delay = request.delay
+    model = point.model
+    initial = each_of("--initial", model, request.initial, _state)
+    disturbed = each_of("--disturbance", model, request.disturbance, _disturbed)
+    noise = noise_of(request.noise, model)
+    if delay and not 0.0 < delay < duration:
+        raise BadInputError(
+            f"--delay is {delay:g} s; give a delay from 0 to less than {duration:g} s"
         )
-        if self.gust is not None and self.turbulence is not None:
-            raise BadInputError("--gust and --turbulence cannot be combined; remove one of the two")
-        gust: Gust | None = gust_at(self.gust, point, common.duration)
-        turbulence = at_held_altitude(self.turbulence, hold)
-        errors = {} if drawn else self.error
-        uncertainty = Uncertainty(self.error if drawn else {}, self.noise, turbulence)
-        return replace(common, errors=errors, uncertainty=uncertainty, gust=gust).on(model)
+    names = model.linear
+    common = Scenario(
+        duration=duration,
+        tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
+        initial=np.array([initial.get(name, 0.0) for name in model.states]),
+        disturbance=constant(np.array([disturbed.get(name, 0.0) for name in names])),
+        actuators=actuators_of(model, request.actuators),
+        delay=delay,
+        air={
+            name: constant(np.array([value]))
+            for name, value in disturbed.items()
+            if name not in names
+        },
+    )
+    if request.gust is not None and request.turbulence is not None:
+        raise BadInputError("--gust and --turbulence cannot be combined; remove one of the two")
+    gust: Gust | None = gust_at(request.gust, point, common.duration)
+    turbulence = at_held_altitude(request.turbulence, hold)
+    factors = each_of("--error", model, request.error, lambda *words: number(words[-1]))
+    errors = {} if drawn else factors
+    uncertainty = Uncertainty(factors if drawn else {}, noise, turbulence)
+    return replace(common, errors=errors, uncertainty=uncertainty, gust=gust).on(model)
+
+
+def envelope_of(request: ScenarioOptions, model: Model) -> dict[str, tuple[float, float]]:
+    """Return state -> limits that replace its default envelope."""
+    return each_of("--envelope", model, request.envelope, span)
 
 
 def actuators_of(model: Model, typed: tuple[float, ...] | None) -> ActuatorBank | None:

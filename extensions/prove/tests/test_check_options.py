@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from cli import answer, hfa
 
+from hfa.options.option import options_of
 from hfa_prove.commands import given
 from hfa_prove.commands.request import CheckRequest, RegionRequest
 from hfa_prove.commands.schedule import ScheduleRequest
@@ -36,46 +37,47 @@ PROOFS = {
 }
 #: Entry of an option that changes no subject, and of one that a proof does not have or refuses.
 SAME, REFUSED = "", "refused"
-#: Path of each option -> changed options with the entry of the subject that they change, for regions
+#: Field of each option -> changed options with the entry of the subject that they change, for regions
 #: and for schedules.
 CHANGED: dict[str, tuple[dict[str, str], dict[str, str]]] = {
-    "aircraft.source": ({" ".join(VAN_DER_POL): "model"}, {" ".join(PENDULUM): REFUSED}),
-    "aircraft.dynamics": ({"--dynamics newton": REFUSED}, {"--dynamics newton": "model"}),
-    "aircraft.parameters": (
+    "aircraft": ({" ".join(VAN_DER_POL): "model"}, {" ".join(PENDULUM): REFUSED}),
+    "dynamics": ({"--dynamics newton": REFUSED}, {"--dynamics newton": "model"}),
+    "parameters": (
         {"--parameters gibson-2011-simulation": REFUSED},
         {"--parameters gibson-2011-simulation": "parameters"},
     ),
-    "aircraft.mass": ({"--mass 5": REFUSED}, {"--mass 5": REFUSED}),
-    "trim.at": ({"--at 10": REFUSED}, {"--dihedral 15:15.5": "range", "--at 15.1:15.25": "range"}),
-    "trim.given": (
+    "mass": ({"--mass 5": REFUSED}, {"--mass 5": REFUSED}),
+    "at": ({"--at 10": REFUSED}, {"--at 15.1:15.25": "range"}),
+    "dihedral": ({"--dihedral 10": REFUSED}, {"--dihedral 15:15.5": "range"}),
+    "condition": (
         {"--condition narrow.toml": "limits", "--condition tilted.toml": "trim"},
         {"--condition few.toml": "limits", "--condition fast.toml": "imposed"},
     ),
-    "trim.free": (
+    "free": (
         {"--free angle --hold torque=0.1": "trim"},
         {"--free gamma --hold throttle=0.3": "imposed"},
     ),
-    "trim.hold": ({"--hold angle=0.1": "trim"}, {"--hold speed=70": "imposed"}),
-    "trim.limit": (
+    "hold": ({"--hold angle=0.1": "trim"}, {"--hold speed=70": "imposed"}),
+    "limit": (
         {"--limit torque=-0.6:0.7": "limits", "--limit angle=-90:90": "limits"},
         {"--limit elevator_center=-20:20": "limits"},
     ),
-    "trim.start": (
+    "start": (
         {"--start angle=5": SAME},
         {"--start speed=60": REFUSED},
     ),
-    "game.weights.N": ({"--N 0;0.1": "policy"}, {f"--N 1,0,0,0,0{';0,0,0,0,0' * 5}": "gains"}),
-    "game.weights.delta": ({"--delta 20": "policy"}, {"--delta 150": "gains"}),
-    "game.weights.Q": ({"--Q 1,2": "policy"}, {"--Q 1,1,1,1,1,1": "gains"}),
-    "game.weights.R": ({"--R 3": "policy"}, {"--R 1,1,1,1,1": "gains"}),
-    "reading.basis": (
+    "N": ({"--N 0;0.1": "policy"}, {f"--N 1,0,0,0,0{';0,0,0,0,0' * 5}": "gains"}),
+    "delta": ({"--delta 20": "policy"}, {"--delta 150": "gains"}),
+    "Q": ({"--Q 1,2": "policy"}, {"--Q 1,1,1,1,1,1": "gains"}),
+    "R": ({"--R 3": "policy"}, {"--R 1,1,1,1,1": "gains"}),
+    "basis": (
         {"--weights W.npz --basis x1**2,x1*x2,x2**2,x2**4": "policy"},
         {"--basis quartic": REFUSED},
     ),
-    "reading.network": ({"--network policy=": REFUSED}, {"--network policy=": REFUSED}),
-    "reading.set": ({"--set scale=1,2": REFUSED}, {"--set scale=1,2": REFUSED}),
-    "output.file": ({"-o out.json": SAME}, {"-o out.json": SAME}),
-    "output.json": ({"--json": SAME}, {"--json": SAME}),
+    "network": ({"--network policy=": REFUSED}, {"--network policy=": REFUSED}),
+    "set": ({"--set scale=1,2": REFUSED}, {"--set scale=1,2": REFUSED}),
+    "output": ({"-o out.json": SAME}, {"-o out.json": SAME}),
+    "json": ({"--json": SAME}, {"--json": SAME}),
     "quiet": ({"--quiet": SAME}, {"--quiet": SAME}),
     "check": (
         {f"--check {STORED}/region_disturbed.json": REFUSED},
@@ -153,7 +155,7 @@ def check_case(
     else:
         names = [name for name in {*usual, *other} if usual.get(name) != other.get(name)]
         assert entry in names or (entry == SAME and not names)
-    if path not in CheckRequest.declared():
+    if path not in options_of(CheckRequest):
         return
     certificate = () if path == "check" else ("--check", f"{STORED}/{kind}.json")
     found = hfa("prove", *certificate, *changed)
@@ -166,8 +168,8 @@ def check_case(
 
 def test_every_option_is_changed() -> None:
     """The table has each option of the proofs and of --check for both kinds, and no other."""
-    listed = {path for proof in PROOFS.values() for path in proof.request.declared()}
-    assert listed | set(CheckRequest.declared()) == set(CHANGED)
+    listed = {path for proof in PROOFS.values() for path in options_of(proof.request)}
+    assert listed | set(options_of(CheckRequest)) == set(CHANGED)
     assert all(all(by_kind) for by_kind in CHANGED.values())
 
 
@@ -189,7 +191,7 @@ def test_an_option_that_changes_the_subject_is_noticed(
 
 @pytest.mark.parametrize(
     ("entry", "path"),
-    [("limits", "trim.limit"), ("limits", "trim.given"), ("policy.K", "game.weights.R")],
+    [("limits", "limit"), ("limits", "condition"), ("policy.K", "R")],
 )
 def test_an_option_that_is_not_compared_is_found(
     entry: str, path: str, files: None, monkeypatch: pytest.MonkeyPatch

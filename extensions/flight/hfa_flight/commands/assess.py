@@ -6,16 +6,37 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from controller.critic.critic_file import critic_suffixes, is_network
-from hfa.options.aircraft import Aircraft, aircraft_help
-from hfa.options.argument_types import input_file, linear_state, number, span, whole
-from hfa.options.output import Output, ProgressLine, picture_option
-from hfa.options.part import OfModel, option, part
+from hfa.options.advice import trimmed
+from hfa.options.argument_types import (
+    each_of,
+    input_file,
+    linear_state,
+    number,
+    quantity,
+    span,
+    whole,
+)
+from hfa.options.command import Request, command, picture_option
+from hfa.options.option import is_given, option
+from hfa.options.output import ProgressLine
+from hfa.options.plants import aircraft_help, loaded_model
 from hfa.options.ranges import array_of, scheduled_range
-from hfa.options.request import Request, command
-from hfa.options.trim import Trim, called_at, scheduled
+from hfa.options.show import show
+from hfa.options.trims import (
+    AT_SEVERAL,
+    DIHEDRAL_SEVERAL,
+    GivenTrim,
+    TrimOptions,
+    at_name,
+    at_option,
+    at_value,
+    dihedral_option,
+    trim_source,
+    trim_with,
+)
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.air.turbulence import Turbulence
@@ -24,6 +45,7 @@ from hfa_flight.options import (
     at_held_altitude,
     gust_at,
     gust_option,
+    noise_of,
     noise_option,
     turbulence_option,
 )
@@ -74,21 +96,15 @@ def _deployment_path(text: str) -> Path:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AssessRequest(Request):
+class AssessRequest(Request, TrimOptions):
     """Arguments of `hfa assess`."""
 
-    aircraft: Aircraft = part(
-        Aircraft,
-        without=("units",),
-        source=option(aircraft_help, "FILE.py:NAME", names="--aircraft --model"),
-    )
-    trim: Trim = part(
-        Trim,
-        at=scheduled(scheduled_range, "RANGE", "a number, a list a,b,c or a range start:stop:step"),
-    )
-    output: Output = part(
-        Output,
-        picture=picture_option("spectral radius versus delay, and outcomes of the flights"),
+    units: None = None
+    aircraft: str | None = option(aircraft_help, "FILE.py:NAME", names="--model --aircraft")
+    at: str | None = at_option(AT_SEVERAL, "RANGE")
+    dihedral: str | None = dihedral_option(DIHEDRAL_SEVERAL, "RANGE")
+    picture: Path | None = picture_option(
+        "spectral radius versus delay, and outcomes of the flights"
     )
     file: Path | None = option(
         "deployment file (observations, actions and timing of a policy), or, with "
@@ -118,10 +134,9 @@ class AssessRequest(Request):
         default=0,
         rare=True,
     )
-    box: Mapping[str, float] = option(
+    box: Mapping[str, str] = option(
         "half-width of the initial-condition box in a state, degrees for angles; repeatable",
         "NAME=VALUE",
-        OfModel(_half_width),
         named=True,
         rare=True,
     )
@@ -132,15 +147,14 @@ class AssessRequest(Request):
         _need,
         named=True,
     )
-    vary: Mapping[str, tuple[float, float]] = option(
+    vary: Mapping[str, str] = option(
         "interval of a parameter, or of an input that is not an action; the unchanged policy is "
         "also assessed at five values in this interval; repeatable",
         "NAME=LOW:HIGH",
-        OfModel(_varied),
         named=True,
         rare=True,
     )
-    noise: Mapping[str, float] = noise_option(
+    noise: Mapping[str, str] = noise_option(
         "standard deviation of the sensor noise of a state, degrees for angles; repeatable"
     )
     turbulence: Turbulence | None = turbulence_option()
@@ -148,7 +162,6 @@ class AssessRequest(Request):
     filter: bool = option(
         "Kalman filter of --noise and --turbulence before the policy in these flights; a state "
         "without noise has no sensor",
-        default=False,
         rare=True,
     )
     best: int | None = option(
@@ -158,85 +171,105 @@ class AssessRequest(Request):
         whole(0, _MOST_SAMPLES),
     )
 
-    def points(self) -> list[OperatingPoint]:
-        """Return the trims to assess."""
-        if self.trim.at is None:
-            return [self.trim.point()]
-        values = array_of("--at", self.trim.at, _MOST_POINTS).tolist()
-        return [replace(self.trim, at=value).point() for value in values]
 
-    def deployment(self, model: Model) -> Deployment:
-        """Load the deployment.
+class _Given(NamedTuple):
+    """What the options of `hfa assess` define of the aircraft.
 
-        Raises BadInputError without a file, for a gain without a sample time, for a sample time
-        without a gain, and as `sampled_gain` and `Deployment.load` do.
+    trims: the trims to assess
+    source: entries of the provenance
+    noise: state -> standard deviation of its sensor noise
+    turbulence: turbulence, at the altitude of --hold
+    """
 
-        model: aircraft of a gain
-        """
-        from hfa_flight.policies.deployment.deployment import Deployment, sampled_gain
+    trims: list[GivenTrim]
+    source: Mapping[str, Any]
+    noise: Mapping[str, float]
+    turbulence: Turbulence | None
 
-        file = self.file
-        if file is None:
+    @property
+    def model(self) -> Model:
+        """The aircraft, with the parameters that the options set."""
+        return self.trims[0].model
+
+
+def _given(request: AssessRequest) -> _Given:
+    """Return the trims, noise and turbulence of the options."""
+    model = loaded_model(request)
+    hold = each_of("--hold", model, request.hold, quantity)
+    at = at_value(request, model, scheduled_range)
+    values = [None] if at is None else array_of("--at", at, _MOST_POINTS).tolist()
+    trims = [trim_with(request, model, value, hold) for value in values]
+    turbulence = at_held_altitude(request.turbulence, hold)
+    source = trim_source(request, trims[0].common, at, hold)
+    return _Given(trims, source, noise_of(request.noise, model), turbulence)
+
+
+def _deployment(request: AssessRequest, model: Model) -> Deployment:
+    """Load the deployment.
+
+    Raises BadInputError without a file, for a gain without a sample time, for a sample time
+    without a gain, and as `sampled_gain` and `Deployment.load` do.
+
+    model: aircraft of a gain
+    """
+    from hfa_flight.policies.deployment.deployment import Deployment, sampled_gain
+
+    file = request.file
+    if file is None:
+        raise BadInputError(
+            "no policy is given; give a deployment file (for a law: hfa optimize --law NAME "
+            "--starts N)"
+        )
+    if file.suffix.lower() == ".toml":
+        if request.sample_time is not None:
             raise BadInputError(
-                "no policy is given; give a deployment file (for a law: hfa optimize --law NAME "
-                "--starts N)"
+                "--sample-time applies only to a file with a gain K; give a file with a gain "
+                "K, or remove --sample-time"
             )
-        if file.suffix.lower() == ".toml":
-            if self.sample_time is not None:
-                raise BadInputError(
-                    "--sample-time applies only to a file with a gain K; give a file with a gain "
-                    "K, or remove --sample-time"
-                )
-            return Deployment.load(file)
-        if self.sample_time is not None:
-            return sampled_gain(file, model, self.sample_time)
-        if is_network(file):
-            raise BadInputError(
-                f"{file}: a network requires a deployment file, with the network as its "
-                "[policy]; give the file FILE.toml"
-            )
-        raise BadInputError(f"{file}: a gain K requires a sample time; add --sample-time S")
-
-    def filtered(self, deployment: Deployment) -> Deployment:
-        """Return the deployment, with --filter behind the filter of the options."""
-        if not self.filter:
-            return deployment
-        noise = {name: value for name, value in self.noise.items() if value}
-        if not noise:
-            raise BadInputError(
-                "--filter requires the noise of the sensors; add --noise STATE=VALUE for each "
-                "measured state"
-            )
-        turbulence = at_held_altitude(self.turbulence, self.trim.hold)
-        air = {} if turbulence is None else {"turbulence": turbulence.text}
-        return deployment.changed(filter={"noise": noise, **air})
-
-    def is_rough(self) -> bool:
-        """Return whether flights with noise, a gust or turbulence are requested."""
-        return bool(self.noise) or self.turbulence is not None or self.gust is not None
-
-    def scenario_at(self, point: OperatingPoint) -> Scenario:
-        """Return the scenario with noise, gust and turbulence at a trim.
-
-        Raises BadInputError if the scenario does not fit the aircraft or no flights are requested.
-        """
-        from hfa_flight.judge.rough_flights import rough_scenario
-
-        turbulence = at_held_altitude(self.turbulence, self.trim.hold)
-        uncertainty = Uncertainty(noise=self.noise, turbulence=turbulence)
-        scenario = Scenario(uncertainty=uncertainty)
-        gust = gust_at(self.gust, point, scenario.duration)
-        return rough_scenario(replace(scenario, gust=gust), point.model, self.samples)
+        return Deployment.load(file)
+    if request.sample_time is not None:
+        return sampled_gain(file, model, request.sample_time)
+    if is_network(file):
+        raise BadInputError(
+            f"{file}: a network requires a deployment file, with the network as its "
+            "[policy]; give the file FILE.toml"
+        )
+    raise BadInputError(f"{file}: a gain K requires a sample time; add --sample-time S")
 
 
-def _assumed_trim(request: AssessRequest, points: tuple[OperatingPoint, ...]) -> str:
+def _filtered(deployment: Deployment, given: _Given) -> Deployment:
+    """Return the deployment behind the filter of the noise and turbulence."""
+    noise = {name: value for name, value in given.noise.items() if value}
+    if not noise:
+        raise BadInputError(
+            "--filter requires the noise of the sensors; add --noise STATE=VALUE for each "
+            "measured state"
+        )
+    air = {} if given.turbulence is None else {"turbulence": given.turbulence.text}
+    return deployment.changed(filter={"noise": noise, **air})
+
+
+def _scenario_at(request: AssessRequest, given: _Given, point: OperatingPoint) -> Scenario:
+    """Return the scenario with noise, gust and turbulence at a trim.
+
+    Raises BadInputError if the scenario does not fit the aircraft or no flights are requested.
+    """
+    from hfa_flight.judge.rough_flights import rough_scenario
+
+    uncertainty = Uncertainty(noise=given.noise, turbulence=given.turbulence)
+    scenario = Scenario(uncertainty=uncertainty)
+    gust = gust_at(request.gust, point, scenario.duration)
+    return rough_scenario(replace(scenario, gust=gust), point.model, request.samples)
+
+
+def _assumed_trim(request: AssessRequest, point: OperatingPoint) -> str:
     """Return a note on the default trim, or "" if an option names the trim."""
-    if not request.model.schedule or {"trim.at", "trim.hold", "trim.given", "trim.start"} & (
-        request.typed.keys()
-    ):
+    named = ("at", "dihedral", "hold", "condition", "start")
+    if not point.model.schedule or any(is_given(request, name) for name in named):
         return ""
-    option_name = f"--{called_at(request.model)}"
-    return f"no {option_name} is given: the default trim {points[0].at_scheduled} is assessed"
+    return (
+        f"no --{at_name(point.model)} is given: the default trim {point.at_scheduled} is assessed"
+    )
 
 
 @command(AssessRequest)
@@ -252,11 +285,14 @@ def assess(request: AssessRequest) -> int:
     """
     from hfa_flight.policies.deployment.deployed import Deployed
 
-    model = request.trim.aircraft
-    deployed = Deployed(request.filtered(request.deployment(model)), model)
+    given = _given(request)
+    deployment = _deployment(request, given.model)
+    if request.filter:
+        deployment = _filtered(deployment, given)
+    deployed = Deployed(deployment, given.model)
     _refuse_contradictions(request, deployed)
-    result = _assessment(request, deployed)
-    request.show(result.report(), figure=result.figure, notes=result.warnings)
+    result = _assessment(request, given, deployed)
+    show(request, result.report(), given.source, figure=result.figure, notes=result.warnings)
     return 0 if result.ok else 1
 
 
@@ -274,17 +310,20 @@ def _refuse_contradictions(request: AssessRequest, deployed: Deployed) -> None:
         raise BadInputError(f"--best: {origin} has no table [cost]; {remedy}")
 
 
-def _assessment(request: AssessRequest, deployed: Deployed) -> Assessment:
+def _assessment(request: AssessRequest, given: _Given, deployed: Deployed) -> Assessment:
     """Return the assessment of a deployment."""
     from hfa_flight.judge.assess import assessment_of
     from hfa_flight.judge.assessor import Assessor
     from hfa_flight.judge.variations import changes_of
 
-    changes = changes_of(deployed, request.vary)
-    points = tuple(request.points())
-    scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
+    model = given.model
+    changes = changes_of(deployed, each_of("--vary", model, request.vary, _varied))
+    box = each_of("--box", model, request.box, _half_width)
+    points = tuple(trimmed(each) for each in given.trims)
+    is_rough = bool(given.noise) or given.turbulence is not None or request.gust is not None
+    scenarios = [_scenario_at(request, given, point) for point in points] if is_rough else []
     share = request.need.get(SHARE, ALL)
-    assessor = Assessor(deployed, points, request.samples, request.seed, request.box, share=share)
+    assessor = Assessor(deployed, points, request.samples, request.seed, box, share=share)
     result = assessment_of(
         assessor,
         needs=request.need,
@@ -293,4 +332,4 @@ def _assessment(request: AssessRequest, deployed: Deployed) -> Assessment:
         best=request.best,
         progress_of=ProgressLine,
     )
-    return replace(result, assumed=_assumed_trim(request, points))
+    return replace(result, assumed=_assumed_trim(request, points[0]))

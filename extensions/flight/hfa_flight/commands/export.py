@@ -4,28 +4,31 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa.options.aircraft import Aircraft
+from hfa.options.advice import trimmed
 from hfa.options.argument_types import one_of, output_file
-from hfa.options.output import Output
-from hfa.options.part import option, part
-from hfa.options.request import Request, command
-from hfa.options.trim import Trim
+from hfa.options.command import Request, command
+from hfa.options.option import is_given, option, refuse
+from hfa.options.show import provenance, show_text
+from hfa.options.trims import GivenTrim, given_trim, trim_with
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.export.c_text import write_texts
 from hfa_flight.options import (
     EXACT,
-    PolicyGiven,
+    PolicyOptions,
     actuators_of,
     actuators_option,
     at_held_altitude,
+    check_policy,
+    noise_of,
     noise_option,
     noted_linear_model,
+    policy_about,
     turbulence_option,
 )
 from hfa_support.errors import BadInputError, printable
@@ -34,9 +37,10 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
-    from hfa_aircraft.model import Model
-    from hfa_flight.policies.policy import FunctionPolicy, GainPolicy
+    from hfa_flight.policies.filtered_policy import FilteredPolicy
+    from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
+    from trim.linear.linear_model import LinearModel
     from trim.point.operating_point import OperatingPoint
 
 #: Default dihedral angle of the exported HFA, deg.
@@ -44,48 +48,33 @@ _DIHEDRAL = math.radians(15.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ExportRequest(Request):
+class ExportRequest(Request, PolicyOptions):
     """Options of `hfa export`."""
 
-    aircraft: Aircraft = part(Aircraft, without=("units",))
-    trim: Trim = part(Trim)
-    policy: PolicyGiven = part(
-        PolicyGiven,
-        without=("horizon", "margin", "keep_inside"),
-        law=option(
-            f"gain to export: {EXACT}; default: {EXACT} in C, none in an FMU",
-            "NAME",
-            one_of(EXACT),
-            default=EXACT,
-        ),
+    units: None = None
+    horizon: None = None
+    margin: None = None
+    keep_inside: bool = False
+    law: str | None = option(
+        f"gain to export: {EXACT}; default: {EXACT} in C, none in an FMU", "NAME", one_of(EXACT)
     )
-    output: Output = part(
-        Output,
-        file=option(
-            "folder for C source, FILE.fmu for an FMU, or FILE.m for a function that reads models "
-            "from .mat files",
-            "PLACE",
-            output_file(".fmu", ".m", folder=True),
-            names="-o --output",
-            required=True,
-        ),
+    output: Path | None = option(
+        "folder for C source, FILE.fmu for an FMU, or FILE.m for a function that reads models "
+        "from .mat files",
+        "PLACE",
+        output_file(".fmu", ".m", folder=True),
+        names="-o --output",
+        required=True,
     )
     actuators: tuple[float, ...] | None = actuators_option()
     filter: bool = option(
         "policy behind the Kalman filter of --noise and --turbulence, in C too, or in the FMU",
-        default=False,
         rare=True,
     )
-    noise: Mapping[str, float] = noise_option(
+    noise: Mapping[str, str] = noise_option(
         "standard deviation of the noise of a sensor of --filter, degrees for angles; repeatable"
     )
     turbulence: Turbulence | None = turbulence_option()
-
-    @property
-    def target(self) -> Path:
-        """The folder or file of -o."""
-        assert self.output.file is not None  # required
-        return self.output.file
 
 
 @command(ExportRequest)
@@ -99,119 +88,151 @@ def export(request: ExportRequest) -> int:
     With --policy DEPLOYMENT.toml, the C source is only a function for one sample of the deployed
     policy, with normalizer, clipping and mapping.
     """
-    policy = request.policy
-    names_no_policy = policy.typed.keys().isdisjoint(("law", "weights", "controller", "deployment"))
-    if request.trim.at is None and not request.aircraft.is_given:
-        request = replace(request, trim=replace(request.trim, at=_DIHEDRAL))
-    # Computing the provenance checks options that the code below does not read, before any file is
-    # written.
-    origin = f"{request.provenance.text()}\n{request.line}"
-    if request.target.suffix.lower() == ".m":
-        return _write_function(request)
-    if not _is_fmu(request):
-        request.refuse(("actuators",), "applies only to an FMU; remove this option")
-    if policy.deployment is not None and _is_fmu(request):
+    target = request.output
+    assert target is not None  # required
+    given = _given_trim(request)
+    if target.suffix.lower() == ".m":
+        return _show_written(request, given, [_write_function(target)])
+    is_fmu = target.suffix.lower() == ".fmu"
+    if not is_fmu:
+        refuse(request, ("actuators",), "applies only to an FMU; remove this option")
+    elif request.deployment is not None:
         raise BadInputError(
-            f"{request.target}: an FMU has neither the sample time nor the delay of a deployment "
+            f"{target}: an FMU has neither the sample time nor the delay of a deployment "
             "file; give a folder for C source, which is called once a sample"
         )
-    policy.check(request)
+    check_policy(request, usual=EXACT)
     _check_filter(request)
-    model = request.trim.aircraft
-    point = request.trim.point()
-    if policy.deployment is not None:
-        written = _write_deployed_policy(request, policy.deployment, point, origin)
+    point = trimmed(given)
+    if request.deployment is not None:
+        written = _write_deployed_policy(request, target, request.deployment, given, point)
+    elif is_fmu:
+        written = _write_fmu(request, target, given, point)
     else:
-        is_aircraft_alone = names_no_policy and _is_fmu(request) and not request.filter
-        written = _written(request, model, point, origin, with_gain=not is_aircraft_alone)
-    request.print(_report(written), notes=point.warnings)
-    return 0
+        written = _write_source(request, target, given, point)
+    return _show_written(request, given, written, point.warnings)
+
+
+def _given_trim(request: ExportRequest) -> GivenTrim:
+    """Return the trim of the options, which of the paper's aircraft is at `_DIHEDRAL` by default.
+
+    All options are checked, also those of the trim that the output does not use.
+    """
+    given = given_trim(request)
+    if given.at is None and request.aircraft is None:
+        return trim_with(request, given.common.model, _DIHEDRAL, given.hold)
+    return given
 
 
 def _check_filter(request: ExportRequest) -> None:
     """Raise BadInputError for options of a filter that have no effect or contradict others."""
     if not request.filter:
-        request.refuse(("noise", "turbulence"), "applies only with --filter; add --filter")
+        refuse(request, ("noise", "turbulence"), "applies only with --filter; add --filter")
         return
     if not request.noise:
         raise BadInputError("--filter requires the noise of the sensors; add --noise STATE=VALUE")
-    request.refuse(("policy.controller", "policy.deployment"), "cannot be combined with --filter")
+    refuse(request, ("controller", "deployment"), "cannot be combined with --filter")
 
 
-def _is_fmu(request: ExportRequest) -> bool:
-    """Return whether the output is an .fmu file."""
-    return request.target.suffix.lower() == ".fmu"
-
-
-def _write_function(request: ExportRequest) -> int:
-    """Write the MATLAB and Octave function, print the report and return exit code 0."""
-    target = request.target
+def _write_function(target: Path) -> Path:
+    """Write the MATLAB and Octave function."""
     if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
         raise BadInputError(
             f"{target}: the file name is not a name of a function; give a letter, then letters, "
             "digits and _, as in hfa_models.m"
         )
     write_text(target, files("hfa_flight.export").joinpath("hfa_models.m").read_text("utf-8"))
-    request.print(_report([target]))
-    return 0
+    return target
+
+
+def _origin(request: ExportRequest, given: GivenTrim) -> str:
+    """Return the provenance as text, with the command line."""
+    return f"{provenance(request, given.source).text()}\n{request.line}"
 
 
 def _write_deployed_policy(
-    request: ExportRequest, deployment: Path, point: OperatingPoint, origin: str
+    request: ExportRequest, target: Path, deployment: Path, given: GivenTrim, point: OperatingPoint
 ) -> list[Path]:
     """Write the command of a deployed policy at one sample as a C function."""
     from hfa_flight.export.deployment_c import c_policy_texts
     from hfa_flight.policies.deployment.policy import flown_deployment
 
     policy = flown_deployment(deployment, point)
-    return write_texts(request.target, c_policy_texts(policy, origin))
+    return write_texts(target, c_policy_texts(policy, _origin(request, given)))
 
 
-def _written(
-    request: ExportRequest,
-    model: Model,
-    point: OperatingPoint,
-    origin: str,
-    *,
-    with_gain: bool,
+def _write_fmu(
+    request: ExportRequest, target: Path, given: GivenTrim, point: OperatingPoint
 ) -> list[Path]:
-    """Write the aircraft, with a policy or alone, as C or as an FMU."""
-    from hfa_flight.export.aircraft_c import c_model_texts
+    """Write the aircraft as an FMU, with a policy if an option names it or its filter."""
     from hfa_flight.export.exported_loop import (
         behind_a_filter,
         exported_loop,
         following_a_reference,
     )
-    from hfa_flight.export.filter_c import c_filter_texts
     from hfa_flight.export.fmu import write_fmu
+
+    model = given.model
+    actuators = actuators_of(model, request.actuators)
+    linear = noted_linear_model(model, point)
+    steering = None
+    if request.filter:
+        policy = _policy(request, given, linear)
+        steering = behind_a_filter(model, _filtered(request, given, linear, policy))
+    elif any(is_given(request, name) for name in ("law", "weights", "controller")):
+        steering = following_a_reference(model, _policy(request, given, linear))
+    loop = exported_loop(model, point, steering, actuators)
+    write_fmu(loop, target, provenance(request, given.source))
+    return [target]
+
+
+def _write_source(
+    request: ExportRequest, target: Path, given: GivenTrim, point: OperatingPoint
+) -> list[Path]:
+    """Write the aircraft with a policy as C source."""
+    from hfa_flight.export.aircraft_c import c_model_texts
+    from hfa_flight.export.filter_c import c_filter_texts
+
+    origin = _origin(request, given)
+    linear = noted_linear_model(given.model, point)
+    policy = _policy(request, given, linear)
+    texts = c_model_texts(linear, policy, origin)
+    if request.filter:
+        texts |= c_filter_texts(_filtered(request, given, linear, policy), origin)
+    return write_texts(target, texts)
+
+
+def _filtered(
+    request: ExportRequest, given: GivenTrim, linear: LinearModel, policy: Policy
+) -> FilteredPolicy:
+    """Return a policy behind the filter of --noise and --turbulence."""
     from hfa_flight.policies.kalman import filter
+
+    noise = noise_of(request.noise, given.model)
+    air = at_held_altitude(request.turbulence, given.hold)
+    return filter(linear, noise, air).policy(policy)
+
+
+def _policy(
+    request: ExportRequest, given: GivenTrim, linear: LinearModel
+) -> GainPolicy | FunctionPolicy | ScheduledGainPolicy:
+    """Return the policy that the options specify: a gain table, a file, or the exact policy."""
     from hfa_flight.policies.scheduled_gains import scheduled_gains
     from hfa_flight.schedule.gain_schedule import load_gain_schedule
 
-    actuators = actuators_of(model, request.actuators)
-    linear = noted_linear_model(model, point)
-    policy: GainPolicy | FunctionPolicy | ScheduledGainPolicy | None = None
-    if request.policy.controller is not None:
-        schedule = load_gain_schedule(request.policy.controller, model)
-        name = f"gains of {request.policy.controller}"
-        policy = scheduled_gains(name, schedule, point, request.trim.common_condition.at)
-    elif with_gain:
-        policy = request.policy.about(linear)
-    filtered = None
-    if request.filter:
-        air = at_held_altitude(request.turbulence, request.trim.hold)
-        filtered = filter(linear, request.noise, air).policy(policy)
-    if _is_fmu(request):
-        steering = None if policy is None else following_a_reference(model, policy)
-        if filtered is not None:
-            steering = behind_a_filter(model, filtered)
-        loop = exported_loop(model, point, steering, actuators)
-        write_fmu(loop, request.target, request.provenance)
-        return [request.target]
-    texts = c_model_texts(linear, policy, origin)
-    if filtered is not None:
-        texts |= c_filter_texts(filtered, origin)
-    return write_texts(request.target, texts)
+    if request.controller is None:
+        return policy_about(request, linear)
+    schedule = load_gain_schedule(request.controller, given.model)
+    name = f"gains of {request.controller}"
+    return scheduled_gains(name, schedule, linear.point, given.common.at)
+
+
+def _show_written(
+    request: ExportRequest, given: GivenTrim, written: list[Path], notes: Iterable[str] = ()
+) -> int:
+    """Print the list of the written files, and return exit code 0."""
+    show_text(request, _report(written), given.source, notes=notes)
+    return 0
 
 
 def _report(written: list[Path]) -> Report:

@@ -5,29 +5,41 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hfa.options.aircraft import Aircraft
-from hfa.options.argument_types import (
-    number,
-    quantity,
-    whole,
-)
-from hfa.options.output import Output, ProgressLine, output_option, picture_option
-from hfa.options.part import OfModel, option, part
-from hfa.options.reference import reference_option
-from hfa.options.request import Request, command
-from hfa.options.trim import Trim
-from hfa.options.workers import Workers
+from hfa.options.advice import trimmed
+from hfa.options.argument_types import each_of, number, quantity, whole
+from hfa.options.command import Request, command, output_option, picture_option
+from hfa.options.games import given_weights, weighted_game
+from hfa.options.option import option, refuse
+from hfa.options.output import ProgressLine
+from hfa.options.plants import parameter_spread
+from hfa.options.show import provenance, show
+from hfa.options.tracking import reference_option, signals_of
+from hfa.options.trims import GivenTrim, given_trim
+from hfa.options.workers import WorkerOptions
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.scenario import Scenario, with_errors
 from hfa_flight.air.signals import CommandedStates
 from hfa_flight.needs import ALL, SHARE, is_enough, needed_share
-from hfa_flight.options import NONE, PolicyGiven, ScenarioGiven, noted_linear_model
+from hfa_flight.options import (
+    NONE,
+    PolicyOptions,
+    ScenarioOptions,
+    check_policy,
+    envelope_of,
+    flown_law,
+    kept_inside,
+    noted_linear_model,
+    planning_policy,
+    policy_about,
+    require_policy,
+    scenario_of,
+)
 from hfa_flight.policies.laws import LAWS
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import flight_envelope
@@ -75,31 +87,23 @@ class PlannedFlight(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FlyRequest(Request):
+class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
     """Options of `hfa fly`."""
 
-    aircraft: Aircraft = part(Aircraft)
-    trim: Trim = part(Trim)
-    policy: PolicyGiven = part(PolicyGiven)
-    scenario: ScenarioGiven = part(ScenarioGiven)
-    processes: Workers = part(Workers)
-    output: Output = part(
-        Output,
-        file=output_option(stores=(".zarr",), purpose=" (flights of --samples or --draws)"),
-        picture=picture_option("the flight, or the flights of --draws"),
+    output: Path | None = output_option(
+        stores=(".zarr",), purpose=" (flights of --samples or --draws)"
     )
-    command: Mapping[str, list[tuple[float, float]]] = option(
+    picture: Path | None = picture_option("the flight, or the flights of --draws")
+    command: Mapping[str, str] = option(
         f"steps of a state, or with --law {NONE} of an input: times, s, and deviations from the "
         "trim",
         _COMMAND,
-        OfModel(_command),
         named=True,
     )
-    reference: Mapping[str, Waveform] = reference_option()
+    reference: Mapping[str, str] = reference_option()
     filter: bool = option(
         "Kalman filter before the policy, for the --noise of the sensors (a state without noise "
         "has no sensor) and the --turbulence; --samples compares with no control",
-        default=False,
         rare=True,
     )
     samples: int | None = option(
@@ -114,7 +118,6 @@ class FlyRequest(Request):
         whole(1),
         rare=True,
     )
-
     need: Mapping[str, float] = option(
         "share of the flights of --samples or --draws that must stay within limits for exit code "
         "0; default 1, all",
@@ -128,121 +131,6 @@ class FlyRequest(Request):
     def members(self) -> int | None:
         """Number of flights with random differences, or None for a single flight."""
         return self.samples if self.draws is None else self.draws
-
-    def _refuse_late_commands(self, duration: float) -> None:
-        """Raise BadInputError for a command that begins at the end of the flight or later."""
-        for name, steps in self.command.items():
-            begin = min(time for time, _ in steps)
-            if begin >= duration:
-                raise BadInputError(
-                    f"--command {name} begins at {begin:g} s, not before the end of the flight at "
-                    f"{duration:g} s; give {_COMMAND} with an earlier time, or a longer --duration"
-                )
-
-    def flight(self) -> PlannedFlight:
-        """Return the flight to be simulated, as specified by the options.
-
-        Raises BadInputError if the options contradict each other.
-        """
-        from hfa_flight.commands.tracking import tracking_of
-        from hfa_flight.policies.filtered_policy import behind_own_filter
-        from hfa_flight.policies.given import command_steps
-        from hfa_flight.policies.policy import GainPolicy, open_loop
-        from hfa_flight.policies.scheduled_gains import scheduled_gains
-        from hfa_flight.schedule.gain_schedule import load_gain_schedule
-
-        given = self.policy
-        if self.reference:
-            self.refuse(
-                ("command", "policy.controller", "policy.deployment"),
-                "cannot be combined with --reference; remove one of these options",
-            )
-            given.require("--reference")
-        # Of a single flight, --Q and --R are the weights of its cost.
-        prices = ("policy.game.Q", "policy.game.R") if self.members is None else ()
-        given.check(self, prices)
-        is_random = self.scenario.turbulence is not None or any(self.scenario.noise.values())
-        if self.members is None and not is_random:
-            self.scenario.refuse(
-                ("seed",),
-                "applies only to --turbulence, --noise, --samples and --draws; remove this option",
-            )
-        model = self.trim.aircraft
-        point = self.trim.point()
-        scenario = self.scenario.scenario(point, self.trim.hold, drawn=self.members is not None)
-        self._refuse_late_commands(scenario.duration)
-        steps = command_steps(self.command)
-        reference: Any = None
-        policy: Policy
-        if given.deployment is not None:
-            policy = behind_own_filter(given.deployment, point)
-        elif given.controller is not None:
-            schedule = load_gain_schedule(given.controller, model)
-            name = f"gains of {given.controller}"
-            condition = self.trim.common_condition.at
-            policy = scheduled_gains(name, schedule, point, condition, steps)
-        elif given.flown_law == NONE:
-            if not given.law:
-                warn(f"no --law is given: no policy acts (--law {NONE})")
-            policy = open_loop(steps, tuple(model.inputs))
-        elif given.flown_law in LAWS:
-            self.refuse(
-                ("command", "reference"),
-                f"cannot be combined with --law {given.law}; remove this option",
-            )
-            linear = noted_linear_model(model, point)
-            limits = self.scenario.envelope
-            policy = given.planning(linear, limits)
-        else:
-            for name in steps.names:
-                refuse_unknown("a gain cannot follow a command of", name, model.linear)
-            if steps.names:
-                reference = CommandedStates(steps, model.linear)
-            linear = noted_linear_model(model, point)
-            policy = given.about(linear)
-            if self.reference:
-                game = given.game.game(linear)
-                tracking = tracking_of(linear, game, policy, self.reference)
-                policy = GainPolicy(policy.name, tracking.K, tracking.inputs)
-                reference = tracking.exact.reference
-        if reference is not None:
-            scenario = replace(scenario, reference=reference)
-        if given.keep_inside:
-            self.refuse(
-                ("command", "reference", "policy.controller"),
-                "cannot be combined with --keep-inside; remove one of the two",
-            )
-            policy = given.kept(policy, point, scenario)
-        if self.filter:
-            policy = self._filtered(policy, scenario)
-        policy, scenario = policy.in_scenario(scenario)
-        if self.members is None:
-            scenario = scenario.drawn(self.scenario.seed, 0, point)
-        envelope = flight_envelope(model, point, self.scenario.envelope)
-        return PlannedFlight(model, point, policy, scenario, envelope)
-
-    def _filtered(self, policy: Policy, scenario: Scenario) -> Policy:
-        """Return the policy behind the filter of the scenario's noise and turbulence.
-
-        Raises BadInputError for options that contradict the filter.
-        """
-        from hfa_flight.policies.filtered_policy import own_sample_time
-        from hfa_flight.policies.kalman import filter
-
-        self.refuse(
-            ("command", "reference", "policy.keep_inside", "policy.controller"),
-            "cannot be combined with --filter; remove one of the two",
-        )
-        self.policy.require("--filter")
-        noise = {name: value for name, value in self.scenario.noise.items() if value}
-        if not noise:
-            raise BadInputError(
-                "--filter requires the noise of the sensors; add --noise STATE=VALUE for each "
-                "measured state"
-            )
-        linear = self.trim.point().linearize()
-        dt = own_sample_time(policy, scenario.tick)
-        return filter(linear, noise, scenario.uncertainty.turbulence, dt).policy(policy)
 
 
 @command(FlyRequest)
@@ -264,31 +152,32 @@ def fly(request: FlyRequest) -> int:
     from hfa_flight.simulate.flight_report import flight_figure
     from trim.point.linearize import linearize
 
-    request.processes.refuse(
-        ("workers", "resume"), "applies only to --samples or --draws; remove this option"
-    )
-    request.refuse(("need",), "applies only to --samples or --draws; remove this option")
-    file = request.output.file
+    only_many = "applies only to --samples or --draws; remove this option"
+    refuse(request, ("workers", "resume", "need"), only_many)
+    file = request.output
     if file is not None and file.suffix == ".zarr":
         raise BadInputError(
             f"{file} is a store for the flights of --samples or --draws; add --samples N"
         )
-    planned = request.flight()
-    if "scenario.duration" not in request.typed:
+    _refuse_contradictions(request)
+    given = given_trim(request)
+    planned = _planned(request, given, trimmed(given))
+    model, point = planned.model, planned.point
+    if request.duration is None:
         planned = planned.lengthened()
-    if request.trim.at is None and request.model.about.names_schedule:
-        warn(f"no --{request.model.schedule} is given: the flight is {planned.point.at_scheduled}")
+    if given.at is None and model.about.names_schedule:
+        warn(f"no --{model.schedule} is given: the flight is {point.at_scheduled}")
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(planned.policy, ScheduledGainPolicy)
     weights = None
-    plans = request.policy.flown_law in LAWS
-    if plans or {"policy.game.Q", "policy.game.R"} & request.typed.keys():
-        game = request.policy.game.game(linearize(planned.model, planned.point))
+    plans = flown_law(request) in LAWS
+    if plans or request.Q is not None or request.R is not None:
+        game = weighted_game(given_weights(request), linearize(model, point))
         weights = (game.Q, game.R)
     simulated = partial(
         fly,
-        planned.model,
-        planned.point,
+        model,
+        point,
         scenario=planned.scenario,
         envelope=planned.envelope,
         predict=predict,
@@ -304,18 +193,160 @@ def fly(request: FlyRequest) -> int:
         from hfa_flight.commands.tracking import tracking_of, with_errors
         from hfa_flight.policies.policy import GainPolicy
 
-        linear = linearize(planned.model, planned.point)
-        game = request.policy.game.game(linear)
-        tracking = tracking_of(linear, game, planned.policy, request.reference)
+        linear = linearize(model, point)
+        game = weighted_game(given_weights(request), linear)
+        signals = signals_of(request.reference, model)
+        tracking = tracking_of(linear, game, planned.policy, signals)
         plain = simulated(GainPolicy(planned.policy.name, tracking.K))
         report = with_errors(report, tracking, result, plain)
-    request.show(
+    show(
+        request,
         report,
+        given.source,
         figure=lambda: flight_figure(result, report.title),
         only_in_files={"history": result.history()},
         notes=result.warnings,
     )
     return 0 if result.ok else 1
+
+
+def _refuse_contradictions(request: FlyRequest) -> None:
+    """Raise BadInputError if options contradict each other or have no effect."""
+    if request.reference:
+        refuse(
+            request,
+            ("command", "controller", "deployment"),
+            "cannot be combined with --reference; remove one of these options",
+        )
+        require_policy(request, "--reference")
+    # Of a single flight, --Q and --R are the weights of its cost.
+    check_policy(request, ("Q", "R") if request.members is None else ())
+    is_random = request.turbulence is not None or bool(request.noise)
+    if request.members is None and not is_random:
+        refuse(
+            request,
+            ("seed",),
+            "applies only to --turbulence, --noise, --samples and --draws; remove this option",
+        )
+    if flown_law(request) in LAWS:
+        refuse(
+            request,
+            ("command", "reference"),
+            f"cannot be combined with --law {request.law}; remove this option",
+        )
+    if request.keep_inside:
+        refuse(
+            request,
+            ("command", "reference", "controller"),
+            "cannot be combined with --keep-inside; remove one of the two",
+        )
+    if request.filter:
+        refuse(
+            request,
+            ("command", "reference", "keep_inside", "controller"),
+            "cannot be combined with --filter; remove one of the two",
+        )
+        require_policy(request, "--filter")
+
+
+def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> PlannedFlight:
+    """Return the flight to be simulated, as specified by the options.
+
+    point: the trim
+    """
+    scenario = scenario_of(request, point, given.hold, drawn=request.members is not None)
+    commands = each_of("--command", given.model, request.command, _command)
+    _refuse_late(commands, scenario.duration)
+    limits = envelope_of(request, given.model)
+    policy, reference = _policy_and_reference(request, given, point, commands, limits)
+    if reference is not None:
+        scenario = replace(scenario, reference=reference)
+    if request.keep_inside:
+        policy = kept_inside(policy, point, scenario)
+    if request.filter:
+        policy = _filtered(policy, scenario, point)
+    policy, scenario = policy.in_scenario(scenario)
+    if request.members is None:
+        scenario = scenario.drawn(request.seed, 0, point)
+    envelope = flight_envelope(given.model, point, limits)
+    return PlannedFlight(given.model, point, policy, scenario, envelope)
+
+
+def _refuse_late(commands: Mapping[str, list[tuple[float, float]]], duration: float) -> None:
+    """Raise BadInputError for a command that begins at the end of the flight or later."""
+    for name, steps in commands.items():
+        begin = min(time for time, _ in steps)
+        if begin >= duration:
+            raise BadInputError(
+                f"--command {name} begins at {begin:g} s, not before the end of the flight at "
+                f"{duration:g} s; give {_COMMAND} with an earlier time, or a longer --duration"
+            )
+
+
+def _policy_and_reference(
+    request: FlyRequest,
+    given: GivenTrim,
+    point: OperatingPoint,
+    commands: Mapping[str, list[tuple[float, float]]],
+    limits: Mapping[str, tuple[float, float]],
+) -> tuple[Policy, Any]:
+    """Return the policy that the options specify, and the reference that it follows, or None.
+
+    commands: signal -> steps of --command
+    limits: state -> limits of --envelope
+    """
+    from hfa_flight.commands.tracking import tracking_of
+    from hfa_flight.policies.filtered_policy import behind_own_filter
+    from hfa_flight.policies.given import command_steps
+    from hfa_flight.policies.policy import GainPolicy, open_loop
+    from hfa_flight.policies.scheduled_gains import scheduled_gains
+    from hfa_flight.schedule.gain_schedule import load_gain_schedule
+
+    model = given.model
+    steps = command_steps(commands)
+    law = flown_law(request)
+    if request.deployment is not None:
+        return behind_own_filter(request.deployment, point), None
+    if request.controller is not None:
+        schedule = load_gain_schedule(request.controller, model)
+        name = f"gains of {request.controller}"
+        return scheduled_gains(name, schedule, point, given.common.at, steps), None
+    if law == NONE:
+        if not request.law:
+            warn(f"no --law is given: no policy acts (--law {NONE})")
+        return open_loop(steps, tuple(model.inputs)), None
+    if law in LAWS:
+        linear = noted_linear_model(model, point)
+        return planning_policy(request, linear, limits), None
+    for name in steps.names:
+        refuse_unknown("a gain cannot follow a command of", name, model.linear)
+    reference = CommandedStates(steps, model.linear) if steps.names else None
+    signals = signals_of(request.reference, model)
+    linear = noted_linear_model(model, point)
+    policy = policy_about(request, linear)
+    if not signals:
+        return policy, reference
+    game = weighted_game(given_weights(request), linear)
+    tracking = tracking_of(linear, game, policy, signals)
+    return GainPolicy(policy.name, tracking.K, tracking.inputs), tracking.exact.reference
+
+
+def _filtered(policy: Policy, scenario: Scenario, point: OperatingPoint) -> Policy:
+    """Return the policy behind the filter of the scenario's noise and turbulence.
+
+    Raises BadInputError without noise.
+    """
+    from hfa_flight.policies.filtered_policy import own_sample_time
+    from hfa_flight.policies.kalman import filter
+
+    noise = {name: value for name, value in scenario.uncertainty.noise.items() if value}
+    if not noise:
+        raise BadInputError(
+            "--filter requires the noise of the sensors; add --noise STATE=VALUE for each "
+            "measured state"
+        )
+    dt = own_sample_time(policy, scenario.tick)
+    return filter(point.linearize(), noise, scenario.uncertainty.turbulence, dt).policy(policy)
 
 
 def _end_of(result: Flight) -> str:
@@ -336,21 +367,60 @@ def _fly_members(request: FlyRequest) -> int:
     from hfa_flight.samples.stability import with_stability
     from hfa_flight.samples.store import run_monte_carlo, stream_members
 
-    if request.policy.flown_law in LAWS or request.policy.keep_inside:
-        request.processes.refuse(
+    members = request.members
+    assert members is not None  # --samples or --draws is given
+    target = request.output
+    _refuse_of_members(request)
+    _refuse_contradictions(request)
+    given = given_trim(request)
+    spread = None
+    if request.draws is not None:
+        spread = parameter_spread(request, given.common.model, given.held_parameters)
+    share = request.need.get(SHARE, ALL)
+    planned = _planned(request, given, trimmed(given))
+    plan = MonteCarlo(members, request.seed, *planned, spread, share)
+    progress = ProgressLine("simulate")
+    if target is None:
+        flown = run_monte_carlo(plan, request.workers, progress)
+        report = member_report(plan, flown.__getitem__, "flights not kept", _uncontrolled(plan))
+    else:
+        dataset = stream_members(
+            plan,
+            target,
+            workers=request.workers,
+            resume=request.resume,
+            provenance=provenance(request, given.source).to_dict(),
+            progress=progress,
+        )
+        read = {name: dataset[name].values for name in dataset.data_vars}
+        report = member_report(plan, read.__getitem__, f"flights in {target}", _uncontrolled(plan))
+    notes = list(dict.fromkeys(plan.point.warnings))
+    report = report.with_data(store=None if target is None else str(target), warnings=notes)
+    if spread is not None:
+        report = with_stability(report, plan, given.condition, ProgressLine("draws"))
+    in_store = replace(request, output=None)  # the flights are written already
+    show(in_store, report, given.source, figure=lambda: drawn_figure(plan), notes=notes)
+    return 0 if is_enough(report.data["within_limits"], plan.members, plan.share) else 1
+
+
+def _refuse_of_members(request: FlyRequest) -> None:
+    """Raise BadInputError for options that many flights do not have."""
+    target = request.output
+    if flown_law(request) in LAWS or request.keep_inside:
+        refuse(
+            request,
             ("workers",),
             "cannot be combined with a law that plans or with --keep-inside; remove --workers",
         )
-    members = request.members
-    assert members is not None  # --samples or --draws is given
     if request.draws is not None:
-        request.refuse(
+        refuse(
+            request,
             ("samples",),
             "and --draws both set the number of flights; remove one of these options",
         )
-    target = request.output.file
-    if request.draws is None:
-        request.output.refuse(
+    else:
+        refuse(
+            request,
             ("picture",),
             "applies only to a single flight or --draws; remove this option or --samples",
         )
@@ -359,35 +429,8 @@ def _fly_members(request: FlyRequest) -> int:
             f"{target}: the flights of --samples and --draws are written to a Zarr store; use -o "
             "FILE.zarr"
         )
-    if request.processes.resume and target is None:
+    if request.resume and target is None:
         raise BadInputError("--resume requires a store; add -o FILE.zarr")
-    share = request.need.get(SHARE, ALL)
-    spread = None
-    if request.draws is not None:
-        spread = request.aircraft.spread(request.trim.held_parameters)
-    plan = MonteCarlo(members, request.scenario.seed, *request.flight(), spread, share)
-    progress = ProgressLine("simulate")
-    if target is None:
-        flown = run_monte_carlo(plan, request.processes.workers, progress)
-        report = member_report(plan, flown.__getitem__, "flights not kept", _uncontrolled(plan))
-    else:
-        dataset = stream_members(
-            plan,
-            target,
-            workers=request.processes.workers,
-            resume=request.processes.resume,
-            provenance=request.provenance.to_dict(),
-            progress=progress,
-        )
-        read = {name: dataset[name].values for name in dataset.data_vars}
-        report = member_report(plan, read.__getitem__, f"flights in {target}", _uncontrolled(plan))
-    notes = list(dict.fromkeys(plan.point.warnings))
-    report = report.with_data(store=None if target is None else str(target), warnings=notes)
-    if spread is not None:
-        report = with_stability(report, plan, request.trim.condition, ProgressLine("draws"))
-    shown = replace(request, output=replace(request.output, file=None))
-    shown.show(report, figure=lambda: drawn_figure(plan), notes=notes)
-    return 0 if is_enough(report.data["within_limits"], plan.members, plan.share) else 1
 
 
 def _uncontrolled(plan: MonteCarlo) -> Mapping[str, np.ndarray] | None:

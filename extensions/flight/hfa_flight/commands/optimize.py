@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options.aircraft import Aircraft
+from hfa.options.advice import trimmed
 from hfa.options.argument_types import (
+    each_of,
     input_file,
     linear_state,
     one_of,
     quantity,
+    span,
     whole,
 )
-from hfa.options.critics import critic_path
-from hfa.options.game import GameWeights
-from hfa.options.output import Output, ProgressLine, picture_option
-from hfa.options.part import OfModel, option, part
-from hfa.options.request import Request, command
-from hfa.options.trim import Trim, limits_option
+from hfa.options.command import Request, command, picture_option
+from hfa.options.critic_files import critic_path
+from hfa.options.games import WeightOptions, given_weights, weighted_game
+from hfa.options.option import option, refuse
+from hfa.options.output import ProgressLine
+from hfa.options.show import show
+from hfa.options.trims import GivenTrim, TrimOptions, given_trim, trim_with
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.policies.laws import LAWS, loaded
 from hfa_support.errors import BadInputError, prefix_errors
@@ -30,6 +33,8 @@ from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
+    from hfa_flight.plan.best_flight import BestFlight
+    from hfa_flight.plan.initial_conditions import StartsTable
     from hfa_flight.plan.search import BestFlights
     from hfa_flight.simulate.simulation import CompiledLoop
     from trim.point.operating_point import OperatingPoint
@@ -38,28 +43,31 @@ _MOST_STARTS = 10_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OptimizeRequest(Request):
-    """Arguments of `hfa optimize`."""
+class OptimizeRequest(Request, TrimOptions, WeightOptions):
+    """Options of `hfa optimize`."""
 
-    aircraft: Aircraft = part(Aircraft, without=("units",))
-    trim: Trim = part(Trim, without=("limit", "start"))
-    cost: GameWeights = part(GameWeights, without=("N",))
-    output: Output = part(
-        Output,
-        picture=picture_option("the best flight found, and the flights of the policies"),
+    units: None = None
+    start: None = None
+    limit: Mapping[str, str] = field(default_factory=dict)
+    limits: Mapping[str, str] = option(
+        "limits of a state, instead of the limits of the flight envelope, degrees for angles; "
+        "repeatable",
+        "NAME=LOW:HIGH",
+        names="--limit",
+        named=True,
     )
+    N: None = None
+    picture: Path | None = picture_option("the best flight found, and the flights of the policies")
     seed: int = option("seed of all random numbers; default 0", "N", whole(0), default=0, rare=True)
-    deviations: Mapping[str, float] = option(
+    deviations: Mapping[str, str] = option(
         "initial deviations of states from the trim, degrees for angles",
         "NAME=VALUE,...",
-        OfModel(linear_state),
         names="--start",
         named=True,
     )
-    to: Mapping[str, float] = option(
+    to: Mapping[str, str] = option(
         "value imposed at the final trim, in place of its value at the initial trim; repeatable",
         "NAME=VALUE",
-        OfModel(quantity),
         named=True,
     )
     starts: int | None = option(
@@ -76,11 +84,10 @@ class OptimizeRequest(Request):
         named=True,
         rare=True,
     )
-    law: str = option(
+    law: str | None = option(
         f"compare with a law that plans on the nonlinear model: {' or '.join(LAWS)}",
         "NAME",
         one_of(*LAWS),
-        default="",
     )
     weights: Path | None = option(
         "compare with the policy of this gain K, critic (W or P) or network", "FILE", critic_path
@@ -88,82 +95,56 @@ class OptimizeRequest(Request):
     policy: Path | None = option(
         "compare with the policy of this deployment file", "DEPLOYMENT.toml", input_file(".toml")
     )
-    limits: Mapping[str, tuple[float, float]] = limits_option(
-        "limits of a state, instead of the limits of the flight envelope"
-    )
 
-    def search(self) -> tuple[BestFlights, Game]:
-        """Return the search for best flights to the trim, and the game of the linear model at
-        this trim.
-        """
-        from hfa_flight.plan.problem import flight_problem
-        from hfa_flight.plan.search import BestFlights
 
-        aircraft = self.trim.aircraft
-        point = self.end().point()
-        game = self.cost.game(linearize(aircraft, point))
-        game.refuse_cross_weights("the cost of hfa optimize")
-        problem = flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)
-        count = 1 if self.starts is None else self.starts
-        return BestFlights(problem, count), game
+def _end(request: OptimizeRequest, begin: GivenTrim) -> GivenTrim:
+    """Return the trim at which flights end: the given trim, changed by --to.
 
-    def end(self) -> Trim:
-        """Return the trim at which flights end: the given trim, changed by --to.
+    Raises BadInputError if --to contains a parameter.
+    """
+    model = begin.common.model
+    held = each_of("--to", model, request.to, quantity)
+    for name in held:
+        if name in model.parameters:
+            raise BadInputError(
+                f"--to {name}: {name} is a parameter, which is constant in flight; give a state"
+            )
+    at = held.pop(model.schedule, begin.at)
+    return trim_with(request, model, at, {**begin.hold, **held})
 
-        Raises BadInputError if --to contains a parameter.
-        """
-        held = dict(self.to)
-        for name in held:
-            if name in self.model.parameters:
-                raise BadInputError(
-                    f"--to {name}: {name} is a parameter, which is constant in flight; give a state"
-                )
-        at = held.pop(self.model.schedule, self.trim.at)
-        return replace(self.trim, at=at, hold={**self.trim.hold, **held})
 
-    def begin(self) -> Mapping[str, float] | OperatingPoint:
-        """Return the initial condition of a flight.
+def _loops(request: OptimizeRequest, search: BestFlights, game: Game) -> list[CompiledLoop]:
+    """Return the loops of the policies to compare with the best flight.
 
-        With --to, the initial condition is the trim that the other options describe. Otherwise it
-        is state -> deviation from the trim.
-        """
-        if self.to:
-            return self.trim.point()
-        return self.deviations
+    - the exact game policy, unless δ is infinite
+    - the policy of --law
+    - the policy of the critic in --weights
+    - the policy of the deployment file --policy
 
-    def loops(self, search: BestFlights, game: Game) -> list[CompiledLoop]:
-        """Return the loops of the policies to compare with the best flight.
+    Raises NoSolutionError if the game has no solution. Raises BadInputError if a file is invalid.
+    """
+    from controller.critic.critic_file import critic_in
+    from controller.critic.reading import Reading
+    from controller.riccati.gare import unconfirmed_solution
+    from hfa_flight.policies.deployment.policy import flown_deployment
 
-        - the exact game policy, unless δ is infinite
-        - the policy of --law
-        - the policy of the critic in --weights
-        - the policy of the deployment file --policy
-
-        Raises NoSolutionError if the game has no solution. Raises BadInputError if a file is
-        invalid.
-        """
-        from controller.critic.critic_file import critic_in
-        from controller.critic.reading import Reading
-        from controller.riccati.gare import unconfirmed_solution
-        from hfa_flight.policies.deployment.policy import flown_deployment
-
-        flights = search.flights
-        loops = []
-        if np.isfinite(game.delta):
-            exact = unconfirmed_solution(game).K
-            loops.append(flights.of_gain("exact game policy, saturated", exact))
-        if self.law:
-            planned = loaded(LAWS[self.law])(search.problem, game)
-            loops.append(flights.of_policy(planned))
-        if self.weights is not None:
-            with prefix_errors(self.weights):
-                critic = critic_in(self.weights, game, Reading())
-            loops.append(flights.of_critic(f"critic of {self.weights}", critic))
-        if self.policy is not None:
-            policy = flown_deployment(self.policy, search.problem.point)
-            named = replace(policy, name=f"policy of {self.policy}")
-            loops.append(flights.of_policy(named))
-        return loops
+    flights = search.flights
+    loops = []
+    if np.isfinite(game.delta):
+        exact = unconfirmed_solution(game).K
+        loops.append(flights.of_gain("exact game policy, saturated", exact))
+    if request.law:
+        planned = loaded(LAWS[request.law])(search.problem, game)
+        loops.append(flights.of_policy(planned))
+    if request.weights is not None:
+        with prefix_errors(request.weights):
+            critic = critic_in(request.weights, game, Reading())
+        loops.append(flights.of_critic(f"critic of {request.weights}", critic))
+    if request.policy is not None:
+        policy = flown_deployment(request.policy, search.problem.point)
+        named = replace(policy, name=f"policy of {request.policy}")
+        loops.append(flights.of_policy(named))
+    return loops
 
 
 @command(OptimizeRequest)
@@ -186,37 +167,57 @@ def optimize(request: OptimizeRequest) -> int:
             "NAME=VALUE,..., --starts N or --to NAME=VALUE"
         )
     if request.starts is not None:
-        request.refuse(
-            ("output.picture",), "applies only to a single flight; remove this option or --starts"
+        refuse(
+            request, ("picture",), "applies only to a single flight; remove this option or --starts"
         )
-    if request.starts is None:
-        request.refuse(("need",), "applies only to --starts; remove this option, or add --starts")
-    search, game = request.search()
-    loops = request.loops(search, game)
+    else:
+        refuse(request, ("need",), "applies only to --starts; remove this option, or add --starts")
+    from hfa_flight.plan.problem import flight_problem
+    from hfa_flight.plan.search import BestFlights
+
+    given = given_trim(request)
+    end = _end(request, given)
+    model = end.model
+    deviations = each_of("--start", model, request.deviations, linear_state)
+    limits = each_of("--limit", model, request.limits, span)
+    point = trimmed(end)
+    game = weighted_game(given_weights(request), linearize(model, point))
+    game.refuse_cross_weights("the cost of hfa optimize")
+    problem = flight_problem(model, point, game.Q, game.R, limits=limits)
+    search = BestFlights(problem, 1 if request.starts is None else request.starts)
+    loops = _loops(request, search, game)
     if request.starts is not None:
-        return _table(request, search, game, loops)
-    return _one(request, search, loops)
+        table = _table(request, search, game, loops)
+        show(request, table.report(), given.source)
+        return 0 if table.ok else 1
+    best = _best(search, loops, trimmed(given) if request.to else deviations)
+    history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
+    in_files = {"flight": history}
+    show(request, best.report(), given.source, figure=best.figure, only_in_files=in_files)
+    return 0
 
 
-def _one(request: OptimizeRequest, search: BestFlights, loops: list[CompiledLoop]) -> int:
-    """Search for the best flight from one initial condition, and print its report."""
+def _best(
+    search: BestFlights, loops: list[CompiledLoop], begin: Mapping[str, float] | OperatingPoint
+) -> BestFlight:
+    """Return the best flight from one initial condition, with the flights of the policies.
+
+    begin: the initial trim, or state -> deviation from the trim
+    """
     from hfa_flight.plan.best_flight import BestFlight
     from hfa_flight.plan.search import AFTER
 
-    start = search.problem.deviations(request.begin())
+    start = search.problem.deviations(begin)
     best = BestFlight(search.problem, search.found(start))
     seconds = (1.0 + AFTER) * best.seconds
     others = tuple(search.flights.fly(loop, start, seconds) for loop in loops)
-    best = replace(best, others=others)
-    history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
-    request.show(best.report(), figure=best.figure, only_in_files={"flight": history})
-    return 0
+    return replace(best, others=others)
 
 
 def _table(
     request: OptimizeRequest, search: BestFlights, game: Game, loops: list[CompiledLoop]
-) -> int:
-    """Search for the best flights from many initial conditions and print a table."""
+) -> StartsTable:
+    """Return the best flights from many initial conditions, beside those of the policies."""
     from hfa_flight.plan.initial_box import drawn_starts
     from hfa_flight.plan.initial_conditions import starts_table
 
@@ -225,7 +226,4 @@ def _table(
     table = starts_table(search, starts, loops, ProgressLine("optimize"))
     names = [loop.loop.policy.name for loop in loops]
     judged = names[int(np.isfinite(game.delta)) :]
-    share = request.need.get(SHARE, ALL)
-    table = replace(table, judged=judged, share=share)
-    request.show(table.report())
-    return 0 if table.ok else 1
+    return replace(table, judged=judged, share=request.need.get(SHARE, ALL))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from hfa.options.part import is_installed
+from hfa.options.option import is_installed
 from hfa_support.errors import BadInputError
 
 #: Law that plans a flight at each sample.

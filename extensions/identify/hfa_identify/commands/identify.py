@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from hfa.options.aircraft import Aircraft
-from hfa.options.argument_types import input_file, one_of, quantity
-from hfa.options.output import Output, ProgressLine, output_option, picture_option
-from hfa.options.part import OfModel, option, part
-from hfa.options.request import Request, command
+from hfa.options.argument_types import each_of, input_file, one_of, quantity
+from hfa.options.command import Request, command, output_option, picture_option
+from hfa.options.option import option
+from hfa.options.output import ProgressLine
+from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
+from hfa.options.show import show
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown
 
@@ -42,15 +43,12 @@ def _given(model: Model, name: str, text: str) -> float:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class IdentifyRequest(Request):
+class IdentifyRequest(Request, AircraftOptions):
     """Arguments of `hfa identify`: flight records and the parameters to be identified."""
 
-    aircraft: Aircraft = part(Aircraft, without=("units",))
-    output: Output = part(
-        Output,
-        file=output_option(AIRCRAFT, purpose=" (the identified aircraft)"),
-        picture=picture_option("measured and fitted quantities, and residuals"),
-    )
+    units: None = None
+    output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")
+    picture: Path | None = picture_option("measured and fitted quantities, and residuals")
     records: tuple[Path, ...] = option(
         "flight records with columns for time, inputs, measured states and outputs",
         "RECORD.csv",
@@ -66,16 +64,14 @@ class IdentifyRequest(Request):
         _names,
         required=True,
     )
-    given: Mapping[str, float] = option(
+    given: Mapping[str, str] = option(
         "parameter fixed at this value, even if a pattern of --free matches it; repeatable",
         "NAME=VALUE",
-        OfModel(_given),
         named=True,
     )
-    hold: Mapping[str, float] = option(
+    hold: Mapping[str, str] = option(
         "value of an input without a column, or initial value of an unmeasured state; repeatable",
         "NAME=VALUE",
-        OfModel(_held),
         named=True,
     )
     inputs: str = option(
@@ -104,22 +100,23 @@ def identify(request: IdentifyRequest) -> int:
     from hfa_identify.estimation import identify as identified_of
     from hfa_support.files import write_text
 
-    model = request.model
+    model = loaded_model(request)
     kept_out = [request.validate] if request.validate else []
     progress = ProgressLine("identify")
     found = identified_of(
         model,
         request.records,
         request.free,
-        given=request.given,
-        hold=request.hold,
+        given=each_of("--given", model, request.given, _given),
+        hold=each_of("--hold", model, request.hold, _held),
         inputs=request.inputs,
         validate=kept_out,
         progress=progress,
     )
-    file = request.output.file
+    file = request.output
     write = None
     if file is not None and file.suffix == AIRCRAFT:
         write = partial(write_text, text=aircraft_text(found, file.parent))
-    request.show(found.report(), figure=found.figure, write=write)
+    source = aircraft_source(request, model)
+    show(request, found.report(), source, figure=found.figure, write=write)
     return 0 if found.ok else 1

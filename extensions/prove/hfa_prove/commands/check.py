@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from hfa.options.command import command
 from hfa.options.output import ProgressLine
-from hfa.options.request import command
+from hfa.options.plants import aircraft_source
+from hfa.options.show import show
 from hfa_prove.commands.request import CheckRequest
 from hfa_support.errors import BadInputError
-
-if TYPE_CHECKING:
-    from hfa_prove.commands.policies import GivenPolicy
 
 #: Statements that a command `hfa prove STATEMENT` proves.
 STATEMENTS = ("region", "schedule")
@@ -27,7 +24,8 @@ def prove(request: CheckRequest) -> int:
     requires the package python-flint."""
     from hfa_prove.certificate import kind_in, read_certificate
     from hfa_prove.check import check
-    from hfa_prove.commands.given import given_for, refuse_unfit
+    from hfa_prove.commands.given import checked_trim, given_for, refuse_unfit
+    from hfa_prove.commands.policies import given_policy, is_function
     from hfa_prove.enclosure.precision import flint_or_refusal
     from hfa_prove.report import checked_report
     from hfa_prove.statements.plant import Subject
@@ -42,20 +40,16 @@ def prove(request: CheckRequest) -> int:
         )
     kind = kind_in(path)
     refuse_unfit(request, kind)
-    own = _own_policy(request) if kind == "region" else None
-    model = request.model if request.aircraft.is_given else None
-    policy = None if own is None else own.problem(request.trim).loop.function
+    trim = checked_trim(request, kind)
+    own = None
+    if kind == "region" and is_function(request):
+        own = given_policy(request, trim.given)
+    model = trim.given.common.model if request.aircraft is not None else None
+    policy = None if own is None else own.problem(trim.given.common.limits).loop.function
     certificate = read_certificate(path, Subject(model, policy))
     statement = certificate.statement
-    not_given = compare(statement, given_for(statement, request, own))
+    not_given = compare(statement, given_for(statement, request, trim, own))
     proved = check(certificate, ProgressLine("check"))
-    request.show(checked_report(proved, not_given, "" if own is None else own.words))
+    source = {} if model is None else aircraft_source(request, model)
+    show(request, checked_report(proved, not_given, "" if own is None else own.words), source)
     return 0
-
-
-def _own_policy(request: CheckRequest) -> GivenPolicy | None:
-    """Return the user's policy if it is a network or a deployed policy, otherwise None."""
-    from hfa_prove.commands.given import at_one_value
-    from hfa_prove.commands.policies import given_policy, is_function
-
-    return given_policy(at_one_value(request)) if is_function(request) else None

@@ -5,14 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa.options.trim import OF_THE_TRIM, called_at
+from hfa.options.advice import trimmed
+from hfa.options.argument_types import each_of, quantity
+from hfa.options.games import given_weights
+from hfa.options.option import is_given, options_of, refuse
+from hfa.options.plants import loaded_model
+from hfa.options.trims import (
+    OF_THE_TRIM,
+    GivenTrim,
+    at_name,
+    at_value,
+    refuse_doubles,
+    trim_with,
+)
 from hfa_prove.certificate import kind_of
+from hfa_prove.commands.options import interval_of
 from hfa_prove.commands.policies import GivenPolicy, given_policy
-from hfa_prove.commands.request import CheckRequest
+from hfa_prove.commands.request import CheckRequest, disturbances_of
 from hfa_prove.fields import rows_of
 from hfa_prove.problem import given_plant, limits_at, plant_at
 from hfa_prove.statements.loop import SAME_GAIN, Gain
@@ -23,89 +36,91 @@ from hfa_prove.subject import Given, close_to, within
 from hfa_support.errors import BadInputError
 
 #: Options that name an aircraft or its trim.
-_OF_THE_AIRCRAFT = (
-    "aircraft.source",
-    "aircraft.dynamics",
-    "aircraft.parameters",
-    *(f"trim.{name}" for name in OF_THE_TRIM),
-)
-#: Beginnings of the paths of options that define a policy or gains.
-_OF_THE_POLICY = ("weights", "policy", "reading.", "game.")
-#: Subject of an entry (`Entry.subject`), or path of an entry without a subject -> paths of the
-#: options that give its value.
+_OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", *OF_THE_TRIM)
+#: Options that define a policy or gains.
+_OF_THE_POLICY = ("weights", "policy", "basis", "network", "set", "N", "delta", "Q", "R")
+#: Subject of an entry (`Entry.subject`), or path of an entry without a subject -> options that give
+#: its value.
 _GIVEN_BY: Mapping[str, tuple[str, ...]] = {
-    "aircraft": ("aircraft.source", "aircraft.dynamics"),
-    "parameters": ("aircraft.parameters", "aircraft.mass"),
-    "trim": tuple(f"trim.{name}" for name in ("at", *OF_THE_TRIM)),
-    "limits": ("trim.limit", "trim.given"),
+    "aircraft": ("aircraft", "dynamics"),
+    "parameters": ("parameters", "mass"),
+    "trim": ("at", "dihedral", *OF_THE_TRIM),
+    "limits": ("limit", "condition"),
     "policy": _OF_THE_POLICY,
     "gains": _OF_THE_POLICY,
-    "flight.range": ("trim.at",),
+    "flight.range": ("at", "dihedral"),
     "loop.disturbances": ("disturbance",),
 }
-#: Paths of options that do not apply to the certificate of a schedule.
-_NOT_OF_SCHEDULES = ("policy", "reading.", "disturbance", "trim.start")
+#: Options that do not apply to the certificate of a schedule.
+_NOT_OF_SCHEDULES = ("policy", "basis", "network", "set", "disturbance", "start")
 
 
-def _typed(request: CheckRequest, paths: tuple[str, ...]) -> list[str]:
-    """Return the given options: with one of these paths, or inside one that ends in a dot."""
-    return [
-        name
-        for name in request.typed
-        if any(name == path or (path.endswith(".") and name.startswith(path)) for path in paths)
-    ]
+class CheckedTrim(NamedTuple):
+    """The trim, or trims, that a certificate must be about.
+
+    given: the trim; of a schedule without the value of the scheduling variable
+    ends: value or ends of the scheduling variable, as typed, or ()
+    """
+
+    given: GivenTrim
+    ends: tuple[float, ...]
 
 
 def refuse_unfit(request: CheckRequest, kind: str) -> None:
     """Raise BadInputError for an option that does not apply to certificates of a kind."""
     if kind == "schedule":
-        request.refuse(
-            _typed(request, _NOT_OF_SCHEDULES),
-            "does not apply to the certificate of a schedule; remove this option",
-        )
+        reason = "does not apply to the certificate of a schedule; remove this option"
+        refuse(request, _NOT_OF_SCHEDULES, reason)
 
 
-def names_aircraft(request: CheckRequest) -> bool:
-    """Return whether an option that defines the aircraft or its trim is given."""
-    return any(name in request.typed for name in _OF_THE_AIRCRAFT)
+def checked_trim(request: CheckRequest, kind: str) -> CheckedTrim:
+    """Return the trim that the options define for a certificate of a kind.
+
+    Raises BadInputError if several values are given for the certificate of a region.
+    """
+    model = loaded_model(request)
+    ends = at_value(request, model, interval_of) or ()
+    hold = each_of("--hold", model, request.hold, quantity)
+    at = None
+    if kind == "schedule":
+        refuse_doubles(model, request.free, ends or None, hold)
+    elif len(ends) > 1:
+        raise BadInputError(f"--{at_name(model)} is an interval; give one value")
+    elif ends:
+        at = math.radians(ends[0]) if model.is_typed_in_degrees else ends[0]
+    return CheckedTrim(trim_with(request, model, at, hold), ends)
+
+
+def _names_one(request: CheckRequest, names: tuple[str, ...]) -> bool:
+    """Return whether one of these options is given."""
+    return any(is_given(request, name) for name in names)
 
 
 def _options(request: CheckRequest, *of: str) -> str:
     """Return the given options of the first key of `_GIVEN_BY` that has any, joined by "and"."""
+    options = options_of(type(request))
     for key in of:
-        typed = _typed(request, _GIVEN_BY.get(key, ()))
+        typed = [name for name in _GIVEN_BY.get(key, ()) if is_given(request, name)]
         if typed:
-            return " and ".join(request.typed[name] for name in typed)
+            return " and ".join(options[name].flags[-1] for name in typed)
     return "the default aircraft"
 
 
-def _option_of_each(request: CheckRequest, subject: str) -> dict[str, str]:
+def _option_of_each(request: CheckRequest, trim: CheckedTrim, subject: str) -> dict[str, str]:
     """Return variable -> the option that gives its trim value, parameter or limits."""
     if subject == "limits":
-        of_file = {} if request.trim.given is None else request.trim.common_condition.limits
-        return dict.fromkeys(of_file, "--condition") | dict.fromkeys(request.trim.limit, "--limit")
-    held = dict.fromkeys(request.trim.hold, "--hold")
-    if request.trim.at is not None:
-        held[request.model.schedule] = f"--{called_at(request.model)}"
+        of_file = {} if request.condition is None else trim.given.common.limits
+        return dict.fromkeys(of_file, "--condition") | dict.fromkeys(request.limit, "--limit")
+    held = dict.fromkeys(trim.given.hold, "--hold")
+    if trim.ends:
+        model = trim.given.model
+        held[model.schedule] = f"--{at_name(model)}"
     return held
 
 
-def at_one_value(request: CheckRequest) -> CheckRequest:
-    """Return the request with its one scheduling value in the unit of the model.
-
-    Raises BadInputError if several values are given.
-    """
-    if request.trim.at is None:
-        return request
-    if len(request.trim.at) != 1:
-        raise BadInputError(f"--{called_at(request.model)} is an interval; give one value")
-    (typed,) = request.trim.at
-    in_degrees = request.model.is_typed_in_degrees
-    at = math.radians(typed) if in_degrees else typed
-    return replace(request, trim=replace(request.trim, at=at))
-
-
-def given_for(statement: Any, request: CheckRequest, own: GivenPolicy | None) -> dict[str, Given]:
+def given_for(
+    statement: Any, request: CheckRequest, trim: CheckedTrim, own: GivenPolicy | None
+) -> dict[str, Given]:
     """Return path of an entry of the statement -> the value that the user's options give.
 
     own: the user's policy, if it is a network or a deployed policy
@@ -116,40 +131,43 @@ def given_for(statement: Any, request: CheckRequest, own: GivenPolicy | None) ->
         "schedule": _of_schedule,
         "region": _of_region,
     }
-    given = of_kind[kind_of(statement)](statement, request, own)
+    given = of_kind[kind_of(statement)](statement, request, trim, own)
     subjects = {path: declared.subject for path, declared, _ in statement.entries()}
     named = {}
     for path, value in given.items():
         subject = subjects.get(path, "")
         option = _options(request, path, subject, "aircraft", "trim", "limits")
-        named[path] = value._replace(option=option, option_of=_option_of_each(request, subject))
+        option_of = _option_of_each(request, trim, subject)
+        named[path] = value._replace(option=option, option_of=option_of)
     return named
 
 
-def _of_schedule(statement: ScheduleStatement, request: CheckRequest, _: Any) -> dict[str, Given]:
+def _of_schedule(
+    statement: ScheduleStatement, request: CheckRequest, trim: CheckedTrim, _: Any
+) -> dict[str, Given]:
     from hfa_prove.commands.schedule import gains_of_file
     from hfa_prove.search.family import Family, exact_gains
 
     flight = statement.flight
     given = {}
-    if request.trim.at:
-        given["flight.range"] = Given([request.trim.at[0], request.trim.at[-1]])
-    family = Family(request.trim.aircraft, request.trim.common_condition)
-    if names_aircraft(request):
+    if trim.ends:
+        given["flight.range"] = Given([trim.ends[0], trim.ends[-1]])
+    family = Family(trim.given.model, trim.given.common)
+    if _names_one(request, _OF_THE_AIRCRAFT):
         content = family.flight(flight.low, flight.high).content()
         for name in ("model", "parameters", "imposed", "limits"):
             given[f"flight.{name}"] = Given(content[name])
         widths = {name: SAME_TRIM * flight.model.signals[name].nominal for name in flight.unknowns}
         given["flight.first"] = Given(content["first"], same=within(widths))
-    policy = _typed(request, _OF_THE_POLICY)
     if request.weights is not None:
-        request.game.weights.refuse(
+        refuse(
+            request,
             ("delta", "Q", "R", "N"),
             "cannot be combined with --weights, which gives the gains; remove this option",
         )
-        gains, same = gains_of_file(request.weights, request.model), close_to(0.0)
-    elif policy:
-        weights = request.game.weights.changed
+        gains, same = gains_of_file(request.weights, trim.given.model), close_to(0.0)
+    elif _names_one(request, _OF_THE_POLICY):
+        weights = given_weights(request)
         gains = exact_gains(family, statement.gains.breakpoints, **weights)
         same = close_to(SAME_GAIN)
     else:
@@ -160,10 +178,10 @@ def _of_schedule(statement: ScheduleStatement, request: CheckRequest, _: Any) ->
 
 
 def _of_region(
-    statement: RegionStatement, request: CheckRequest, own: GivenPolicy | None
+    statement: RegionStatement, request: CheckRequest, trim: CheckedTrim, own: GivenPolicy | None
 ) -> dict[str, Given]:
     loop = statement.loop
-    request = at_one_value(request)
+    limits = trim.given.common.limits
     given: dict[str, Given] = {}
     if own is not None:
         if isinstance(loop.policy, Gain):
@@ -171,18 +189,18 @@ def _of_region(
                 "the certificate is about a polynomial policy, not a network or a deployed policy; "
                 "give the file of the proved gain or critic as --weights"
             )
-        given = given_plant(own.problem(request.trim).loop, "", "loop.")
+        given = given_plant(own.problem(limits).loop, "", "loop.")
     else:
-        if names_aircraft(request) or request.trim.at is not None:
-            plant = plant_at(request.trim.point())
+        if _names_one(request, _OF_THE_AIRCRAFT) or trim.ends:
+            plant = plant_at(trimmed(trim.given))
             given = given_plant(plant, "", "loop.")
             at_stated_trim = replace(plant, trim=loop.trim, held=loop.held)
-            limits = limits_at(at_stated_trim, request.trim.common_condition.limits)
-            given["loop.limits"] = Given(limits, same=_not_wider(tuple(plant.model.inputs)))
-        if _typed(request, _OF_THE_POLICY) or (given and not loop.inputs):
-            given |= _given_policy(request)
+            stated = limits_at(at_stated_trim, limits)
+            given["loop.limits"] = Given(stated, same=_not_wider(tuple(plant.model.inputs)))
+        if _names_one(request, _OF_THE_POLICY) or (given and not loop.inputs):
+            given |= _given_policy(request, trim.given)
     if request.disturbance:
-        given["loop.disturbances"] = Given(dict(request.disturbance))
+        given["loop.disturbances"] = Given(disturbances_of(request, trim.given.model))
     return given
 
 
@@ -202,9 +220,9 @@ def _not_wider(inputs: tuple[str, ...]) -> Callable[[Any, Any], bool]:
     return same
 
 
-def _given_policy(request: CheckRequest) -> dict[str, Given]:
+def _given_policy(request: CheckRequest, trim: GivenTrim) -> dict[str, Given]:
     """Return the entries `policy.K` and `policy.terms`, of the user's policy."""
-    gain = given_policy(request).gain
+    gain = given_policy(request, trim).gain
     assert gain is not None  # the caller found no function
     rows = {name: rows_of(terms) for name, terms in gain.terms.items()}
     return {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,10 @@ import numpy as np
 from controller.critic.critic_file import critic_in, is_network
 from controller.critic.symbols import symbols_for
 from controller.riccati.gare import unconfirmed_solution
+from hfa.options.advice import trimmed
+from hfa.options.critic_files import reading_of
+from hfa.options.games import given_weights, weighted_game
+from hfa.options.option import refuse
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_prove.commands.polynomials import policy_terms
@@ -23,12 +27,12 @@ from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
-    from hfa.options.trim import Trim
-    from hfa_prove.commands.request import CheckRequest, RegionRequest
+    from hfa.options.trims import GivenTrim
+    from hfa_prove.commands.request import LoopOptions
     from hfa_prove.search.region_search import RegionProblem
 
 #: Options of a network or critic.
-_OF_NETWORKS = ("weights", "reading.basis", "reading.network", "reading.set")
+_OF_NETWORKS = ("weights", "basis", "network", "set")
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,52 +64,53 @@ class GivenPolicy:
         known = [] if P is None else [("P of the game", P)]
         return cls(linear, gain.function(linear.inputs), gain, words, known)
 
-    def problem(self, trim: Trim) -> RegionProblem:
+    def problem(self, limits: Mapping[str, tuple[float, float]]) -> RegionProblem:
         """Return the closed loop whose region is to be proved.
 
-        trim: the condition of the trim, whose limits replace those of the model (`loop_at`)
+        limits: limits of the trim condition, which replace those of the model (`loop_at`)
         """
         from hfa_prove.search.region_search import RegionProblem
 
         policy = self.gain or scalars(self.function)
-        return RegionProblem(loop_at(self.linear, policy, trim.common_condition.limits), self.known)
+        return RegionProblem(loop_at(self.linear, policy, limits), self.known)
 
 
-def is_function(request: CheckRequest | RegionRequest) -> bool:
+def is_function(request: LoopOptions) -> bool:
     """Return whether the options give a network or a deployment file."""
     if request.policy is not None:
         return True
     return request.weights is not None and is_network(request.weights)
 
 
-def given_policy(request: CheckRequest | RegionRequest) -> GivenPolicy:
-    """Return the policy that the options define.
+def given_policy(request: LoopOptions, given: GivenTrim) -> GivenPolicy:
+    """Return the policy that the options define, at a trim.
 
     Raises NoSolutionError if no trim is found or the game has no solution. Raises BadInputError if
     an option does not apply to the policy.
     """
     if request.policy is not None:
-        request.refuse(_OF_NETWORKS, "cannot be combined with --policy; remove one of the two")
-    if request.reading.basis is not None and request.weights is None:
+        refuse(request, _OF_NETWORKS, "cannot be combined with --policy; remove one of the two")
+    if request.basis is not None and request.weights is None:
         raise BadInputError(
             "--basis applies only to W in --weights; add --weights, or remove --basis"
         )
     if not is_function(request):
-        request.refuse(
-            ("reading.network", "reading.set"),
+        refuse(
+            request,
+            ("network", "set"),
             "applies only to a network in --weights; add --weights, or remove this option",
         )
-    linear = linearize(request.trim.aircraft, request.trim.point())
-    if not request.model.inputs:
+    linear = linearize(given.model, trimmed(given))
+    if not given.model.inputs:
         none = Gain(np.zeros((0, len(linear.states))), {})
         return GivenPolicy.of_gain(linear, none, "no inputs", None)
-    named = request.game.game_at(linear, request.aircraft)
+    game = weighted_game(given_weights(request), linear)
     if request.policy is not None:
-        known = [("P of the game", unconfirmed_solution(named.game).P)]
+        known = [("P of the game", unconfirmed_solution(game).P)]
         return _deployment(request.policy, linear, known)
     if request.weights is None:
         try:
-            solution = unconfirmed_solution(named.game)
+            solution = unconfirmed_solution(game)
         except NoSolutionError as error:
             raise NoSolutionError(
                 f"the game of the linear model has no solution ({error}), so there is no policy; "
@@ -114,11 +119,11 @@ def given_policy(request: CheckRequest | RegionRequest) -> GivenPolicy:
         gain = Gain(np.array(solution.K, dtype=float), {})
         return GivenPolicy.of_gain(linear, gain, "gain of the game", solution.P)
     with prefix_errors(request.weights):
-        critic = critic_in(request.weights, named.game, request.reading.reading)
+        critic = critic_in(request.weights, game, reading_of(request))
         if not is_network(request.weights):
             gain = Gain(np.array(critic.K, dtype=float), policy_terms(critic, linear.inputs))
             return GivenPolicy.of_gain(linear, gain, str(request.weights), critic.P)
-    known = [("P of the game", unconfirmed_solution(named.game).P)]
+    known = [("P of the game", unconfirmed_solution(game).P)]
     known += [] if critic.P is None else [("P of the critic", critic.P)]
     return GivenPolicy(linear, critic.policy, None, critic.origin, known)
 

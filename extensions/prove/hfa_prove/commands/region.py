@@ -5,15 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from hfa.options.command import command
 from hfa.options.output import ProgressLine
-from hfa.options.request import command
+from hfa.options.show import provenance, show
+from hfa.options.trims import given_trim
 from hfa_prove.commands.options import refuse_no_certificate
-from hfa_prove.commands.request import RegionRequest
+from hfa_prove.commands.request import RegionRequest, disturbances_of
 
 if TYPE_CHECKING:
     from hfa_prove.search.region_search import Region
 
-#: Default degree of V for a network or deployment file.
+#: Default degree of V for a polynomial policy, and for a network or deployment file.
+_DEGREE = 4
 _DEGREE_OF_FUNCTIONS = 2
 
 
@@ -32,40 +35,34 @@ def region(request: RegionRequest) -> int:
     from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
-    refuse_no_certificate(request.output.file)
-    return _prove(request)
-
-
-def _prove(request: RegionRequest) -> int:
+    refuse_no_certificate(request.output)
     from hfa_flight.plan.interruption import interruptible
     from hfa_prove.certificate import write_certificate
     from hfa_prove.commands.policies import given_policy
     from hfa_prove.report_search import region_report
     from hfa_prove.search.region import proved_region
 
-    given = given_policy(request)
-    problem = given.problem(request.trim)
-    problem = replace(problem, loop=replace(problem.loop, disturbances=request.disturbance))
-    degree = request.degree
-    if given.gain is None and "degree" not in request.typed:
-        degree = _DEGREE_OF_FUNCTIONS
-    origin = request.provenance.to_dict()
+    given = given_trim(request, required=True)
+    disturbances = disturbances_of(request, given.model)
+    policy = given_policy(request, given)
+    problem = policy.problem(given.common.limits)
+    problem = replace(problem, loop=replace(problem.loop, disturbances=disturbances))
+    usual = _DEGREE_OF_FUNCTIONS if policy.gain is None else _DEGREE
+    origin = provenance(request, given.source).to_dict()
 
     def save(proved: Region) -> None:
-        if request.output.file is not None:
-            write_certificate(
-                request.output.file, proved.statement, proved.witness.content(), origin
-            )
+        if request.output is not None:
+            write_certificate(request.output, proved.statement, proved.witness.content(), origin)
 
     with interruptible(ProgressLine("region")) as progress:
         found = proved_region(
             problem,
-            degree=degree,
+            degree=request.degree or usual,
             seconds=request.seconds,
             progress=progress,
             save=save,
         )
 
-    report = region_report(found, given.words)
-    request.show(report, write=lambda _: save(found))
+    report = region_report(found, policy.words)
+    show(request, report, given.source, write=lambda _: save(found))
     return 0

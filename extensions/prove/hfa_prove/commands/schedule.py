@@ -6,13 +6,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa.options.aircraft import Aircraft
-from hfa.options.argument_types import input_file, positive
-from hfa.options.game import GameGiven
+from hfa.options.argument_types import each_of, input_file, positive, quantity
+from hfa.options.command import Request, command
+from hfa.options.games import WeightOptions, given_weights
+from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
-from hfa.options.part import option, part
-from hfa.options.request import Request, command
-from hfa.options.trim import Trim, called_at, scheduled
+from hfa.options.plants import loaded_model
+from hfa.options.show import provenance, show
+from hfa.options.trims import (
+    TrimOptions,
+    at_name,
+    at_option,
+    at_value,
+    dihedral_option,
+    refuse_doubles,
+    trim_source,
+    trim_with,
+)
 from hfa_prove.commands.options import interval_of, not_negative, refuse_no_certificate
 from hfa_support.errors import BadInputError
 from hfa_support.files import MATRIX_FILES
@@ -23,16 +33,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ScheduleRequest(Request):
+class ScheduleRequest(Request, TrimOptions, WeightOptions):
     """Options of `hfa prove schedule`."""
 
-    aircraft: Aircraft = part(Aircraft, without=("units",))
-    trim: Trim = part(
-        Trim,
-        without=("start",),
-        at=scheduled(interval_of, "LOW:HIGH", "interval that the proof covers"),
-    )
-    game: GameGiven = part(GameGiven, without=("plant",))
+    units: None = None
+    start: None = None
+    at: str | None = at_option("interval that the proof covers", "LOW:HIGH")
+    dihedral: str | None = dihedral_option("interval of the dihedral angle", "LOW:HIGH")
     weights: Path | None = option(
         "file with a constant gain K, or gains K at values of the scheduling variable; default: "
         "gains of the exact game, at most 2 deg apart",
@@ -63,23 +70,28 @@ def schedule(request: ScheduleRequest) -> int:
     from hfa_prove.enclosure.precision import flint_or_refusal
 
     flint_or_refusal()
-    refuse_no_certificate(request.output.file)
+    refuse_no_certificate(request.output)
     from hfa_prove.certificate import write_certificate
     from hfa_prove.search.family import Family, breakpoints_of, exact_gains
     from hfa_prove.search.schedule import prove_schedule
 
-    low, high = _ends(request)
-    family = Family(request.trim.aircraft, request.trim.common_condition)
+    model = loaded_model(request)
+    low, high = _ends(request, model)
+    hold = each_of("--hold", model, request.hold, quantity)
+    refuse_doubles(model, request.free, (low, high), hold)
+    given = trim_with(request, model, None, hold)
+    source = trim_source(request, given.common, (low, high), hold)
+    family = Family(given.model, given.common)
     family.check(low, high)
-    weights = request.game.weights
     if request.weights is not None:
-        weights.refuse(
+        refuse(
+            request,
             ("delta", "Q", "R", "N"),
             "cannot be combined with --weights, which gives the gains; remove this option",
         )
         gains = gains_of_file(request.weights, family.model)
     else:
-        gains = exact_gains(family, breakpoints_of(family, low, high), **weights.changed)
+        gains = exact_gains(family, breakpoints_of(family, low, high), **given_weights(request))
     found = prove_schedule(
         family,
         gains,
@@ -92,21 +104,20 @@ def schedule(request: ScheduleRequest) -> int:
     )
 
     def write(path: Path) -> None:
-        origin = request.provenance.to_dict()
+        origin = provenance(request, source).to_dict()
         write_certificate(path, found.statement, found.witness.content(), origin)
 
-    request.show(found.report(), write=write)
+    show(request, found.report(), source, write=write)
     return 0
 
 
-def _ends(request: ScheduleRequest) -> tuple[float, float]:
+def _ends(request: ScheduleRequest, model: Model) -> tuple[float, float]:
     """Return LOW and HIGH of the scheduling variable, as typed."""
-    if len(request.trim.at or ()) != 2:
-        name = request.model.schedule or "the scheduling variable"
-        raise BadInputError(
-            f"the interval of {name} is missing; give --{called_at(request.model)} LOW:HIGH"
-        )
-    low, high = request.trim.at
+    ends = at_value(request, model, interval_of)
+    if ends is None or len(ends) != 2:
+        name = model.schedule or "the scheduling variable"
+        raise BadInputError(f"the interval of {name} is missing; give --{at_name(model)} LOW:HIGH")
+    low, high = ends
     return low, high
 
 
