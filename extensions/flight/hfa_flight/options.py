@@ -102,6 +102,10 @@ def actuators_option() -> Any:
     return option(about, _ACTUATORS, kind)
 
 
+#: Default of --margin with --filter.
+_FILTERED_MARGIN = 0.1
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolicyOptions(TrimOptions, WeightOptions, ReadingOptions):
     """The policy: a law with its game, or a file with a gain, a critic or a controller."""
@@ -121,7 +125,7 @@ class PolicyOptions(TrimOptions, WeightOptions, ReadingOptions):
     )
     margin: float | None = option(
         f"fraction of the distance to a limit by which --law {PREDICTIVE} narrows the envelope; "
-        "default 0.01",
+        f"default 0.01, with --filter {_FILTERED_MARGIN:g}",
         "SHARE",
         number,
         rare=True,
@@ -195,17 +199,24 @@ def check_policy(request: PolicyOptions, prices: Sequence[str] = (), usual: str 
 
 
 def planning_policy(
-    request: PolicyOptions, linear: LinearModel, limits: Mapping[str, Any]
+    request: PolicyOptions,
+    linear: LinearModel,
+    limits: Mapping[str, Any],
+    *,
+    is_filtered: bool = False,
 ) -> Policy:
     """Return the policy of a law that plans on the nonlinear model.
 
     limits: state -> (lowest, highest), replacing the limits of the flight envelope
+    is_filtered: whether a filter estimates the states, so that limits are narrowed by its errors
     """
     assert request.law is not None  # the law plans
     game = _game_of_law(request, linear)
     game.refuse_cross_weights(f"--law {request.law}")
     given = {name: getattr(request, name) for name in ("horizon", "margin")}
     settings = {name: value for name, value in given.items() if value is not None}
+    if is_filtered and request.law == PREDICTIVE:
+        settings.setdefault("margin", _FILTERED_MARGIN)
     problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
     return loaded(LAWS[request.law])(problem, game, **settings)
 

@@ -317,7 +317,8 @@ def _policy_and_reference(
         return open_loop(steps, tuple(model.inputs)), None
     if law in LAWS:
         linear = noted_linear_model(model, point)
-        return planning_policy(request, linear, limits), None
+        policy = planning_policy(request, linear, limits, is_filtered=request.filter)
+        return policy, None
     for name in steps.names:
         refuse_unknown("a gain cannot follow a command of", name, model.linear)
     reference = CommandedStates(steps, model.linear) if steps.names else None
