@@ -309,8 +309,8 @@ def test_a_law_that_plans_is_filtered_with_the_nonlinear_model(law):
     policy = hfa.filter(point.linearize(), noise, dt=planned.dt).policy(planned)
     scenario = Scenario(0.5, initial=np.array([2.5, 0.0]), uncertainty=Uncertainty(noise=noise))
     policy, scenario = policy.in_scenario(scenario)
-    hfa.fly(model, point, policy, scenario=scenario.drawn(3, 0, point), predict=False)
-    assert policy.unused == 0
+    flight = hfa.fly(model, point, policy, scenario=scenario.drawn(3, 0, point), predict=False)
+    assert flight.loop.policy.data(model)["unused_samples"] == 0
 
 
 @pytest.mark.slow
@@ -351,7 +351,7 @@ def test_a_deployment_flies_behind_a_filter():
     policy, scenario = policy.in_scenario(Scenario(1.0, uncertainty=air))
     flight = hfa.fly(model, point, policy, scenario=scenario.drawn(1, 0, point))
     assert flight.departure is None
-    assert policy.data(model)["unused_samples"] == 0
+    assert flight.loop.policy.data(model)["unused_samples"] == 0
     with pytest.raises(BadInputError, match=r"give the filter dt=0\.02"):
         hfa.filter(linear, noise).policy(deployed)
 
