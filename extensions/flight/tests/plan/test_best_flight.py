@@ -147,18 +147,6 @@ def test_unusable_arguments_are_refused(
     assert "\n" not in str(caught.value)
 
 
-def test_the_report_distinguishes_the_linear_cost(gtm: hfa.BestFlight) -> None:
-    """The report states that the linear cost is not a cost of the aircraft."""
-    text = gtm.report().text()
-    ratio = gtm.found.linear.cost / gtm.cost
-    assert text.startswith(f"Best flight: cost {gtm.cost:.6g}; linear optimum {ratio:.4g}x")
-    assert text.splitlines()[1].startswith("to GTM")
-    assert "which is not a cost of the aircraft" in " ".join(text.split())
-    data = gtm.to_dict()
-    assert data["policies"][0]["over_best"] == pytest.approx(gtm.found.linear.cost / gtm.cost)
-    assert len(gtm.figure().axes) == 6
-
-
 def engine(spool_up: float) -> hfa.Model:
     """Return a vehicle whose engine spools down much faster than up: a kink at every trim.
 
