@@ -25,12 +25,6 @@ def best_of_cart(start: dict[str, float], **more: object) -> object:
     return hfa.optimize(model, point, start, weights, np.eye(1), **more)
 
 
-@pytest.fixture(scope="module")
-def gtm() -> hfa.BestFlight:
-    model = hfa.load_model(GTM)
-    return hfa.optimize(model, hfa.trim(model), {"alpha": 0.15, "pitch": 0.3})
-
-
 def test_small_deviations_cost_the_riccati_solution() -> None:
     """For a small initial deviation x, the best flight costs x'Px within 0.2 %."""
     model = hfa.load_model(GTM)

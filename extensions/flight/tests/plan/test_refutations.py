@@ -4,7 +4,6 @@ in the steps of a predictive policy.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -16,18 +15,10 @@ import hfa
 from hfa_flight.plan.problem import MARGIN
 from hfa_flight.plan.search import BestFlights, refutation
 
-GTM = f"{Path(__file__).parents[4] / 'examples' / 'gtm.py'}:GTM"
-
 
 def best_of_cart(start: dict[str, float]) -> hfa.BestFlight:
     model = cart()
     return hfa.optimize(model, hfa.trim(model), start, np.eye(2), np.eye(1))
-
-
-@pytest.fixture(scope="module")
-def gtm() -> hfa.BestFlight:
-    model = hfa.load_model(GTM)
-    return hfa.optimize(model, hfa.trim(model), {"alpha": 0.15, "pitch": 0.3})
 
 
 def test_the_simulation_confirms_or_refutes_a_proposal(gtm: hfa.BestFlight) -> None:

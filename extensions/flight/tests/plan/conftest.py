@@ -1,0 +1,17 @@
+"""A best flight that several files examine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import hfa
+
+GTM = f"{Path(__file__).parents[4] / 'examples' / 'gtm.py'}:GTM"
+
+
+@pytest.fixture(scope="session")
+def gtm() -> hfa.BestFlight:
+    model = hfa.load_model(GTM)
+    return hfa.optimize(model, hfa.trim(model), {"alpha": 0.15, "pitch": 0.3})
