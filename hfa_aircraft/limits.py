@@ -52,7 +52,7 @@ class Limits:
     @property
     def assumed(self) -> np.ndarray:
         """Mask (k,) of the limits that no data of the aircraft and no user states."""
-        signals = [self.model.signals[name] for name in self.names]
+        signals = [self.model.signal(name) for name in self.names]
         ends = zip(signals, self.lowest, self.highest, strict=True)
         return np.array([s.assumed and (s.min, s.max) == (low, high) for s, low, high in ends])
 
@@ -98,7 +98,7 @@ class Limits:
         """Return the scale of the tolerance at each limit, nominal + |limit|, (k,)."""
         # The scale is 0 for a signal without this limit.
         # limit (k,)
-        nominal = np.array([self.model.signals[name].nominal for name in self.names])
+        nominal = np.array([self.model.signal(name).nominal for name in self.names])
         return np.where(np.isfinite(limit), nominal + np.abs(limit), 0.0)
 
 
@@ -111,7 +111,7 @@ def _limits(
     changed = {name: (lowest, highest) for name, lowest, highest in changes}
     rows = []
     for name in names:
-        signal = model.signals[name]
+        signal = model.signal(name)
         lowest, highest = changed.get(name, (signal.min, signal.max))
         least = lowest - SLACK * (signal.nominal + abs(lowest))
         most = highest + SLACK * (signal.nominal + abs(highest))

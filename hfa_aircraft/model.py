@@ -22,18 +22,20 @@ from hfa_aircraft.layout import (
     linearized,
     linearized_rows,
 )
-from hfa_aircraft.signals import VECTORS, Signal, remember_record
+from hfa_aircraft.signals import AIRSPEEDS, ISA, VECTORS, Signal, remember_record
 from hfa_support.errors import (
     BadInputError,
     NotFiniteError,
     is_finite,
     pair_of,
+    prefix_errors,
     refuse_unknown,
+    shortened,
     shown,
 )
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
-from hfa_support.units import si_factor
+from hfa_support.units import conversion, si_factor, split_unit, units_like
 
 if TYPE_CHECKING:
     from hfa_support.reporting.report import Report
@@ -335,8 +337,31 @@ class Model(Reported):
 
     @cached_property
     def holdable(self) -> tuple[str, ...]:
-        """Names of the quantities that a trim can impose: variables and outputs."""
-        return tuple(dict.fromkeys((*self.variables, *self.outputs)))
+        """Names of the quantities that a trim can impose: variables, outputs and airspeeds."""
+        return tuple(dict.fromkeys((*self.variables, *self.outputs, *self.airspeeds)))
+
+    @cached_property
+    def airspeeds(self) -> dict[str, Signal]:
+        """Airspeeds that a trim can impose in place of the speed, name -> signal.
+
+        They are kcas, keas, ktas and mach of an aircraft with an altitude. An output with such a
+        name is the model's own. The result is {} for other models.
+        """
+        if not altitudes(self):
+            return {}
+        others = {*self.states, *self.inputs, *self.parameters, *self.disturbances}
+        return {
+            name: self.outputs.get(name, signal)
+            for name, signal in AIRSPEEDS.items()
+            if name not in others
+        }
+
+    @cached_property
+    def alternatives(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of names of which a trim imposes one, such as speed and mach."""
+        if not self.airspeeds:
+            return self.trimming.alternatives
+        return ((recognized(self.states)["speed"], *self.airspeeds), *self.trimming.alternatives)
 
     @cached_property
     def measurable(self) -> tuple[str, ...]:
@@ -375,6 +400,20 @@ class Model(Reported):
             if f"{name}_dot" not in self.signals
         }
 
+    def without_alternatives(
+        self, imposed: Mapping[str, Any], names: Iterable[str]
+    ) -> dict[str, Any]:
+        """Return the imposed values that can be imposed together with some other names.
+
+        imposed: name -> value
+        names: names that will also be imposed
+        """
+        released: set[str] = set()
+        for group in self.alternatives:
+            if not set(group).isdisjoint(names):
+                released |= set(group).difference(names)
+        return {name: value for name, value in imposed.items() if name not in released}
+
     def refuse_unheld(self, meaning: str, name: str, also: Sequence[str] = ()) -> None:
         """Raise BadInputError unless a trim can impose a quantity.
 
@@ -388,6 +427,11 @@ class Model(Reported):
             raise BadInputError(
                 f"{meaning} {name!r}: a trim does not change this parameter; set it by "
                 f"--hold {name}=VALUE or model.with_parameters({name}=VALUE)"
+            )
+        if name == ISA:
+            raise BadInputError(
+                f"{self.name} has air of its own, whose temperature {ISA} does not change; remove "
+                f"{ISA}"
             )
         known = dict.fromkeys((*self.holdable, *also, *self.parameters))
         if (
@@ -405,16 +449,23 @@ class Model(Reported):
         """Limits of each state, input, output and disturbance, name -> (lowest, highest)."""
         return {
             name: (signal.min, signal.max)
-            for name, signal in self.signals.items()
+            for name, signal in {**self.airspeeds, **self.signals}.items()
             if name not in self.parameters
         }
 
-    def unit(self, name: str) -> str:
-        """Return the unit of a signal or a rate. Raises BadInputError for an unknown name."""
-        if name in self.signals:
-            return self.signals[name].unit
+    def signal(self, name: str) -> Signal:
+        """Return a signal, an airspeed or a rate. Raises BadInputError for an unknown name."""
+        for known in (self.signals, self.airspeeds):
+            if name in known:
+                return known[name]
         refuse_unknown("unknown name", name, (*self.signals, *self.rates))
-        return self.rates[name].unit
+        return self.rates[name]
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a signal, an airspeed or a rate. Raises BadInputError for an unknown
+        name.
+        """
+        return self.signal(name).unit
 
     def units(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return the units of the signals `names`, in their order."""
@@ -447,6 +498,45 @@ class Model(Reported):
         """
         return self.states[name].rate or self.states[name].nominal
 
+    def factor_of(self, name: str, text: str, unit: str) -> float:
+        """Return the factor from a stated unit to the unit of a signal, an airspeed or a rate.
+
+        text: the value as stated, for the message
+
+        Raises BadInputError, whose message completes a sentence that begins with the name, if the
+        unit is another quantity's.
+        """
+        declared = self.unit(name)
+        factor = conversion(unit, declared)
+        if factor is None:
+            words = declared.replace("rad", "deg")
+            others = ", ".join(each for each in units_like(declared) if each != words)
+            beside = f", or with a unit: {others}" * bool(others)
+            raise BadInputError(f"is {shortened(text)!r}; give a finite number, in {words}{beside}")
+        return factor
+
+    def number(self, name: str, value: Any) -> Any:
+        """Return a value of a signal, an airspeed or a rate in the unit of the model.
+
+        value: a number, which is returned unchanged, or text with a unit: "250 kt", "FL200"
+
+        Raises BadInputError for text that is not a number with a unit of this quantity.
+        """
+        if not isinstance(value, str):
+            return value
+        number, unit = split_unit(value)
+        try:
+            found = float(number)
+        except ValueError:
+            found = math.nan
+        if not (unit and math.isfinite(found)):
+            raise BadInputError(
+                f'{name} is {shown(value)}; give a number, or text with a unit ("250 kt", "5 deg")'
+            )
+        with prefix_errors(name):
+            factor = self.factor_of(name, value, unit)
+        return found * factor
+
     def entry_unit(self, row: str, column: str) -> str:
         """Return the unit of an entry of A or B.
 
@@ -476,17 +566,20 @@ class Model(Reported):
 
     # Parameters.
 
-    def with_parameters(self, **values: float) -> Model:
+    def with_parameters(self, **values: float | str) -> Model:
         """Return a copy of the model with other values of parameters.
+
+        values: parameter -> number in the unit of the model, or text with a unit: mass="2000 lbm"
 
         Raises BadInputError for an unknown parameter or a value beyond its limits.
         """
         changed = dict(self.parameters)
         native = self.source.native
         native_values = {}
-        for name, value in values.items():
+        for name, given in values.items():
             refuse_unknown(f"{self.name} has no parameter", name, tuple(self.parameters))
             signal = self.parameters[name]
+            value = self.number(name, given)
             if not is_finite(value):
                 raise BadInputError(f"{name} is {shown(value)}; give a finite number")
             if not signal.min <= value <= signal.max:

@@ -40,6 +40,16 @@ class Signal(NamedTuple):
     assumed: bool = False
 
 
+#: Airspeeds that a trim may impose in place of the speed of an aircraft.
+AIRSPEEDS = {
+    "kcas": Signal("kt", 100.0, 0.0),
+    "keas": Signal("kt", 100.0, 0.0),
+    "ktas": Signal("kt", 100.0, 0.0),
+    "mach": Signal("1", 0.5, 0.0),
+}
+#: Parameter of models in the standard atmosphere: deviation of the temperature from it, K.
+ISA = "isa"
+
 #: Field names -> class of named tuples.
 _RECORDS: dict[tuple[str, ...], Any] = {}
 

@@ -126,6 +126,19 @@ def units_like(unit: str) -> list[str]:
     return [*found.values()][1:]
 
 
+def split_unit(text: str) -> tuple[str, str]:
+    """Return the number and the unit in a text such as "100 kt", with "" for a missing one.
+
+    A flight level, "FL200", is a number of hundreds of feet.
+    """
+    if level := re.fullmatch(r"\s*FL\s*(\d+)\s*", text, re.IGNORECASE):
+        return f"{level[1]}00", "ft"
+    digits = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
+    unit = r"(?![eE][-+]?\d)[a-zA-Z°µμ].*"  # a text that begins with a letter, but is no exponent
+    found = re.fullmatch(rf"({digits})\s*({unit})", text.strip())
+    return (found[1], found[2]) if found else (text, "")
+
+
 def _measured(unit: str) -> _Unit | None:
     """Return a product of units as one unit, or None if it contains an unknown unit."""
     powers = _powers(unit)

@@ -28,6 +28,7 @@ from hfa.options.trims import (
     at_option,
     at_value,
     dihedral_option,
+    held_texts,
     trim_source,
     trim_with,
 )
@@ -118,7 +119,7 @@ def _solve_table(request: SolveRequest) -> int:
     breakpoints = array_of(name, values, _MOST_BREAKPOINTS)
     if np.any(np.diff(breakpoints) <= 0.0):
         raise BadInputError(f"{name} does not increase; give the values in increasing order")
-    hold = each_of("--hold", model, request.hold, quantity)
+    hold = each_of("--hold", model, held_texts(request), quantity)
     weights = given_weights(request)
     trims: list[GivenTrim] = []
     games: list[NamedGame] = []

@@ -27,6 +27,7 @@ from hfa.options.trims import (
     at_value,
     common_condition,
     dihedral_option,
+    held_texts,
     named_condition,
     start_of,
     trim_source,
@@ -134,7 +135,7 @@ def _plan(request: SweepRequest, stored: bool) -> tuple[SweepPlan, dict[str, Any
     model = loaded_model(request)
     by = model.schedule
     at = at_value(request, model, scheduled_range)
-    hold = each_of("--hold", model, request.hold, value_range)
+    hold = each_of("--hold", model, held_texts(request), value_range)
     constants = {
         name: values[0]
         for name, values in hold.items()

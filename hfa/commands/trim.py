@@ -24,6 +24,7 @@ from hfa.options.trims import (
     at_option,
     at_value,
     dihedral_option,
+    held_texts,
     refuse_doubles,
     trim_with,
 )
@@ -112,7 +113,7 @@ def _each_trim(request: TrimRequest) -> list[GivenTrim]:
     Raises BadInputError for more than `_MOST_SHEETS`.
     """
     model = loaded_model(request)
-    hold = each_of("--hold", model, request.hold, value_range)
+    hold = each_of("--hold", model, held_texts(request), value_range)
     at = at_value(request, model, scheduled_range, required=True)
     refuse_doubles(model, (), at, hold)
     ranges = hold if at is None else {model.schedule: at, **hold}

@@ -8,7 +8,6 @@ user are converted only in this module. `quantity` converts degrees to radians.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -19,7 +18,7 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, choice_of, refuse_unknown, shortened
 from hfa_support.files import note_read
 from hfa_support.schema import NUMBER, POSITIVE, Number
-from hfa_support.units import conversion, units_like
+from hfa_support.units import split_unit
 
 PICTURES = (".png", ".svg", ".pdf")
 _LARGEST_WHOLE = 10**18
@@ -81,22 +80,12 @@ def number_and_factor(model: Model, name: str, text: str) -> tuple[float, float 
 
     Raises BadInputError if the text is not a number, or if its unit cannot be converted.
     """
-    digits = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
-    unit = r"(?![eE][-+]?\d)[a-zA-Z°µμ].*"  # a text that begins with a letter, but is no exponent
-    found = re.fullmatch(rf"({digits})\s*({unit})", text.strip())
-    if found is None:
+    typed_number, typed_unit = split_unit(text)
+    if not typed_unit:
         return number(text), None
     if name not in model.signals:
         model.refuse_unheld("is the unknown variable", name)
-    typed_number, typed_unit = found.groups()
-    declared = _unit(model, name)
-    factor = conversion(typed_unit, declared)
-    if factor is None:
-        words = declared.replace("rad", "deg")
-        others = ", ".join(each for each in units_like(declared) if each != words)
-        beside = f", or with a unit: {others}" * bool(others)
-        raise BadInputError(f"is {shortened(text)!r}; give a finite number, in {words}{beside}")
-    return number(typed_number), factor
+    return number(typed_number), model.factor_of(name, text, typed_unit)
 
 
 @contextmanager
@@ -139,8 +128,8 @@ def each_of(
 
 def _unit(model: Model, name: str) -> str:
     """Return the unit of a signal, "1" for a name without a declared unit."""
-    signals = {**model.rates, **model.signals}
-    return signals[name].unit if name in signals else "1"
+    known = {**model.rates, **model.airspeeds, **model.signals}
+    return known[name].unit if name in known else "1"
 
 
 def among(names: tuple[str, ...], model: Model, name: str, text: str) -> float:

@@ -11,13 +11,14 @@ from hfa.options.argument_types import breakpoint_value, each_of, option_errors,
 from hfa.options.option import PAPER, option
 from hfa.options.plants import AircraftOptions, aircraft_source, is_own, loaded_model
 from hfa_aircraft.model import Model
+from hfa_aircraft.signals import ISA
 from hfa_support.errors import BadInputError, refuse_unknown
 from trim.hfa.level_flight import CONDITIONS, load_condition
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 
 #: Options of the trim condition, without the scheduling variable.
-OF_THE_TRIM = ("condition", "free", "hold", "limit", "start")
+OF_THE_TRIM = ("condition", "free", "hold", "isa", "limit", "start")
 #: Help of --at and --dihedral where several values may be given.
 AT_SEVERAL = "scheduling variable: a number, a list a,b,c or a range start:stop:step"
 DIHEDRAL_SEVERAL = "dihedral angle: a number, a list a,b,c or a range start:stop:step"
@@ -45,6 +46,10 @@ class TrimOptions(AircraftOptions):
     hold: Mapping[str, str] = option(
         "hold a variable at a value; repeatable", "NAME=VALUE", named=True
     )
+    isa: str | None = option(
+        "deviation of the air temperature from the standard atmosphere, K: +15; as --hold isa=15",
+        "K",
+    )
     free: tuple[str, ...] = option(
         "variable that the trim solves for; repeatable", "NAME", repeated=True
     )
@@ -59,6 +64,18 @@ class TrimOptions(AircraftOptions):
         "FILE",
         rare=True,
     )
+
+
+def held_texts(request: TrimOptions) -> Mapping[str, str]:
+    """Return name -> text of --hold, and of --isa, which sets the parameter isa.
+
+    Raises BadInputError if both give the parameter.
+    """
+    if request.isa is None:
+        return request.hold
+    if ISA in request.hold:
+        raise BadInputError(f"--isa and --hold {ISA} are the same; give one of them")
+    return {**request.hold, ISA: request.isa}
 
 
 class GivenTrim(NamedTuple):
@@ -102,7 +119,7 @@ def given_trim(request: TrimOptions, *, required: bool = False) -> GivenTrim:
     """
     model = loaded_model(request)
     at = at_value(request, model, breakpoint_value, required=required)
-    return trim_with(request, model, at, each_of("--hold", model, request.hold, quantity))
+    return trim_with(request, model, at, each_of("--hold", model, held_texts(request), quantity))
 
 
 def trim_with(

@@ -24,6 +24,7 @@ from hfa.options.trims import (
     at_value,
     common_condition,
     dihedral_option,
+    held_texts,
     named_condition,
     start_of,
     trim_source,
@@ -112,7 +113,7 @@ def report(request: ReportRequest) -> int:
     if place is not None:
         plotly_script()  # refused before anything is computed if Plotly is missing
     model = loaded_model(request)
-    hold = each_of("--hold", model, request.hold, quantity)
+    hold = each_of("--hold", model, held_texts(request), quantity)
     if "dihedral" in (*request.free, *hold):
         raise BadInputError(
             "dihedral is held or free, but --dihedral and --sweep define the angles of a report; "

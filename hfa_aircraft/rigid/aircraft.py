@@ -28,12 +28,14 @@ from hfa_aircraft.rigid.motion import (
     turn_rate,
     wind_axes,
 )
-from hfa_aircraft.signals import Signal
+from hfa_aircraft.signals import ISA, Signal
 
 #: Standard gravity, and units of length and force, by system of units.
 GRAVITY = {"english": 9.80665 / FT_TO_M, "si": 9.80665}
 LENGTH = {"english": "ft", "si": "m"}
 FORCE = {"english": "lbf", "si": "N"}
+#: Deviation of the temperature from that of the standard atmosphere.
+DEVIATION = Signal("K", 10.0, -100.0, 100.0)
 #: Limits of the speed relative to that of the default trim.
 _SLOWEST = 0.3
 _FASTEST = 5.0
@@ -65,14 +67,15 @@ class Motion:
     rates: angular velocity in body axes, (3,), rad/s.
     """
 
-    def __init__(self, x: Any, gravity: Any, system: str) -> None:
+    def __init__(self, x: Any, gravity: Any, system: str, warmer: Any) -> None:
         """Compute the motion at a state.
 
         x: state, as numbers or expressions
         gravity: acceleration of gravity
         system: system of units, english or si
+        warmer: deviation of the temperature from that of the standard atmosphere, K
         """
-        self.air = air_at(x.altitude, system)
+        self.air = air_at(x.altitude, system, warmer)
         self.pressure = 0.5 * self.air.density * x.speed**2
         self.mach = x.speed / self.air.sound
         self.velocity = x.speed * wind_axes(x.alpha, x.beta)[:, 0]
@@ -149,7 +152,7 @@ def rigid_aircraft(
     alpha, beta: signals of the angle of attack and the sideslip, rad. The limits of the other
         states are assumed.
     inputs: name -> signal.
-    parameters: name -> signal.
+    parameters: name -> signal, without the deviation of the temperature, `ISA`.
     outputs: name -> signal, for the outputs in addition to those of `Motion`.
     holds_beta: whether the default trim imposes the sideslip.
     source, about: the file, and texts about it.
@@ -188,7 +191,7 @@ def rigid_aircraft(
         {name: states[name] for name in STATES},
         inputs,
         equations,
-        parameters=parameters,
+        parameters={**parameters, ISA: DEVIATION},
         outputs={
             "gamma": Signal("rad", 0.1),
             "turn_rate": Signal("rad/s", 0.1),

@@ -54,13 +54,15 @@ class Air:
     sound: Any
 
 
-def air_at(altitude: Any, system: str = "english") -> Air:
+def air_at(altitude: Any, system: str = "english", warmer: Any = 0.0) -> Air:
     """Return standard air at a geometric altitude, in ft or m, of at most 154,000 ft.
 
     system: system of units, english or si
+    warmer: deviation of the temperature, K. The pressure is that of the standard at the altitude,
+        which then is a pressure altitude.
     """
     if system == "si":
-        english = air_at(altitude / FT_TO_M)
+        english = air_at(altitude / FT_TO_M, "english", warmer)
         return Air(
             english.temperature / 1.8,
             english.pressure * si_factor("lbf/ft^2"),
@@ -85,6 +87,7 @@ def air_at(altitude: Any, system: str = "english") -> Air:
             temperature = layer_temperature
             pressure = layer_pressure
         base_pressure = float(base_pressure * _pressure_ratio(warmth, lapse, top - bottom))
+    temperature = temperature + 1.8 * warmer
     sound = ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * temperature)
     return Air(temperature, pressure, pressure / (_GAS_CONSTANT * temperature), sound)
 

@@ -23,7 +23,8 @@ class TrimCondition:
     """Trim condition: f(X, U) = rates and y(X, U) = values, with free variables within limits.
 
     Some of X, U and y are imposed. The other X and U are free within limits. All values are in the
-    units of the model, angles in radians.
+    units of the model, angles in radians, or texts with a unit, such as "250 kt". In place of the
+    speed of an aircraft with an altitude, kcas, keas, ktas (kt) or mach may be imposed.
 
     model: model of the aircraft
     imposed: variable or output -> value, or a table of values over the scheduling variable, which
@@ -71,6 +72,9 @@ class TrimCondition:
             refuse_unknown("unknown trim variable", name, model.holdable)
         for name in self.limits:
             refuse_unknown("unknown trim variable", name, model.limits)
+        numbers = {name: model.number(name, value) for name, value in self.imposed.items()}
+        rates = {name: model.number(f"{name}_dot", rate) for name, rate in self.rates.items()}
+        vars(self).update(imposed=numbers, rates=rates)
         for name, rate in self.rates.items():
             if not is_finite(rate):
                 raise BadInputError(f"the rate of {name} is {shown(rate)}; give a finite number")
@@ -119,14 +123,14 @@ class TrimCondition:
         limits.
         """
         by = self.model.schedule
+        held = dict(hold or {})
         if scheduled is None:
             scheduled = self.imposed.get(by, self.begin.get(by, 0.0))
-        held = dict(hold or {})
-        if by in self.imposed:
+        elif by in self.imposed:
             held = {by: scheduled, **held}
         values, rates = _values_and_rates(self.model, held)
         imposed = {name: float(self.values_at(name, scheduled)) for name in self.imposed}
-        imposed = self.model.trimming.without_alternatives(imposed, values) | values
+        imposed = self.model.without_alternatives(imposed, values) | values
         begin = self.begin
         if by in self.model.variables and by not in imposed:
             begin = {**begin, by: scheduled}
@@ -141,22 +145,23 @@ class TrimCondition:
 
         names: names that will be imposed
         """
-        trimming = self.model.trimming
-        if not trimming.alternatives:
+        if not self.model.alternatives:
             return self
-        return replace(self, imposed=trimming.without_alternatives(self.imposed, names))
+        return replace(self, imposed=self.model.without_alternatives(self.imposed, names))
 
-    def resolved(self) -> TrimCondition:
-        """Return the condition with imposed alternatives expressed by the first name of their
-        group.
+    def resolved(self, model: Model) -> TrimCondition:
+        """Return the condition with the speed in place of an airspeed such as kcas, if its altitude
+        is imposed.
 
-        For example, the speed is imposed in place of kcas. A group is unchanged if the imposed
-        values do not determine its first name.
+        model: the model, with the parameters of the trim
+
+        Raises BadInputError as `with_speed` does.
         """
-        trimming = self.model.trimming
-        if not trimming.alternatives:
+        if model.airspeeds.keys().isdisjoint(self.imposed):
             return self
-        return replace(self, imposed=trimming.with_first_alternatives(self.imposed))
+        from hfa_aircraft.rigid.airspeeds import with_speed
+
+        return replace(self, imposed=with_speed(model, self.imposed))
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
         """Return the value that the condition imposes on a variable, at one or many scheduling
@@ -263,7 +268,7 @@ def release(
     condition: TrimCondition,
     *,
     free: Sequence[str] = (),
-    hold: Mapping[str, float | LinearTable] | None = None,
+    hold: Mapping[str, float | str | LinearTable] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> TrimCondition:
     """Return a condition with some variables set free, others held, and limits changed.
@@ -287,7 +292,7 @@ def release(
             )
     values, held_rates = _values_and_rates(condition.model, hold)
     rates = {name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free}
-    imposed = condition.model.trimming.without_alternatives(condition.imposed, values) | values
+    imposed = condition.model.without_alternatives(condition.imposed, values) | values
     begin = dict(condition.begin)
     for name in free:
         if name in imposed:

@@ -165,7 +165,7 @@ def explanation(model: Model, condition: TrimCondition) -> str:
     def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:
         held = {name: value for name, value in hold.items() if name in model.holdable}
         try:
-            changed = release(condition.resolved(), hold=held, free=free)
+            changed = release(condition.resolved(model), hold=held, free=free)
             problem = TrimProblem(model, changed)
             z = problem.newton(problem.clip(problem.system.start))
             if not problem.solved(z):

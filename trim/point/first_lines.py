@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from hfa_aircraft.model import Model, recognized
+from hfa_aircraft.signals import ISA
 from hfa_support.reporting.text import ROUNDING, WIDTH, beside_unit, digits, shown_value, wrapped
 from trim.point.status import BALANCE
 
@@ -94,12 +95,14 @@ def condition_words(point: OperatingPoint) -> Iterator[str]:
     speed = recognized(model.states).get("speed", "")
     if speed:
         yield from _path_words(point)
-        groups = [group for group in model.trimming.alternatives if speed in group]
+        groups = [group for group in model.alternatives if speed in group]
         typed = [name for group in groups for name in group[1:] if name in imposed]
-        named = [_named(point, name) for name in typed]
+        named = [f"{name} {_number(model, name, imposed[name])}" for name in typed]
         yield from named or [_number(model, speed, point[speed])]
         if "altitude" in model.states:
             yield _number(model, "altitude", point["altitude"])
+        if ISA in model.parameters and model.parameters[ISA].start:
+            yield f"ISA {model.parameters[ISA].start:+g} K"
         names = [model.schedule] if model.schedule in (*model.states, *model.inputs) else []
         names += ["load_factor"] if "load_factor" in imposed or _has_other_load(point) else []
         yield from (_named(point, name) for name in names if name not in (speed, "altitude"))

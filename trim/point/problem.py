@@ -29,7 +29,7 @@ class TrimProblem:
     """Problem of one trim: a condition with numbers, its equations, and the initial values.
 
     asked: the condition as given
-    condition: the condition with numbers, in which the first names of alternatives are imposed
+    condition: the condition with numbers, in which the speed replaces an airspeed
     system: the equations; the unknowns z are scaled
     c: (1, ..), constants of the system
     free: names of the k unknowns
@@ -51,7 +51,7 @@ class TrimProblem:
         asked = condition
         if any(isinstance(value, LinearTable) for value in condition.imposed.values()):
             condition = condition.at()
-        condition = condition.resolved()
+        condition = condition.resolved(model)
         self.model = model
         self.asked = asked
         self.condition = condition

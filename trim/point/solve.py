@@ -63,10 +63,10 @@ def trim(
     condition: TrimCondition | None = None,
     start: OperatingPoint | Mapping[str, float] | None = None,
     *,
-    hold: Mapping[str, float] | None = None,
+    hold: Mapping[str, float | str] | None = None,
     free: str | Sequence[str] = (),
-    at: float | None = None,
-    **held: float,
+    at: float | str | None = None,
+    **held: float | str,
 ) -> OperatingPoint:
     """Return the trim of an aircraft: f(X, U) = imposed rates and y(X, U) = imposed outputs.
 
@@ -84,8 +84,8 @@ def trim(
     condition: imposed and free variables; by default the trim that the model declares
     start: neighboring point at which the search begins, or some of its values by name; by default
         the declared initial values
-    hold: variable, output or rate (speed_dot) -> imposed value, in the units of the model; None for
-        none
+    hold: variable, output, airspeed (kcas) or rate (speed_dot) -> imposed value, a number in the
+        units of the model or text with a unit, such as "250 kt" or "FL200"; None for none
     free: variables to set free; a rate (h_dot) that is set free is not balanced
     at: value of the scheduling variable, added to `hold`; None if not given
     held: further values of `hold`, as keyword arguments: speed=100.0

@@ -96,7 +96,7 @@ def trim_points(
     if condition is None:
         condition = usual_condition(model)
     refuse_unfit(condition, model)
-    variables, values, condition = _resolved(variables, values, condition)
+    variables, values, condition = _resolved(model, variables, values, condition)
     system = _system(model, condition, variables, start)
     points = _settled_together(system, variables, values)
     slow = np.flatnonzero(points.one_by_one).tolist()
@@ -124,16 +124,17 @@ def _leave_out_without_slopes(system: TrimSystem, points: Points) -> None:
 
 
 def _resolved(
-    variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
+    model: Model, variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
-    """Return variables, values and condition without alternatives of a first name."""
-    # For example, the speed is imposed in place of kcas (`Trimming`).
-    if not condition.model.trimming.alternatives:
-        return variables, values, condition
+    """Return variables, values and condition with the speed in place of an airspeed."""
     condition = condition.freed_for(variables)
     columns = dict(zip(variables, values.T, strict=True))
     before = {**condition.imposed, **columns}
-    after = condition.model.trimming.with_first_alternatives(before)
+    if model.airspeeds.keys().isdisjoint(before):
+        return variables, values, condition
+    from hfa_aircraft.rigid.airspeeds import with_speed
+
+    after = with_speed(model, before)
     if set(after) == set(before):
         return variables, values, condition
     kept = {name: column for name, column in columns.items() if name in after}

@@ -93,6 +93,8 @@ class SweepPlan:
         self.model.refuse_unheld("cannot sweep", name, tuple(self.model.parameters))
         if isinstance(values, Steps):
             return values
+        if isinstance(values, list | tuple):
+            values = [self.model.number(name, value) for value in values]
         array = numbers_in(name, values)
         if array.ndim != 1 or not array.size:
             raise BadInputError(f"the values of {name} are {shown(values)}; give a list of numbers")

@@ -33,7 +33,7 @@ from hfa_aircraft.rigid.aircraft import GRAVITY, Motion, rigid_aircraft
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
 from hfa_aircraft.rigid.motion import STATES, inertia_doubt, inertia_matrix, wind_axes
 from hfa_aircraft.rigid.tables import Interpolator
-from hfa_aircraft.signals import Signal
+from hfa_aircraft.signals import ISA, Signal
 from hfa_daveml.check_cases import refuse_wrong
 from hfa_daveml.document import Document, Variable, read_document
 from hfa_daveml.functions import Expressions
@@ -237,7 +237,7 @@ class _Files:
 
     def _equations(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the rates of the states, and the outputs, each by name."""
-        motion = Motion(x, _GRAVITY, "english")
+        motion = Motion(x, _GRAVITY, "english", p.isa)
         value = self._values(_given(x, motion), u, p)
         force = motion.pressure * value(names.AREA)
         air_force = force * self._coefficients(value, x.alpha)
@@ -270,9 +270,10 @@ class _Files:
         """Return mass, center of gravity, inertias and sizes, name -> (value, unit)."""
         state, inputs, parameters = (
             SimpleNamespace(**dict(zip(known, vector, strict=True)))
-            for known, vector in ((STATES, x), (self.inputs, u), (self.parameters, p))
+            for known, vector in ((STATES, x), (self.inputs, u), ((*self.parameters, ISA), p))
         )
-        value = self._values(_given(state, Motion(state, _GRAVITY, "english")), inputs, parameters)
+        motion = Motion(state, _GRAVITY, "english", parameters.isa)
+        value = self._values(_given(state, motion), inputs, parameters)
         inertias = zip(("Ixx", "Iyy", "Izz"), names.INERTIA, strict=True)
         of_file = {"mass": (names.MASS, "slug")} | {
             name: (moment, "slug ft^2") for name, moment in inertias

@@ -74,10 +74,11 @@ class Motion:
     air: Air
 
 
-def motion_of(x: Any, winds: Winds) -> Motion:
+def motion_of(x: Any, winds: Winds, warmer: Any) -> Motion:
     """Return the motion of the aircraft with derived quantities, for given states and winds.
 
     x: object with the model's states as attributes
+    warmer: deviation of the temperature from that of the standard atmosphere, K
     """
     to_body = rotation(x.roll, x.pitch, x.yaw).T
     own_wind = wind_axes(x.alpha, x.beta)
@@ -95,7 +96,7 @@ def motion_of(x: Any, winds: Winds) -> Motion:
         alpha = ca.atan2(air_velocity[2], air_velocity[0])
         beta = ca.asin(air_velocity[1] / speed)
         wind_to_body = wind_axes(alpha, beta)
-    air = air_at(x.altitude)
+    air = air_at(x.altitude, "english", warmer)
     mach = speed / air.sound
     return Motion(
         speed=speed,

@@ -19,6 +19,7 @@ from hfa_aircraft.rigid.motion import (
     state_rates,
     turn_rate,
 )
+from hfa_aircraft.signals import ISA
 from hfa_jsbsim import engines as jets
 from hfa_jsbsim.aerodynamics import Aerodynamics
 from hfa_jsbsim.air import (
@@ -109,7 +110,7 @@ class Equations:
         self._functions: dict[str, Element] = {}
         self._declare_symbols()
         x = SimpleNamespace(**self.states)
-        self.motion = motion_of(x, self._winds(gusty))
+        self.motion = motion_of(x, self._winds(gusty), self.parameters[ISA])
         self._define_motion(x)
         self._define_commands()
         self._define_winds()
@@ -192,7 +193,7 @@ class Equations:
 
     def _parameter_names(self) -> Iterator[str]:
         """Yield the names of the parameters of the model."""
-        yield from (*_LEVERS, "mixture", "advance", "gravity", *WINDS)
+        yield from (*_LEVERS, "mixture", "advance", "gravity", ISA, *WINDS)
         yield from (f"tank{number}" for number in range(len(self.parts.tanks)))
         yield from (f"pointmass{number}" for number in range(len(self.parts.points)))
         for file in self.parts.engines:

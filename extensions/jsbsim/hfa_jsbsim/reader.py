@@ -15,9 +15,10 @@ import numpy as np
 
 from hfa_aircraft.about import About, Domain, Source, Trimming
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid.atmosphere import SEA_LEVEL
+from hfa_aircraft.rigid.aircraft import DEVIATION
+from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
 from hfa_aircraft.rigid.motion import STATES, inertia_doubt
-from hfa_aircraft.signals import Signal
+from hfa_aircraft.signals import ISA, Signal
 from hfa_jsbsim.accounting import account, constant_commands
 from hfa_jsbsim.aircraft import GUSTS, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
@@ -27,7 +28,6 @@ from hfa_jsbsim.notes import Note, grouped
 from hfa_jsbsim.parts import Choices, Parts
 from hfa_jsbsim.properties import plain
 from hfa_jsbsim.reasons import explain, of_files
-from hfa_jsbsim.speeds import speed_and_density
 from hfa_jsbsim.surfaces import PilotInput
 from hfa_jsbsim.xml_file import Folders
 from hfa_support.errors import BadInputError, advice, choice_of, shortened
@@ -261,7 +261,6 @@ class _Declaration:
                 configuration=configuration,
             ),
             trimming=Trimming(
-                alternatives=(("speed", "kcas", "mach"),),
                 begin=self._beginning(),
                 explain=partial(
                     explain, self.parts, bool(self.inputs), constant_commands(self.equations)
@@ -428,6 +427,8 @@ class _Declaration:
             for name, start in ((f"engine{file.number}", 1.0), (f"feather{file.number}", 0.0)):
                 if name in signals:
                     signals[name] = Signal(min=0.0, max=1.0, start=start)
+        if ISA in signals:
+            signals[ISA] = DEVIATION
         signals["gravity"] = Signal("ft/s^2", 32.0, start=SLUG_TO_LB)
         for name, value in self.equations.starts.items():
             if name in signals:
@@ -609,9 +610,10 @@ class _Declaration:
             altitude = imposed.get("altitude")
             if altitude is None:
                 return {}
-            speed, density = speed_and_density(imposed, altitude)
+            speed = imposed.get("speed")
             if speed is None or np.min(speed) <= 0.0:
                 return {}
+            density = _density(altitude, imposed.get(ISA, 0.0))
             lift_coefficient = 0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density
             alpha = np.clip(0.2 * (lift_coefficient - 0.25), -0.05, 0.25)
             values = {"speed": speed, "alpha": alpha, "pitch": alpha + imposed.get("gamma", 0.0)}
@@ -623,6 +625,13 @@ class _Declaration:
             return values | self._of_stopped_engines({**imposed, **values})
 
         return begin
+
+
+def _density(altitude: Any, warmer: Any) -> Any:
+    """Return the air density, slug/ft³, at altitudes in ft."""
+    rows = np.broadcast_arrays(np.atleast_2d(altitude), np.atleast_2d(warmer))
+    density = air_at(ca.DM(rows[0]), "english", ca.DM(rows[1])).density.full().ravel()
+    return float(density[0]) if density.size == 1 else density
 
 
 def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterator[str]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hfa_aircraft.signals import AIRSPEEDS
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.parts import Parts
@@ -16,7 +17,7 @@ from hfa_jsbsim.parts import Parts
 Solve = Callable[[Mapping[str, float], tuple[str, ...]], Mapping[str, float] | None]
 #: Angles of attack at which the greatest lift is searched.
 _ANGLES = np.radians(np.arange(-4.0, 40.5, 0.5))
-_AIRSPEEDS = {"speed", "mach", "kcas"}
+_AIRSPEEDS = {"speed", *AIRSPEEDS}
 #: Least unbalanced force that is reported, relative to the weight, and least angular acceleration,
 #: rad/s².
 _SOME = 1e-6

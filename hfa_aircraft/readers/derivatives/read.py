@@ -237,7 +237,7 @@ class _Equations:
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the rates of the states and the outputs, each as name -> value."""
         sizes = SimpleNamespace(**self._table.values)
-        motion = Motion(x, p.gravity, self._table.system)
+        motion = Motion(x, p.gravity, self._table.system, p.isa)
         rates = ca.mtimes(self._turn.T, motion.rates)
         moved = self._moved(p)
         arguments = self._arguments(x, u, rates, motion, moved)

@@ -34,6 +34,7 @@ from hfa.options.trims import (
     at_option,
     at_value,
     dihedral_option,
+    held_texts,
     trim_source,
     trim_with,
 )
@@ -195,7 +196,7 @@ class _Given(NamedTuple):
 def _given(request: AssessRequest) -> _Given:
     """Return the trims, noise and turbulence of the options."""
     model = loaded_model(request)
-    hold = each_of("--hold", model, request.hold, quantity)
+    hold = each_of("--hold", model, held_texts(request), quantity)
     at = at_value(request, model, scheduled_range)
     values = [None] if at is None else array_of("--at", at, _MOST_POINTS).tolist()
     trims = [trim_with(request, model, value, hold) for value in values]

@@ -19,6 +19,7 @@ from hfa.options.trims import (
     GivenTrim,
     at_name,
     at_value,
+    held_texts,
     refuse_doubles,
     trim_with,
 )
@@ -80,7 +81,7 @@ def checked_trim(request: CheckRequest, kind: str) -> CheckedTrim:
     """
     model = loaded_model(request)
     ends = at_value(request, model, interval_of) or ()
-    hold = each_of("--hold", model, request.hold, quantity)
+    hold = each_of("--hold", model, held_texts(request), quantity)
     at = None
     if kind == "schedule":
         refuse_doubles(model, request.free, ends or None, hold)

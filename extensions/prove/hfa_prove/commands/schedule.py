@@ -19,6 +19,7 @@ from hfa.options.trims import (
     at_option,
     at_value,
     dihedral_option,
+    held_texts,
     refuse_doubles,
     trim_source,
     trim_with,
@@ -77,7 +78,7 @@ def schedule(request: ScheduleRequest) -> int:
 
     model = loaded_model(request)
     low, high = _ends(request, model)
-    hold = each_of("--hold", model, request.hold, quantity)
+    hold = each_of("--hold", model, held_texts(request), quantity)
     refuse_doubles(model, request.free, (low, high), hold)
     given = trim_with(request, model, None, hold)
     source = trim_source(request, given.common, (low, high), hold)

@@ -1,0 +1,139 @@
+"""Airspeeds that a trim may impose in place of the true airspeed of an aircraft.
+
+KTAS = V, M = V/a, KEAS = V sqrt(ρ/ρ0). KCAS is the speed at which standard air at sea level has the
+impact pressure of the flight. The air is that of the outputs `dynamic_pressure` and `mach` of the
+aircraft; without these outputs, or if they are those of the standard atmosphere, it is this one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model, altitudes, recognized
+from hfa_aircraft.rigid.atmosphere import (
+    FT_TO_M,
+    HEAT_RATIO,
+    SEA_LEVEL,
+    SEA_LEVEL_PRESSURE,
+    Air,
+    air_at,
+    mach_of_pitot,
+    pitot_pressure,
+)
+from hfa_aircraft.signals import ISA
+from hfa_support.errors import BadInputError, shown
+from hfa_support.units import conversion
+
+#: ft/s.
+_KNOT = 1852.0 / 3600.0 / FT_TO_M
+#: Outputs from which the air of a model follows, with their units here.
+_OF_AIR = {"dynamic_pressure": "lbf/ft^2", "mach": "1"}
+
+
+def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a trim, with the speed in place of an imposed airspeed.
+
+    An airspeed that is an output of the model's own equations is kept: these equations determine
+    the speed. It is also kept without an imposed altitude.
+
+    imposed: variable, output, airspeed or parameter -> number, or array of a common length
+
+    Raises BadInputError for an airspeed that is no output without an altitude, for two speeds at an
+    altitude, and for a speed that is not positive.
+    """
+    names = [name for name in model.airspeeds if name in imposed]
+    if not names:
+        return dict(imposed)
+    speed, altitude = recognized(model.states)["speed"], altitudes(model)[0]
+    (name, *others) = names
+    if altitude not in imposed:
+        for each in names:
+            if each not in model.outputs:
+                raise BadInputError(f"{each} is imposed without an altitude; impose {altitude} too")
+        return dict(imposed)
+    if others or speed in imposed:
+        both = [name, *others, *([speed] * (speed in imposed))][:2]
+        raise BadInputError(
+            f"{' and '.join(both)} are both imposed, and each gives the speed at the altitude; give"
+            " one of them"
+        )
+    if name in model.outputs and ISA not in model.parameters:
+        return dict(imposed)
+    if not np.all(np.asarray(imposed[name]) > 0.0):
+        raise BadInputError(f"{name} is {shown(imposed[name])}; give a positive speed")
+    rest = {each: imposed[each] for each in imposed if each != name}
+    return rest | {speed: _speed(model, name, altitude, imposed) * _per(model, speed, "ft/s")}
+
+
+def _speed(model: Model, name: str, altitude: str, imposed: Mapping[str, Any]) -> Any:
+    """Return the true airspeed, ft/s, as a number or an array."""
+    start = {each: signal.start for each, signal in model.parameters.items()}
+    if ISA in model.parameters or not {*_OF_AIR} <= {*model.outputs}:
+        height = imposed[altitude] / _per(model, altitude, "ft")
+        return _evaluated(
+            _in_standard_air(name), imposed[name], height, imposed.get(ISA, start.get(ISA, 0.0))
+        )
+    p = [imposed.get(each, value) for each, value in start.items()]
+    function = _in_own_air(model, name, altitude)
+    return _evaluated(function, imposed[name], imposed[altitude], *p)
+
+
+def _per(model: Model, name: str, unit: str) -> float:
+    """Return the number of the model's units of a signal in a unit."""
+    factor = conversion(unit, model.unit(name))
+    if factor is None:
+        raise BadInputError(f"{name} is in {model.unit(name)}; declare it in {unit}")
+    return factor
+
+
+def _evaluated(function: ca.Function, *arguments: Any) -> Any:
+    """Return the value of a function of scalars, for numbers or arrays of a common length."""
+    rows = np.broadcast_arrays(*(np.atleast_1d(np.asarray(each, float)) for each in arguments))
+    found = function.map(rows[0].size)(*(row[None] for row in rows)).full().ravel()
+    return float(found[0]) if all(np.ndim(each) == 0 for each in arguments) else found
+
+
+@lru_cache
+def _in_standard_air(name: str) -> ca.Function:
+    """Return the function (airspeed, altitude in ft, deviation in K) -> true airspeed, ft/s."""
+    value, altitude, warmer = ca.SX.sym("value"), ca.SX.sym("altitude"), ca.SX.sym("warmer")
+    speed = _true_airspeed(name, value, air_at(altitude, "english", warmer))
+    return ca.Function("speed", [value, altitude, warmer], [speed])
+
+
+@lru_cache(maxsize=16)
+def _in_own_air(model: Model, name: str, altitude: str) -> ca.Function:
+    """Return the function (airspeed, altitude, *parameters) -> true airspeed, ft/s."""
+    speed = recognized(model.states)["speed"]
+    value, height, *p = (ca.SX.sym(each) for each in (name, altitude, *model.parameters))
+    start: dict[str, Any] = {
+        each: model.signals[each].start for each in (*model.states, *model.inputs)
+    }
+    start |= {altitude: height, speed: model.signals[speed].nominal}
+    x, u = ([start[each] for each in group] for group in (model.states, model.inputs))
+    _, outputs = model.layout.expressions((x, u, p), tuple(_OF_AIR))
+    pressure, mach = (
+        output / _per(model, each, unit)
+        for output, (each, unit) in zip(ca.vertsplit(outputs), _OF_AIR.items(), strict=True)
+    )
+    true = start[speed] / _per(model, speed, "ft/s")
+    density, sound = 2.0 * pressure / true**2, true / mach
+    air = Air(None, density * sound**2 / HEAT_RATIO, density, sound)
+    return ca.Function("speed", [value, height, *p], [_true_airspeed(name, value, air)])
+
+
+def _true_airspeed(name: str, value: Any, air: Air) -> Any:
+    """Return the true airspeed, ft/s, of an airspeed in kt or a Mach number."""
+    if name == "mach":
+        return value * air.sound
+    if name == "ktas":
+        return value * _KNOT
+    if name == "keas":
+        return value * _KNOT * ca.sqrt(SEA_LEVEL.density / air.density)
+    impact = pitot_pressure(value * _KNOT / SEA_LEVEL.sound, SEA_LEVEL_PRESSURE)
+    return mach_of_pitot(impact - SEA_LEVEL_PRESSURE, air.pressure) * air.sound

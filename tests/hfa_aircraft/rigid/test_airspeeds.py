@@ -1,0 +1,151 @@
+"""Airspeeds imposed in place of the speed, and air that is warmer than the standard atmosphere."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Callable
+from itertools import product
+
+import pytest
+from cli import assert_refused, hfa
+from project import ROOT
+from six_dof import KNOT, SixDof, air, calibrated, equivalent
+
+import hfa as tool
+from hfa import BadInputError, Model, TrimCondition, trim
+
+UAV = f"{ROOT}/examples/uav.toml"
+OWN: dict[str, Callable] = {
+    "kcas": calibrated,
+    "keas": equivalent,
+    "ktas": lambda speed, at: speed / KNOT,
+    "mach": lambda speed, at: speed / at.sound,
+}
+
+
+@pytest.fixture(scope="module")
+def uav() -> Model:
+    return tool.load_model(UAV)
+
+
+@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize(("altitude", "warmer"), [(100.0, 0.0), (3000.0, 15.0), (2000.0, -20.0)])
+def test_an_imposed_airspeed_is_that_of_the_flight(
+    name: str, altitude: float, warmer: float, uav: Model
+) -> None:
+    """The true airspeed of a trim has the imposed airspeed, by formulas of the tests."""
+    there = air(altitude, warmer)
+    value = OWN[name](33.0, there)
+    point = trim(uav.with_parameters(isa=warmer), hold={name: value, "altitude": altitude})
+    assert point["speed"] == pytest.approx(33.0, rel=3e-5)
+    outputs = point["dynamic_pressure"], point["mach"]
+    expected = 0.5 * there.density * 33.0**2, 33.0 / there.sound
+    assert outputs == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_flight_in_warm_air_is_that_of_own_equations(uav: Model) -> None:
+    """Trim, figures and thrust at ISA +15 K are those of own equations in the same air."""
+    point = trim(uav.with_parameters(isa=15.0), kcas=60.0, altitude="FL100")
+    own = SixDof(tomllib.loads((ROOT / "examples/uav.toml").read_text()), warmer=15.0)
+    expected = own.trim(point["speed"], 3048.0)
+    assert expected.kcas == pytest.approx(60.0, rel=3e-5)
+    found = [point[name] for name in ("alpha", "thrust", "elevator")]
+    assert found == pytest.approx([expected.alpha, expected.thrust, expected.elevator], rel=1e-4)
+
+
+def test_a_sweep_imposes_airspeeds_at_each_altitude(uav: Model) -> None:
+    """Each point of a sweep over kcas, altitude and isa is the trim of its values."""
+    axes = {"kcas": [55.0, 62.0], "altitude": [0.0, 3000.0], "isa": [0.0, 20.0]}
+    for row, (kcas, altitude, isa) in zip(
+        tool.sweep(uav, **axes), product(*axes.values()), strict=True
+    ):
+        alone = trim(uav.with_parameters(isa=isa), altitude=altitude, kcas=kcas)
+        assert row.point["speed"] == pytest.approx(alone["speed"], rel=1e-12)
+
+
+@pytest.mark.parametrize("source", ["HFA", "f16.py:F16"])
+def test_other_aircraft_with_altitude_and_speed_have_airspeeds(source: str) -> None:
+    """The paper's aircraft and one of Python's have the airspeed of their own outputs."""
+    model = tool.aircraft() if source == "HFA" else tool.load_model(f"{ROOT}/examples/{source}")
+    usual = trim(model)
+    speed = next(name for name in ("speed", "vt") if name in model.states)
+    to_metres = 0.3048
+    there = air(usual["altitude"] * to_metres)
+    value = equivalent(usual[speed] * to_metres, there)
+    point = trim(model, keas=value)
+    assert point[speed] == pytest.approx(usual[speed], rel=5e-4)
+    if "dynamic_pressure" in model.outputs:
+        figures = point.report().data["performance"]
+        assert figures["equivalent_airspeed"] == pytest.approx(value, rel=1e-9)
+        again = trim(model, kcas=figures["calibrated_airspeed"])
+        assert again[speed] == pytest.approx(point[speed], rel=1e-9)
+
+
+def test_units_are_read_alike_by_both_ways_in(uav: Model) -> None:
+    """Texts with units in Python are the values of the command line, in any unit."""
+    typed = {"kcas": "70 mph", "altitude": "FL030", "gamma": "2 deg"}
+    point = trim(uav, hold=typed)
+    words = [f"--hold {name}={value.replace(' ', '')}" for name, value in typed.items()]
+    run = hfa("trim", "--aircraft", UAV, "--json", *" ".join(words).split())
+    found = json.loads(run.out)["operating_point"]["states"]
+    assert found == pytest.approx(point.states._asdict(), rel=1e-12, abs=1e-15)
+    in_numbers = trim(uav, kcas=70.0 * 1609.344 / 1852.0, altitude=914.4, gamma=0.03490658503988659)
+    assert point["speed"] == pytest.approx(in_numbers["speed"], rel=1e-12)
+    assert uav.with_parameters(mass="30 lbm").parameters["mass"].start == pytest.approx(13.6077711)
+    assert TrimCondition(uav, {"speed": "90 km/h"}).imposed["speed"] == pytest.approx(25.0)
+    swept = tool.sweep(uav, speed=["90 km/h", "60 kt"])
+    assert [row.point["speed"] for row in swept] == pytest.approx([25.0, 60.0 * KNOT])
+
+
+def test_the_sheet_states_airspeed_and_deviation() -> None:
+    """--isa +15 is --hold isa=15, and the first line has it and the imposed airspeed."""
+    words = ("trim", "--aircraft", UAV, "--hold", "kcas=60kt")
+    first = hfa(*words, "--isa", "+15").out.partition("\n")[0]
+    assert "kcas 60 kt" in first
+    assert "ISA +15 K" in first
+    assert hfa(*words, "--hold", "isa=15").out.partition("\n")[0] == first
+
+
+@pytest.mark.parametrize(
+    ("held", "words"),
+    [
+        ({"kcas": 60.0, "keas": 60.0}, "kcas and keas are both imposed"),
+        ({"kcas": 60.0, "speed": 30.0}, "kcas and speed are both imposed"),
+        ({"kcas": float("nan")}, "kcas is nan; give a finite number"),
+        ({"kcas": 0.0}, "give a positive speed"),
+        ({"mach": -0.1}, "mach is -0.1"),
+        ({"speed": "30 kg"}, "speed: is '30 kg'; give a finite number, in m/s"),
+        ({"speed": "30"}, "text with a unit"),
+        ({"altitude": "FLhigh"}, "text with a unit"),
+        ({"isa": 10.0}, "model.with_parameters(isa=VALUE)"),
+    ],
+)
+def test_wrong_airspeeds_are_refused(held: dict, words: str, uav: Model) -> None:
+    """Speeds that contradict or are none, and units of other quantities, are refused in one line."""
+    with pytest.raises(BadInputError) as caught:
+        trim(uav, hold=held)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--hold kcas=60 --free altitude", "impose altitude too"),
+        ("--hold kcas=60 --hold speed=30", "kcas and speed are both imposed"),
+        ("--isa 15 --hold isa=10", "--isa and --hold isa"),
+        ("--isa warm", "isa is 'warm'; give a finite number"),
+        ("--isa nan", "isa is 'nan'; give a finite number"),
+        ("--isa 200", "isa is 200 K; give at most 100 K"),
+    ],
+)
+def test_wrong_options_are_refused(words: str, message: str) -> None:
+    """The command refuses what contradicts or is not finite."""
+    assert_refused(hfa("trim", "--aircraft", UAV, *words.split()), 2, message)
+
+
+def test_aircraft_with_air_of_their_own_have_no_deviation() -> None:
+    """--isa of an aircraft whose equations have their own air is refused."""
+    run = hfa("trim", "--aircraft", f"{ROOT}/examples/f16.py:F16", "--isa", "15")
+    assert_refused(run, 2, "has air of its own")
