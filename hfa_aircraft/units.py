@@ -95,13 +95,13 @@ def _envelope(
     p: Any,
 ) -> Mapping[str, tuple[float, float]]:
     """Return state -> (lowest, highest) in flight, for the state and parameters of a trim."""
-    declared = envelope(conversion.native("x", x), conversion.native("p", p))
+    declared = envelope(conversion.in_declared_units("x", x), conversion.in_declared_units("p", p))
     return conversion.states(declared)
 
 
 def _check(conversion: _Conversion, check: Callable[[Any], None], x: Any) -> None:
     """Raise BadInputError, with values in the declared units, for a state outside the domain."""
-    check(conversion.native("x", x))
+    check(conversion.in_declared_units("x", x))
 
 
 def _converted_trimming(model: Model, factors: Mapping[str, float]) -> Trimming:
@@ -166,15 +166,16 @@ class _Conversion:
                 converted[name] = tuple(end * factor for end in value) if limits else value * factor
         return converted
 
-    def native(self, kind: str, vector: Any) -> Any:
+    def in_declared_units(self, kind: str, converted: Any) -> Any:
         """Return a vector in the declared units, as a named tuple.
 
         kind: "x", "u", "p" or "w"
-        vector: the converted vector
+        converted: the vector in the converted units
         """
-        factors = dict(self.vectors[list(VECTORS).index(kind)])
-        values = [value / factor for value, factor in zip(vector, factors.values(), strict=True)]
-        return record(tuple(factors))(*values)
+        pairs = self.vectors[list(VECTORS).index(kind)]
+        names = tuple(name for name, _ in pairs)
+        values = [value / factor for value, (_, factor) in zip(converted, pairs, strict=True)]
+        return record(names)(*values)
 
 
 @dataclass(frozen=True)
@@ -194,8 +195,8 @@ class _Equations:
         x, u, p, w: state, input, parameters and disturbances
         """
         vectors = zip(VECTORS, (x, u, p, w), strict=True)
-        native = [self.conversion.native(kind, vector) for kind, vector in vectors]
-        rates, outputs = self.equations(*native)
+        declared = [self.conversion.in_declared_units(kind, vector) for kind, vector in vectors]
+        rates, outputs = self.equations(*declared)
         seen = {name: outputs[name] * factor for name, factor in self.conversion.outputs}
         return self.conversion.states(rates), seen
 

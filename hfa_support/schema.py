@@ -100,28 +100,34 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
 
 
 def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict[str, Any]:
+    """Return a table or mapping of a file, with each entry checked.
+
+    A mapping declares one kind for all names (the key `str`); a table declares each name, of which
+    those that end in `*` are required, and with the key `...` further names are not checked.
+    """
     if not isinstance(value, dict):
-        raise BadInputError(
-            f"{where}: {entry or 'file'} is {shown(value)}; give a table{entry and f' [{entry}]'}"
-        )
-    kinds = {
-        name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)
-    }
-    entries = {}
+        wanted = f"a table [{entry}]" if entry else "a table"
+        raise BadInputError(f"{where}: {entry or 'file'} is {shown(value)}; give {wanted}")
     prefix = f"{entry}." if entry else ""
-    for name, entry_value in value.items():
-        if name not in kinds and str not in declared and ... not in declared:
+    named = {name: kind for name, kind in declared.items() if isinstance(name, str)}
+    kinds = {name.removesuffix("*"): kind for name, kind in named.items()}
+    is_open = str in declared or ... in declared
+    for name in value:
+        if name not in kinds and not is_open:
             unknown = shortened(ascii(name)[1:-1])
             raise BadInputError(
                 f"{where}: unknown entry {prefix}{unknown}; {choice_of(name, kinds)}"
             )
-        entries[name] = checked(
-            where, entry_value, kinds.get(name, declared.get(str)), f"{prefix}{shortened(name)}"
-        )
-    for name in declared:
-        if isinstance(name, str) and name.endswith("*") and name[:-1] not in entries:
-            what = "the table" if isinstance(declared[name], dict) else "this entry"
-            raise BadInputError(f"{where}: {prefix}{name[:-1]} is missing; add {what}")
+    of_others = declared.get(str)  # None: not checked
+    entries = {
+        name: checked(where, each, kinds.get(name, of_others), f"{prefix}{shortened(name)}")
+        for name, each in value.items()
+    }
+    for name, kind in named.items():
+        required = name.removesuffix("*")
+        if name.endswith("*") and required not in entries:
+            what = "the table" if isinstance(kind, dict) else "this entry"
+            raise BadInputError(f"{where}: {prefix}{required} is missing; add {what}")
     return entries
 
 

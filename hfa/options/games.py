@@ -159,11 +159,11 @@ def given_game(request: GameOptions, weights: Mapping[str, Any] | None = None) -
     weights = given_weights(request) if weights is None else weights
     if request.plant is not None:
         return _game_of_file(request, request.plant, weights)
-    refuse_no_plant(request)
+    _refuse_no_plant(request)
     return game_at(given_trim(request), weights)
 
 
-def refuse_no_plant(request: GameOptions) -> None:
+def _refuse_no_plant(request: GameOptions) -> None:
     """Raise BadInputError if neither an aircraft, a dihedral angle nor a plant file is given."""
     is_of_paper = request.aircraft is None and (request.dynamics or "published") in VARIANTS
     if is_of_paper and request.at is None and request.dihedral is None:
