@@ -89,6 +89,9 @@ class StabilityFile:
     def slope(self, coefficient: str, control: int) -> float:
         """Return the derivative with respect to a control, per deg, about stability axes.
 
+        Older files have Cl and Cn about body axes, which the angle of attack rotates:
+        Cl' = Cl cos α + Cn sin α, Cn' = Cn cos α - Cl sin α.
+
         control: number of the control in the file, from 1
         """
         if "CDa" in self.values or coefficient not in ("Cl", "Cn"):
@@ -292,8 +295,13 @@ def _plain(name: str, file: StabilityFile) -> str:
 def _of_coefficient(
     coefficient: str, file: StabilityFile, fixed: Mapping[str, float]
 ) -> dict[str, Entry]:
-    """Return the entries of a coefficient: its value without deflections, and its derivatives."""
-    # fixed: control variable -> deflection in deg, for those without limits
+    """Return the entries of a coefficient: its value without deflections, and its derivatives.
+
+    The file has the total at the deflections δ of its run case. A control without limits stays at
+    the deflection δ_f of the table: C_0 = C_tot + Σ C_d (δ_f - δ), with δ_f = 0 for the others.
+
+    fixed: control variable -> deflection in deg, for those without limits
+    """
     value = file.total(coefficient)
     entries: dict[str, Entry] = {}
     for suffix, argument in _ARGUMENTS.items():
