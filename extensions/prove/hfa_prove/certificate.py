@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +12,7 @@ from typing import Any
 
 from flint import ctx
 
-from hfa_prove.fields import Fields, Statement, Witness, naming, require
+from hfa_prove.fields import Fields, Stated, Statement, naming, require
 from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
@@ -26,11 +26,10 @@ SCHEMA = "hfa.certificate/11"
 _CLOSING = ("digest", "provenance", "checksum")
 #: Bits of the balls that enclose decimal numbers of a file.
 _PRECISION = 256
-#: Kind of a certificate -> its statement, and the reader of its witness: (entries, statement) ->
-#: witness.
-KINDS: Mapping[str, tuple[type[Statement], Callable[[Fields, Any], Witness]]] = {
-    "schedule": (ScheduleStatement, ScheduleWitness.read),
-    "region": (RegionStatement, RegionWitness.read),
+#: Kind of a certificate -> its statement and its witness.
+KINDS: Mapping[str, tuple[type[Statement], type[Stated]]] = {
+    "schedule": (ScheduleStatement, ScheduleWitness),
+    "region": (RegionStatement, RegionWitness),
 }
 
 
@@ -79,24 +78,12 @@ def read_content(content: dict[str, Any], subject: Subject | None = None) -> tup
         entries.value(name)
     kind = entries.value("kind", str)
     require(kind in KINDS, "kind", kind)
-    statement = read_statement(kind, entries.value("statement"), subject)
-    witness = KINDS[kind][1](entries.fields("witness"), statement)
+    claim, proof = KINDS[kind]
+    known = SimpleNamespace(subject=subject or Subject())
+    statement = claim.read(entries.fields("statement"), known)
+    witness = proof.read(entries.fields("witness"), SimpleNamespace(statement=statement))
     entries.close()
     return statement, witness
-
-
-def read_statement(kind: str, content: Any, subject: Subject | None = None) -> Any:
-    """Return the statement of a certificate.
-
-    kind: the certificate's entry `kind`
-    content: the certificate's entry `statement`
-    subject: the user's aircraft and policy
-
-    Raises Malformed for the first wrong entry. Raises BadInputError if the statement concerns
-    another aircraft or policy.
-    """
-    known = SimpleNamespace(subject=subject or Subject())
-    return KINDS[kind][0].read(Fields("statement", content), known)
 
 
 def kind_in(path: Path) -> str:
@@ -114,13 +101,13 @@ def kind_of(statement: Any) -> str:
 
 
 def write_certificate(
-    path: Path, statement: Any, witness: Mapping[str, Any], origin: Mapping[str, Any]
+    path: Path, statement: Statement, witness: Stated, origin: Mapping[str, Any]
 ) -> None:
     """Write a certificate with all digits of every number.
 
     path: file of the certificate
     statement: the claim
-    witness: data for the proof as stored in the file
+    witness: data for the proof
     origin: version, command and date of the run, which the digest does not cover
     """
     content = {
@@ -128,7 +115,7 @@ def write_certificate(
         "kind": kind_of(statement),
         "toolchain": VERSION,
         "statement": statement.content(),
-        "witness": witness,
+        "witness": witness.content(),
     }
     write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))
 

@@ -297,10 +297,6 @@ class Statement(Stated):
     """Claim of a certificate."""
 
 
-class Witness:
-    """Data for the proof of a statement, not part of the claim."""
-
-
 def stored(value: Any) -> Any:
     """Return a value in the form that is stored in a file."""
     if isinstance(value, Stated):

@@ -9,7 +9,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from hfa_prove.statements.piece import Polynomial
+from hfa_prove.statements.piece import Polynomial, lowered
 
 #: Bits of a coefficient, so that its products with powers are doubles.
 _BITS = 45
@@ -105,15 +105,15 @@ class PolynomialFunction:
 
     def monomial_slopes(self, z: np.ndarray) -> np.ndarray:
         """Return the gradients (N, k, n) of the monomials at points z (N, n)."""
-        lowered, places = self._lowered
-        return self.exponents * _products(z, lowered)[:, places]
+        unique, places = self._lowered
+        return self.exponents * _products(z, unique)[:, places]
 
     @cached_property
     def _lowered(self) -> tuple[np.ndarray, np.ndarray]:
         """Exponents (l, n) of the monomials in the gradients, and the index (k, n) of each one."""
         n = self.exponents.shape[1]
-        lowered = np.maximum(self.exponents[:, None, :] - np.eye(n, dtype=int), 0)
-        unique, places = np.unique(lowered.reshape(-1, n), axis=0, return_inverse=True)
+        each = np.maximum(self.exponents[:, None, :] - np.eye(n, dtype=int), 0)
+        unique, places = np.unique(each.reshape(-1, n), axis=0, return_inverse=True)
         return unique, places.reshape(-1, n)
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
@@ -122,12 +122,12 @@ class PolynomialFunction:
 
     def slope(self, z: np.ndarray) -> np.ndarray:
         """Return the gradient ∂V/∂z (N, n) at points z (N, n)."""
-        lowered, places = self._lowered
-        weights = np.zeros((len(lowered), z.shape[1]))
+        unique, places = self._lowered
+        weights = np.zeros((len(unique), z.shape[1]))
         np.add.at(
             weights, (places, np.arange(z.shape[1])), self.exponents * self.coefficients[:, None]
         )
-        return np.asarray(_products(z, lowered) @ weights)
+        return np.asarray(_products(z, unique) @ weights)
 
     def substituted(self, M: np.ndarray) -> PolynomialFunction:
         """Return V(M y) as a polynomial in y."""
@@ -189,9 +189,8 @@ def _monomial(
         return {tuple([0] * M.shape[1]): 1.0}
     if powers not in known:
         i = next(index for index, power in enumerate(powers) if power)
-        lowered = tuple(power - (index == i) for index, power in enumerate(powers))
         product: dict[tuple[int, ...], float] = {}
-        for key, value in _monomial(lowered, M, known).items():
+        for key, value in _monomial(lowered(powers, i), M, known).items():
             for j, slope in enumerate(M[i].tolist()):
                 raised = (*key[:j], key[j] + 1, *key[j + 1 :])
                 product[raised] = product.get(raised, 0.0) + value * slope

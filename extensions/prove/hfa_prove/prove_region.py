@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from hfa_aircraft.model import Model
@@ -12,19 +11,7 @@ from hfa_prove.search.region_search import Region, RegionProblem
 from hfa_prove.statements.loop import Gain
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.progress import Progress
-from hfa_support.reporting.report import Report, Reported
 from trim.point.operating_point import OperatingPoint
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ReportedRegion(Reported, Region):
-    """A proved region that is displayed as the report of `hfa prove region`."""
-
-    def report(self) -> Report:
-        """Return the report that `hfa prove region` prints."""
-        from hfa_prove.report_search import region_report
-
-        return region_report(self)
 
 
 def prove_region(
@@ -35,7 +22,7 @@ def prove_region(
     seconds: float = 60.0,
     degree: int = 2,
     progress: Progress | None = None,
-) -> ReportedRegion:
+) -> Region:
     """Return a proved region of attraction of the nonlinear loop u = sat(u0 - K (x - x0)).
 
     model: the aircraft
@@ -59,5 +46,4 @@ def prove_region(
     if gain.shape != wanted:
         raise BadInputError(f"K has the shape {gain.shape}; give {wanted}, inputs x states")
     problem = RegionProblem(loop_at(linear, Gain(gain, {})))
-    found = proved_region(problem, degree=degree, seconds=seconds, progress=progress)
-    return ReportedRegion(**vars(found))
+    return proved_region(problem, degree=degree, seconds=seconds, progress=progress)

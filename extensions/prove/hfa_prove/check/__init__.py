@@ -35,11 +35,6 @@ class Proved:
         return self.certificate.statement
 
     @property
-    def witness(self) -> Any:
-        """Data for the proof."""
-        return self.certificate.witness
-
-    @property
     def written(self) -> Mapping[str, str]:
         """Version, command and date stored in the certificate, not verified."""
         return self.certificate.written

@@ -39,7 +39,6 @@ def region(request: RegionRequest) -> int:
     from hfa_flight.plan.interruption import interruptible
     from hfa_prove.certificate import write_certificate
     from hfa_prove.commands.policies import given_policy
-    from hfa_prove.report_search import region_report
     from hfa_prove.search.region import proved_region
 
     given = given_trim(request, required=True)
@@ -52,7 +51,7 @@ def region(request: RegionRequest) -> int:
 
     def save(proved: Region) -> None:
         if request.output is not None:
-            write_certificate(request.output, proved.statement, proved.witness.content(), origin)
+            write_certificate(request.output, proved.statement, proved.witness, origin)
 
     with interruptible(ProgressLine("region")) as progress:
         found = proved_region(
@@ -63,6 +62,6 @@ def region(request: RegionRequest) -> int:
             save=save,
         )
 
-    report = region_report(found, policy.words)
+    report = found.report(policy.words)
     show(request, report, given.source, write=lambda _: save(found))
     return 0

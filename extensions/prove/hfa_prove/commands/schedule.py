@@ -106,7 +106,7 @@ def schedule(request: ScheduleRequest) -> int:
 
     def write(path: Path) -> None:
         origin = provenance(request, source).to_dict()
-        write_certificate(path, found.statement, found.witness.content(), origin)
+        write_certificate(path, found.statement, found.witness, origin)
 
     show(request, found.report(), source, write=write)
     return 0

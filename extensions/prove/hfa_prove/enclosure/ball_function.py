@@ -71,6 +71,7 @@ class Balls(Arithmetic):
     sin = _method("sin")
     cos = _method("cos")
     atan = _method("atan")
+    tanh = _method("tanh")
 
     def divide(self, a: Any, b: Any) -> Any:
         """Return a / b."""
@@ -91,10 +92,6 @@ class Balls(Arithmetic):
     def inverse(self, a: Any) -> Any:
         """Return 1 / a."""
         return 1 / a
-
-    def tanh(self, a: Any) -> Any:
-        """Return tanh a."""
-        return a.tanh()
 
     def maximum(self, a: Any, b: Any) -> Any:
         """Return the larger value."""

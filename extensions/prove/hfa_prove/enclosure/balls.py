@@ -61,27 +61,18 @@ def norm(entries: Iterable[arb]) -> arb:
     return lowest.sqrt().union(highest.sqrt())
 
 
-def pivots(values: arb_mat) -> list[arb] | None:
-    """Return D (n,) of L D L' = M for every symmetric M in a matrix of balls.
+def is_positive_definite(values: arb_mat) -> bool:
+    """Return whether every symmetric matrix in a matrix of balls is proved positive definite.
 
-    Return None if an entry of D may be 0. The signs of D are the signs of the eigenvalues
-    (Sylvester's law of inertia). Only the lower triangle is read.
+    D of L D L' is positive then (Sylvester's law of inertia). Only the lower triangle is read.
     """
     rows = values.tolist()
-    diagonal = []
     for k in range(len(rows)):
         pivot = rows[k][k]
-        if not (pivot > 0 or pivot < 0):
-            return None
-        diagonal.append(pivot)
+        if not pivot > 0:
+            return False
         for i in range(k + 1, len(rows)):
             share = rows[i][k] / pivot
             for j in range(k + 1, i + 1):
                 rows[i][j] = rows[i][j] - share * rows[j][k]
-    return diagonal
-
-
-def is_positive_definite(values: arb_mat) -> bool:
-    """Return whether every symmetric matrix in a matrix of balls is proved positive definite."""
-    diagonal = pivots(values)
-    return diagonal is not None and all(pivot > 0 for pivot in diagonal)
+    return True

@@ -95,14 +95,6 @@ class Family:
         first = {name: float(values[name]) for name in unknowns_of(model, imposed)}
         return Flight(model, parameters, imposed, limits, (low, high), first)
 
-    def require_schedule(self) -> None:
-        """Raise BadInputError if the model has no scheduling variable."""
-        if not self.model.schedule:
-            raise BadInputError(
-                f"{self.model.title} has no scheduling variable, which a proof requires; set "
-                "`schedule` in the model"
-            )
-
     def check(self, low: float, high: float) -> None:
         """Raise BadInputError unless proofs support the trims from `low` to `high`.
 
@@ -113,7 +105,11 @@ class Family:
         - As many equations depend on the free variables as there are free variables.
         """
         model = self.model
-        self.require_schedule()
+        if not model.schedule:
+            raise BadInputError(
+                f"{model.title} has no scheduling variable, which a proof requires; set "
+                "`schedule` in the model"
+            )
         if not low < high:
             raise BadInputError(
                 f"the interval is {low:g} to {high:g}; give two different ends, the lower first"

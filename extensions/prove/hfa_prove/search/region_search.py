@@ -13,6 +13,7 @@ from hfa_prove.search.shape_boxes import Shape
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_support.errors import NoSolutionError
+from hfa_support.reporting.report import Report, Reported
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +28,9 @@ class RegionProblem:
     known: Sequence[tuple[str, np.ndarray]] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class Region:
-    """A proved region of attraction or invariant set.
+@dataclass(frozen=True, eq=False, repr=False)
+class Region(Reported):
+    """A proved region of attraction or invariant set, displayed as the report of the command.
 
     statement: the proved statement
     witness: data for the proof
@@ -52,6 +53,23 @@ class Region:
     def rho(self) -> float:
         """Proved level of V."""
         return self.statement.rho
+
+    def report(self, policy: str = "") -> Report:
+        """Return the report that `hfa prove region` prints.
+
+        policy: description of the policy, or ""
+        """
+        from hfa_prove.report import found_report
+
+        lines = [f"Policy: {policy}."] if policy else []
+        lines.append(
+            f"Origin of V: {self.origin}. Degree: {self.statement.degree}. Proved on {self.size} "
+            "boxes."
+        )
+        if self.stopped:
+            lines.append(f"No larger set is proved: {self.stopped}.")
+        data = {"origin": self.origin, "stopped": self.stopped}
+        return found_report(self.statement, self.size, "\n".join(lines), data=data)
 
 
 @dataclass(frozen=True, eq=False)

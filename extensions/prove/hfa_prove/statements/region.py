@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_prove.fields import Fields, Statement, Terms, Witness, entry, part, require
+from hfa_prove.fields import Fields, Stated, Statement, entry, part, require
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece
 from hfa_prove.statements.plant import check_limits_of_model
@@ -61,11 +61,6 @@ class RegionStatement(Statement):
         check_limits_of_model(self.loop)
 
     @property
-    def terms(self) -> Terms:
-        """Terms of V in the coordinates y = M z."""
-        return self.piece.W.terms
-
-    @property
     def rho(self) -> float:
         """Level of V that defines the set."""
         return self.piece.c
@@ -73,12 +68,18 @@ class RegionStatement(Statement):
     @property
     def degree(self) -> int:
         """Degree of V."""
-        return max(sum(powers) for _, powers in self.terms)
+        return max(sum(powers) for _, powers in self.piece.W.terms)
+
+
+def _read_multipliers(file: Fields, name: str, known: Any) -> np.ndarray:
+    multipliers = file.array(name, len(known.statement.loop.states), 2)
+    require(bool(np.all(multipliers >= 0.0)), "witness: multipliers")
+    return multipliers
 
 
 @dataclass(frozen=True, eq=False)
-class RegionWitness(Witness):
-    """Data for the proof of a region on boxes.
+class RegionWitness(Stated):
+    """Data for the proof of a region on boxes, not part of the claim.
 
     The bounds of the deviations z are proved with multiples of rho - V.
 
@@ -86,24 +87,5 @@ class RegionWitness(Witness):
     boxes: number of boxes after which the checker stops
     """
 
-    multipliers: np.ndarray
-    boxes: int
-
-    @classmethod
-    def read(cls, entries: Fields, statement: RegionStatement) -> RegionWitness:
-        """Return the witness of a certificate.
-
-        Raises Malformed for the first wrong entry.
-        """
-        multipliers = entries.array("multipliers", len(statement.loop.states), 2)
-        require(bool(np.all(multipliers >= 0.0)), "witness: multipliers")
-        boxes = entries.count("boxes", _MOST_BOXES)
-        entries.close()
-        return cls(multipliers, boxes)
-
-    def content(self) -> dict[str, Any]:
-        """Return the certificate's entry `witness`."""
-        return {
-            "multipliers": self.multipliers.tolist(),
-            "boxes": self.boxes,
-        }
+    multipliers: np.ndarray = entry(_read_multipliers)
+    boxes: int = entry(lambda file, name, known: file.count(name, _MOST_BOXES))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_prove.fields import Fields, Stated, Statement, Witness, entry, part, require
+from hfa_prove.fields import Fields, Stated, Statement, entry, part, require
 from hfa_prove.statements.flight import Flight
 
 #: Largest number of pieces that a certificate may state.
@@ -90,8 +90,23 @@ class ScheduleStatement(Statement):
         self.gains.pieces(*self.flight.range)
 
 
+def _read_witness_breakpoints(file: Fields, name: str, known: Any) -> np.ndarray:
+    if known.statement.scheduled_rate is None:
+        return np.zeros(0)
+    return _read_breakpoints(file, name, known)
+
+
+def _read_matrices(file: Fields, name: str, known: Any) -> np.ndarray:
+    n = len(known.statement.flight.model.linear)
+    if known.statement.scheduled_rate is None:
+        return np.zeros((0, n, n))
+    P = file.array(name, len(known.breakpoints), n, n)
+    require(np.array_equal(P, P.transpose(0, 2, 1)), "witness: P: not symmetric")
+    return P
+
+
 @dataclass(frozen=True, eq=False)
-class ScheduleWitness(Witness):
+class ScheduleWitness(Stated):
     """Numbers for the proof of a schedule, not part of the claim.
 
     pieces: number of pieces after which the checker stops
@@ -101,27 +116,10 @@ class ScheduleWitness(Witness):
         motion.
     """
 
-    pieces: int
-    breakpoints: np.ndarray
-    P: np.ndarray
-
-    @classmethod
-    def read(cls, entries: Fields, statement: ScheduleStatement) -> ScheduleWitness:
-        """Return the witness of a certificate.
-
-        Raises Malformed for the first wrong entry.
-        """
-        n = len(statement.flight.model.linear)
-        pieces = entries.count("pieces", _MOST_PIECES)
-        breakpoints, P = np.zeros(0), np.zeros((0, n, n))
-        if statement.scheduled_rate is not None:
-            breakpoints = _read_breakpoints(entries, "breakpoints", None)
-            P = entries.array("P", len(breakpoints), n, n)
-            require(np.array_equal(P, P.transpose(0, 2, 1)), "witness: P: not symmetric")
-        entries.close()
-        return cls(pieces, breakpoints, P)
+    pieces: int = entry(lambda file, name, known: file.count(name, _MOST_PIECES))
+    breakpoints: np.ndarray = entry(_read_witness_breakpoints)
+    P: np.ndarray = entry(_read_matrices)
 
     def content(self) -> dict[str, Any]:
-        """Return the certificate's entry `witness`, in the form that `read` accepts."""
-        moving = {"breakpoints": self.breakpoints.tolist(), "P": self.P.tolist()}
-        return {"pieces": self.pieces} | (moving if len(self.P) else {})
+        """Return the certificate's entry `witness`, without P if there is none."""
+        return {name: value for name, value in super().content().items() if value != []}

@@ -27,6 +27,7 @@ from hfa_prove.check.cover import Boxes, OpenBoxError, RefutedError
 from hfa_prove.check.equilibrium import Equilibrium, check_root, equilibrium_near
 from hfa_prove.check.region_boxes import Decrease, check_region
 from hfa_prove.enclosure.balls import matrix
+from hfa_prove.problem import given_plant
 from hfa_prove.report import found_report
 from hfa_prove.statements.loop import Gain, Loop
 from hfa_prove.statements.piece import Piece, Polynomial
@@ -490,7 +491,7 @@ def test_a_certificate_that_was_edited_is_refused(before: str, after: str, tmp_p
     path = tmp_path / "region.json"
     origin = {"version": "1", "command": "hfa prove region", "date": "today"}
     statement, witness = read_content(tank(), Subject(TANK))
-    write_certificate(path, statement, witness.content(), origin)
+    write_certificate(path, statement, witness, origin)
     assert read_certificate(path, Subject(TANK)).written == origin
     text = path.read_text()
     assert text.count(before) == 1
@@ -569,6 +570,10 @@ def test_a_certificate_about_a_file_is_not_read_as_one_about_a_variant() -> None
 def test_entries_of_the_certificate_are_exactly_the_users() -> None:
     """Fewer, further or other numbers than the user's are refused, above and below."""
     statement, _ = read_content(tank(), Subject(TANK))
+    for valve, is_same in ((0.0, True), (0.1, False)):
+        own_loop = replace(statement.loop, inputs={"valve": valve})
+        with decided(is_same, "differs from the value of --own"):
+            compare(statement, given_plant(own_loop, "--own", "loop."))
     compare(statement, {"loop.parameters": Given({"inflow": 0.5}, "--own")})
     for own in (
         {},

@@ -19,22 +19,18 @@ from hfa_prove.enclosure.balls import (
     is_positive_definite,
     matrix,
     norm,
-    pivots,
     symmetric,
 )
 from hfa_prove.enclosure.precision import PRECISION
 
 
-@pytest.mark.parametrize(("off", "second"), [(1.0, 1.5), (2.0, 0.0), (3.0, -2.5)])
-def test_pivots_equal_those_of_gaussian_elimination(off: float, second: float) -> None:
-    """Pivots are those of Gaussian elimination, and a matrix is definite if all are positive.
-
-    If a pivot is 0, None is returned.
-    """
-    found = pivots(matrix([[2.0, off], [off, 2.0]]))
-    assert (found is None) == (second == 0.0)
-    assert is_positive_definite(matrix([[2.0, off], [off, 2.0]])) == (second > 0.0)
-    assert found is None or [float(each) for each in found] == [2.0, second]
+@pytest.mark.parametrize(("off", "radius"), [(1.0, 0.5), (1.9, 0.2), (2.0, 0.0), (3.0, 0.0)])
+def test_a_matrix_is_definite_if_all_of_its_members_are(off: float, radius: float) -> None:
+    """[[2, a], [a, 2]] is positive definite for |a| < 2, also in the lower triangle alone."""
+    values = matrix([[2.0, 9.0], [off, 2.0]])
+    values[1, 0] += arb(0, radius)
+    assert is_positive_definite(values) == (off + radius < 2.0)
+    assert not is_positive_definite(matrix([[-2.0, 0.0], [0.0, 2.0]]))
 
 
 def test_norms_and_hulls_contain_every_member() -> None:
