@@ -18,7 +18,9 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 from multiprocessing.util import get_temp_dir
 from pathlib import Path
@@ -34,7 +36,7 @@ from hfa_aircraft.signals import Signal
 from hfa_fmu.description import Description, Variable, described, library_of
 from hfa_fmu.function import STEP, Evaluator, casadi_function
 from hfa_fmu.library import FmuError, Instance, Interface
-from hfa_support.errors import BadInputError, prefix_errors
+from hfa_support.errors import BadInputError, prefix_errors, shortened
 from hfa_support.files import LARGEST, regular_file
 
 #: Largest relative difference between the derivatives of an FMU and differences of its rates.
@@ -151,6 +153,7 @@ def _model(
     ]
     evaluator = Evaluator(instance, nominals, len(states) + len(outputs))
     about = _about(evaluator, of, np.array(start))
+    about = replace(about, notes=(*about.notes, *_told_apart(names)))
     function = casadi_function(evaluator)
 
     def equations(x: Any, u: Any, p: Any, _: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
@@ -170,6 +173,20 @@ def _model(
         about=about,
         source=source,
     )
+
+
+def _told_apart(names: Mapping[str, str]) -> tuple[str, ...]:
+    """Return a note on variables whose names differ only in characters that become "_".
+
+    names: name in the FMU -> name in the model
+    """
+    shared = Counter(plain.rstrip("_") for plain in names.values())
+    alike = [
+        f"{plain} is {shortened(name)}"
+        for name, plain in names.items()
+        if shared[plain.rstrip("_")] > 1
+    ]
+    return (f"names alike: {', '.join(alike)}",) if alike else ()
 
 
 def _about(evaluator: Evaluator, description: Description, start: np.ndarray) -> About:

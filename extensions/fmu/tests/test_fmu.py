@@ -154,6 +154,16 @@ def test_trim_and_linear_model_of_a_pendulum(version: int, has_derivatives: bool
     )
 
 
+def test_names_that_become_alike_are_told_apart() -> None:
+    """Of body.angle and body_angle, each has a name of its own, and a note says which is which."""
+    text = description().replace('name="rate"', 'name="body_angle"')
+    model = hfa.load_model(packed(text, "linux64"))
+    assert list(model.states) == ["body_angle", "body_angle_"]
+    note = "names alike: body_angle is body.angle, body_angle_ is body_angle"
+    assert note in model.about.notes
+    assert not any("alike" in each for each in hfa.load_model(fmu()).about.notes)
+
+
 def test_wrong_derivatives_of_an_fmu_are_doubted() -> None:
     """The report of a trim says that derivatives of the FMU are 10 % off its rates."""
     point = hfa.trim(hfa.load_model(fmu("scaled", has_derivatives=True)))
