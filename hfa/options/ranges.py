@@ -63,15 +63,6 @@ def scheduled_range(model: Model, text: str) -> Range:
     return value_range(model, model.schedule, text)
 
 
-def value_or_range(model: Model, text: str) -> float | Range:
-    """Return one value of the model's scheduling variable, or several, in internal units.
-
-    text: one number, `start:stop:step` or `a,b,c`
-    """
-    values = scheduled_range(model, text)
-    return float(array_of(model.schedule, values, 1)[0]) if len(values) == 1 else values
-
-
 def is_one_value(values: Range) -> bool:
     """Return whether the values of an option are a single one."""
     return isinstance(values, tuple) and len(values) == 1
