@@ -82,6 +82,10 @@ class Family:
         limits = {}
         for name, (least, most) in model.limits.items():
             lowest, highest = condition.limits_of(name)
+            if name in model.airspeeds:  # a function of signals that have limits
+                if (lowest, highest) != (least, most):
+                    raise BadInputError(f"a limit of {name} cannot be proved; limit the speed")
+                continue
             if lowest < least or highest > most:
                 raise BadInputError(
                     f"the limits of {name} are wider than the model's, "
