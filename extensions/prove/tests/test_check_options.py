@@ -46,6 +46,7 @@ CHANGED: dict[str, tuple[dict[str, str], dict[str, str]]] = {
         {"--parameters gibson-2011-simulation": REFUSED},
         {"--parameters gibson-2011-simulation": "parameters"},
     ),
+    "isa": ({"--isa 10": REFUSED}, {"--isa 10": REFUSED}),
     "mass": ({"--mass 5": REFUSED}, {"--mass 5": REFUSED}),
     "at": ({"--at 10": REFUSED}, {"--at 15.1:15.25": "range"}),
     "dihedral": ({"--dihedral 10": REFUSED}, {"--dihedral 15:15.5": "range"}),

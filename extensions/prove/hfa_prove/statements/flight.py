@@ -22,7 +22,8 @@ from hfa_prove.statements.plant import facts, read_model
 def _read_limits(file: Fields, name: str, known: Any) -> dict[str, tuple[float, float]]:
     """Return signal -> (lowest, highest).
 
-    Limits of disturbances, and of signals that have no limits in the model, may be omitted.
+    Limits of disturbances, and of signals that have no limits in the model, may be omitted;
+    airspeeds have none of their own.
 
     Raises Malformed in these cases:
     - A limit is wider than the model's limit.
@@ -32,6 +33,8 @@ def _read_limits(file: Fields, name: str, known: Any) -> dict[str, tuple[float, 
     stated = file.fields(name)
     limits = {}
     for signal, (least, most) in model.limits.items():
+        if signal in model.airspeeds:
+            continue  # a function of signals that have limits
         needed = bool(np.isfinite((least, most)).any()) and signal not in model.disturbances
         if needed or stated.has(signal):
             low, high = stated.pair(signal)
