@@ -41,8 +41,8 @@ from hfa_model.choice import aircraft as aircraft
 from hfa_prove.prove_region import prove_region as prove_region
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
 from trim.linear.linear_model import LinearModel as LinearModel
+from trim.linear.linearize import linearize as linearize
 from trim.point.condition import TrimCondition as TrimCondition
-from trim.point.linearize import linearize as linearize
 from trim.point.operating_point import OperatingPoint as OperatingPoint
 from trim.point.solve import trim as trim
 from trim.sweeps.sweep import sweep as sweep

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hfa_support.reporting.report import Report
+    from hfa_support.reporting.rows import Row
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class About:
     trained_at: value of the scheduling variable at which environments begin, or None for the
         default trim
     configuration: function (x, u, p) of arrays -> name -> (value, unit) of mass, center of gravity,
-        inertias and sizes, and words on flap and gear (`trim.point.configuration`); None if only
+        inertias and sizes, and words on flap and gear (`trim.reports.configuration`); None if only
         signals have them
     weights: default cost, {} without one. Of the file of a linear plant "Q", "R" and "N" as they
         are stored, for states and inputs divided by their nominal values. Of other models "Q" and
@@ -101,14 +101,14 @@ class Trimming:
         search. Values are numbers or arrays. None for the declared initial values.
     explain: function (imposed values, solve) -> reason why no trim exists, in terms of the aircraft
         (`trim.point.diagnosis`), or ""; None for no explanation
-    describe: function (operating point, its report) -> the report with the aircraft's own
-        description of the trim in place of its outputs; None for the outputs
+    describe: function (operating point) -> further groups of its sheet, (title, rows, sentences)
+        each; None for none
     """
 
     alternatives: tuple[tuple[str, ...], ...] = ()
     begin: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
     explain: Callable[[Mapping[str, float], Callable[..., Any]], str] | None = None
-    describe: Callable[[Any, Report], Report] | None = None
+    describe: Callable[[Any], Sequence[tuple[str, Sequence[Row], Sequence[str]]]] | None = None
 
     def initial(self, imposed: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the initial values that `begin` computes, variable -> number or array.

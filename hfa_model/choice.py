@@ -5,7 +5,7 @@ from __future__ import annotations
 from hfa_aircraft.model import Model
 from hfa_model.declaration import rigid_panels
 from hfa_model.parameters import Parameters, default_parameters
-from hfa_model.trim_loads import with_loads
+from hfa_model.trim_loads import panel_groups
 from hfa_model.variants import Variant, variant_named
 from hfa_support.errors import BadInputError, is_finite, shown
 
@@ -29,12 +29,12 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     """
     values = default_parameters().values if parameters is None else _checked_parameters(parameters)
     if not isinstance(dynamics, str):
-        return rigid_panels(dynamics, values, with_loads)
+        return rigid_panels(dynamics, values, panel_groups)
     if dynamics == "unsteady":
         from hfa_model.unsteady import unsteady_aircraft
 
         return unsteady_aircraft(values)
-    return rigid_panels(variant_named(dynamics), values, with_loads)
+    return rigid_panels(variant_named(dynamics), values, panel_groups)
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:

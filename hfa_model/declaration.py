@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +28,6 @@ from hfa_model.vectors import (
     State,
 )
 from hfa_support.errors import BadInputError
-
-if TYPE_CHECKING:
-    from hfa_support.reporting.report import Report
 
 
 @dataclass(frozen=True)
@@ -216,7 +213,7 @@ _DECLARED = Model(
 def rigid_panels(
     variant: Variant,
     parameters: Parameters,
-    describe_trim: Callable[[Any, Report], Report] | None = None,
+    describe_trim: Callable[[Any], Any] | None = None,
 ) -> Model:
     """Return the flexible aircraft as a model with the equations of a variant, in quasi-steady air.
 

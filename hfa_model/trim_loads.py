@@ -1,18 +1,15 @@
-"""Loads on the panels of the flexible aircraft (HFA) at a trim, for its report."""
+"""Loads on the panels of the flexible aircraft (HFA) at a trim, for its sheet."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.model import Model
-from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
+from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density
 from hfa_model.declaration import check_in_range, parameters_of, variant_of
 from hfa_model.vectors import INPUTS, STATES, Input, State
-from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table, four_decimals
+from hfa_support.reporting.rows import Row
 from hfa_support.units import si_factor
 
 if TYPE_CHECKING:
@@ -50,48 +47,20 @@ def _loads_in_si(loads: Any) -> Any:
     return loads._replace(**converted)
 
 
-def with_loads(point: Any, report: Report) -> Report:
-    """Return the report of an operating point with a table of the loads on the panels added.
-
-    The same numbers, and the loads on the aircraft, are added to the data of the report.
-    """
+def panel_groups(point: Any) -> list[tuple[str, list[Row], tuple[str, ...]]]:
+    """Return the group of a trim's sheet with the loads on the center and on one outer panel."""
     aircraft = point.model
     forces = loads(aircraft, point.states, point.inputs)
-    flat = {
-        name: getattr(forces, name) for name in Loads._fields if name not in ("center", "outer")
-    }
-    for panel in ("center", "outer"):
-        flat |= {
-            f"{panel}_{name}": getattr(getattr(forces, panel), name) for name in PanelLoads._fields
-        }
-    force = aircraft.unit("lift")
-    moment = aircraft.unit("hinge_moment")
-    load_units = {name: moment if name.endswith("moment") else force for name in flat}
-    parts = (*report.parts, _panels(point, forces, force, moment))
-    return replace(report, parts=parts).with_data(loads=flat, load_units=load_units)
-
-
-def _panels(point: Any, forces: Loads, force: str, moment: str) -> Table:
-    """Return a table of the loads on the center panel and on one outer panel.
-
-    force, moment: units
-    """
     names = ("dynamic_pressure", "reference_area", "weight", "hinge_moment_total")
-    given = point.model.outputs_at(point.states, point.inputs, names)
+    given = aircraft.outputs_at(point.states, point.inputs, names)
+    force, moment = aircraft.unit("lift"), aircraft.unit("hinge_moment")
     # q S of one of the three panels, for its lift coefficient.
     panel_force = given["dynamic_pressure"] * given["reference_area"] / 3
-    center, outer = forces.center, forces.outer
-    rows = [
-        ("weight", *_row((given["weight"] / 3, given["weight"] / 3), force)),
-        ("lift", *_row((center.lift, outer.lift), force)),
-        ("drag", *_row((center.drag, outer.drag), force)),
-        ("lift coefficient", *_row((center.lift / panel_force, outer.lift / panel_force), "1")),
-        ("hinge moment", *_row((None, forces.hinge_moment), moment)),
-        ("with hinge spring", *_row((None, given["hinge_moment_total"]), moment)),
-    ]
-    return Table(("load", "center panel", "outer panel", "unit"), rows)
-
-
-def _row(values: Iterable[float | None], unit: str) -> tuple[str, ...]:
-    """Return the cells of a table row: values as text, or "" for None, then the unit."""
-    return *("" if value is None else four_decimals(value) for value in values), unit
+    rows = [Row("weight of a panel", given["weight"] / 3, force)]
+    for name, panel in (("center", forces.center), ("outer", forces.outer)):
+        rows.append(Row(f"lift {name}", panel.lift, force))
+        rows.append(Row(f"drag {name}", panel.drag, force))
+        rows.append(Row(f"lift coefficient {name}", panel.lift / panel_force))
+    rows.append(Row("hinge moment", forces.hinge_moment, moment))
+    rows.append(Row("hinge moment total", given["hinge_moment_total"], moment, "with hinge spring"))
+    return [("loads on the panels", rows, ())]

@@ -24,7 +24,8 @@ from trim.hfa.printed import (
     entries_table,
     regenerate,
 )
-from trim.linear.linear_model import LinearModel, matrices
+from trim.linear.linear_model import LinearModel
+from trim.reports.linear_report import matrices
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

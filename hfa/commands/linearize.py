@@ -22,10 +22,10 @@ from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.report import Report
 from trim.hfa.other_dynamics import with_other_dynamics
 from trim.hfa.printed import entry_bands, has_bands, printed_at, with_bands, with_printed_matrices
-from trim.linear.handling_qualities import with_qualities
-from trim.linear.linear_model import LinearModel, linear_model_report
+from trim.linear.linear_model import LinearModel
 from trim.linear.reduction import reduction_note
 from trim.point.operating_point import OperatingPoint
+from trim.reports.linear_report import linear_model_report, with_qualities
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,7 +84,7 @@ def linearize(request: LinearizeRequest) -> int:
     report = linear_model_report(model)
     if hfa_model.is_hfa(given.model):
         report = _of_the_hfa(request, given, model, report)
-    report = with_qualities(report, point, model.states)
+    report = with_qualities(report, point.handling_qualities, model)
     if request.bode:
         from trim.linear.frequency import with_transfers
 

@@ -32,9 +32,10 @@ from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
-from trim.linear.levels import CATEGORIES, CLASSES, Airplane
 from trim.point.solve import TrimError
-from trim.point.trim_report import point_figure, trim_report
+from trim.reports.levels import CATEGORIES, CLASSES, Airplane
+from trim.reports.point_figure import point_figure
+from trim.reports.trim_report import trim_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,7 +77,7 @@ class TrimRequest(Request, TrimOptions):
     )
     full: bool = option("print each equation, all near limits, outputs and participations")
     class_: str | None = option(
-        f"airplane class of MIL-F-8785C: {', '.join(CLASSES)}; default I",
+        f"airplane class of MIL-F-8785C: {', '.join(CLASSES)}; default by weight",
         "CLASS",
         _airplane_class,
         rare=True,
@@ -143,7 +144,7 @@ def trimmed_or_shown(request: Request, given: GivenTrim) -> OperatingPoint:
 
 def _failed(given: GivenTrim, error: TrimError) -> Report:
     """Return the report of the nearest point of a condition without a trim."""
-    report = trim_report(given.model, given.condition, error.attempt)
+    report = trim_report(error.attempt, given.condition)
     return report.with_data(reason=str(error))
 
 
@@ -152,9 +153,8 @@ def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> Rep
     aircraft = given.model
     airplane = None
     if request.class_ is not None or request.category is not None:
-        usual = Airplane()
-        airplane = Airplane(request.class_ or usual.class_, request.category or usual.category)
-    report = trim_report(aircraft, given.condition, point, full=request.full, airplane=airplane)
+        airplane = Airplane(request.class_ or "", request.category or Airplane().category)
+    report = trim_report(point, given.condition, full=request.full, airplane=airplane)
     if hfa_model.is_hfa(aircraft):
         from trim.hfa.other_dynamics import beside_other_dynamics
 
@@ -167,7 +167,7 @@ def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> Rep
 
         return trim_figure(aircraft, point)
 
-    picture = Picture("trim.png", point.title.partition("\n")[0], figure)
+    picture = Picture("trim.png", report.title.partition("\n")[0], figure)
     return replace(report, parts=(*report.parts, picture))
 
 

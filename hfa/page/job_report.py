@@ -33,10 +33,11 @@ from trim.hfa.printed import (
     printed_at,
     with_bands,
 )
-from trim.linear.linear_model import LinearModel, linear_model_report, matrices, units_in_words
+from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
 from trim.point.operating_point import OperatingPoint
-from trim.point.trim_report import trim_report
+from trim.reports.linear_report import linear_model_report, matrices, units_in_words
+from trim.reports.trim_report import trim_report
 from verification.figures import verdict_figure
 
 _COLORS = (
@@ -159,7 +160,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
     parts: list[Part] = list(reports.values())
     if angle.reason:
         parts.append(f"No game solution: {angle.reason}")
-    data["trim"] = trim_report(job.aircraft, angle.condition, model.point).data
+    data["trim"] = trim_report(model.point, angle.condition).data
     for name, report in reports.items():
         data[name] = report.data
     return Report(title, parts, data=data)
@@ -185,7 +186,7 @@ def point_reports(job: MainJob, angle: Angle) -> PointReports:
     model = angle.model
     if model is None:
         return PointReports(Report(title, (f"No trim: {angle.reason}",)), Report(""))
-    trim = trim_report(job.aircraft, angle.condition, model.point)
+    trim = trim_report(model.point, angle.condition)
     modes = modes_table(model.modes, model.point.model.time_unit, participation=False)
     pair = Report(f"A and B, in {units_in_words(model)}", matrices(model))
     return PointReports(

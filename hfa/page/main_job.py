@@ -26,8 +26,8 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.text import in_degrees
 from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 from trim.point.condition import TrimCondition
-from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.sweeps.sweep import Sweep, sweep

@@ -3,4 +3,4 @@
 from controller.hfa_files import published_game as published_game
 from hfa_model.parameters import default_parameters as default_parameters
 from trim.hfa.level_flight import level_flight as level_flight
-from trim.point.solve import level_model as level_model
+from trim.linear.linearize import level_model as level_model

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from hfa_support.errors import imported
+from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Table, printable
 
 
@@ -23,7 +24,9 @@ def latex_tables(title: str, parts: Any) -> str:
 
 def _tables(part: Any) -> Iterator[Table]:
     """Yield the tables of a part, and of the parts in it, in reading order."""
-    if isinstance(part, Table):
+    if isinstance(part, Group):
+        yield part.table()
+    elif isinstance(part, Table):
         yield part
     elif isinstance(part, (tuple, list)):
         for each in part:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Cell, Table, printable
 
 #: Style sheet of a report in HTML, on a screen and on paper.
@@ -38,8 +39,10 @@ def report_as_markdown(
     return "\n\n".join(filter(None, [*heading, *others, *shown, *last, source]))
 
 
-def as_markdown(part: str | Table | tuple[str | Table, ...]) -> str:
+def as_markdown(part: str | Table | Group | tuple[str | Table, ...]) -> str:
     """Return a paragraph, a table, or a tuple of these, separated by blank lines, as Markdown."""
+    if isinstance(part, Group):
+        part = (*([part.table()] if part.rows else []), *part.lines)
     if isinstance(part, Table):
         return markdown_table(part)
     if isinstance(part, str):
@@ -71,13 +74,15 @@ def report_as_html(
     return "\n".join([*heading, *map(paragraph, others), *shown, *map(paragraph, last)])
 
 
-def as_html(part: str | Table | tuple[str | Table, ...] | Picture) -> str:
+def as_html(part: str | Table | Group | tuple[str | Table, ...] | Picture) -> str:
     """Return a paragraph, a table, a tuple of these, or a picture as HTML.
 
     Special characters are escaped.
     """
     if isinstance(part, Picture):
         return part.html()
+    if isinstance(part, Group):
+        return group_html(part)
     if isinstance(part, Table):
         return html_table(part)
     if isinstance(part, str):
@@ -111,6 +116,22 @@ def html_table(table: Table) -> str:
     return (
         f"{box}<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>"
     )
+
+
+def group_html(group: Group) -> str:
+    """Return rows of a sheet as HTML: a table whose head is the title, and its sentences below."""
+    rows = []
+    for row in group.rows:
+        name, value, unit, note = map(escaped, row.cells())
+        tone = f' class="{row.tone}"' if row.tone else ""
+        noted = f'<td class="words note"><span{tone}>{note}</span></td>'
+        cells = f'<td>{value}</td><td class="words">{unit}</td>{noted}'
+        rows.append(f'<tr><th scope="row">{name}</th>{cells}</tr>')
+    title = escaped(group.title)
+    head = f'<thead><tr><th scope="col" colspan="4">{title}</th></tr></thead>'
+    table = f"<table>\n{head}\n<tbody>\n" + "\n".join(rows) + "\n</tbody>\n</table>"
+    lines = [paragraph(line) for line in group.lines]
+    return "\n".join(['<section class="rows">', *([table] if rows else []), *lines, "</section>"])
 
 
 def _are_words(cells: Sequence[Any]) -> bool:

@@ -13,6 +13,7 @@ from hfa_support.errors import imported, shortened
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.results import Result, plain
+from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import (
     WIDTH,
     Table,
@@ -36,8 +37,9 @@ class Report:
     """Report of a result, with its parts in reading order.
 
     title: heading, and further lines that are printed below the heading
-    parts: paragraphs (str), tables of formatted cells (Table), pictures, nested reports, and tuples
-      of paragraphs and tables that are printed without a blank line between them
+    parts: paragraphs (str), tables of formatted cells (Table), rows of a sheet (Group), pictures,
+      nested reports, and tuples of paragraphs and tables that are printed without a blank line
+      between them
     notes: notes on the result
     data: entries of the result by name, for JSON, .npz and .mat
     records: the result for CSV, with numbers in full precision
@@ -170,7 +172,7 @@ class Report:
                 yield from part.pictures()
 
 
-Part: TypeAlias = "str | Table | tuple[str | Table, ...] | Picture | Report"
+Part: TypeAlias = "str | Table | Group | tuple[str | Table, ...] | Picture | Report"
 
 
 class Reported:
@@ -199,6 +201,8 @@ class Reported:
 
 def _text(part: Any, color: bool, width: int | None) -> str:
     if isinstance(part, Report):
+        return part.text(color, width)
+    if isinstance(part, Group):
         return part.text(color, width)
     if isinstance(part, Table):
         return columns(*part, color=color, width=width)

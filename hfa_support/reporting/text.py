@@ -208,15 +208,15 @@ def degrees(value: float, unit: str) -> tuple[str, str]:
     return shown_value(value, unit, "z.5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
 
 
-def short_number(value: float, unit: str) -> str:
-    """Return a value as text with four significant digits, in the unit that reports print.
+def short_number(value: float, unit: str, count: int = 4) -> str:
+    """Return a value as text with `count` significant digits, in the unit that reports print.
 
-    A magnitude from 1e4 to 1e7 is rounded to a whole number. A magnitude below `ROUNDING` is
-    printed as 0.
+    A magnitude of more digits, below 1e7, is rounded to a whole number. A magnitude below
+    `ROUNDING` is printed as 0.
     """
     shown = float(shown_values(value, unit))
     shown = 0.0 if abs(shown) < ROUNDING else shown
-    return f"{shown:.0f}" if 1e4 <= abs(shown) < 1e7 else f"{shown:.4g}"
+    return f"{shown:.0f}" if 10.0**count <= abs(shown) < 1e7 else f"{shown:.{count}g}"
 
 
 def digits(value: float, count: int = 3) -> str:

@@ -20,8 +20,8 @@ from hfa_support.reporting.text import Table, shown_unit, shown_value
 from trim.hfa.level_flight import level_flight
 from trim.hfa.printed import EntryRow, eigenvalue_errors, entries_records, entries_table
 from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 from trim.point.condition import release
-from trim.point.linearize import linearize
 from trim.point.solve import trim
 
 SCHEMA = "hfa.validation/1"

@@ -28,11 +28,11 @@ def test_too_weak_an_engine_leads_to_the_steepest_climb() -> None:
     advice = re.search(r"with (.*) in place of --hold \(gamma (.*) deg\)", refused.err)
     assert advice is not None
     found = answer("trim", "--aircraft", UAV, *advice[1].split())
-    point, figures = found["operating_point"], found["performance"]
+    point, figures = found["operating_point"], found["sheet"]
     assert point["inputs"]["thrust"] == 60.0
-    along = 60.0 * np.cos(point["states"]["alpha"]) - figures["drag"]
+    along = 60.0 * np.cos(point["states"]["alpha"]) - figures["drag"]["value"]
     gamma = np.arcsin(along / (13.5 * 9.80665))
-    assert figures["gamma"] == pytest.approx(gamma, rel=1e-6)
+    assert figures["gamma"]["value"] == pytest.approx(gamma, rel=1e-6)
     assert np.degrees(gamma) == pytest.approx(float(advice[2]), rel=1e-4)
     assert np.degrees(gamma) > 15.0
 

@@ -16,15 +16,15 @@ TRIM = ("trim", "--dihedral", "12")
 def test_trims_in_si_satisfy_physical_laws() -> None:
     """A trim in SI units satisfies four laws with the numbers of the standard air within 1e-4."""
     data = answer(*TRIM, "--units", "si")
-    performance = data["performance"]
+    performance = {name: row["value"] for name, row in data["sheet"].items()}
     speed = data["operating_point"]["states"]["speed"]
     # The density of the standard atmosphere at 40,000 ft is 0.30267 kg/m^3, its speed of sound
     # 295.07 m/s.
     pressure = 0.5 * 0.302_67 * speed**2
-    coefficient = data["loads"]["lift"] / (pressure * performance["reference_area"])
+    coefficient = performance["lift"] / (pressure * performance["S"])
     weight = 3 * 9.326 * 14.5939029 * 32.2 * FOOT
-    assert performance["dynamic_pressure"] == pytest.approx(pressure, rel=1e-4)
-    assert performance["lift_coefficient"] == pytest.approx(coefficient, rel=1e-4)
+    assert performance["dynamic pressure"] == pytest.approx(pressure, rel=1e-4)
+    assert performance["lift coefficient"] == pytest.approx(coefficient, rel=1e-4)
     assert performance["mach"] == pytest.approx(speed / 295.07, rel=1e-4)
     assert performance["weight"] == pytest.approx(weight, rel=1e-4)
 

@@ -11,21 +11,9 @@ import pytest
 from project import FOLDERS
 from scipy.sparse.csgraph import connected_components
 
-#: Groups of modules that import each other in functions or for type checkers: the values of a trim
-#: and of its report, an expansion with its radius and report, and pairs of a value and its report or
+#: Groups of modules that import each other in functions or for type checkers: an expansion with its radius and report, and pairs of a value and its report or
 #: figure. The modules of a pair are in one folder.
 ALLOWED = [
-    {
-        "trim.linear.handling_qualities",
-        "trim.linear.linear_model",
-        "trim.point.configuration",
-        "trim.point.first_lines",
-        "trim.point.linearize",
-        "trim.point.operating_point",
-        "trim.point.performance",
-        "trim.point.solve",
-        "trim.point.trim_report",
-    },
     {
         "controller.expansion.expansion",
         "controller.expansion.expansion_figure",

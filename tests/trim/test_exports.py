@@ -46,15 +46,14 @@ def test_a_missing_package_is_named(
 
 
 def test_records_of_a_sheet_contain_its_figures(point: hfa.OperatingPoint) -> None:
-    """The records have airspeed, load factor, L/D, margins and modes, as the sheet's data have."""
+    """The records have airspeed, load factor, L/D, margins and modes, as the sheet has."""
     report = point.report()
-    found = {(kind, name): value for kind, name, value, _ in report.records.rows}
-    for name in ("calibrated_airspeed", "load_factor", "lift_over_drag"):
-        assert found["performance", name] == report.data["performance"][name]
-    assert found["stability", "static_margin"] == report.data["stability"]["static_margin"]
-    assert found["margin", "throttle"] == min(point["throttle"], 200.0 - point["throttle"])
+    found = {name: value for _, name, value, *_ in report.records.rows}
+    for name in ("calibrated airspeed", "load factor", "L/D", "static margin"):
+        assert found[name] == report.data["sheet"][name]["value"] == point.sheet[name].value
+    assert found["throttle margin"] == min(point["throttle"], 200.0 - point["throttle"])
     for mode in point.modes:
-        assert found["mode", f"{mode.name} real"] == mode.eigenvalue.real
+        assert found[f"{mode.name} eigenvalue real"] == mode.eigenvalue.real
 
 
 def test_a_report_in_latex_has_the_cells_of_its_tables(
@@ -69,7 +68,7 @@ def test_a_report_in_latex_has_the_cells_of_its_tables(
     assert r"pitch\_rate" in text
     assert "pitch_rate" not in text
     for mode in point.modes:
-        assert f"{mode.damping:.4f} & " in text
+        assert f"{mode.eigenvalue.real:.4f}" in text
 
 
 def test_a_sweep_in_netcdf_is_read_back(point: hfa.OperatingPoint, tmp_path: Path) -> None:

@@ -192,10 +192,7 @@ def test_further_initial_guesses_cross_a_flat_region() -> None:
     point = trim(flat, usual_condition(flat))
     assert point.inputs.throttle == pytest.approx(0.59, rel=1e-9)
     assert point.started > 0
-    assert (
-        "other initial points failed too"
-        not in trim_report(flat, usual_condition(flat), point).text()
-    )
+    assert "other initial points failed too" not in trim_report(point, usual_condition(flat)).text()
     with pytest.raises(TrimError, match=r"\d other initial points failed too"):
         trim(flat, release(usual_condition(flat), hold={"speed": 200.0}))
 

@@ -12,7 +12,7 @@ from hfa_model.variants import VARIANTS
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, plain
-from hfa_support.reporting.text import Table, eigenvalue_text
+from hfa_support.reporting.rows import Group, Row
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import Mode
 from trim.point.operating_point import OperatingPoint
@@ -63,23 +63,6 @@ def mode_differences(modes: Sequence[Mode], others: Sequence[Mode]) -> tuple[Mod
     return tuple(differences)
 
 
-def differences_table(own: str, other: str, differences: Sequence[ModeDifference]) -> Table:
-    """Return a table of the eigenvalues of two dynamics and their differences.
-
-    own, other: names of the dynamics
-    """
-    rows = [
-        (
-            each.mode,
-            eigenvalue_text(each.eigenvalue),
-            eigenvalue_text(each.other),
-            f"{each.percent:.3g} %",
-        )
-        for each in differences
-    ]
-    return Table((f"{own} and {other}", f"{own} 1/s", f"{other} 1/s", "difference"), rows)
-
-
 def beside_other_dynamics(report: Report, point: OperatingPoint) -> Report:
     """Return the report of a trim with the modes of the other dynamics at its condition."""
     other = with_other_dynamics(point)
@@ -87,6 +70,17 @@ def beside_other_dynamics(report: Report, point: OperatingPoint) -> Report:
         return report
     differences = mode_differences(point.modes, other.modes)
     name = other.point.dynamics
-    table = differences_table(point.dynamics, name, differences)
-    shown = replace(report, parts=(*report.parts, table))
+    group = differences_group(name, differences)
+    shown = replace(report, parts=(*report.parts, group))
     return shown.with_data(other_dynamics=name, mode_differences=plain(differences))
+
+
+def differences_group(other: str, differences: Sequence[ModeDifference]) -> Group:
+    """Return the eigenvalues of the other dynamics, and how far they are from the reported ones.
+
+    other: name of the other dynamics
+    """
+    rows = [
+        Row(each.mode, each.other, "1/s", f"{each.percent:.3g} % apart") for each in differences
+    ]
+    return Group(f"modes of {other} dynamics", tuple(rows))

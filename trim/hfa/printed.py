@@ -30,11 +30,12 @@ from hfa_support.reporting.results import ByValue, Result
 from hfa_support.reporting.text import Table, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
-from trim.hfa.other_dynamics import differences_table, mode_differences
-from trim.linear.linear_model import LinearModel, matrices
+from trim.hfa.other_dynamics import differences_group, mode_differences
+from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import level_model
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import level_model
+from trim.reports.linear_report import matrices
 
 #: Relative difference below which parameters count as the packaged ones: another seed or machine
 #: changes them by less.
@@ -280,8 +281,8 @@ def with_bands(
         found = {"A_band": bands.A, "B_band": bands.B}
     if other is not None:
         differences = mode_differences(model.modes, other.modes)
-        own_name, name = model.point.dynamics, other.point.dynamics
-        parts = (*parts, differences_table(own_name, name, differences))
+        name = other.point.dynamics
+        parts = (*parts, differences_group(name, differences))
         found |= {
             "other_dynamics": name,
             "A_difference": other.A - model.A,

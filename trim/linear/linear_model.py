@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,12 +17,12 @@ from hfa_support.errors import BadInputError, file_faults, prefix_errors
 from hfa_support.files import read_json
 from hfa_support.labels import in_order, labels_of
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
-from hfa_support.reporting.named import with_names
+from hfa_support.reporting.named import ByName, with_names
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, Vector, given
-from hfa_support.reporting.text import WIDTH, Table, degrees, matrix_table, numbered, wrapped
-from trim.linear.modes import modes_table
-from trim.point.first_lines import first_line, mode_lines, without_lines
+from hfa_support.reporting.text import numbered
+from trim.linear.modes import Eigenvalues, Mode, fastest_first, modes_of, order_fastest_first
+from trim.point.operating_point import OperatingPoint, origin
 
 if TYPE_CHECKING:
     import control
@@ -31,12 +30,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from hfa_aircraft.model import Model
-    from hfa_support.reporting.named import ByName
-    from trim.linear.modes import Mode
+    from hfa_support.reporting.rows import Row
     from trim.linear.reduction import Matrices, Names
     from trim.linear.transfer import System
-    from trim.point.operating_point import OperatingPoint
-    from trim.point.performance import Quantity
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,8 +121,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         >>> hfa.LinearModel.of(A, B, states=("x", "v")).A["v", "x"]
         np.float64(-4.0)
         """
-        from trim.point.operating_point import origin
-
         if is_state_space(A):
             return _of_state_space(A, name)
         states = tuple(states) or _labels(A, 0)
@@ -241,13 +235,10 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     @property
     def modes(self) -> ByName[Mode]:
         """Modes of A, fastest first, which can be indexed by number or name: modes["phugoid"]."""
-        from hfa_support.reporting.named import ByName
-        from trim.linear.modes import modes_of
-
         return ByName(modes_of(self.A, self.states, self.model.modes))
 
     @property
-    def handling_qualities(self) -> ByName[Quantity]:
+    def handling_qualities(self) -> ByName[Row]:
         """Handling qualities at the operating point, also if this model has fewer states."""
         return self.point.handling_qualities
 
@@ -342,15 +333,11 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     @property
     def eigenvalues(self) -> np.ndarray:
         """Eigenvalues of A, (n,) complex, 1/s, fastest first."""
-        from trim.linear.modes import Eigenvalues, fastest_first
-
         return fastest_first(np.linalg.eigvals(self.A)).view(Eigenvalues)
 
     @property
     def eigenvectors(self) -> Any:
         """Eigenvectors of A, (n, n) complex, one column for each of `eigenvalues`."""
-        from trim.linear.modes import order_fastest_first
-
         values, vectors = np.linalg.eig(self.A)
         return vectors[:, order_fastest_first(values)]
 
@@ -494,8 +481,9 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     def report(self) -> Report:
         """Return a report of the linear model, with A, B, the offsets and the modes."""
+        import trim
 
-        return linear_model_report(self)
+        return trim.linear_model_report(self)
 
     def to_control(self) -> control.StateSpace:
         """Return the linear model as a python-control `StateSpace`, with the same signal names."""
@@ -595,141 +583,3 @@ def _with_units(names: tuple[str, ...], units: list[str]) -> dict[str, Signal]:
     if len(units) != len(names):
         raise BadInputError(f"there are {len(units)} units for {len(names)} names")
     return {name: Signal(unit) for name, unit in zip(names, units, strict=True)}
-
-
-#: Units of length.
-_LENGTHS = ("ft", "m", "km", "nmi", "mi", "in", "cm", "mm")
-
-
-class Block(NamedTuple):
-    """Matrix A, B, C or D in a report, with the names and units of its rows and columns.
-
-    name: name of the matrix
-    rows, columns: names of the signals
-    row_units, column_units: units of the signals, or of the rates of states
-    values: (rows, columns)
-    """
-
-    name: str
-    rows: tuple[str, ...]
-    row_units: tuple[str, ...]
-    columns: tuple[str, ...]
-    column_units: tuple[str, ...]
-    values: np.ndarray
-
-
-def linear_model_report(model: LinearModel) -> Report:
-    """Return a report of a linear model: A, B, the offsets and the modes.
-
-    C and D are included if the outputs are not the states. The data of the report also contain E
-    and F.
-    """
-    point = model.point
-    signals = point.model
-    blocks = _blocks(model)
-    names = (*model.states, *model.inputs)
-    offsets = (*model.state_offsets.tolist(), *model.input_offsets.tolist())
-    offset_rows = [
-        (name, *degrees(value, signals.unit(name)))
-        for name, value in zip(names, offsets, strict=True)
-    ]
-    matrix_names = [block.name for block in blocks]
-    equations = "x' = A x + B u, "
-    if "C" in matrix_names:
-        equations += "y = C x + D u, "
-    modes = model.modes
-    title = "\n".join(
-        [
-            first_line(point, "linearized", modes),
-            mode_lines(modes, signals),
-            f"{equations}x = X - X0, u = U - U0",
-            wrapped(
-                f"{', '.join(matrix_names[:-1])} and {matrix_names[-1]} in {units_in_words(model)};"
-                " X0 and U0 in the units of their table",
-                WIDTH,
-            ),
-        ]
-    )
-    return Report(
-        title=title,
-        parts=[
-            *matrices(model),
-            Table(("offset", "value", "unit"), offset_rows),
-            modes_table(modes, signals.time_unit),
-        ],
-        notes=without_lines(model.warnings),
-        data=model.as_data(),
-        records=_records(model, blocks),
-    )
-
-
-def _records(model: LinearModel, blocks: list[Block]) -> Table:
-    """Return a table in full precision of the entries and offsets of a linear model."""
-    # Each row is (matrix, row name, column name, value, unit). An offset has "X0" or "U0" in place
-    # of a matrix.
-    rows: list[tuple[Any, ...]] = []
-    for block in blocks:
-        for i, row in enumerate(block.rows):
-            for j, column in enumerate(block.columns):
-                unit = f"({block.row_units[i]})/({block.column_units[j]})"
-                rows.append((block.name, row, column, block.values[i, j], unit))
-    unit_of = model.model.unit
-    for offset, names in (("X0", model.states), ("U0", model.inputs)):
-        for name in names:
-            rows.append((offset, name, "", model.point.values[name], unit_of(name)))
-    return Table(("matrix", "row", "column", "value", "unit"), rows)
-
-
-def units_in_words(model: LinearModel) -> str:
-    """Return the units of a linear model's matrices as text, such as "rad, ft, s, but elevator in
-    deg".
-
-    Signals in units other than the common ones are listed after "but".
-    """
-    units = model.model.units
-    length = next(
-        (unit for state in model.state_units for unit in _base_units(state) if unit in _LENGTHS), ""
-    )
-    names = dict.fromkeys((*model.states, *model.inputs, *model.outputs))
-    time = model.model.time_unit
-    common = {"rad", length, time}
-    others: dict[str, list[str]] = {}
-    present = {time}
-    for name, unit in zip(names, units(tuple(names)), strict=True):
-        bases = _base_units(unit)
-        if bases <= common:
-            present |= bases
-        else:
-            others.setdefault(unit, []).append(name)
-    words = ", ".join(unit for unit in ("rad", length, time) if unit in present)
-    if others:
-        listed = [f"{', '.join(names)} in {unit}" for unit, names in others.items()]
-        words += f", but {'; '.join(listed)}"
-    return words
-
-
-def _base_units(unit: str) -> set[str]:
-    """Return the base units in a unit: ft and s for ft/s^2."""
-    return {*re.findall(r"[A-Za-z%]+", unit)}
-
-
-def matrices(model: LinearModel) -> tuple[Table, ...]:
-    """Return tables of the matrices A and B, and of C and D if the outputs are not the states."""
-    return tuple(
-        matrix_table(block.name, block.rows, block.columns, block.values)
-        for block in _blocks(model)
-    )
-
-
-def _blocks(model: LinearModel) -> list[Block]:
-    """Return the reported matrices: A and B, and C and D if the outputs are not the states."""
-    signals = model.model
-    of_states = (model.states, model.state_units)
-    of_inputs = (model.inputs, model.input_units)
-    rates = (model.states, tuple(signals.rate_unit(name) for name in model.states))
-    blocks = [Block("A", *rates, *of_states, model.A), Block("B", *rates, *of_inputs, model.B)]
-    if model.outputs != model.states:
-        outputs = (model.outputs, signals.units(model.outputs))
-        blocks.append(Block("C", *outputs, *of_states, model.C))
-        blocks.append(Block("D", *outputs, *of_inputs, model.D))
-    return blocks

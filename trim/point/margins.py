@@ -10,7 +10,6 @@ from typing import Any
 from hfa_aircraft.limits import NEAR
 from hfa_aircraft.model import Model
 from hfa_support.reporting.results import Result
-from hfa_support.reporting.text import degrees, short_number, shown_value
 from trim.point.condition import TrimCondition
 
 
@@ -27,6 +26,7 @@ class Margin(Result):
     unit: unit of value, lowest, highest and scale
     scale: nominal size of the variable
     assumed: whether the limits are assumptions of the reader of the aircraft
+    highest_is: what the highest value is, if it is no declared limit: "that of the largest lift"
     """
 
     name: str
@@ -37,6 +37,7 @@ class Margin(Result):
     unit: str
     scale: float
     assumed: bool = False
+    highest_is: str = ""
 
     @property
     def distance(self) -> float:
@@ -83,29 +84,6 @@ class Margin(Result):
     def at_limit(self) -> bool:
         """True if the variable is at the nearer limit, up to `NEAR`, or beyond."""
         return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))
-
-    def row(self) -> tuple[str, ...]:
-        """Return a table row on the variable, as text.
-
-        The cells are name, value, unit, role, lowest and highest value. Assumed limits have a star.
-        Angles are in degrees.
-        """
-        star = "*" * self.assumed
-        lowest, highest = (
-            "" if math.isinf(limit) else shown_value(limit, self.unit) + star
-            for limit in (self.lowest, self.highest)
-        )
-        role = "imposed" if self.role == "held" else self.role
-        value, unit = degrees(self.value, self.unit)
-        return self.name, value, unit, role, lowest, highest
-
-    def distance_text(self) -> str:
-        """Return the distance from the nearer limit as text, or "" without limits."""
-        return short_number(self.distance, self.unit) if self.nearer else ""
-
-    def used_text(self) -> str:
-        """Return the used share of the travel as text, or ""."""
-        return "" if math.isnan(self.used) else f"{100 * self.used:.1f} %"
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

@@ -12,35 +12,28 @@ import numpy as np
 
 from hfa_aircraft.model import Model, recognized
 from hfa_aircraft.signals import StatesAndInputs, record
-from hfa_support.errors import BadInputError, NotFiniteError, file_faults, refuse_unknown, shortened
+from hfa_support.errors import BadInputError, file_faults, refuse_unknown, shortened
 from hfa_support.files import read_json, write_text
 from hfa_support.reporting.data_files import json_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Record, Result
-from hfa_support.reporting.text import Table, degrees, in_degrees
+from hfa_support.reporting.text import in_degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, radian_factor, si_unit
-from trim.point.first_lines import first_line, without_lines
 from trim.point.status import BALANCE, Status
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
-    from hfa_aircraft.layout import Linearization
     from hfa_support.reporting.named import ByName
-    from trim.linear.linear_model import LinearModel
-    from trim.linear.modes import Mode
+    from hfa_support.reporting.rows import Row, Sheet
+    from trim import LinearModel, Mode
     from trim.point.condition import TrimCondition
     from trim.point.margins import Margin
-    from trim.point.performance import Quantity
     from trim.point.problem import TrimProblem
 
 SCHEMA = "hfa.operating-point/1"
-#: Outputs whose derivatives belong to the sheet of a trim.
-_SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust")
-#: Call that returns the levels of MIL-F-8785C for a class and a category.
-_LEVELS = 'trim.levels_of(point, trim.Airplane("III", "C"))'
 
 
 @dataclass(frozen=True, repr=False)
@@ -282,21 +275,6 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             else self.model.unit(equation)
         )
 
-    @property
-    def title(self) -> str:
-        """Text with the model, its equations, the status, the condition, and the unstable modes.
-
-        Further lines name an angle without limits that exceeds 90 deg, and state that the search
-        did not begin at the default initial point.
-        """
-        has_modes = self.ok and not self.fault
-        lines = [first_line(self, str(self.status), self.modes if has_modes else None)]
-        if self._far_out:
-            lines.append(f"Far out: {self._far_out[0]}")
-        if self.started:
-            lines.append("Not from the default initial point")
-        return "\n".join(lines)
-
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
@@ -308,18 +286,6 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             "input_units": self.input_units,
             "dynamics": self.dynamics,
         }
-
-    def report(self) -> Report:
-        """Return the report of the trim that `hfa trim` prints.
-
-        For a point that was not found by a search, the report contains only the states and inputs.
-        """
-        if self.problem is not None:
-            from trim.point.trim_report import trim_report
-
-            return trim_report(self.model, self.problem.asked, self)
-
-        return saved_report(self)
 
     @cached_property
     def in_radians(self) -> OperatingPoint:
@@ -340,79 +306,49 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         )
         return OperatingPoint(states, inputs, {}, self.status, model)
 
+    # Doors: functions of a point, which the package `trim` offers.
+
+    @cached_property
+    def sheet(self) -> Sheet:
+        """Figures of the trim, found by name: sheet["static margin"].value (`trim.sheet_of`)."""
+        import trim
+
+        return trim.sheet_of(self)
+
+    def report(self) -> Report:
+        """Return the report of the trim that `hfa trim` prints (`trim.trim_report`)."""
+        import trim
+
+        return trim.trim_report(self)
+
     @cached_property
     def modes(self) -> ByName[Mode]:
-        """Modes of the linear model at the point, fastest first."""
-        from hfa_support.reporting.named import ByName
-        from trim.linear.modes import modes_of
+        """Modes of the linear model at the point, fastest first, found by number or name."""
+        import trim
 
-        model = self.model
-        rows = model.state_places(model.linear)
-        A = self.slopes.A[np.ix_(rows, rows)]
-        return ByName(modes_of(A, model.linear, model.modes))
+        return trim.modes_at(self)
 
     @cached_property
-    def handling_qualities(self) -> ByName[Quantity]:
-        """Handling qualities, as far as the model declares their modes and outputs.
+    def handling_qualities(self) -> ByName[Row]:
+        """Frequencies, damping ratios and times of the modes (`trim.handling_qualities_of`)."""
+        import trim
 
-        - `short period`, `phugoid` and `dutch roll`: natural frequency and damping ratio, for two
-          real eigenvalues from their product and sum
-        - `dutch roll`: also the product of frequency and damping ratio, and |φ/β| of the mode's
-          shape
-        - `roll`: time constant -1/λ
-        - `spiral`: time to double or half, ln 2/|λ|
-        - `roll` or `spiral` coupled in an oscillation: the product of frequency and damping ratio
-        - with an output `load_factor` and a state `alpha` in the short period: n/alpha and the
-          control anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1)
-
-        n/alpha is the steady change of the load factor divided by the steady change of alpha, after
-        a step of the input that pitches the aircraft most. Lags follow, and all other states except
-        alpha and pitch rate are held.
-        """
-        from hfa_support.reporting.named import ByName
-        from trim.linear.handling_qualities import handling_qualities
-
-        found = ByName(handling_qualities(self))
-        if "load_factor" not in self.model.outputs:
-            reason = "the model has no output load_factor; declare this output"
-            found.lacking = dict.fromkeys(("CAP", "n/alpha"), reason)
-        return found
-
-    @cached_property
-    def fault(self) -> str:
-        """Reason why the point has no linear model and no modes, or ""."""
-        try:
-            _ = self.slopes
-        except NotFiniteError as error:
-            return str(error)
-        return ""
-
-    @property
-    def sloped(self) -> tuple[str, ...]:
-        """Names of the outputs in `slopes`."""
-        return tuple(name for name in _SLOPED if name in self.model.outputs)
-
-    @cached_property
-    def slopes(self) -> Linearization:
-        """Derivatives of the rates and of some outputs at the point, with mean slopes at kinks."""
-        from trim.linear.kinks import linearization_at
-
-        slopes, _ = linearization_at(self.model, self.x, self.u, self.sloped)
-        return slopes
-
-    def _slopes_of(self, output: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return ∂y/∂X (n,) and ∂y/∂U (m,) of an output in `slopes`."""
-        row = self.sloped.index(output)
-        return self.slopes.C[row], self.slopes.D[row]
+        return trim.handling_qualities_of(self)
 
     def linearize(self, **options: Any) -> LinearModel:
         """Return the linear model at the point.
 
         options: keyword arguments of `hfa.linearize`
         """
-        from trim.point.linearize import linearize
+        import trim
 
-        return linearize(self.model, self, **options)
+        return trim.linearize(self.model, self, **options)
+
+    def plot(self) -> Axes:
+        """Draw the variables between their limits with pyplot, and return the Axes."""
+        import trim
+
+        return trim.draw_point(self)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return each state, input and output with its unit. Requires xarray."""
@@ -423,12 +359,6 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             for name, value in dict(self).items()
         }
         return dataset(values, {}, self.model.title)
-
-    def plot(self) -> Axes:
-        """Draw the variables between their limits with pyplot, and return the Axes."""
-        from trim.point.trim_report import draw_point
-
-        return draw_point(self)
 
     def save(self, path: str | Path) -> None:
         """Write the point as .json, from which `load` restores the exact numbers, or its sheet.
@@ -533,29 +463,3 @@ def loaded_point(path: str | Path, model: Model) -> OperatingPoint:
         record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs")
     )
     return OperatingPoint(states, inputs, found["residuals"], Status(found["status"]), model)
-
-
-def point_records(point: OperatingPoint) -> Table:
-    """Return a table of the states, inputs and residuals of an operating point.
-
-    Each row is (kind, name, value, unit). The unit of an angle is rad.
-    """
-    unit = point.model.unit
-    rows: list[tuple[str, str, float, str]] = []
-    for kind, values in (("state", point.states), ("input", point.inputs)):
-        rows += [(kind, name, value, unit(name)) for name, value in values._asdict().items()]
-    for name, value in point.residuals.items():
-        rows.append(("residual", name, value, point.equation_unit(name)))
-    return Table(("kind", "name", "value", "unit"), rows)
-
-
-def saved_report(point: OperatingPoint) -> Report:
-    """Return a report of the states and inputs of a point that was not found by a search."""
-    records = point_records(point)
-    rows = [
-        (kind, name, *degrees(value, unit))
-        for kind, name, value, unit in records.rows
-        if kind != "residual"
-    ]
-    table = Table(records.header, rows)
-    return Report(point.title, [table], without_lines(point.warnings), point.as_data(), records)

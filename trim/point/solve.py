@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from trim.point.condition import TrimCondition, refuse_unfit, release, usual_con
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
 from trim.point.status import Status
-
-if TYPE_CHECKING:
-    from trim.linear.linear_model import LinearModel
 
 
 class TrimError(NoSolutionError):
@@ -182,21 +178,3 @@ def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np
 
     others = searches.of_least_effort if unknowns > equations else searches.in_balance
     yield from others(problem, guess)
-
-
-def level_model(model: Model, scheduled: float) -> LinearModel:
-    """Return the linear model of an aircraft at the trim that its model declares.
-
-    For the flexible aircraft, this trim is the paper's level flight.
-
-    model: model of the aircraft
-    scheduled: value of the scheduling variable; for the flexible aircraft the dihedral angle, rad
-
-    Raises TrimError if the trim does not exist.
-
-    >>> import hfa
-    >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states
-    ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
-    """
-    condition = usual_condition(model).at(hold={model.schedule: scheduled})
-    return trim(model, condition).linearize()

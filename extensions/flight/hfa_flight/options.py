@@ -39,7 +39,7 @@ from hfa_flight.simulate.envelope import control_limits
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import MATRIX_FILES
 from trim.linear.linear_model import LinearModel
-from trim.point.linearize import linearize
+from trim.linear.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from project import ROOT
+from sheet_values import values
 
 import hfa
 from hfa import Signal
@@ -37,28 +38,28 @@ def test_lift_drag_and_thrust_balance_the_weight(name: str) -> None:
     """In level flight L + T sin α = W and D = T cos α; the thrust of the 737 also pitches."""
     pytest.importorskip("hfa_jsbsim")
     point, data = trimmed(name)
-    figures = data["performance"]
-    thrust = figures.get("thrust_force", figures.get("thrust"))
+    figures = values(data)
+    thrust = figures.get("thrust force", figures.get("thrust"))
     alpha = point["alpha"]
     assert figures["drag"] == pytest.approx(thrust * math.cos(alpha), rel=2e-3)
     lift = figures["weight"] - thrust * math.sin(alpha)
     assert figures["lift"] == pytest.approx(lift, rel=4e-3)
-    assert figures["lift_over_drag"] == pytest.approx(figures["lift"] / figures["drag"])
-    force = figures["dynamic_pressure"] * figures["reference_area"]
-    assert figures["lift_coefficient"] == pytest.approx(figures["lift"] / force)
+    assert figures["L/D"] == pytest.approx(figures["lift"] / figures["drag"])
+    force = figures["dynamic pressure"] * figures["S"]
+    assert figures["lift coefficient"] == pytest.approx(figures["lift"] / force)
     power = thrust * math.cos(alpha) * point["speed"]
-    shown = {"hp": 1.0 / 550.0, "kW": 1e-3}[data["performance_units"]["power_required"]]
-    assert figures["power_required"] == pytest.approx(power * shown, rel=2e-3)
+    shown = {"hp": 1.0 / 550.0, "kW": 1e-3}[data["sheet"]["power required"]["unit"]]
+    assert figures["power required"] == pytest.approx(power * shown, rel=2e-3)
 
 
 def test_the_static_margin_is_that_of_the_table() -> None:
     """The margin is -Cm_alpha / CL_alpha of the file, and the neutral point a chord times it."""
     _, data = trimmed(AIRCRAFT[0])
-    figures = data["stability"]
-    assert figures["static_margin"] == pytest.approx(0.38 / 3.45, rel=1e-9)
+    figures = values(data)
+    assert figures["static margin"] == pytest.approx(0.38 / 3.45, rel=1e-9)
     assert figures["CL_alpha"] == pytest.approx(3.45, rel=1e-9)
     behind = 0.18994 * 0.38 / 3.45
-    assert figures["neutral_point_behind_center_of_gravity"] == pytest.approx(behind, rel=1e-9)
+    assert figures["neutral point behind c.g."] == pytest.approx(behind, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", AIRCRAFT)
@@ -74,8 +75,8 @@ def test_the_static_margin_is_that_of_differences(name: str) -> None:
         # The moment due to the rate of alpha vanishes in a trim only.
         sides.append(point.model.outputs_at(state, point.inputs, names))
     lift, moment = (sides[1][name] - sides[0][name] for name in names)
-    margin = -moment / (lift * data["performance"]["reference_chord"])
-    assert data["stability"]["static_margin"] == pytest.approx(margin, rel=1e-3)
+    margin = -moment / (lift * data["sheet"]["c"]["value"])
+    assert data["sheet"]["static margin"]["value"] == pytest.approx(margin, rel=1e-3)
 
 
 def test_a_center_of_gravity_at_the_neutral_point_has_no_margin() -> None:
@@ -83,7 +84,7 @@ def test_a_center_of_gravity_at_the_neutral_point_has_no_margin() -> None:
     model = trimmed(AIRCRAFT[0])[0].model
     for slope in (0.0, 0.1):
         point = hfa.trim(model.with_parameters(Cm_alpha=slope))
-        margin = point.report().data["stability"]["static_margin"]
+        margin = point.report().data["sheet"]["static margin"]["value"]
         assert margin == pytest.approx(-slope / 3.45, abs=1e-12)
 
 
@@ -115,7 +116,7 @@ def test_control_per_g_is_that_of_nonlinear_pull_ups(name: str, control: str) ->
             imposed = {key: value for key, value in condition.imposed.items() if key != "gamma"}
             condition = replace(condition, imposed=imposed)
         found.append(hfa.trim(model, condition, point)[control])
-    assert data["stability"][f"{control}_per_g"] == pytest.approx(
+    assert data["sheet"][f"{control} per g"]["value"] == pytest.approx(
         (found[1] - found[0]) / 0.004, rel=2e-2
     )
 
@@ -128,17 +129,17 @@ def test_control_per_knot_is_the_slope_of_trims(name: str) -> None:
     speeds = [point["speed"] + change * knot for change in (-2.0, 2.0)]
     found = [hfa.trim(point.model, speed=speed)["elevator"] for speed in speeds]
     expected = (found[1] - found[0]) / 4.0
-    assert data["stability"]["elevator_per_knot"] == pytest.approx(expected, rel=2e-2)
+    assert data["sheet"]["elevator per knot"]["value"] == pytest.approx(expected, rel=2e-2)
 
 
 def test_elevator_per_knot_of_a_table_is_the_textbook_formula() -> None:
     """With small angles: CL_α Δα + CL_δ Δδ = -2 CL ΔV / V and Cm_α Δα + Cm_δ Δδ = 0."""
     point, data = trimmed(AIRCRAFT[0])
     slopes = np.array([[3.45, -0.36], [-0.38, -0.5]])
-    change = -2.0 * data["performance"]["lift_coefficient"] / point["speed"]
+    change = -2.0 * data["sheet"]["lift coefficient"]["value"] / point["speed"]
     _, elevator = np.linalg.solve(slopes, [change, 0.0])
     knot = KNOTS["m/s"]
-    assert data["stability"]["elevator_per_knot"] == pytest.approx(elevator * knot, rel=2e-2)
+    assert data["sheet"]["elevator per knot"]["value"] == pytest.approx(elevator * knot, rel=2e-2)
 
 
 def test_thrust_available_is_that_of_full_throttle() -> None:
@@ -146,12 +147,12 @@ def test_thrust_available_is_that_of_full_throttle() -> None:
     pytest.importorskip("hfa_jsbsim")
     point, data = trimmed("jsbsim:737")
     full = point.model.outputs_at(point.states, point.inputs._replace(throttle=1.0), ("thrust",))
-    assert data["performance"]["thrust_available"] == pytest.approx(full["thrust"])
+    assert data["sheet"]["thrust available"]["value"] == pytest.approx(full["thrust"])
     assert full["thrust"] > 1.5 * point["thrust"]
     _, flexible = trimmed("hfa")
-    assert flexible["performance"]["thrust_available"] == pytest.approx(200.0, rel=1e-3)
+    assert flexible["sheet"]["thrust available"]["value"] == pytest.approx(200.0, rel=1e-3)
     _, given = trimmed(AIRCRAFT[0])
-    assert given["performance"]["thrust_available"] == 60.0
+    assert given["sheet"]["thrust available"]["value"] == 60.0
 
 
 @pytest.mark.slow
@@ -159,7 +160,7 @@ def test_thrust_of_a_propeller_whose_speed_is_a_state_is_not_invented() -> None:
     """The thrust of the Cessna follows the speed of its propeller."""
     point = hfa.trim(hfa.load_model("jsbsim:c172p"))
     data = point.report().data
-    assert "thrust_available" not in data["performance"]
+    assert "thrust available" not in values(data)
     assert "rpm0" in data["not_in_model"]["thrust available"]
 
 
@@ -167,7 +168,7 @@ def test_the_stall_margin_is_that_of_the_peak_of_the_lift() -> None:
     """At the speed ratio of the report, the largest lift over alpha carries the same lift."""
     pytest.importorskip("hfa_jsbsim")
     point, data = trimmed("jsbsim:737")
-    figures = data["performance"]
+    figures = values(data)
 
     def lift(alpha: float) -> float:
         states = point.states._replace(alpha=math.radians(alpha))
@@ -176,8 +177,8 @@ def test_the_stall_margin_is_that_of_the_peak_of_the_lift() -> None:
     peak = max(np.linspace(5.0, 30.0, 251).tolist(), key=lift)
     largest = max(map(lift, np.linspace(peak - 0.1, peak + 0.1, 251).tolist()))
     ratio = math.sqrt(largest / figures["lift"])
-    assert figures["speed_over_stall_speed"] == pytest.approx(ratio, rel=1e-4)
-    assert "stall margin" in trimmed(AIRCRAFT[0])[1]["not_in_model"]
+    assert figures["speed / stall speed"] == pytest.approx(ratio, rel=1e-4)
+    assert "speed / stall speed" in trimmed(AIRCRAFT[0])[1]["not_in_model"]
 
 
 def test_a_declared_largest_lift_coefficient_gives_the_stall_speed() -> None:
@@ -185,9 +186,9 @@ def test_a_declared_largest_lift_coefficient_gives_the_stall_speed() -> None:
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
     table["geometry"]["CL_max"] = 1.3
     point = hfa.trim(hfa.from_derivatives(table))
-    figures = point.report().data["performance"]
-    ratio = math.sqrt(1.3 / figures["lift_coefficient"])
-    assert figures["speed_over_stall_speed"] == pytest.approx(ratio)
+    figures = values(point.report().data)
+    ratio = math.sqrt(1.3 / figures["lift coefficient"])
+    assert figures["speed / stall speed"] == pytest.approx(ratio)
 
 
 def test_times_to_double_are_those_of_eigenvalues() -> None:
@@ -204,11 +205,19 @@ def test_times_to_double_are_those_of_eigenvalues() -> None:
 def test_a_model_without_forces_says_what_it_lacks() -> None:
     """The GTM has no lift: each figure of it is "not in this model", not a number."""
     point, data = trimmed(f"{ROOT}/examples/gtm.py:GTM")
-    lacking = {"L/D", "power required", "stall margin", "static margin", "neutral point"}
+    lacking = {
+        "L/D",
+        "power required",
+        "speed / stall speed",
+        "static margin",
+        "neutral point behind c.g.",
+    }
     assert lacking <= {*data["not_in_model"]}
     text = point.report().text()
-    assert "static margin, neutral point: not in this model: no output" in " ".join(text.split())
-    assert {"elevator_per_g", "elevator_per_knot"} == {*data["stability"]}
+    assert "static margin, neutral point behind c.g.: not in this model: no output" in " ".join(
+        text.split()
+    )
+    assert {"elevator per g", "elevator per knot"} == {*values(data, "stability")}
 
 
 def test_a_value_outside_its_range_of_validity_is_marked() -> None:
@@ -220,10 +229,9 @@ def test_a_value_outside_its_range_of_validity_is_marked() -> None:
         "load_factor": (0.0, 2.0, "the structure"),
     }
     report = hfa.trim(replace(model, domain=Domain(range_of))).report()
-    rows = [line.split() for line in report.text().splitlines()]
-    assert ["OUTSIDE" in row for row in rows if row[:1] == ["alpha"] and "tunnel" in row] == [True]
-    assert ["OUTSIDE" in row for row in rows if "balance" in row and "m/s" in row] == [True]
-    assert ["inside" in row for row in rows if "structure" in row] == [True]
+    found = values(report.data)
+    verdicts = [found[f"{name} in its range"] for name in range_of]
+    assert verdicts == ["OUTSIDE", "OUTSIDE", "inside"]
     assert any("the wind tunnel" in note for note in report.notes)
 
 
@@ -283,15 +291,15 @@ def test_aircraft_of_users_have_figures_by_names_of_outputs() -> None:
     model = glider()
     point = hfa.trim(model, hfa.TrimCondition(model, {"speed": 30.0, "thrust": 0.0}))
     data = point.report().data
-    assert data["stability"]["static_margin"] == pytest.approx(0.6 / 5.0)
+    assert data["sheet"]["static margin"]["value"] == pytest.approx(0.6 / 5.0)
     coefficient = 3000.0 / (0.6 * 900.0 * 10.0)
-    assert data["performance"]["lift_over_drag"] == pytest.approx(coefficient / 0.02)
+    assert data["sheet"]["L/D"]["value"] == pytest.approx(coefficient / 0.02)
     ratio = math.sqrt(1.4 / coefficient)
-    assert data["performance"]["speed_over_stall_speed"] == pytest.approx(ratio)
+    assert data["sheet"]["speed / stall speed"]["value"] == pytest.approx(ratio)
     # In a pull-up by 1 g, the elevator balances the moments of the added alpha and pitch rate.
     alpha, rate = 3000.0 / (0.6 * 900.0 * 10.0 * 5.0), 3000.0 / (300.0 * 30.0)
     elevator = 0.6 * alpha + 400.0 * rate / (0.6 * 900.0 * 10.0)
-    assert data["stability"]["elevator_per_g"] == pytest.approx(elevator)
+    assert data["sheet"]["elevator per g"]["value"] == pytest.approx(elevator)
 
 
 @pytest.mark.parametrize(
@@ -299,9 +307,13 @@ def test_aircraft_of_users_have_figures_by_names_of_outputs() -> None:
     [
         ({"chord": 0.0}, "static margin", "the reference chord is 0"),
         ({"elevator": 0.0}, "control per g", "no input pitches the aircraft"),
-        ({"largest": False}, "stall margin", "lift without a maximum"),
-        ({"largest": False, "constant_from": 0.2}, "stall margin", "lift without a maximum"),
-        ({"largest": False, "highest_alpha": math.inf}, "stall margin", "lift without a maximum"),
+        ({"largest": False}, "speed / stall speed", "lift without a maximum"),
+        ({"largest": False, "constant_from": 0.2}, "speed / stall speed", "lift without a maximum"),
+        (
+            {"largest": False, "highest_alpha": math.inf},
+            "speed / stall speed",
+            "lift without a maximum",
+        ),
         ({}, "thrust available", "no upper limit of the thrust"),
     ],
 )

@@ -19,6 +19,7 @@ from ambiance import Atmosphere
 from cli import hfa as command
 from project import ROOT
 from scipy.optimize import brentq
+from sheet_values import values
 
 import hfa
 import hfa_model
@@ -134,7 +135,7 @@ def wing(drag: bool = True, lowest: float = 10.0) -> Model:
     ("model", "speed", "lacking"),
     [
         (wing(drag=False), 30.0, {"L/D"}),
-        (wing(lowest=0.0), 0.0, {"static margin", "stall margin"}),
+        (wing(lowest=0.0), 0.0, {"static margin", "speed / stall speed"}),
     ],
 )
 def test_an_aircraft_without_drag_or_speed_has_a_sheet(
@@ -144,8 +145,9 @@ def test_an_aircraft_without_drag_or_speed_has_a_sheet(
     data = hfa.trim(model, hfa.TrimCondition(model, {"speed": speed, "alpha": 0.0})).report().data
     assert lacking <= {*data["not_in_model"]}
     assert all(" is 0" in data["not_in_model"][name] for name in lacking)
-    assert data["performance"]["thrust_available"] == 900.0
-    assert all(map(math.isfinite, data["performance"].values()))
+    assert data["sheet"]["thrust available"]["value"] == 900.0
+    numbers = list(values(data, "performance").values())
+    assert all(map(math.isfinite, numbers))
 
 
 SLED = """
@@ -191,9 +193,9 @@ def test_lags_follow_in_static_margin_and_control_per_g() -> None:
     """Independent: rigid-body slopes of steady lags at 15 deg, .2062 chord and -25.40 deg/g."""
     model = hfa.aircraft("unsteady")
     point = hfa.trim(model, hold={"dihedral": math.radians(15.0)})
-    stability = point.report().data["stability"]
-    assert stability["static_margin"] == pytest.approx(0.2062, abs=5e-5)
-    assert math.degrees(stability["elevator_outer_per_g"]) == pytest.approx(-25.40, abs=5e-3)
+    stability = values(point.report().data)
+    assert stability["static margin"] == pytest.approx(0.2062, abs=5e-5)
+    assert math.degrees(stability["elevator outer per g"]) == pytest.approx(-25.40, abs=5e-3)
     # The lift slope of steady trims with other pitch attitudes has neither lags nor apparent mass.
     plain = model.with_parameters(apparent_mass=0.0)
     lags = [name for name in model.states if name not in hfa_model.STATES]
@@ -238,11 +240,11 @@ def test_the_stall_is_the_first_maximum_and_beyond_it_is_said(alpha: float, stal
     report = hfa.trim(model, hfa.TrimCondition(model, held)).report()
     data = report.data
     peak = 1.0 + 1.5 * math.exp(-((0.4 / 0.12) ** 2))
-    found = data["performance"]["largest_lift_coefficient"]
+    found = data["sheet"]["largest lift coefficient"]["value"]
     assert found == pytest.approx(peak, rel=1e-6)
     assert ("stalled" in data) == stalled
     assert report.title.splitlines()[2].startswith("STALLED: beyond") == stalled
-    assert ("speed_over_stall_speed" in data["performance"]) != stalled
+    assert ("speed / stall speed" in values(data)) != stalled
 
 
 def test_lift_above_the_declared_largest_coefficient_is_said() -> None:
@@ -259,7 +261,7 @@ def test_lift_above_the_declared_largest_coefficient_is_said() -> None:
 
 
 def test_the_nearest_limit_is_named_also_if_it_is_assumed() -> None:
-    """Alpha .4 % of its range from an assumed limit comes before a declared limit at 14 %."""
+    """Alpha .4 % of its range from an assumed limit is named after a declared limit at 14 %."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         return {"speed": u.thrust - 0.1 * x.speed, "alpha": x.alpha - 0.996}, {}
@@ -271,8 +273,10 @@ def test_the_nearest_limit_is_named_also_if_it_is_assumed() -> None:
     inputs = {"thrust": Signal("N", 1.0, 0.0, 10.0)}
     model = Model("near", states, inputs, equations, trim={"speed": 14.0})
     report = hfa.trim(model).report()
-    assert report.data["nearest_limits"][0] == "alpha"
-    assert "Nearest limit: alpha highest 57.2958 deg (assumed)" in report.text()
+    assert report.data["nearest_limits"] == ["thrust", "alpha"]
+    found = values(report.data)
+    assert found["nearest declared limit"] == "thrust lowest 0 N"
+    assert found["nearest assumed limit"] == "alpha highest 57.2958 deg"
 
 
 def test_a_far_assumed_limit_of_a_state_is_not_the_nearest() -> None:
@@ -337,36 +341,35 @@ def test_the_configuration_is_that_of_the_data() -> None:
     point, data = sheet("hfa", dihedral=eta)
     p = hfa_model.parameters_of(point.model)
     c2 = 2.0 * p.inertia_yaw - 2.0 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6.0
-    found = data["configuration"]
+    found = data["sheet"]
     pitch = 3.0 * p.inertia_pitch + c2 * math.sin(eta) ** 2
-    assert found["Iyy"] == {"value": pytest.approx(pitch, rel=1e-12), "unit": "slug ft^2"}
-    assert found["mass"]["value"] == pytest.approx(data["performance"]["weight"] / p.gravity)
+    assert found["Iyy"]["value"] == pytest.approx(pitch, rel=1e-12)
+    assert found["Iyy"]["unit"] == "slug ft^2"
+    assert found["mass"]["value"] == pytest.approx(data["sheet"]["weight"]["value"] / p.gravity)
     _, table = sheet(f"{EXAMPLES}/uav.toml")
-    values = {name: entry["value"] for name, entry in table["configuration"].items()}
-    assert values == {
-        **{"mass": 13.5, "Ixx": 0.8244, "Iyy": 1.135, "Izz": 1.759, "Ixz": 0.1204},
-        **{"reference_area": 0.55, "reference_span": 2.8956, "reference_chord": 0.18994},
-    }
+    expected = {"mass": 13.5, "Ixx": 0.8244, "Iyy": 1.135, "Izz": 1.759, "Ixz": 0.1204}
+    expected |= {"S": 0.55, "b": 2.8956, "c": 0.18994}
+    assert values(table, "configuration") == expected
     point, boeing = sheet("jsbsim:737")
-    found = boeing["configuration"]
+    found = boeing["sheet"]
     assert found["mass"]["value"] == pytest.approx(107_000.0 / 32.174, rel=1e-4)
-    assert found["reference_span"] == {"value": 94.7, "unit": "ft"}
-    assert {"flap", "gear", "center_of_gravity_x"} <= {*found}
+    assert (found["b"]["value"], found["b"]["unit"]) == (94.7, "ft")
+    assert {"flap", "gear", "c.g. x"} <= {*found}
     assert "c.g., flap, gear: not in this model" in sheet("hfa")[0].report().text()
 
 
 #: Row of a sheet that an engineer signs -> end of the name of its figure.
 ROWS = {
-    "equivalent and calibrated airspeed": "calibrated_airspeed",
-    "L/D": "lift_over_drag",
-    "power required": "power_required",
-    "thrust available": "thrust_available",
-    "rate of climb left": "rate_of_climb_left",
-    "stall margin": "speed_over_stall_speed",
-    "static margin": "static_margin",
-    "neutral point": "neutral_point_behind_center_of_gravity",
-    "control per g": "_per_g",
-    "control per knot": "_per_knot",
+    "calibrated airspeed": "calibrated airspeed",
+    "L/D": "L/D",
+    "power required": "power required",
+    "thrust available": "thrust available",
+    "rate of climb left": "rate of climb left",
+    "speed / stall speed": "speed / stall speed",
+    "static margin": "static margin",
+    "neutral point behind c.g.": "neutral point behind c.g.",
+    "control per g": " per g",
+    "control per knot": " per knot",
 }
 
 
@@ -395,7 +398,7 @@ def test_every_row_is_answered_or_not_in_this_model(name: str) -> None:
         file = name if ":" in name else f"{EXAMPLES}/{name}".replace("=", f"={EXAMPLES}/")
         data = sheet(file)[1]
     for row, end in ROWS.items():
-        figures = [each for each in data["performance"] | data["stability"] if each.endswith(end)]
+        figures = [each for each in values(data) if each.endswith(end)]
         assert (row in data["not_in_model"]) != bool(figures), row
     assert (name == "bare") == ("L/D" in data["not_in_model"])
 
@@ -409,14 +412,14 @@ def test_airspeeds_are_those_of_the_standard_atmosphere(name: str) -> None:
     air, sea = Atmosphere(point["altitude"] * factor), Atmosphere(0.0)
     speed = point["speed"] * factor
     density, base = float(air.density[0]), float(sea.density[0])
-    figures = data["performance"]
+    figures = values(data)
     equivalent = speed * math.sqrt(density / base) / KNOT
-    assert figures["equivalent_airspeed"] == pytest.approx(equivalent, rel=2e-4)
+    assert figures["equivalent airspeed"] == pytest.approx(equivalent, rel=2e-4)
     mach = speed / float(air.speed_of_sound[0])
     impact = float(air.pressure[0]) * ((1.0 + 0.2 * mach**2) ** 3.5 - 1.0)
     ratio = (impact / float(sea.pressure[0]) + 1.0) ** (2.0 / 7.0) - 1.0
     calibrated = float(sea.speed_of_sound[0]) * math.sqrt(5.0 * ratio) / KNOT
-    assert figures["calibrated_airspeed"] == pytest.approx(calibrated, rel=2e-4)
+    assert figures["calibrated airspeed"] == pytest.approx(calibrated, rel=2e-4)
     assert "U.S. Standard 1976" in point.report().text()
 
 
@@ -439,7 +442,7 @@ def test_beyond_mach_1_the_calibrated_airspeed_has_the_pitot_pressure_of_rayleig
         outputs={"mach": Signal("1"), "dynamic_pressure": Signal("N/m^2")},
         trim={"speed": 430.0},
     )
-    found = hfa.trim(plane).report().data["performance"]["calibrated_airspeed"]
+    found = hfa.trim(plane).report().data["sheet"]["calibrated airspeed"]["value"]
     calibrated = brentq(lambda m: impact(m, 101325.0) - impact(mach, p), 1.0, 1.3)
     assert found == pytest.approx(calibrated * 340.294 / KNOT, rel=1e-4)
 
@@ -453,11 +456,11 @@ def test_the_rate_of_climb_left_is_that_of_a_trim_at_full_thrust(name: str) -> N
     thrust = "throttle" if "throttle" in model.inputs else "thrust"
     climbing = hfa.trim(model, hold={thrust: model.inputs[thrust].max}, free=("gamma",))
     climb = climbing["speed"] * math.sin(climbing["gamma"])
-    scale = 60.0 if data["performance_units"]["rate_of_climb_left"] == "ft/min" else 1.0
-    assert data["performance"]["rate_of_climb_left"] == pytest.approx(climb * scale, rel=0.1)
-    available = data["performance"]["thrust_available"]
-    at_trim = data["performance"].get("thrust_force", data["performance"].get("thrust"))
-    assert data["performance"]["excess_thrust"] == pytest.approx(available - at_trim)
+    scale = 60.0 if data["sheet"]["rate of climb left"]["unit"] == "ft/min" else 1.0
+    assert data["sheet"]["rate of climb left"]["value"] == pytest.approx(climb * scale, rel=0.1)
+    available = data["sheet"]["thrust available"]["value"]
+    at_trim = values(data).get("thrust_force", values(data).get("thrust"))
+    assert data["sheet"]["excess thrust"]["value"] == pytest.approx(available - at_trim)
 
 
 def test_the_distance_from_the_condition_of_the_derivatives_is_stated() -> None:
@@ -466,10 +469,10 @@ def test_the_distance_from_the_condition_of_the_derivatives_is_stated() -> None:
     table["condition"]["alpha"] = 0.02
     point = hfa.trim(hfa.from_derivatives(table), speed=40.0)
     report = point.report()
-    assert report.data["reference"]["speed"]["difference"] == pytest.approx(5.0)
-    assert report.data["reference"]["alpha"]["difference"] == pytest.approx(point["alpha"] - 0.02)
-    text = " ".join(report.text().split())
-    assert "speed 40 m/s, 5 above the table's" in text
+    assert report.data["sheet"]["speed from the table's"]["value"] == pytest.approx(5.0)
+    assert report.data["sheet"]["alpha from the table's"]["value"] == pytest.approx(
+        point["alpha"] - 0.02
+    )
 
 
 # Levels of flying qualities.
@@ -608,9 +611,9 @@ def test_a_learjet_has_the_published_modes_and_the_levels_by_hand() -> None:
         if name not in ("phugoid damping", DAMPING):  # Roskam: another slope of the thrust
             assert found[name] == pytest.approx(value, rel=0.12)
     airplane = Airplane("II-L", "B")
-    report = trim_report(point.model, point.problem.asked, point, airplane=airplane)
-    level = {f"{each['mode']} {each['quality']}": each["level"] for each in report.data["levels"]}
-    worse = dict.fromkeys((f"dutch roll {DAMPING.removeprefix('dutch roll ')}",), 2)
+    report = trim_report(point, point.problem.asked, airplane=airplane)
+    level = {name: row["level"] for name, row in report.data["sheet"].items() if "level" in row}
+    worse = {DAMPING: 2}
     worse |= {"dutch roll damping": 2, "roll time constant": 2}
     assert {name: value for name, value in level.items() if value != 1} == worse
     assert len(level) == 8
@@ -639,18 +642,12 @@ def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
     """The sheet grades the qualities of the linear model; modes without a rule are named."""
     point, data = sheet(f"{EXAMPLES}/cessna182.toml")
     qualities = {each.name: each.value for each in point.handling_qualities}
-    assert len(data["levels"]) == 8
-    for entry in data["levels"]:
-        name = f"{entry['mode']} {entry['quality']}"
-        name = name if name in qualities else entry["quality"]
-        if entry["quality"] != "time to double":
-            assert entry["value"] == qualities[name]
-        assert entry["level"] == 1
-        assert entry["paragraph"].startswith("3.")
+    levels = {name: row["level"] for name, row in data["sheet"].items() if "level" in row}
+    assert levels == dict.fromkeys(levels, 1)
+    assert len(levels) == 8
+    assert all(data["sheet"][name]["value"] == qualities[name] for name in levels)
     _, flexible = sheet("hfa", dihedral=math.radians(15.0))
-    by_mode = {(entry["mode"], entry["quality"]): entry["level"] for entry in flexible["levels"]}
-    assert by_mode["phugoid", "damping"] == 4  # doubles in 44 s
-    assert by_mode["dihedral", ""] is None
+    assert flexible["sheet"]["phugoid damping"]["level"] == 4  # doubles in 44 s
     said = command("trim", "--dihedral", "15").out
     assert "dutch roll, roll, spiral: not in this model" in said
     text = command("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--class", "iv", "--category", "A")
@@ -698,7 +695,7 @@ def test_several_conditions_have_one_sheet_each(folder: Path) -> None:
         for each in data["sheets"]
     ] == [(5.0, 67.0), (5.0, 68.0), (15.0, 67.0), (15.0, 68.0)]
     one = json.loads(command("trim", "--dihedral", "15", "--hold", "speed=68", "--json").out)
-    alone = {name: one[name] for name in ("performance", "levels", "mode_differences")}
+    alone = {name: one[name] for name in ("sheet", "mode_differences")}
     assert {name: data["sheets"][3][name] for name in alone} == alone
     assert command(*words[:3], "-o", "sheets.html").code == 0
     page = Path("sheets.html").read_text("utf-8")
@@ -706,9 +703,7 @@ def test_several_conditions_have_one_sheet_each(folder: Path) -> None:
     assert (page.count("data:image/png"), page.count("<style>")) == (2, 1)
     assert command(*words, "-o", "sheets.csv").code == 0
     rows = list(csv.DictReader(Path("sheets.csv").read_text("utf-8").splitlines()))
-    speeds = [
-        float(row["value"]) for row in rows if row["kind"] == "state" and row["name"] == "speed"
-    ]
+    speeds = [float(row["value"]) for row in rows if row["name"] == "speed"]
     assert speeds == [67.0, 68.0, 67.0, 68.0]
     assert {row["sheet"] for row in rows} == {"1", "2", "3", "4"}
     failed = command("trim", "--dihedral", "5,10", "--limit", "throttle=0:39.9")

@@ -150,7 +150,7 @@ def fly(request: FlyRequest) -> int:
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
     from hfa_flight.simulate.flight import fly
     from hfa_flight.simulate.flight_report import flight_figure
-    from trim.point.linearize import linearize
+    from trim.linear.linearize import linearize
 
     only_many = "applies only to --samples or --draws; remove this option"
     refuse(request, ("workers", "resume", "need"), only_many)

@@ -29,7 +29,7 @@ from hfa.options.trims import GivenTrim, TrimOptions, given_trim, trim_with
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.policies.laws import LAWS, loaded
 from hfa_support.errors import BadInputError, prefix_errors
-from trim.point.linearize import linearize
+from trim.linear.linearize import linearize
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game

@@ -17,7 +17,7 @@ from hfa_flight.simulate.sampled_flights import SampledFlight
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
 from hfa_support.native.row_code import row_code
-from trim.point.linearize import linearize
+from trim.linear.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
 #: Sample times, s, the longest first. One is chosen by its product with the fastest pole.

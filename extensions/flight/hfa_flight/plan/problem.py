@@ -22,7 +22,7 @@ from hfa_flight.simulate.flight_report import series
 from hfa_support.errors import BadInputError, is_finite, numbers_in, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
 from trim.linear.linear_model import LinearModel
-from trim.point.linearize import linearize
+from trim.linear.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
 #: Fraction by which the state limits of a proposal are narrowed, so that the flight that follows it

@@ -14,8 +14,8 @@ from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import WIDTH, Table, shown_unit, shown_value, wrapped
 from trim.linear.linear_model import LinearModel
+from trim.linear.linearize import linearize
 from trim.point.condition import TrimCondition
-from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, trim
 

@@ -24,7 +24,7 @@ from hfa_prove.problem import loop_at
 from hfa_prove.statements.loop import Gain
 from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from trim.linear.linear_model import LinearModel
-from trim.point.linearize import linearize
+from trim.linear.linearize import linearize
 
 if TYPE_CHECKING:
     from hfa.options.trims import GivenTrim

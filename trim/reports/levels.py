@@ -9,11 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from hfa_support.reporting.results import Result
-from hfa_support.reporting.text import Cell, Table
+from hfa_support.reporting.rows import Row
+from hfa_support.units import conversion
+from trim.point.operating_point import OperatingPoint
+from trim.reports.handling_qualities import handling_qualities
+from trim.reports.trimmed import Trimmed
 
 #: Classes: I small and light; II medium, at a carrier or on land; III large; IV maneuverable.
 CLASSES = ("I", "II-C", "II-L", "III", "IV")
@@ -25,14 +29,22 @@ _MODES = ("short period", "phugoid", "dutch roll", "roll", "spiral")
 _COUPLED = "3.3.1.4"
 #: Number of a quality that is worse than level 3.
 NO_LEVEL = 4
-_AGILE = ("I", "II-C", "IV")
-_TONES = {1: "good", 2: "near", 3: "far", NO_LEVEL: "bad"}
+_AGILE = ("", "I", "II-C", "IV")
+#: Tone of each level.
+TONES = {1: "good", 2: "near", 3: "far", NO_LEVEL: "bad"}
+#: Largest weights of the classes I and II-L, lbf, and least limit load factor of class IV.
+_LIGHT, _MEDIUM = 12_500.0, 60_000.0
+_MANEUVERABLE = 6.0
 
 
 class Airplane(NamedTuple):
-    """What decides the limits: class of the airplane and category of the flight phase."""
+    """What decides the limits: class of the airplane and category of the flight phase.
 
-    class_: str = "I"
+    The class "" is chosen by weight and load factor where these are known (`usual_class`), and has
+    the limits of class I elsewhere.
+    """
+
+    class_: str = ""
     category: str = "B"
 
     @property
@@ -41,8 +53,15 @@ class Airplane(NamedTuple):
         return self.class_ in _AGILE
 
 
-#: Smallest and largest value of the levels 1, 2 and 3.
-Limits = Sequence[tuple[float, float]]
+class Span(NamedTuple):
+    """Smallest and largest value of a level."""
+
+    least: float = -math.inf
+    most: float = math.inf
+
+
+#: Values of the levels 1, 2 and 3.
+Limits = Sequence[Span]
 
 
 @dataclass(frozen=True)
@@ -50,7 +69,7 @@ class Graded(Result):
     """Quality of a mode, with its level.
 
     mode: name of the mode
-    quality: name of the quality, or "" for a mode without a rule
+    quality: name of the quality, without that of the mode, or "" for a mode without a rule
     value: value, in `unit`
     unit: unit
     level: 1 to 3, or 4 if it is worse than level 3; None without a rule
@@ -65,6 +84,73 @@ class Graded(Result):
     level: int | None
     limits: Limits
     paragraph: str
+
+
+def levels_of(point: OperatingPoint, airplane: Airplane | None = None) -> tuple[Graded, ...]:
+    """Return the levels of the modes of a trim by MIL-F-8785C, () without a trim or a speed.
+
+    airplane: class and category; by default `usual_class` and category B
+    """
+    if not point.ok:
+        return ()
+    trimmed = Trimmed(point)
+    chosen, _ = chosen_airplane(trimmed, airplane)
+    return graded_modes(trimmed, chosen)
+
+
+def graded_modes(trimmed: Trimmed, airplane: Airplane) -> tuple[Graded, ...]:
+    """Return the levels of the modes of a trim, () without a speed or derivatives."""
+    if trimmed.fault or "speed" not in trimmed.roles:
+        return ()
+    qualities = {each.name: float(each) for each in handling_qualities(trimmed)}
+    return graded(qualities, [mode.name for mode in trimmed.modes], airplane)
+
+
+def chosen_airplane(trimmed: Trimmed, airplane: Airplane | None) -> tuple[Airplane, str]:
+    """Return class and category, and the reason for a class that the user did not state, or ""."""
+    given = airplane or Airplane()
+    if given.class_:
+        return given, ""
+    class_, why = usual_class(trimmed)
+    return given._replace(class_=class_), why
+
+
+def usual_class(trimmed: Trimmed) -> tuple[str, str]:
+    """Return the class of an airplane by its declared load factor and its weight, and the reason.
+
+    - IV: the model declares a largest load factor of at least 6
+    - I, II-L, III: weight up to 12,500 lbf, up to 60,000 lbf, above
+    """
+    most = (
+        trimmed.model.outputs["load_factor"].max
+        if "load_factor" in trimmed.model.outputs
+        else math.inf
+    )
+    if _MANEUVERABLE <= most < math.inf:
+        return "IV", f"load factor up to {most:.3g}"
+    if "weight" not in trimmed.model.outputs:
+        return "I", "weight unknown"
+    unit = trimmed.unit("weight")
+    factor = conversion("lbf", unit) or math.nan
+    for class_, most_weight in (("I", _LIGHT), ("II-L", _MEDIUM)):
+        if trimmed["weight"] <= most_weight * factor:
+            return class_, f"weight up to {most_weight * factor:,.0f} {unit}"
+    return "III", f"weight above {_MEDIUM * factor:,.0f} {unit}"
+
+
+def rows_with_levels(rows: Sequence[Row], found: Sequence[Graded]) -> list[Row]:
+    """Return rows with the levels of the figures that the standard grades."""
+    graded_as = {f"{each.mode} {each.quality}": each for each in found if each.level is not None}
+    graded_as |= {each.quality: each for each in found if each.level is not None}
+    with_levels = []
+    for row in rows:
+        name = row.name.replace("time to half", "time to double")
+        level = graded_as.get(name)
+        if level is not None:
+            tone = TONES[level.level or NO_LEVEL]
+            row = replace(row, level=level.level, note=level_note(level), tone=tone)
+        with_levels.append(row)
+    return with_levels
 
 
 def graded(
@@ -95,13 +181,15 @@ def graded(
 
 def level_of(value: float, limits: Limits) -> int:
     """Return the best level whose limits contain a value, or `NO_LEVEL`."""
-    for level, (least, most) in enumerate(limits, start=1):
-        if least <= value <= most:
+    for level, span in enumerate(limits, start=1):
+        if span.least <= value <= span.most:
             return level
     return NO_LEVEL
 
 
 class _Rule(NamedTuple):
+    """Rule for a quality: its name and unit, the paragraph of the standard, and the limits."""
+
     quality: str
     unit: str
     paragraph: str
@@ -109,11 +197,11 @@ class _Rule(NamedTuple):
 
 
 def _least(*values: float) -> Limits:
-    return [(value, math.inf) for value in values]
+    return [Span(least=value) for value in values]
 
 
 def _most(*values: float) -> Limits:
-    return [(-math.inf, value) for value in values]
+    return [Span(most=value) for value in values]
 
 
 def _rules(mode: str, qualities: Mapping[str, float], airplane: Airplane) -> Iterator[_Rule]:
@@ -138,15 +226,14 @@ def _rules(mode: str, qualities: Mapping[str, float], airplane: Airplane) -> Ite
 
 def _of_short_period(airplane: Airplane) -> Iterator[_Rule]:
     """Yield the rules for damping, CAP = ω²/(n/α), frequency and n/α of the short period."""
-    damping = [(0.35, 1.3), (0.25, 2.0), (0.15, math.inf)]
+    damping = [Span(0.35, 1.3), Span(0.25, 2.0), Span(0.15)]
     if airplane.category == "B":
-        damping = [(0.30, 2.0), (0.20, 2.0), (0.15, math.inf)]
+        damping = [Span(0.30, 2.0), Span(0.20, 2.0), Span(0.15)]
     yield _Rule("short period damping", "1", "3.2.2.1.2", damping)
     paragraph = "3.2.2.1.1"
-    level_1, level_2 = {"A": (0.28, 0.16), "B": (0.085, 0.038), "C": (0.16, 0.096)}[
-        airplane.category
-    ]
-    cap = [(level_1, 3.6), (level_2, 10.0), (level_2, math.inf)]
+    least_1 = {"A": 0.28, "B": 0.085, "C": 0.16}[airplane.category]
+    least_2 = {"A": 0.16, "B": 0.038, "C": 0.096}[airplane.category]
+    cap = [Span(least_1, 3.6), Span(least_2, 10.0), Span(least_2)]
     yield _Rule("CAP", "1/(s^2 g/rad)", paragraph, cap)
     if airplane.category == "A":
         yield _Rule("short period frequency", "rad/s", paragraph, _least(1.0, 0.6, 0.0))
@@ -211,47 +298,43 @@ def _level_1_of_dutch_roll(airplane: Airplane) -> _DutchRoll:
     return _DutchRoll(0.08, 0.15, 0.4)
 
 
-def levels_table(found: Sequence[Graded], airplane: Airplane, stated: bool) -> tuple[Any, ...]:
-    """Return the table of the levels, and a line on class, category and modes without a rule.
+def level_note(found: Graded) -> str:
+    """Return the note of a graded figure: "level 2: at least 0.04, 0, -0.0166 (3.2.1.2)"."""
+    level = "below level 3" if found.level == NO_LEVEL else f"level {found.level}"
+    return f"{level}: {_limits_text(found.limits)} ({found.paragraph})"
 
-    stated: whether the user stated class and category
+
+def level_lines(found: Sequence[Graded], airplane: Airplane, why: str) -> list[str]:
+    """Return sentences on the class and the category, on modes without a rule and missing modes.
+
+    why: reason for the class, or ""
     """
-    rows = []
-    for each in found:
-        if each.level is not None:
-            level = "worse" if each.level == NO_LEVEL else str(each.level)
-            quality = each.quality.replace("damping times frequency", "ζω").replace("phi", "φ")
-            cell = Cell(level, _TONES[each.level])
-            name = f"{each.mode} {quality}"
-            rows.append(
-                (name, f"{each.value:.4g}", cell, _limits_text(each.limits), each.paragraph)
-            )
-    if not rows:
-        return (f"{STANDARD}: not in this model: no mode that it has a rule for",)
-    header = (STANDARD, "value", "level", "limits of levels 1, 2, 3", "paragraph")
-    usual = "" if stated else ", by default (--class, --category)"
-    lines = [f"{STANDARD}: class {airplane.class_}, category {airplane.category}{usual}"]
+    if not any(each.level is not None for each in found):
+        return [f"{STANDARD}: not in this model: no mode that it has a rule for"]
+    reason = f" ({why}; --class)" if why else ""
+    said = [f"{STANDARD}: class {airplane.class_}{reason}, category {airplane.category}"]
+    said[0] += " (by default; --category)" * bool(why)
     without = [each.mode for each in found if each.level is None]
     if without:
-        lines.append(f"{STANDARD} has no rule for: {', '.join(without)}")
+        said.append(f"{STANDARD} has no rule for: {', '.join(without)}")
     named = {each.mode.partition(" (")[0] for each in found}
     if any(each.paragraph == _COUPLED for each in found):
         named |= {"roll", "spiral"}
     if absent := [mode for mode in _MODES if mode not in named]:
-        lines.append(f"{', '.join(absent)}: not in this model")
-    return Table(header, rows), "\n".join(lines)
+        said.append(f"{', '.join(absent)}: not in this model")
+    return said
 
 
 def _limits_text(limits: Limits) -> str:
     """Return limits as text: "at least 0.08, 0.02, 0", "at most 1.4, 3, 10" or "0.3-2, 0.15-"."""
-    least, most = ([each[end] for each in limits] for end in (0, 1))
-    if all(math.isinf(each) for each in most):
-        return "at least " + ", ".join(_number_text(each) for each in least)
-    if all(math.isinf(each) for each in least):
-        return "at most " + ", ".join(_number_text(each) for each in most)
+    if all(math.isinf(span.most) for span in limits):
+        return "at least " + ", ".join(_number_text(span.least) for span in limits)
+    if all(math.isinf(span.least) for span in limits):
+        return "at most " + ", ".join(_number_text(span.most) for span in limits)
     ranges = []
-    for low, high in limits:
-        ranges.append(f"{low:.3g}-" + ("" if math.isinf(high) else f"{high:.3g}"))
+    for span in limits:
+        most = "" if math.isinf(span.most) else f"{span.most:.3g}"
+        ranges.append(f"{span.least:.3g}-{most}")
     return ", ".join(ranges)
 
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
-from hfa_aircraft.model import Model, recognized
+from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
+from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import ROUNDING, WIDTH, beside_unit, digits, shown_value, wrapped
+from trim.linear.modes import Mode
+from trim.point.margins import Margin
+from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
-
-if TYPE_CHECKING:
-    from trim.linear.modes import Mode
-    from trim.point.margins import Margin
-    from trim.point.operating_point import OperatingPoint
+from trim.reports.trimmed import Trimmed
 
 #: Growth of a mode relative to the fastest mode that rounding and the tolerance of a trim cause.
 _NEUTRAL = 1e-8
@@ -36,37 +36,62 @@ def without_lines(notes: Iterable[str]) -> list[str]:
     return [re.sub(r"(?<=>)(?: \d+)+|(?<=\.xml:) \d+", "", note) for note in notes]
 
 
-def first_line(point: OperatingPoint, done: str, modes: Iterable[Mode] | None) -> str:
+def first_line(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str:
     """Return what was done, the equations and the condition, and below it the unstable modes: "HFA
     (published) trimmed: level, 68 ft/s, 40,000 ft, dihedral 10 deg", "unstable: none".
 
     done: "trimmed" or "linearized"
     modes: modes of the linear model at the point, or None for a point that is not a trim
     """
-    model = point.model
-    subject, equations = model.subject, model.about.equations
-    if equations and equations not in subject:
-        subject += f" ({equations})"
-    condition = ", ".join(condition_words(point))
-    lines = [f"{subject} {done}" + f": {condition}" * bool(condition)]
+    model = trimmed.given.model
+    condition = ", ".join(condition_words(trimmed))
+    lines = [f"{subject(model)} {done}" + f": {condition}" * bool(condition)]
     if modes is not None:
         lines.append(_unstable([*modes], model.time_unit))
-    lines += [f"Check: {doubt}" for doubt in (*model.about.doubts, *doubts_at(point))]
+    lines += [f"Check: {doubt}" for doubt in (*model.about.doubts, *doubts_at(trimmed))]
     return wrapped("\n".join(lines), WIDTH)
 
 
-def doubts_at(point: OperatingPoint) -> Iterator[str]:
-    """Yield sentences on values of a point that data in wrong units cause: alpha, drag."""
-    point = point.in_radians
-    model = point.model
-    alpha = recognized(model.states).get("alpha", "")
-    size = abs(math.degrees(point[alpha])) if alpha else 0.0
+def title_of(trimmed: Trimmed) -> str:
+    """Return the first lines on an operating point: the model, its equations, the status, the
+    condition, and the unstable modes.
+
+    Further lines name an angle without limits that exceeds 90 deg, and state that the search did
+    not begin at the default initial point.
+    """
+    point = trimmed.given
+    has_modes = point.ok and not trimmed.fault
+    lines = [first_line(trimmed, str(point.status), trimmed.modes if has_modes else None)]
+    if point._far_out:
+        lines.append(f"Far out: {point._far_out[0]}")
+    if point.started:
+        lines.append("Not from the default initial point")
+    return "\n".join(lines)
+
+
+def subject(model: Model) -> str:
+    """Return the name of an aircraft and of its equations: "HFA (published)"."""
+    name, equations = model.subject, model.about.equations
+    return f"{name} ({equations})" if equations and equations not in name else name
+
+
+def doubts_at(trimmed: Trimmed) -> Iterator[str]:
+    """Yield sentences on values that data in wrong units or with wrong signs cause: alpha, drag,
+    directional stability.
+    """
+    model, roles = trimmed.given.model, trimmed.roles
+    size = abs(math.degrees(trimmed[roles["alpha"]])) if "alpha" in roles else 0.0
     if size > _STEEPEST:
         yield f"alpha is {size:.4g} deg in size; the data may have degrees without a unit"
-    if "drag" in model.outputs and "lift" in model.outputs:
-        drag, lift = point["drag"], point["lift"]
+    if {"drag", "lift"} <= {*model.outputs}:
+        drag, lift = trimmed["drag"], trimmed["lift"]
         if drag < -_NEGATIVE * abs(lift):
             yield f"the drag is {_number(model, 'drag', drag)}, below 0; check signs and units"
+    if {"beta", "r", "speed"} <= {*roles} and trimmed.given.ok and not trimmed.fault:
+        states = trimmed.slopes.states
+        slope = trimmed.slopes.A[states.index(roles["r"]), states.index(roles["beta"])]
+        if slope < 0.0:
+            yield "sideslip turns the nose out of the wind (Cn_beta below 0); check its sign"
 
 
 def _unstable(modes: Sequence[Mode], time: str) -> str:
@@ -83,18 +108,18 @@ def _unstable(modes: Sequence[Mode], time: str) -> str:
     return f"unstable: {', '.join(timed) or 'none'}{''.join(neutral)}"
 
 
-def condition_words(point: OperatingPoint) -> Iterator[str]:
+def condition_words(trimmed: Trimmed) -> Iterator[str]:
     """Yield the condition of an operating point as texts: "level", "68 ft/s", "40,000 ft".
 
     The texts are flight path, turn, speed, altitude, scheduling variable, imposed load factor and
     imposed rates. For a model without a speed, they are the first imposed values.
     """
-    model = point.model
+    point, model = trimmed.given, trimmed.given.model
     condition = None if point.problem is None else point.problem.asked
     imposed = {} if condition is None else condition.imposed
-    speed = recognized(model.states).get("speed", "")
+    speed = trimmed.roles.get("speed", "")
     if speed:
-        yield from _path_words(point)
+        yield from _path_words(trimmed)
         groups = [group for group in model.alternatives if speed in group]
         typed = [name for group in groups for name in group[1:] if name in imposed]
         named = [f"{name} {_number(model, name, imposed[name])}" for name in typed]
@@ -104,8 +129,9 @@ def condition_words(point: OperatingPoint) -> Iterator[str]:
         if ISA in model.parameters and model.parameters[ISA].start:
             yield f"ISA {model.parameters[ISA].start:+g} K"
         names = [model.schedule] if model.schedule in (*model.states, *model.inputs) else []
-        names += ["load_factor"] if "load_factor" in imposed or _has_other_load(point) else []
+        names += ["load_factor"] if "load_factor" in imposed or _has_other_load(trimmed) else []
         yield from (_named(point, name) for name in names if name not in (speed, "altitude"))
+        yield from _engines_out(trimmed, imposed)
     else:
         yield from (_named(point, name) for name in [*imposed][:_MOST_VALUES])
     if condition is not None:
@@ -114,40 +140,45 @@ def condition_words(point: OperatingPoint) -> Iterator[str]:
                 yield f"{name}_dot {_number(model, f'{name}_dot', rate)}"
 
 
-def _path_words(point: OperatingPoint) -> Iterator[str]:
+def _path_words(trimmed: Trimmed) -> Iterator[str]:
     """Yield texts on the flight path and the turn: "climb 2 deg", "turn 3 deg/s", "accelerated"."""
-    point = point.in_radians
-    model = point.model
-    roles = recognized(model.states)
-    gamma = _flight_path(point)
+    point, model = trimmed.point, trimmed.model
+    gamma = trimmed.flight_path
     if abs(gamma) < _LEVEL:
         yield "level"
     elif math.isfinite(gamma):
         yield f"{'climb' if gamma > 0 else 'descent'} {digits(math.degrees(abs(gamma)))} deg"
-    turn = point["turn_rate"] if "turn_rate" in model.outputs else 0.0
+    turn = trimmed["turn_rate"] if "turn_rate" in model.outputs else 0.0
     if abs(turn) >= _LEVEL:
         yield f"turn {_number(model, 'turn_rate', turn)}"
     rates = model.rates_at(point.states, point.inputs)
-    if any(abs(rates[name]) > BALANCE * model.rate_scale(name) for name in roles.values()):
+    moving = trimmed.roles.values()
+    if any(abs(rates[name]) > BALANCE * model.rate_scale(name) for name in moving):
         yield "accelerated"
 
 
-def _flight_path(point: OperatingPoint) -> float:
-    """Return the flight-path angle, in the unit of the point's angles, or nan if it is unknown."""
-    roles = recognized(point.model.states)
-    if "gamma" in point.model.outputs:
-        return point["gamma"]
-    if {"theta", "alpha"} <= {*roles}:
-        return point[roles["theta"]] - point[roles["alpha"]]
-    return math.nan
-
-
-def _has_other_load(point: OperatingPoint) -> bool:
+def _has_other_load(trimmed: Trimmed) -> bool:
     """Return whether the load factor is not that of steady, straight flight, cos γ."""
-    point = point.in_radians
-    if "load_factor" not in point.model.outputs:
+    if "load_factor" not in trimmed.model.outputs:
         return False
-    return abs(point["load_factor"] - math.cos(_flight_path(point))) > _LOAD
+    return abs(trimmed["load_factor"] - math.cos(trimmed.flight_path)) > _LOAD
+
+
+def _engines_out(trimmed: Trimmed, imposed: Mapping[str, Any]) -> Iterator[str]:
+    """Yield "engine 1 out" for each engine whose input is held at its lowest value while that of
+    another one is not.
+    """
+    inputs = trimmed.given.model.inputs
+    engines = [
+        name for name in inputs if re.match(r"(throttle|thrust|power).*(\d|left|right)", name)
+    ]
+    out = []
+    for number, name in enumerate(engines, start=1):
+        lowest = max(inputs[name].min, 0.0)
+        if name in imposed and trimmed.given[name] - lowest <= ROUNDING * inputs[name].nominal:
+            out.append(number)
+    if len(out) < len(engines):
+        yield from (f"engine {number} out" for number in out)
 
 
 def _named(point: OperatingPoint, name: str) -> str:
@@ -160,24 +191,22 @@ def _number(model: Model, name: str, value: float) -> str:
     return beside_unit(digits(float(shown_value(value, unit, ".12g")), 5), unit)
 
 
-def control_lines(
-    point: OperatingPoint, margins: dict[str, Margin], lift_over_drag: float | None
-) -> str:
+def control_lines(trimmed: Trimmed, margins: Mapping[str, Margin], ratio: Row | None) -> str:
     """Return alpha, each input that is not 0 with its limits, and L/D: "alpha 2.8 deg, elevator
     -1.37 of ±30 deg, throttle 40.1 of 200, L/D 22.4".
 
     margins: margins of the point
-    lift_over_drag: lift divided by drag, or None if the model has no forces
+    ratio: the row L/D, or None if the model has no forces
     """
-    model = point.model
+    model = trimmed.given.model
     words = []
-    alpha = recognized(model.states).get("alpha")
+    alpha = trimmed.roles.get("alpha")
     if alpha:
-        words.append(f"{alpha} {_short(model, alpha, point[alpha])}")
+        words.append(f"{alpha} {_short(model, alpha, trimmed.given[alpha])}")
     moved = [name for name in model.inputs if abs(margins[name].value) >= ROUNDING]
     words += [_of_limits(margins[name]) for name in moved or model.inputs]
-    if lift_over_drag is not None:
-        words.append(f"L/D {digits(lift_over_drag)}")
+    if ratio is not None:
+        words.append(f"L/D {digits(float(ratio))}")
     return _listed(words, ", ")
 
 

@@ -10,7 +10,9 @@ from hfa_aircraft.model import Model
 from trim.linear.kinks import linearization_at
 from trim.linear.linear_model import LinearModel
 from trim.linear.reduction import positions
+from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
+from trim.point.solve import trim
 
 
 def linearize(
@@ -79,3 +81,21 @@ def linearize(
         disturbances=tuple(disturbances),
         kinks=kinks,
     )
+
+
+def level_model(model: Model, scheduled: float) -> LinearModel:
+    """Return the linear model of an aircraft at the trim that its model declares.
+
+    For the flexible aircraft, this trim is the paper's level flight.
+
+    model: model of the aircraft
+    scheduled: value of the scheduling variable; for the flexible aircraft the dihedral angle, rad
+
+    Raises TrimError if the trim does not exist.
+
+    >>> import hfa
+    >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states
+    ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
+    """
+    condition = usual_condition(model).at(hold={model.schedule: scheduled})
+    return linearize(model, trim(model, condition))

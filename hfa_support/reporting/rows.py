@@ -1,0 +1,238 @@
+"""Rows of a sheet: named figures in groups, from which text, HTML, PDF, CSV and JSON are made."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from hfa_support.reporting.named import ByName
+from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.text import (
+    TONES,
+    WIDTH,
+    Table,
+    eigenvalue_text,
+    printable,
+    short_number,
+    shown_unit,
+    shown_values,
+    wrapped,
+)
+
+#: Columns of rows in a CSV file.
+COLUMNS = ("group", "name", "value", "unit", "note")
+#: Gap between two columns, and least width of the column of notes.
+_GAP = "  "
+_LEAST_NOTE = 24
+
+
+@dataclass(frozen=True)
+class Row(Result):
+    """Figure of a sheet.
+
+    name: name, unique in a sheet
+    value: number, complex number or text; angles in rad, or in the unit of the model
+    unit: unit of the value, "1" for none
+    note: what a reader must know about the value: its status, limits or method
+    level: level of flying qualities, 1 to 3, or 4 below them; None for other figures
+    digits: number of significant digits that a sheet prints
+    least: a smaller magnitude is rounding, and printed as "<= least"
+    tone: color of the note, a key of `TONES`, or ""
+    rare: whether only a full sheet prints the row
+    in_degrees: whether a sheet prints a value in rad or rad/s in degrees, other than a frequency
+    """
+
+    name: str
+    value: Any
+    unit: str = "1"
+    note: str = ""
+    level: int | None = None
+    digits: int = 4
+    least: float = 0.0
+    tone: str = ""
+    rare: bool = False
+    in_degrees: bool = True
+
+    def __float__(self) -> float:
+        """Return the value, in `unit`."""
+        return float(self.value)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {"value": self.value, "unit": self.unit} | given(
+            note=self.note or None, level=self.level
+        )
+
+    def cells(self) -> tuple[str, str, str, str]:
+        """Return name, value, unit and note as text, with angles in degrees."""
+        unit = shown_unit(self.unit) if self.in_degrees else self.unit
+        return self.name, self._value_text(), "" if unit == "1" else unit, self.note
+
+    def _value_text(self) -> str:
+        if isinstance(self.value, (str, int)):
+            return str(self.value)
+        if isinstance(self.value, complex):
+            return eigenvalue_text(self.value)
+        if 0.0 < abs(self.value) <= self.least:
+            return f"<= {self.least:g}"
+        return short_number(self.value, self.unit if self.in_degrees else "", self.digits)
+
+
+class Lacking(NamedTuple):
+    """Figure that a sheet does not have, and what is missing for it."""
+
+    name: str
+    reason: str
+
+
+class Group(NamedTuple):
+    """Rows of a sheet under one heading, and sentences below them."""
+
+    title: str
+    rows: tuple[Row, ...]
+    lines: tuple[str, ...] = ()
+
+    def table(self) -> Table:
+        """Return the rows as a table. The column of notes is left out if no row has a note."""
+        cells = [row.cells() for row in self.rows]
+        width = 4 if any(row.note for row in self.rows) else 3
+        header = (self.title, "value", "unit", "note")
+        return Table(header[:width], [row[:width] for row in cells])
+
+    def text(self, color: bool = False, width: int | None = WIDTH) -> str:
+        """Return the rows and the sentences as text. Notes are wrapped in their own column."""
+        below = [wrapped(printable(line), width) for line in self.lines]
+        return "\n".join([*self._row_lines(color, width), *below])
+
+    def _row_lines(self, color: bool, width: int | None) -> Iterator[str]:
+        if not self.rows:
+            return
+        table = self.table()
+        cells = [table.header[:3], *(row[:3] for row in table.rows)]
+        shown = [[printable(cell, lines=False) for cell in row] for row in cells]
+        name_width, value_width, unit_width = (
+            max(map(len, column)) for column in zip(*shown, strict=True)
+        )
+        begin = name_width + value_width + unit_width + 3 * len(_GAP)
+        room = None if width is None else max(width - begin, _LEAST_NOTE)
+        for row, (name, value, unit) in zip((None, *self.rows), shown, strict=True):
+            line = _GAP.join(
+                (name.ljust(name_width), value.rjust(value_width), unit.ljust(unit_width))
+            )
+            note = printable(row.note, lines=False) if row is not None else ""
+            notes = textwrap.wrap(note, room) if room is not None and note else [note]
+            tone = TONES.get(row.tone) if row is not None and color else None
+            for number, part in enumerate(notes):
+                start = line if number == 0 else " " * (begin - len(_GAP))
+                yield (start + _GAP + (f"\033[{tone}m{part}\033[0m" if tone else part)).rstrip()
+
+
+class Sheet(ByName[Row]):
+    """Rows of all groups, found by name: sheet["static margin"].value.
+
+    groups: the groups, in reading order
+    lacking: name of a missing figure -> what is missing for it
+    """
+
+    groups: tuple[Group, ...] = ()
+
+    @classmethod
+    def of(
+        cls, groups: Iterable[tuple[str, Sequence[Row | Lacking], Sequence[str]]], first: str = ""
+    ) -> Sheet:
+        """Return the sheet of groups (title, figures, sentences below them).
+
+        A name that two groups have is completed by the title of the later one. Groups without
+        anything are left out. The sentences of a group are completed by its missing figures.
+
+        first: title of the group that keeps its names
+        """
+        made = [*groups]
+        taken = {row.name for title, rows, _ in made if title == first for row in rows}
+        lacking: dict[str, str] = {}
+        found = []
+        for title, figures, lines in made:
+            rows = []
+            missing: dict[str, list[str]] = {}
+            for figure in figures:
+                if isinstance(figure, Lacking):
+                    lacking[figure.name] = figure.reason
+                    missing.setdefault(figure.reason, []).append(figure.name)
+                    continue
+                if figure.name in taken and title != first:
+                    figure = replace(figure, name=f"{figure.name} ({title})")
+                taken.add(figure.name)
+                rows.append(figure)
+            said = [
+                f"{', '.join(names)}: not in this model" + f": {reason}" * bool(reason)
+                for reason, names in missing.items()
+            ]
+            if rows or said or lines:
+                found.append(Group(title, tuple(rows), (*lines, *said)))
+        sheet = cls(row for group in found for row in group.rows)
+        sheet.groups = tuple(found)
+        sheet.lacking = lacking
+        return sheet
+
+    def shown(self, full: bool) -> list[Group]:
+        """Return the groups that a sheet prints, with rare rows if it is full."""
+        groups = []
+        for group in self.groups:
+            rows = tuple(row for row in group.rows if full or not row.rare)
+            if rows or group.lines:
+                groups.append(group._replace(rows=rows))
+        return groups
+
+    def contents(self) -> dict[str, dict[str, Any]]:
+        """Return the entries of the file, name -> group, value, unit, and note and level if any."""
+        return {
+            row.name: {"group": group.title} | row.contents()
+            for group in self.groups
+            for row in group.rows
+        }
+
+    def records(self) -> Table:
+        """Return the rows for CSV, with numbers in full precision and angles in rad."""
+        rows: list[tuple[Any, ...]] = []
+        for group in self.groups:
+            for row in group.rows:
+                for name, value in numbers_of(row):
+                    rows.append((group.title, name, value, row.unit, row.note))
+        return Table(COLUMNS, rows)
+
+
+def numbers_of(row: Row) -> Iterator[tuple[str, Any]]:
+    """Yield name and value of each number or text of a row: parts of a complex number apart."""
+    if isinstance(row.value, complex):
+        yield f"{row.name} real", row.value.real
+        yield f"{row.name} imaginary", row.value.imag
+    else:
+        yield row.name, row.value
+
+
+def matrix_of(sheets: Sequence[Mapping[str, Any] | Sheet]) -> Table:
+    """Return the table of many sheets, a row for each, with a column for each name.
+
+    Angles are in degrees, as a sheet prints them. A level has a column of its own, "NAME level". A
+    mapping, name -> value, stands for a condition without a sheet.
+    """
+    columns: dict[str, None] = {}
+    entries: list[dict[str, Any]] = []
+    for sheet in sheets:
+        entry: dict[str, Any] = {}
+        if isinstance(sheet, Sheet):
+            for row in sheet:
+                for name, value in numbers_of(row):
+                    is_angle = isinstance(value, float) and row.in_degrees
+                    entry[name] = float(shown_values(value, row.unit)) if is_angle else value
+                if row.level is not None:
+                    entry[f"{row.name} level"] = row.level
+        else:
+            entry |= sheet
+        entries.append(entry)
+        columns |= dict.fromkeys(entry)
+    return Table(
+        tuple(columns), [tuple(entry.get(name, "") for name in columns) for entry in entries]
+    )

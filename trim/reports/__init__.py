@@ -1,0 +1,1 @@
+"""Sheets of trims and reports of linear models."""

@@ -1,0 +1,81 @@
+"""What a trim is a trim of: mass, inertias, sizes, flap and gear."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hfa_aircraft.rigid.motion import inertia_doubt
+from hfa_support.reporting.rows import Lacking, Row
+from hfa_support.units import si_factor, si_unit
+from trim.reports.trimmed import Trimmed
+
+#: Name of an entry -> name on the sheet. Models name signals or `About.configuration` so.
+_ENTRIES = {
+    "mass": "mass",
+    "center_of_gravity": "c.g.",
+    "center_of_gravity_x": "c.g. x",
+    "center_of_gravity_y": "c.g. y",
+    "center_of_gravity_z": "c.g. z",
+    "Ixx": "Ixx",
+    "Iyy": "Iyy",
+    "Izz": "Izz",
+    "Ixz": "Ixz",
+    "reference_area": "S",
+    "reference_span": "b",
+    "reference_chord": "c",
+    "flap": "flap",
+    "gear": "gear",
+}
+#: Entries that are optional, because 0 or unimportant where they are missing.
+_OPTIONAL = ("center_of_gravity_y", "Ixz")
+
+
+def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
+    """Return mass, center of gravity, inertias and sizes at a trim, as far as known, and for an
+    aircraft what is unknown.
+
+    The values are those of `About.configuration`, or of parameters, outputs and inputs with these
+    names. Without a mass, it is the weight divided by the gravity.
+    """
+    point = trimmed.given
+    model = point.model
+    native = model.native
+    found: dict[str, tuple[Any, str]] = {}
+    if native.about.configuration is not None:
+        vectors = ((model.states, point.x), (model.inputs, point.u), (model.parameters, model.p))
+        values = [model.native_values(tuple(names), vector) for names, vector in vectors]
+        for name, (value, unit) in native.about.configuration(*values).items():
+            in_si = native is not model
+            factor = si_factor(unit) if in_si else 1.0
+            number = value if isinstance(value, str) else float(value) * factor
+            found[name] = (number, si_unit(unit) if in_si else unit)
+    parameters = dict(zip(model.parameters, model.p.tolist(), strict=True))
+    for name in _ENTRIES:
+        if name not in found and name in (*parameters, *model.outputs, *model.inputs):
+            value = parameters[name] if name in parameters else point[name]
+            found[name] = (value, model.unit(name))
+    if "mass" not in found and "weight" in model.outputs and parameters.get("gravity"):
+        unit = {"lbf": "slug", "N": "kg"}.get(model.unit("weight"), "")
+        if unit:
+            found["mass"] = (point["weight"] / parameters["gravity"], unit)
+    rows: list[Row | Lacking] = [
+        Row(label, *found[name], digits=6) for name, label in _ENTRIES.items() if name in found
+    ]
+    if rows or "alpha" in trimmed.roles:
+        missing = [label for name, label in _ENTRIES.items() if name not in (*found, *_OPTIONAL)]
+        has_center = any(name.startswith("center_of_gravity") for name in found)
+        others = [label for label in missing if not label.startswith("c.g.")]
+        missing = others if has_center else ["c.g.", *others]
+        rows += [Lacking(label, "") for label in missing]
+    return rows
+
+
+def inertia_lines(trimmed: Trimmed, rows: list[Row | Lacking]) -> list[str]:
+    """Return a sentence if no rigid body has the inertias and the model does not say so."""
+    known = {row.name: float(row) for row in rows if isinstance(row, Row) and row.name[0] == "I"}
+    if not {"Ixx", "Iyy", "Izz"} <= {*known}:
+        return []
+    xz = known.get("Ixz", 0.0)
+    inertia = [[known["Ixx"], 0.0, -xz], [0.0, known["Iyy"], 0.0], [-xz, 0.0, known["Izz"]]]
+    doubt = inertia_doubt(inertia)
+    return [doubt] if doubt and doubt not in trimmed.model.about.doubts else []

@@ -1,0 +1,147 @@
+"""The flight at a trim: airspeeds, air, load factor, and distance from the data of the aircraft."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from hfa_aircraft.rigid.atmosphere import calibrated_airspeed, equivalent_airspeed
+from hfa_support.reporting.rows import Lacking, Row
+from hfa_support.reporting.text import beside_unit, digits, shown_value
+from hfa_support.units import conversion
+from trim.point.status import BALANCE
+from trim.reports.trimmed import Trimmed
+
+#: Ratio of specific heats and gas constant of air, J/(kg K).
+_HEAT_RATIO, _GAS_CONSTANT = 1.4, 287.053
+#: Relative difference of equal values.
+_SAME = 1e-6
+#: Outputs of the flight, which are not repeated among the loads.
+OUTPUTS = ("mach", "dynamic_pressure", "load_factor")
+
+
+def flight_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield the rows of the flight: airspeeds, air, load factor, unbalanced rates, distances from
+    the condition of the derivatives, and ranges in which the model is valid.
+    """
+    if "speed" in trimmed.roles:
+        yield from airspeeds(trimmed)
+        yield from outputs(trimmed, OUTPUTS)
+        yield from air(trimmed)
+    elif trimmed.model.about.atmosphere:
+        yield Row("atmosphere", trimmed.model.about.atmosphere)
+    yield from changes(trimmed)
+    yield from from_the_table(trimmed)
+    yield from validity(trimmed)
+
+
+def outputs(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) -> Iterator[Row]:
+    """Yield the rows of those of some outputs that the model has, in its units."""
+    given = trimmed.given.model
+    for name in names:
+        if name in given.outputs:
+            value, unit = trimmed.given_outputs[name], given.unit(name)
+            yield Row(name.replace("_", " "), value, unit, rare=rare)
+
+
+def airspeeds(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield the true, the equivalent and the calibrated airspeed, kt.
+
+    The static pressure is p = 2 q / (1.4 M²). The calibrated airspeed is that at which the impact
+    pressure at sea level is the same.
+    """
+    speed = trimmed.roles["speed"]
+    knots = conversion(trimmed.unit(speed), "kt")
+    if knots is not None:
+        yield Row("true airspeed", trimmed[speed] * knots, "kt", "KTAS")
+    pressure = dynamic_pressure(trimmed)
+    if isinstance(pressure, str):
+        yield Lacking("calibrated airspeed", pressure)
+        yield Lacking("equivalent airspeed", pressure)
+        return
+    yield Row("calibrated airspeed", calibrated_airspeed(pressure, trimmed["mach"]), "kt", "KCAS")
+    yield Row("equivalent airspeed", equivalent_airspeed(pressure), "kt", "KEAS")
+
+
+def dynamic_pressure(trimmed: Trimmed) -> float | str:
+    """Return the dynamic pressure, N/m², or what is missing for it or for the Mach number."""
+    names = ("dynamic_pressure", "mach")
+    if reason := trimmed.lacks(*names) or trimmed.zero(*names):
+        return reason
+    unit = trimmed.unit("dynamic_pressure")
+    factor = conversion(unit, "N/m^2")
+    return (
+        f"no unit of pressure in {unit}" if factor is None else trimmed["dynamic_pressure"] * factor
+    )
+
+
+def air(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield density and temperature, which follow from dynamic pressure, speed and Mach number."""
+    name = trimmed.model.about.atmosphere
+    speed = trimmed.roles["speed"]
+    pressure = dynamic_pressure(trimmed)
+    unit = trimmed.unit(speed)
+    metres = conversion(unit, "m/s")
+    if not name or isinstance(pressure, str) or metres is None or not trimmed[speed]:
+        yield Row("atmosphere", name) if name else Lacking("atmosphere", "")
+        return
+    velocity = trimmed[speed] * metres
+    density = 2.0 * pressure / velocity**2
+    if unit == "m/s":
+        yield Row("density", density, "kg/m^3", name)
+    else:
+        yield Row(
+            "density", density * (conversion("kg/m^3", "slug/ft^3") or 1.0), "slug/ft^3", name
+        )
+    temperature = (velocity / trimmed["mach"]) ** 2 / (_HEAT_RATIO * _GAS_CONSTANT)
+    yield Row("temperature", temperature, "K")
+
+
+def changes(trimmed: Trimmed) -> Iterator[Row]:
+    """Yield the rates that the condition does not balance and that are not 0."""
+    model = trimmed.given.model
+    rates = model.rates_at(trimmed.given.states, trimmed.given.inputs)
+    for name, rate in rates.items():
+        if name not in trimmed.condition.rates and abs(rate) > BALANCE * model.rate_scale(name):
+            yield Row(f"{name}_dot", rate, model.rate_unit(name), "not balanced")
+
+
+def from_the_table(trimmed: Trimmed) -> Iterator[Row]:
+    """Yield the distances from the condition of the derivatives of a table."""
+    model = trimmed.given.model
+    for name, value in model.domain.reference.items():
+        unit = model.unit(name)
+        note = f"table: {_number(value, unit)}" if math.isfinite(value) else "table: unknown"
+        difference = trimmed.given[name] - value
+        is_same = _is_same(trimmed.given[name], value)
+        yield Row(f"{name} from the table's", difference, unit, note, rare=is_same)
+
+
+def same_as_the_table(trimmed: Trimmed) -> list[str]:
+    """Return a sentence on the values at the condition of the derivatives of a table."""
+    reference = trimmed.given.model.domain.reference
+    same = [name for name, value in reference.items() if _is_same(trimmed.given[name], value)]
+    return [f"condition of the derivatives: {', '.join(same)} as in the table"] if same else []
+
+
+def _is_same(here: float, value: float) -> bool:
+    return abs(here - value) <= _SAME * max(abs(here), 1.0)
+
+
+def _number(value: float, unit: str) -> str:
+    return beside_unit(digits(float(shown_value(value, unit, ".12g")), 4), unit)
+
+
+def validity(trimmed: Trimmed) -> Iterator[Row]:
+    """Yield for each range of validity whether the trim is in it."""
+    model = trimmed.given.model
+    for name, (lowest, highest, source) in model.domain.range.items():
+        unit = model.unit(name)
+        ends = " to ".join(shown_value(end, unit, ".5g") for end in (lowest, highest))
+        is_inside = lowest <= trimmed.given[name] <= highest
+        yield Row(
+            f"{name} in its range",
+            "inside" if is_inside else "OUTSIDE",
+            note=f"{beside_unit(ends, unit)}, {source}",
+            tone="" if is_inside else "bad",
+        )

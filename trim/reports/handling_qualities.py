@@ -1,0 +1,127 @@
+"""Handling qualities of an aircraft at a trim, from the declared modes and outputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from hfa_support.reporting.named import ByName
+from hfa_support.reporting.rows import Row
+from trim.point.operating_point import OperatingPoint
+from trim.reports.trimmed import Trimmed
+
+#: Names that models give to oscillating modes.
+_OSCILLATING = ("short period", "phugoid", "dutch roll")
+
+
+def handling_qualities_of(point: OperatingPoint) -> ByName[Row]:
+    """Return the handling qualities at a trim, as far as the model declares modes and outputs.
+
+    - `short period`, `phugoid` and `dutch roll`: natural frequency and damping ratio, for two real
+      eigenvalues from their product and sum
+    - `dutch roll`: also the product of frequency and damping ratio, and |φ/β| of the mode's shape
+    - `roll`: time constant -1/λ
+    - `spiral`: time to double or half, ln 2/|λ|
+    - `roll` or `spiral` coupled in an oscillation: the product of frequency and damping ratio
+    - with an output `load_factor` and a state `alpha` in the short period: n/alpha and the control
+      anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1)
+
+    n/alpha is the steady change of the load factor divided by the steady change of alpha, after a
+    step of the input that pitches the aircraft most. Lags follow, and all other states except alpha
+    and pitch rate are held.
+    """
+    trimmed = Trimmed(point)
+    found = ByName(() if trimmed.fault else handling_qualities(trimmed))
+    if "load_factor" not in point.model.outputs:
+        reason = "the model has no output load_factor; declare this output"
+        found.lacking = dict.fromkeys(("CAP", "n/alpha"), reason)
+    return found
+
+
+def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
+    """Yield the handling qualities of a trim without a `fault` (`handling_qualities_of`)."""
+    for name in _OSCILLATING:
+        oscillation = _oscillation(trimmed, name)
+        if oscillation is None:
+            continue
+        frequency, damping = oscillation
+        yield Row(f"{name} frequency", frequency, "rad/s", in_degrees=False)
+        yield Row(f"{name} damping", damping)
+        if name == "dutch roll":
+            yield Row(
+                "dutch roll damping times frequency", damping * frequency, "rad/s", in_degrees=False
+            )
+            yield from _bank_per_sideslip(trimmed)
+        if name == "short period":
+            yield from _anticipation(trimmed, frequency)
+    roll = _real_eigenvalue(trimmed, "roll")
+    if roll:
+        yield Row("roll time constant", -1 / roll, "s")
+    spiral = _real_eigenvalue(trimmed, "spiral")
+    if spiral:
+        change = "double" if spiral > 0 else "half"
+        yield Row(f"spiral time to {change}", math.log(2) / abs(spiral), "s")
+    for name in ("roll", "spiral"):
+        for value in _eigenvalues(trimmed, name):
+            if value.imag:
+                yield Row(f"{name} damping times frequency", -value.real, "rad/s", in_degrees=False)
+
+
+def _eigenvalues(trimmed: Trimmed, family: str) -> list[complex]:
+    """Return the eigenvalues of all modes with a given name, one for each conjugate pair."""
+    if family not in trimmed.model.modes:
+        return []
+    modes = trimmed.modes
+    return [mode.eigenvalue for mode in modes if mode.name.partition(" (")[0] == family]
+
+
+def _real_eigenvalue(trimmed: Trimmed, family: str) -> float | None:
+    """Return the eigenvalue, 1/s, of the only mode with a declared name if it is real, or None."""
+    values = _eigenvalues(trimmed, family)
+    return values[0].real if len(values) == 1 and not values[0].imag else None
+
+
+def _oscillation(trimmed: Trimmed, family: str) -> tuple[float, float] | None:
+    """Return the natural frequency, rad/s, and damping ratio of the mode with a declared name."""
+    # The mode must consist of one conjugate pair, or of two real eigenvalues of the same sign.
+    # Otherwise the result is None.
+    values = _eigenvalues(trimmed, family)
+    if len(values) == 1 and values[0].imag:
+        values = [values[0], values[0].conjugate()]
+    if len(values) != 2:
+        return None
+    total = values[0] + values[1]
+    product = (values[0] * values[1]).real
+    if product <= 0 or total.imag:
+        return None
+    frequency = math.sqrt(product)
+    return frequency, -total.real / (2 * frequency)
+
+
+def _bank_per_sideslip(trimmed: Trimmed) -> Iterator[Row]:
+    """Yield |φ/β| of the eigenvector of the Dutch roll, if bank and sideslip are linear states."""
+    states = trimmed.model.linear
+    names = [trimmed.roles.get("phi", ""), trimmed.roles.get("beta", "")]
+    pair = [value for value in _eigenvalues(trimmed, "dutch roll") if value.imag]
+    if not {*names} <= {*states} or not pair:
+        return
+    values, vectors = np.linalg.eig(trimmed.A)
+    shape = np.abs(vectors[:, int(np.argmin(np.abs(values - pair[0])))])
+    bank, sideslip = (shape[states.index(name)] for name in names)
+    if sideslip:
+        yield Row("dutch roll phi/beta", float(bank / sideslip))
+
+
+def _anticipation(trimmed: Trimmed, frequency: float) -> Iterator[Row]:
+    """Yield n/alpha, unless it is unknown or 0, and the parameter CAP if it is positive."""
+    pulled = trimmed.pull_up
+    if pulled is None or not pulled.alpha or not pulled.load_factor:
+        return
+    ratio = pulled.load_factor / pulled.alpha
+    if math.isnan(ratio):
+        return
+    yield Row("n/alpha", ratio, "1/rad")
+    if frequency**2 / ratio > 0:
+        yield Row("CAP", frequency**2 / ratio, "1/s^2")

@@ -1,0 +1,137 @@
+"""Loads and performance at a trim, from outputs with known names.
+
+A model states its forces by outputs with these names: lift and drag (aerodynamic, normal to and
+along the flight path), thrust, weight, pitching_moment (aerodynamic, about the center of gravity),
+dynamic_pressure, mach, reference_area, reference_chord, largest_lift_coefficient.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from hfa_support.reporting.rows import Lacking, Row
+from hfa_support.units import conversion
+from trim.reports.flight import OUTPUTS, dynamic_pressure, outputs
+from trim.reports.trimmed import Trimmed
+
+#: Unit of a power in a model -> unit on the sheet, and factor.
+_POWERS = {"lbf ft/s": ("hp", 1.0 / 550.0), "N m/s": ("kW", 1e-3)}
+#: Unit of a speed in a model -> unit of a rate of climb on the sheet.
+_CLIMBS = {"ft/s": ("ft/min", 60.0), "m/s": ("m/s", 1.0)}
+#: Outputs that the loads begin with, and those that other rows have.
+_LOADS = ("weight", "lift", "drag", "thrust", "thrust_force")
+_KNOWN = (*OUTPUTS, *_LOADS, "largest_lift_coefficient")
+
+
+def performance_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield loads, L/D, thrust, climb, power and stall of an aircraft, then its other outputs."""
+    yield from outputs(trimmed, _LOADS)
+    if {"speed", "alpha"} <= {*trimmed.roles}:
+        yield from lift_and_drag(trimmed)
+        yield from thrust(trimmed)
+        yield from stall(trimmed)
+    others = tuple(name for name in trimmed.given.model.outputs if name not in _KNOWN)
+    yield from outputs(trimmed, others, rare=True)
+
+
+def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield L/D, the power D V, and the coefficients of lift and drag."""
+    speed = trimmed.roles["speed"]
+    if reason := trimmed.lacks("lift", "drag"):
+        yield Lacking("L/D", reason)
+        yield Lacking("power required", reason)
+    else:
+        reason = trimmed.zero("drag")
+        yield Lacking("L/D", reason) if reason else Row("L/D", trimmed["lift"] / trimmed["drag"])
+        unit = f"{trimmed.unit('drag')} {trimmed.unit(speed)}"
+        shown, factor = _POWERS.get(unit, (unit, 1.0))
+        yield Row("power required", trimmed["drag"] * trimmed[speed] * factor, shown)
+    if not no_force(trimmed):
+        force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
+        yield Row("lift coefficient", trimmed["lift"] / force)
+        if "drag" in trimmed.model.outputs:
+            yield Row("drag coefficient", trimmed["drag"] / force)
+
+
+def no_force(trimmed: Trimmed) -> str:
+    """Return why the lift has no coefficient, or ""."""
+    names = ("lift", "dynamic_pressure", "reference_area")
+    return trimmed.lacks(*names) or trimmed.zero(*names[1:])
+
+
+def thrust(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield the thrust with all engine inputs at their highest values, the excess over the thrust,
+    and the rate of climb that it allows at constant speed, excess V cos α / weight.
+    """
+    available = trimmed.thrust_available
+    if isinstance(available, str):
+        for name in ("thrust available", "excess thrust", "rate of climb left"):
+            yield Lacking(name, available)
+        return
+    unit = trimmed.unit(trimmed.thrust_name)
+    excess = available - trimmed[trimmed.thrust_name]
+    yield Row("thrust available", available, unit)
+    yield Row("excess thrust", excess, unit)
+    if reason := trimmed.lacks("weight") or trimmed.zero("weight"):
+        yield Lacking("rate of climb left", reason)
+        return
+    speed, alpha = (trimmed[trimmed.roles[role]] for role in ("speed", "alpha"))
+    given = trimmed.unit(trimmed.roles["speed"])
+    shown, factor = _CLIMBS.get(given, (given, 1.0))
+    climb = excess * math.cos(alpha) * speed / trimmed["weight"]
+    yield Row("rate of climb left", climb * factor, shown, "at constant speed")
+
+
+def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+    """Yield the largest lift coefficient, the speed over the stall speed at this load factor, and
+    the stall speed at 1 g, V sqrt(W / largest lift).
+    """
+    reason = no_force(trimmed) or trimmed.zero("lift")
+    largest = None if reason else trimmed.largest_lift
+    if largest is None:
+        yield Lacking("speed / stall speed", reason or "no CL_max, and lift without a maximum")
+        return
+    force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
+    known = math.isfinite(largest.alpha)
+    where = f"at alpha {math.degrees(largest.alpha):.4g} deg" if known else ""
+    yield Row("largest lift coefficient", largest.lift / force, note=where)
+    if largest.passed:
+        yield Lacking("speed / stall speed", "beyond the largest lift")
+    elif trimmed["lift"] > 0.0:
+        ratio = math.sqrt(largest.lift / trimmed["lift"])
+        yield Row("speed / stall speed", ratio, note="V/Vs at this load factor")
+    if "weight" in trimmed.model.outputs and largest.lift > 0.0 and trimmed["weight"] > 0.0:
+        yield from stall_speed(trimmed, math.sqrt(trimmed["weight"] / largest.lift))
+
+
+def stall_speed(trimmed: Trimmed, share: float) -> Iterator[Row]:
+    """Yield the stall speed at 1 g, kt, of which the share of the speed is known."""
+    speed = trimmed.roles["speed"]
+    knots = conversion(trimmed.unit(speed), "kt")
+    if knots is None:
+        return
+    true = trimmed[speed] * knots * share
+    pressure = dynamic_pressure(trimmed)
+    if isinstance(pressure, str):
+        yield Row("stall speed at 1 g", true, "kt", "Vs, KTAS")
+    else:
+        from hfa_aircraft.rigid.atmosphere import equivalent_airspeed
+
+        equivalent = equivalent_airspeed(pressure) * share
+        yield Row("stall speed at 1 g", equivalent, "kt", f"Vs, KEAS; {true:.4g} KTAS")
+
+
+def stalled(trimmed: Trimmed) -> list[str]:
+    """Return sentences on a trim beyond the largest lift."""
+    largest = None if no_force(trimmed) else trimmed.largest_lift
+    if largest is None:
+        return []
+    force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
+    most, here = largest.lift / force, trimmed["lift"] / force
+    if largest.passed:
+        where = f"CL {most:.4g} at alpha {math.degrees(largest.alpha):.4g} deg"
+        return [f"STALLED: beyond the largest lift, {where}"]
+    if here > most:
+        return [f"STALLED: CL {here:.4g} is above CL_max {most:.4g} of the table"]
+    return []

@@ -1,0 +1,182 @@
+"""The equations of a trim, and what is unusual in the search for it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hfa_support.reporting.rows import Row
+from hfa_support.reporting.text import Cell, Table, shown_value
+from trim.point.condition import TrimCondition
+from trim.point.diagnosis import failure
+from trim.point.operating_point import OperatingPoint
+from trim.point.problem import STARTS, TrimProblem
+from trim.point.status import BALANCE, Status
+from trim.point.system import declared_start
+from trim.reports.trimmed import Trimmed
+
+#: Condition number above which the scaled Jacobian counts as singular.
+_SINGULAR = 1e12
+#: Scaled residual that is rounding.
+_NOISE = 1e-14
+
+
+def equations_of(condition: TrimCondition, point: OperatingPoint) -> dict[str, dict[str, Any]]:
+    """Return data on each equation of a trim, state or output -> data."""
+    # The data are the imposed value, the residual, its tolerance, the unit, and whether the
+    # equation balances.
+    imposed = {**condition.imposed, **condition.rates}
+    equations = {}
+    for name, residual in point.residuals.items():
+        tolerance = BALANCE * point.scale(name)
+        equations[name] = {
+            "imposed": imposed[name],
+            "residual": residual,
+            "tolerance": tolerance,
+            "unit": point.equation_unit(name),
+            "ok": abs(residual) <= tolerance,
+        }
+    return equations
+
+
+def equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:
+    """Return a table of the equations, with those that do not balance first."""
+    # The column of imposed rates is omitted if all imposed rates are 0.
+    states = point.model.states
+    with_rates = any(entry["imposed"] for name, entry in equations.items() if name in states)
+    scaled = point.scaled_residuals
+    rows = []
+    for name, entry in sorted(equations.items(), key=lambda item: item[1]["ok"]):
+        unit = entry["unit"]
+        row = [f"rate of {name}" if name in states else name]
+        if with_rates:
+            rate = entry["imposed"] if name in states else 0.0
+            row.append(f"{rate:.6g}")
+        row.append(_size_text(entry["residual"], least=_NOISE * entry["tolerance"] / BALANCE))
+        row.append(f"{entry['tolerance']:.2e}")
+        row.append(unit)
+        row.append(_size_text(scaled[name], least=_NOISE))
+        row.append(Cell("PASS", "good") if entry["ok"] else Cell("FAIL", "bad"))
+        rows.append(tuple(row))
+    columns = ["equation", "residual", "tolerance", "unit", "scaled", "verdict"]
+    if with_rates:
+        columns.insert(1, "imposed")
+    return Table(tuple(columns), rows)
+
+
+def _size_text(value: float, least: float) -> str:
+    """Return a residual as text, "0" or "<= 1e-14" if it is rounding."""
+    if not value:
+        return "0"
+    return f"{value:.2e}" if abs(value) > least else f"<= {least:.0e}"
+
+
+def balance_row(point: OperatingPoint) -> Row:
+    """Return the row of the largest residual of the equations, relative to their scales."""
+    count = len(point.residuals)
+    wrong = sum(abs(each) > BALANCE for each in point.scaled_residuals.values())
+    verdict = (
+        f"{wrong} of {count} equations do not balance"
+        if wrong
+        else f"all {count} equations balance"
+    )
+    note = f"of its scale, tolerance {BALANCE:.0e}: {verdict}"
+    return Row(
+        "largest residual", point.residual, note=note, least=_NOISE, tone="bad" * bool(wrong)
+    )
+
+
+def other_trims(problem: TrimProblem, point: OperatingPoint) -> list[OperatingPoint]:
+    """Return further trims of a problem with as many equations as unknowns.
+
+    These are the trims that Newton's method finds from the declared initial values and from
+    `STARTS` points within the limits, for example on the back side of the power curve. More trims
+    may exist. The list is empty if the numbers of equations and unknowns differ.
+
+    problem: the solved problem
+    point: the trim
+    """
+    trim = problem.unknowns(point.values)
+    equations, unknowns = problem.count
+    starts = [*problem.starts(trim)]
+    if not starts or equations != unknowns:
+        return []
+    starts.append(problem.unknowns(declared_start(problem.model, problem.asked.imposed)))
+    trims = [trim]
+    for solution in problem.ends_within(starts):
+        distances = [float(np.abs(solution - z).max()) for z in trims]
+        if problem.solved(solution) and min(distances) > 1e-6:
+            trims.append(solution)
+    return [OperatingPoint._of(problem, z, Status.TRIMMED) for z in trims[1:]]
+
+
+def search_of(trimmed: Trimmed) -> tuple[dict[str, Any], list[str]]:
+    """Return data on the search for a trim, and sentences on unusual features of the search."""
+    problem, point = trimmed.problem, trimmed.given
+    equations, unknowns = problem.count
+    sentences = []
+    others: list[OperatingPoint] = []
+    if point.status == Status.TRIMMED:
+        others = other_trims(problem, point)
+        if unknowns > equations:
+            sentences.append(
+                f"Least effort: {unknowns} unknowns for {equations} equations, so this is the trim "
+                "with the least Σ (input / scale)² near the initial point"
+            )
+        note = _singular_note(problem, problem.unknowns(point.values))
+        if note:
+            sentences.append(note)
+    if point.started:
+        usual = failure(problem, problem.newton(problem.clip(problem.system.start)))
+        sentences.append(f"From the default initial point: {usual}")
+        sentences.append(f"Found from initial point {point.started} of {STARTS} between the limits")
+    limits = problem.system.limits
+    free = np.isinf(limits.lowest) & np.isinf(limits.highest)
+    if free.any():
+        names = ", ".join(problem.free[i] for i in np.flatnonzero(free))
+        sentences.append(f"No limits are declared for {names}; check that the values are reachable")
+    if problem.idle:
+        names = ", ".join(problem.idle)
+        sentences.append(f"Neither held nor determined, kept at the initial value: {names}")
+    sentences += [_other_trim(problem, point, other) for other in others]
+    search = {
+        "equations": equations,
+        "unknowns": unknowns,
+        "least_effort": unknowns > equations,
+        "start": point.started,
+        "idle": list(problem.idle),
+        "other_trims": [{name: other.values[name] for name in problem.free} for other in others],
+    }
+    return search, sentences
+
+
+def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
+    """Return a note if a trim is not unique because the Jacobian of its equations is singular."""
+    # The note is "" if the Jacobian is regular, or if the numbers of equations and unknowns differ.
+    # z (k,)
+    equations, unknowns = problem.count
+    jacobian = problem.at(z).jacobian[:equations]
+    if not unknowns or equations != unknowns or np.linalg.cond(jacobian) < _SINGULAR:
+        return ""
+    direction = np.abs(np.linalg.svd(jacobian)[2][-1])
+    moving = [problem.free[i] for i in np.argsort(-direction) if direction[i] > 0.1]
+    return (
+        f"The equations do not determine the trim: the Jacobian is singular along "
+        f"{', '.join(moving)}; hold one of these"
+    )
+
+
+def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
+    """Return a sentence on another trim, with an initial point that leads to it."""
+    model = problem.model
+    # in the model's units
+    apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values)) > 1e-3
+    names = [problem.free[i] for i in np.flatnonzero(apart)]
+    values = ", ".join(f"{name} {model.describe(name, other.values[name])}" for name in names)
+    # states decide which trim is found; the search chooses the inputs that balance them
+    begin = [name for name in names if name not in model.inputs] or names
+    typed = ",".join(
+        f"{name}={shown_value(other.values[name], model.unit(name))}" for name in begin
+    )
+    return f"Another trim exists: {values}; the initial point {typed} leads to it"

@@ -1,0 +1,239 @@
+"""The sheet of a trim, and its report: title, sheet, equations and notes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from hfa_support.errors import NotFiniteError
+from hfa_support.reporting.named import ByName
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import given
+from hfa_support.reporting.rows import Lacking, Row, Sheet
+from hfa_support.reporting.text import Table, degrees
+from trim.linear.modes import Mode, modes_table
+from trim.point.condition import TrimCondition
+from trim.point.margins import Margin, all_margins
+from trim.point.operating_point import OperatingPoint
+from trim.point.status import BALANCE
+from trim.reports.configuration import configuration_rows, inertia_lines
+from trim.reports.first_lines import control_lines, title_of, without_lines
+from trim.reports.flight import flight_rows, same_as_the_table
+from trim.reports.handling_qualities import handling_qualities
+from trim.reports.levels import (
+    Airplane,
+    chosen_airplane,
+    graded_modes,
+    level_lines,
+    rows_with_levels,
+)
+from trim.reports.limits import ASSUMED, limit_rows, named_nearest, nearest_first, variable_rows
+from trim.reports.performance import performance_rows, stalled
+from trim.reports.search import balance_row, equations_of, equations_table, search_of
+from trim.reports.stability import stability_rows
+from trim.reports.trimmed import Trimmed
+
+#: Title of the group whose rows have the names of the model's variables.
+VARIABLES = "trim"
+
+
+def sheet_of(point: OperatingPoint, airplane: Airplane | None = None) -> Sheet:
+    """Return the sheet of a trim: its figures as rows, found by name.
+
+    The groups are condition, configuration, trim (variables with their limits), limits,
+    performance, stability, modes with the levels of MIL-F-8785C.
+
+    point: the trim
+    airplane: class and flight phase category for the levels; by default the class that weight and
+        load factor suggest, and category B
+
+    >>> import hfa
+    >>> sheet = hfa.trim(hfa.aircraft()).sheet
+    >>> round(sheet["static margin"].value, 4), sheet["static margin"].unit
+    (0.4167, 'chord')
+    """
+    trimmed = Trimmed(point)
+    return _sheet(trimmed, trimmed_margins(trimmed), airplane)
+
+
+def trimmed_margins(trimmed: Trimmed) -> dict[str, Margin]:
+    """Return the margins of all variables of a trim, name -> `Margin`."""
+    point = trimmed.given
+    idle = trimmed.problem.idle
+    return all_margins(point.model, trimmed.condition, point.states, point.inputs, idle)
+
+
+def _sheet(trimmed: Trimmed, margins: Mapping[str, Margin], airplane: Airplane | None) -> Sheet:
+    """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
+    point = trimmed.given
+    configuration = configuration_rows(trimmed)
+    limited = nearest_first(trimmed, margins)
+    assumed = [ASSUMED] * any(each.nearer and each.assumed for each in margins.values())
+    flight = [*flight_rows(trimmed), balance_row(point)]
+    groups: list[tuple[str, Any, Any]] = [
+        ("condition", flight, same_as_the_table(trimmed)),
+        ("configuration", configuration, inertia_lines(trimmed, configuration)),
+        (VARIABLES, variable_rows(trimmed, margins), assumed),
+        ("limits", limit_rows(limited), ()),
+    ]
+    if point.ok:
+        describe = point.model.trimming.describe
+        own = [] if describe is None else describe(point)
+        repeated = {row.name for _, rows, _ in own for row in rows}
+        loads = [row for row in performance_rows(trimmed) if row.name not in repeated]
+        groups += [("performance", loads, ()), *own]
+        groups.append(("stability", [*stability_rows(trimmed)], ()))
+        groups.append(_modes(trimmed, airplane))
+    return Sheet.of(groups, first=VARIABLES)
+
+
+def _modes(
+    trimmed: Trimmed, airplane: Airplane | None
+) -> tuple[str, list[Row | Lacking], list[str]]:
+    """Return the group of the modes: eigenvalues, handling qualities and their levels."""
+    title = "modes and levels"
+    if trimmed.fault:
+        return title, [], [f"no modes: {trimmed.fault}"]
+    chosen, why = chosen_airplane(trimmed, airplane)
+    levels = graded_modes(trimmed, chosen)
+    qualities = rows_with_levels([*handling_qualities(trimmed)], levels)
+    rows: list[Row | Lacking] = []
+    for mode in trimmed.modes:
+        unit, times = f"1/{trimmed.model.time_unit}", _times(trimmed, mode)
+        rows.append(Row(f"{mode.name} eigenvalue", mode.eigenvalue, unit, times))
+        family = mode.name.partition(" (")[0]
+        of_mode = [row for row in qualities if _belongs(row.name, family)]
+        qualities = [row for row in qualities if row not in of_mode]
+        if mode.eigenvalue.imag and not of_mode:
+            frequency = f"rad/{trimmed.model.time_unit}"
+            of_mode = [
+                Row(f"{mode.name} frequency", mode.frequency, frequency, in_degrees=False),
+                Row(f"{mode.name} damping", mode.damping),
+            ]
+        rows += of_mode
+    is_airplane = "speed" in trimmed.roles
+    return title, [*rows, *qualities], level_lines(levels, chosen, why) if is_airplane else []
+
+
+def _belongs(quality: str, family: str) -> bool:
+    """Return whether a handling quality is one of a mode."""
+    if family == "short period" and quality in ("CAP", "n/alpha"):
+        return True
+    return quality.startswith(f"{family} ")
+
+
+def _times(trimmed: Trimmed, mode: Mode) -> str:
+    """Return period and time to half or double of a mode as text."""
+    unit = trimmed.model.time_unit
+    words = [f"period {mode.period:.4g} {unit}"] if mode.eigenvalue.imag else []
+    if mode.eigenvalue.real:
+        time, change = (
+            (mode.time_to_half, "half") if mode.stable else (mode.time_to_double, "double")
+        )
+        words.append(f"time to {change} {time:.4g} {unit}")
+    return ", ".join(words)
+
+
+def trim_report(
+    point: OperatingPoint,
+    condition: TrimCondition | None = None,
+    *,
+    full: bool = False,
+    airplane: Airplane | None = None,
+) -> Report:
+    """Return the report of a trim, or of the nearest point if its condition has no trim.
+
+    Angles are in degrees in the text and in radians in the data. For a point that was not found by
+    a search, and without a condition, the report contains only the states and inputs.
+
+    point: the trim or the nearest point
+    condition: condition of the trim; by default that of its search
+    full: whether to list each equation, the margins of all variables, all outputs, and the
+        participation of the states in the modes
+    airplane: as in `sheet_of`
+    """
+    if condition is None and point.problem is None:
+        return saved_report(point)
+    trimmed = Trimmed(point, condition)
+    margins = trimmed_margins(trimmed)
+    sheet = _sheet(trimmed, margins, airplane)
+    search, sentences = search_of(trimmed)
+    equations = equations_of(trimmed.condition, point)
+    nearest = named_nearest(nearest_first(trimmed, margins))
+    stalls = stalled(trimmed) if point.ok and {"speed", "alpha"} <= {*trimmed.roles} else []
+    parts: list[Any] = [*sheet.shown(full)]
+    if full or not all(entry["ok"] for entry in equations.values()):
+        parts.append(equations_table(point, equations))
+    if full and trimmed_modes(trimmed):
+        parts.append(modes_table(trimmed.modes, point.model.time_unit))
+    parts += [tuple(sentences)] if sentences else []
+    ratio = next((row for row in sheet if row.name == "L/D"), None)
+    controls = control_lines(trimmed, margins, ratio)
+    title = "\n".join(filter(None, [title_of(trimmed), *stalls, controls]))
+    notes = point.warnings if full else without_lines(point.warnings)
+    data = {
+        "schema": "hfa.trim/1",
+        "dynamics": point.dynamics,
+        "operating_point": point,
+        "status": point.status,
+        "sheet": sheet.contents(),
+        "not_in_model": sheet.lacking,
+        "variables": margins,
+        "nearest_limits": [margin.name for margin in nearest],
+        "binding": [each.name for each in nearest if each.at_limit and each.role != "held"],
+        "equations": equations,
+        "scaled_residuals": point.scaled_residuals,
+        "balance_limit": BALANCE,
+        "modes": trimmed_modes(trimmed),
+        "search": search,
+        "warnings": point.warnings,
+    } | given(
+        dihedral_deg=point.dihedral_deg,
+        scheduled=point.scheduled,
+        doubts=point.model.about.doubts,
+        stalled=stalls,
+    )
+    return Report(title, parts, notes, data, sheet.records())
+
+
+def trimmed_modes(trimmed: Trimmed) -> tuple[Mode, ...]:
+    """Return the modes of a trim, () for a point that is none."""
+    return trimmed.modes if trimmed.given.ok else ()
+
+
+def modes_at(point: OperatingPoint) -> ByName[Mode]:
+    """Return the modes of the linear model at a point, fastest first.
+
+    Raises NotFiniteError if a derivative is not finite.
+    """
+    trimmed = Trimmed(point)
+    if trimmed.fault:
+        raise NotFiniteError(trimmed.fault)
+    return trimmed.modes
+
+
+def point_records(point: OperatingPoint) -> Table:
+    """Return a table of the states, inputs and residuals of an operating point.
+
+    Each row is (kind, name, value, unit). The unit of an angle is rad.
+    """
+    unit = point.model.unit
+    rows: list[tuple[str, str, float, str]] = []
+    for kind, values in (("state", point.states), ("input", point.inputs)):
+        rows += [(kind, name, value, unit(name)) for name, value in values._asdict().items()]
+    for name, value in point.residuals.items():
+        rows.append(("residual", name, value, point.equation_unit(name)))
+    return Table(("kind", "name", "value", "unit"), rows)
+
+
+def saved_report(point: OperatingPoint) -> Report:
+    """Return a report of the states and inputs of a point that was not found by a search."""
+    records = point_records(point)
+    rows = [
+        (kind, name, *degrees(value, unit))
+        for kind, name, value, unit in records.rows
+        if kind != "residual"
+    ]
+    table = Table(records.header, rows)
+    notes = without_lines(point.warnings)
+    return Report(title_of(Trimmed(point)), [table], notes, point.as_data(), records)
