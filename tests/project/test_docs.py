@@ -31,11 +31,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from cli import Result, hfa
 from package_page import PAGE
-from pages import COMMAND, Block, blocks_of, difference
+from pages import COMMAND, Block, blocks_of, difference, looks_like
 from project import FOLDERS, PACKAGES, ROOT
 
 #: Provenance at the end of an output, which a document may omit.
@@ -208,21 +207,6 @@ def headings(document: str) -> list[str]:
     """Return the anchors that GitHub makes from the headings of a document."""
     titles = re.findall(r"^#+ (.*)$", document, re.M)
     return [re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles]
-
-
-def looks_like(picture: Path, other: Path) -> bool:
-    """Return whether two pictures have equal size and fewer than 0.5 % clearly different pixels.
-
-    The tolerance allows for another date and another rendering of letters.
-    """
-    from matplotlib.image import imread
-
-    pixels = imread(picture)
-    other_pixels = imread(other)
-    if pixels.shape != other_pixels.shape:
-        return False
-    different = np.abs(pixels - other_pixels).max(axis=2) > 0.1
-    return bool(np.mean(different) < 0.005)
 
 
 #: Examples that print nothing: aircraft (tests/trim/test_own_models.py), and a training script.

@@ -12,10 +12,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from matplotlib.image import imread
+from pages import looks_like
 from project import ROOT
 
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
@@ -82,21 +81,9 @@ def outputs_agree(text: str, old: str) -> bool:
     return all(map(is_drawn_as, pictures, re.findall(_PICTURE, old)))
 
 
-def is_drawn_as(picture_now: bytes, png: str) -> bool:
-    """Return whether two PNG pictures have equal size and fewer than 0.5 % different pixels.
-
-    The tolerance accepts a different date and font rendering. The result is False for an empty
-    `png`.
-
-    png: base64 text
-    """
-    if not png:
-        return False
-    picture = imread(io.BytesIO(base64.b64decode(png)))
-    today = imread(io.BytesIO(picture_now))
-    if picture.shape != today.shape:
-        return False
-    return bool(np.mean(np.abs(picture - today).max(axis=2) > 0.1) < 0.005)
+def is_drawn_as(picture: bytes, png: str) -> bool:
+    """Return whether a PNG picture looks like that of a base64 text, which may be empty."""
+    return bool(png) and looks_like(io.BytesIO(picture), io.BytesIO(base64.b64decode(png)))
 
 
 def png_of(figure: Figure) -> bytes:
