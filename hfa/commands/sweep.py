@@ -181,7 +181,7 @@ def _listed_axes(
     hold: values of --hold, of which constants are in the condition
     ranges: values of the options that are axes
     """
-    axes: dict[str, Any] = _listed(listing, condition)
+    axes: dict[str, Any] = listed_points(listing, condition)
     rows = len(next(iter(axes.values())))
     for name, values in {**hold, **ranges}.items():
         if name in axes or not is_one_value(values):
@@ -193,7 +193,7 @@ def _listed_axes(
     return axes
 
 
-def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
+def listed_points(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     """Return name -> value at each point, (N,), from a CSV file of trim points."""
     try:
         lines = regular_file(path).read_text("utf-8-sig").splitlines()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import hfa_model
+from hfa.commands.sweep import listed_points
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import each_of, one_of
 from hfa.options.command import Request, command, output_option, picture_option
@@ -28,14 +29,16 @@ from hfa.options.trims import (
     refuse_doubles,
     trim_with,
 )
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table
+from hfa_support.reporting.rows import Sheet, matrix_of
+from trim.point.condition import usual_condition
 from trim.point.solve import TrimError
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
 from trim.reports.point_figure import point_figure
-from trim.reports.trim_report import trim_report
+from trim.reports.trim_report import sheet_of, trim_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,6 +73,10 @@ class TrimRequest(Request, TrimOptions):
         "NAME=VALUE",
         named=True,
     )
+    conditions: str | None = option(
+        "a .csv file of conditions, a sheet for each: a row of names, rows of values (degrees)",
+        "FILE",
+    )
     output: Path | None = output_option(".pdf")
     picture: Path | None = picture_option(
         "the HFA from the front with its loads, or the variables of another aircraft in their "
@@ -95,26 +102,31 @@ def trim(request: TrimRequest) -> int:
     """Trim the aircraft and print a sheet: variables, limits, configuration, loads, performance,
     stability, modes and their levels by MIL-F-8785C. Several values give one sheet each."""
     trims = _each_trim(request)
-    if len(trims) == 1:
-        point = trimmed_or_shown(request, trims[0])
-        sheet = _sheet(request, trims[0], point)
+    valid = [each for each in trims if not isinstance(each, BadInputError)]
+    if not valid:
+        raise next(each for each in trims if isinstance(each, BadInputError))
+    if len(trims) == 1 and request.conditions is None:
+        point = trimmed_or_shown(request, valid[0])
+        sheet = _sheet(request, valid[0], point)
         (picture,) = sheet.pictures()
-        show(request, sheet, trims[0].source, figure=lambda: picture.figure)
+        show(request, sheet, valid[0].source, figure=lambda: picture.figure)
         return 0
     if request.picture is not None:
         raise BadInputError("--picture requires a single trim; -o FILE.html contains all pictures")
-    sheets = [_sheet_or_failure(request, each) for each in trims]
-    show(request, _together(sheets), _common_source(request, trims))
+    sheets, rows = zip(*(_sheet_or_failure(request, each) for each in trims), strict=True)
+    show(request, _together(sheets, rows), _common_source(request, valid))
     return 0
 
 
-def _each_trim(request: TrimRequest) -> list[GivenTrim]:
+def _each_trim(request: TrimRequest) -> Sequence[GivenTrim | BadInputError]:
     """Return the single trims, in the order of the grid.
 
     Raises BadInputError for more than `_MOST_SHEETS`.
     """
     model = loaded_model(request)
     hold = each_of("--hold", model, held_texts(request), value_range)
+    if request.conditions is not None:
+        return _each_listed(request, model, Path(request.conditions), hold)
     at = at_value(request, model, scheduled_range, required=True)
     refuse_doubles(model, (), at, hold)
     ranges = hold if at is None else {model.schedule: at, **hold}
@@ -129,6 +141,35 @@ def _each_trim(request: TrimRequest) -> list[GivenTrim]:
         held = dict(zip(ranges, values, strict=True))
         single = None if at is None else held.pop(model.schedule)
         trims.append(trim_with(request, model, single, held))
+    return trims
+
+
+def _each_listed(
+    request: TrimRequest, model: Model, file: Path, hold: Mapping[str, Any]
+) -> list[GivenTrim | BadInputError]:
+    """Return the trims of a file of conditions, in its order; the options hold for each. An error
+    stands for a row with a value beyond its limits.
+
+    Raises BadInputError for a variable in the file and in an option, and for several values of an
+    option.
+    """
+    listed = listed_points(file, usual_condition(model))
+    at = at_value(request, model, scheduled_range, required=False)
+    common = hold if at is None else {model.schedule: at, **hold}
+    for name, values in common.items():
+        if name in listed or len(values) > 1:
+            raise BadInputError(
+                f"give {name} either as a column of {file} or by an option with one value"
+            )
+    held = {name: float(array_of(name, values, 1)[0]) for name, values in common.items()}
+    trims: list[GivenTrim | BadInputError] = []
+    for row in zip(*listed.values(), strict=True):
+        values = held | dict(zip(listed, map(float, row), strict=True))
+        single = values.pop(model.schedule, None) if model.about.names_schedule else None
+        try:
+            trims.append(trim_with(request, model, single, values))
+        except BadInputError as error:  # a value beyond its limits
+            trims.append(error)
     return trims
 
 
@@ -151,9 +192,7 @@ def _failed(given: GivenTrim, error: TrimError) -> Report:
 def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> Report:
     """Return the sheet of a trim, with its picture."""
     aircraft = given.model
-    airplane = None
-    if request.class_ is not None or request.category is not None:
-        airplane = Airplane(request.class_ or "", request.category or Airplane().category)
+    airplane = _airplane(request)
     report = trim_report(point, given.condition, full=request.full, airplane=airplane)
     if hfa_model.is_hfa(aircraft):
         from trim.hfa.other_dynamics import beside_other_dynamics
@@ -171,26 +210,38 @@ def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> Rep
     return replace(report, parts=(*report.parts, picture))
 
 
-def _sheet_or_failure(request: TrimRequest, given: GivenTrim) -> Report:
-    """Return the sheet of one of several trims, or a report of the reason for a missing trim."""
+def _airplane(request: TrimRequest) -> Airplane | None:
+    """Return the class and the category that options give, or None."""
+    if request.class_ is None and request.category is None:
+        return None
+    return Airplane(request.class_ or "", request.category or Airplane().category)
+
+
+def _sheet_or_failure(
+    request: TrimRequest, given: GivenTrim | BadInputError
+) -> tuple[Report, Sheet | dict[str, str]]:
+    """Return the sheet of one of several trims, or a report of the reason for a missing trim, and
+    the entries of its row in a matrix.
+    """
+    if isinstance(given, BadInputError):
+        return Report(str(given), failure=str(given)), {"failure": str(given)}
     try:
-        return _sheet(request, given, trimmed(given))
+        point = trimmed(given)
     except TrimError as error:
         data = _failed(given, error).data
         where = given.condition.in_words()
-        return Report(f"{where}: {error}", data=data, failure=str(error))
+        failed = Report(f"{where}: {error}", data=data, failure=str(error))
+        return failed, {"failure": str(error)}
+    return _sheet(request, given, point), sheet_of(point, _airplane(request))
 
 
-def _together(sheets: list[Report]) -> Report:
+def _together(sheets: Sequence[Report], rows: Sequence[Sheet | dict[str, str]]) -> Report:
     """Return one report of several sheets."""
     failed = [sheet for sheet in sheets if sheet.failure]
     title = f"{len(sheets) - len(failed)} of {len(sheets)} conditions are trimmed"
     failure = f"{len(failed)} of {len(sheets)} conditions have no trim" if failed else ""
     data = {"schema": "hfa.trims/1", "sheets": [sheet.data for sheet in sheets]}
-    header = next((sheet.records.header for sheet in sheets if not sheet.failure), ())
-    rows = [(k, *row) for k, sheet in enumerate(sheets, 1) for row in sheet.records.rows]
-    records = Table(("sheet", *header), rows)
-    return Report(title, sheets, data=data, records=records, failure=failure)
+    return Report(title, sheets, data=data, records=matrix_of(rows), failure=failure)
 
 
 def _common_source(request: TrimRequest, trims: list[GivenTrim]) -> dict[str, Any]:

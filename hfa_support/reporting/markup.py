@@ -18,7 +18,13 @@ _STYLE = (
     "th,td{padding:.2em .7em;border-bottom:1px solid #ccc;text-align:right}"
     "th:first-child,td:first-child{text-align:left}img{max-width:100%}"
     "h1{font-size:1.3em}h2{font-size:1.15em;border-top:2px solid #111;padding-top:.7em}"
-    "@media print{body{margin:0;font-size:11px}h2{break-before:page}table{break-inside:avoid}}"
+    ".sheet{columns:2;column-gap:2em;font-size:11px;line-height:1.3}"
+    ".sheet section{break-inside:avoid}.sheet table{width:100%;margin:.4em 0}"
+    ".sheet th,.sheet td{padding:.1em .4em;font-weight:normal}.sheet p{margin:.2em 0}"
+    ".sheet thead th{font-weight:bold;border-bottom:2px solid #111}"
+    ".sheet .words{text-align:left}.sheet .note{color:#555}"
+    "@page{size:A4;margin:12mm}@media print{.sheet{font-size:8.5px}"
+    "body{margin:0;font-size:11px}h2{break-before:page}table{break-inside:avoid}}"
 )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -110,10 +111,13 @@ class Report:
         """
         from hfa_support.reporting.markup import as_html, report_as_html
 
-        shown = [
-            part.html(level + 1) if isinstance(part, Report) else as_html(part)
-            for part in self.parts
-        ]
+        shown = []
+        for is_sheet, parts in groupby(self.parts, key=lambda part: isinstance(part, Group)):
+            made = [
+                part.html(level + 1) if isinstance(part, Report) else as_html(part)
+                for part in parts
+            ]
+            shown += ['<div class="sheet">', *made, "</div>"] if is_sheet else made
         return report_as_html(self.title, shown, self.notes, self.source, level)
 
     def page(self) -> str:

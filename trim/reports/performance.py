@@ -26,12 +26,14 @@ _KNOWN = (*OUTPUTS, *_LOADS, "largest_lift_coefficient")
 
 def performance_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     """Yield loads, L/D, thrust, climb, power and stall of an aircraft, then its other outputs."""
-    yield from outputs(trimmed, _LOADS)
+    rows: list[Row | Lacking] = [*outputs(trimmed, _LOADS)]
     if {"speed", "alpha"} <= {*trimmed.roles}:
-        yield from lift_and_drag(trimmed)
-        yield from thrust(trimmed)
-        yield from stall(trimmed)
-    others = tuple(name for name in trimmed.given.model.outputs if name not in _KNOWN)
+        rows += [*lift_and_drag(trimmed), *thrust(trimmed), *stall(trimmed)]
+    yield from rows
+    model = trimmed.given.model
+    known = {*_KNOWN, *model.variables, *trimmed.condition.imposed}
+    known |= {row.name.replace(" ", "_") for row in rows}
+    others = tuple(name for name in model.outputs if name not in known)
     yield from outputs(trimmed, others, rare=True)
 
 

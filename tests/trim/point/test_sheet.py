@@ -728,3 +728,22 @@ def test_published_and_newton_dynamics_differ_by_mode_in_percent() -> None:
         assert fast["eigenvalue"][0] == pytest.approx(fastest["published"])
         assert fast["other"][0] == pytest.approx(fastest["newton"])
         assert pair["percent"] == pytest.approx(percent)
+
+
+def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:
+    """Each row equals the sheet of its own trim in degrees; a row that fails has its sentence."""
+    Path("conditions.csv").write_text("speed,gamma\n30,0\n35,2\n5,0\n", "utf-8")
+    words = ("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--conditions", "conditions.csv")
+    result = command(*words, "-o", "matrix.csv")
+    assert (result.code, result.err.count("have no trim")) == (1, 1)
+    rows = list(csv.DictReader(Path("matrix.csv").read_text("utf-8").splitlines()))
+    model = hfa.load_model(f"{EXAMPLES}/uav.toml")
+    for row, speed, gamma in zip(rows, (30.0, 35.0), (0.0, 2.0), strict=False):
+        found = hfa.trim(model, speed=speed, gamma=math.radians(gamma)).sheet
+        for name in ("static margin", "L/D", "calibrated airspeed", "short period damping"):
+            assert float(row[name]) == pytest.approx(found[name].value, rel=1e-9)
+        assert float(row["gamma"]) == pytest.approx(gamma)
+        assert float(row["alpha"]) == pytest.approx(math.degrees(found["alpha"].value))
+        assert (row["phugoid damping level"], row["failure"]) == ("1", "")
+    assert "speed is 5 m/s" in rows[2]["failure"]
+    assert rows[2]["L/D"] == ""
