@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hfa_support.reporting.parts import Picture
@@ -23,6 +23,7 @@ _STYLE = (
     ".sheet th,.sheet td{padding:.1em .4em;font-weight:normal}.sheet p{margin:.2em 0}"
     ".sheet thead th{font-weight:bold;border-bottom:2px solid #111}"
     ".sheet .words{text-align:left}.sheet .note{color:#555}"
+    ".signed{width:100%;font-size:11px}.signed td{border:1px solid #999;text-align:left}"
     "@page{size:A4;margin:12mm}@media print{.sheet{font-size:8.5px}"
     "body{margin:0;font-size:11px}h2{break-before:page}table{break-inside:avoid}}"
 )
@@ -122,6 +123,13 @@ def html_table(table: Table) -> str:
     return (
         f"{box}<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>"
     )
+
+
+def signed_head(head: Mapping[str, str]) -> str:
+    """Return the head of a sheet that is signed: its entries, and lines for name, date, signature."""
+    entries = "".join(f"<td><b>{escaped(k)}</b><br>{escaped(v)}</td>" for k, v in head.items())
+    blanks = "".join(f"<td><b>{k}</b><br>&nbsp;</td>" for k in ("name", "date", "signature"))
+    return f'<table class="signed"><tr>{entries}</tr><tr>{blanks}</tr></table>'
 
 
 def group_html(group: Group) -> str:

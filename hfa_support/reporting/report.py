@@ -45,6 +45,8 @@ class Report:
     data: entries of the result by name, for JSON, .npz and .mat
     records: the result for CSV, with numbers in full precision
     source: the provenance, shown last
+    head: label -> text of a sheet that is signed, shown in HTML and PDF with lines for a name, a
+      date and a signature
     failure: reason why the command fails after it has shown this report, or ""
     """
 
@@ -55,6 +57,7 @@ class Report:
     records: Table = NO_RECORDS
     source: str = ""
     failure: str = ""
+    head: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "data", plain(self.data))
@@ -109,9 +112,9 @@ class Report:
 
         level: level of the heading, increased by one for each nested report
         """
-        from hfa_support.reporting.markup import as_html, report_as_html
+        from hfa_support.reporting.markup import as_html, report_as_html, signed_head
 
-        shown = []
+        shown = [signed_head(self.head)] if self.head else []
         for is_sheet, parts in groupby(self.parts, key=lambda part: isinstance(part, Group)):
             made = [
                 part.html(level + 1) if isinstance(part, Report) else as_html(part)
@@ -158,9 +161,19 @@ class Report:
         elif suffix == ".pdf":
             from hfa_support.reporting.pdf import write_pdf
 
-            write_pdf(((sheet.text(), sheet.pictures()) for sheet in self._sheets()), Path(path))
+            write_pdf(
+                ((sheet._signed_text(), sheet.pictures()) for sheet in self._sheets()), Path(path)
+            )
         else:
             save_data(Path(path), self.data, self.records)
+
+    def _signed_text(self) -> str:
+        """Return the text, with the head of a sheet that is signed above it."""
+        if not self.head:
+            return self.text()
+        lines = [f"{label}: {text}" for label, text in self.head.items()]
+        blank = "name: ____________________  date: ____________  signature: ____________"
+        return "\n".join([*(wrapped(line, WIDTH) for line in lines), blank, "", self.text()])
 
     def _sheets(self) -> Sequence[Report]:
         """Return the nested reports of a report that consists of them, or the report itself."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from typing import Any
 
+from hfa_aircraft.model import Model
 from hfa_support.errors import NotFiniteError
 from hfa_support.reporting.named import ByName
 from hfa_support.reporting.report import Report
@@ -17,7 +19,13 @@ from trim.point.margins import Margin, all_margins
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
 from trim.reports.configuration import configuration_rows, inertia_lines
-from trim.reports.first_lines import control_lines, title_of, without_lines
+from trim.reports.first_lines import (
+    condition_words,
+    control_lines,
+    subject,
+    title_of,
+    without_lines,
+)
 from trim.reports.flight import flight_rows, same_as_the_table
 from trim.reports.handling_qualities import handling_qualities
 from trim.reports.levels import (
@@ -193,7 +201,23 @@ def trim_report(
         doubts=point.model.about.doubts,
         stalled=stalls,
     )
-    return Report(title, parts, notes, data, sheet.records())
+    head = {
+        "aircraft": subject(point.model),
+        "data": _revision(point.model),
+        "condition": ", ".join(condition_words(trimmed)),
+    }
+    return Report(title, parts, notes, data, sheet.records(), head=head)
+
+
+def _revision(model: Model) -> str:
+    """Return the file of an aircraft with its digest, or the digest of its parameters."""
+    source = model.native.source
+    if source.digest:
+        return f"{source.text} (SHA-256 {source.digest[:12]})"
+    values = ",".join(
+        f"{name}={value!r}" for name, value in zip(model.parameters, model.p.tolist(), strict=True)
+    )
+    return f"parameters (SHA-256 {hashlib.sha256(values.encode()).hexdigest()[:12]})"
 
 
 def trimmed_modes(trimmed: Trimmed) -> tuple[Mode, ...]:
