@@ -126,7 +126,7 @@ def html_table(table: Table) -> str:
 
 
 def signed_head(head: Mapping[str, str]) -> str:
-    """Return the head of a sheet that is signed: its entries, and lines for name, date, signature."""
+    """Return the head of a signed sheet: its entries, and space for name, date, signature."""
     entries = "".join(f"<td><b>{escaped(k)}</b><br>{escaped(v)}</td>" for k, v in head.items())
     blanks = "".join(f"<td><b>{k}</b><br>&nbsp;</td>" for k in ("name", "date", "signature"))
     return f'<table class="signed"><tr>{entries}</tr><tr>{blanks}</tr></table>'
