@@ -27,7 +27,10 @@ _DRAWN = 16
 
 
 def parts_of_a_sample(
-    points: Sequence[OperatingPoint], dt: float, boxes: Sequence[np.ndarray] = ()
+    points: Sequence[OperatingPoint],
+    dt: float,
+    boxes: Sequence[np.ndarray] = (),
+    longest: float = _LONGEST,
 ) -> int:
     """Return the number of integration steps in a sample, from 1 to `_MOST_PARTS`.
 
@@ -36,11 +39,12 @@ def parts_of_a_sample(
 
     dt: sample time, s
     boxes: half-widths (k,) of the initial conditions about each trim, or empty
+    longest: longest step, in time constants of the fastest mode
     """
     fastest = max(fastest_mode(point, np.zeros(len(point.model.linear))) for point in points)
     for point, half_widths in zip(points, boxes, strict=len(boxes) > 0):
         fastest = max(fastest, fastest_mode(point, half_widths))
-    parts = max(1, math.ceil(dt * fastest / _LONGEST), math.ceil(dt / _SECONDS - 1e-9))
+    parts = max(1, math.ceil(dt * fastest / longest), math.ceil(dt / _SECONDS - 1e-9))
     return min(parts, _MOST_PARTS)
 
 

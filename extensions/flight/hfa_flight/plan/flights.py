@@ -29,8 +29,9 @@ from hfa_flight.simulate.simulation import CompiledLoop
 
 #: Largest integration step, s.
 _STEP = 0.005
-#: Typical number of ticks in a flight, for the decision on machine code.
-_TICKS = 500
+#: Typical number of ticks that are simulated for an initial condition and a policy, for the
+#: decision on machine code: the search simulates proposals, and each also with half the step.
+_TICKS = 5000
 #: Largest product of the integration step and the fastest mode of the linear loop.
 _FASTEST = 0.1
 #: An input is saturated if its distance to a limit is less than this fraction of its nominal value.
