@@ -13,6 +13,8 @@ _PAGE = (8.27, 11.69)
 _MARGIN = 0.7
 _POINTS = 9.0
 _SPACING = 1.25
+#: Width of a character of the monospaced font, relative to its size.
+_ADVANCE = 0.603
 
 
 def write_pdf(sheets: Iterable[tuple[str, Iterable[Picture]]], path: Path) -> None:
@@ -34,7 +36,9 @@ def _pages(text: str) -> Iterator[object]:
     from hfa_support.reporting.figure import new_figure
 
     lines = text.split("\n")
-    most = int(72.0 * (_PAGE[1] - 2.0 * _MARGIN) / (_POINTS * _SPACING))
+    width = 72.0 * (_PAGE[0] - 2.0 * _MARGIN) / _ADVANCE
+    points = min(_POINTS, width / max(map(len, lines)))
+    most = int(72.0 * (_PAGE[1] - 2.0 * _MARGIN) / (points * _SPACING))
     for first in range(0, len(lines), most):
         figure = new_figure(*_PAGE)
         figure.set_layout_engine("none")
@@ -43,7 +47,7 @@ def _pages(text: str) -> Iterator[object]:
             1.0 - _MARGIN / _PAGE[1],
             "\n".join(lines[first : first + most]),
             family="monospace",
-            fontsize=_POINTS,
+            fontsize=points,
             linespacing=_SPACING,
             verticalalignment="top",
             parse_math=False,

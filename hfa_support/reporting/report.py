@@ -171,9 +171,14 @@ class Report:
         """Return the text, with the head of a sheet that is signed above it."""
         if not self.head:
             return self.text()
-        lines = [f"{label}: {text}" for label, text in self.head.items()]
-        blank = "name: ____________________  date: ____________  signature: ____________"
-        return "\n".join([*(wrapped(line, WIDTH) for line in lines), blank, "", self.text()])
+        from hfa_support.reporting.rows import side_by_side
+
+        head = [f"{label}: {text}" for label, text in self.head.items()]
+        head.append("name: ____________________  date: ____________  signature: ____________")
+        groups = [part for part in self.parts if isinstance(part, Group)]
+        others = [part for part in self.parts if not isinstance(part, Group)]
+        rest = replace(self, title="", parts=others, head={}).text()
+        return "\n".join([self.title, "", *head, "", side_by_side(groups), "", rest])
 
     def _sheets(self) -> Sequence[Report]:
         """Return the nested reports of a report that consists of them, or the report itself."""

@@ -26,6 +26,8 @@ COLUMNS = ("group", "name", "value", "unit", "note")
 #: Gap between two columns, and least width of the column of notes.
 _GAP = "  "
 _LEAST_NOTE = 24
+#: Number of characters in each of two columns.
+_COLUMN = 78
 
 
 @dataclass(frozen=True)
@@ -201,6 +203,22 @@ class Sheet(ByName[Row]):
                 for name, value in numbers_of(row):
                     rows.append((group.title, name, value, row.unit, row.note))
         return Table(COLUMNS, rows)
+
+
+def side_by_side(groups: Sequence[Group]) -> str:
+    """Return groups as text in two columns of about equal length, in reading order."""
+    blocks = [[*group.text(width=_COLUMN).split("\n"), ""] for group in groups]
+    half = sum(map(len, blocks)) / 2
+    left: list[str] = []
+    right: list[str] = []
+    for block in blocks:
+        is_left = not right and len(left) + len(block) / 2 <= half
+        (left if is_left else right).extend(block)
+    height = max(len(left), len(right))
+    pairs = zip(
+        left + [""] * (height - len(left)), right + [""] * (height - len(right)), strict=True
+    )
+    return "\n".join(f"{one.ljust(_COLUMN + 2)}{other}".rstrip() for one, other in pairs)
 
 
 def numbers_of(row: Row) -> Iterator[tuple[str, Any]]:
