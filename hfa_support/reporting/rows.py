@@ -27,7 +27,7 @@ COLUMNS = ("group", "name", "value", "unit", "note")
 _GAP = "  "
 _LEAST_NOTE = 24
 #: Number of characters in each of two columns.
-_COLUMN = 78
+_COLUMN = 82
 
 
 @dataclass(frozen=True)
