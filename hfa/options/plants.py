@@ -50,6 +50,7 @@ class AircraftOptions:
         "ft, slug and lbf",
         "si",
         one_of("si"),
+        rare=True,
     )
     dynamics: str | None = option(
         "equations: published (of the printed matrices; default), newton (exact mechanics), "
@@ -58,8 +59,8 @@ class AircraftOptions:
         group=PAPER,
     )
     parameters: str | None = option(
-        f"parameters: a file, {' or '.join(NAMED)} (default: identified); of another aircraft: a "
-        "file that hfa identify -o FILE.toml wrote",
+        f"parameters: {' (default) or '.join(NAMED)}, or a file, of any aircraft, of hfa identify "
+        "-o FILE.toml",
         "FILE",
         _parameter_file,
         group=PAPER,

@@ -49,6 +49,7 @@ class TrimOptions(AircraftOptions):
     isa: str | None = option(
         "deviation of the air temperature from the standard atmosphere, K: +15; as --hold isa=15",
         "K",
+        rare=True,
     )
     free: tuple[str, ...] = option(
         "variable that the trim solves for; repeatable", "NAME", repeated=True

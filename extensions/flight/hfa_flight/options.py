@@ -99,7 +99,7 @@ def actuators_option() -> Any:
     """Return the option --actuators."""
     about = "add actuators with lag (s), rate limit (deg/s) and order 1 (default) or 2"
     kind = numbers(_ACTUATORS, 3, otherwise=(1.0,))
-    return option(about, _ACTUATORS, kind)
+    return option(about, _ACTUATORS, kind, rare=True)
 
 
 #: Default of --margin with --filter.
@@ -294,7 +294,7 @@ def noise_of(texts: Mapping[str, str], model: Model) -> dict[str, float]:
 def gust_option() -> Any:
     """Return the option `--gust` as a dataclass field."""
     about = "1-cosine updraft: length, peak speed (units of the model), begin (s, default 0)"
-    return option(about, _GUST, numbers(_GUST, 3, otherwise=(0.0,)))
+    return option(about, _GUST, numbers(_GUST, 3, otherwise=(0.0,)), rare=True)
 
 
 def gust_at(

@@ -38,11 +38,10 @@ def assert_equal_flights(model: Model, own: SixDof, **held: float) -> None:
     expected = own.trim(
         point["speed"], point["altitude"], held.get("gamma", 0.0), point["turn_rate"]
     )
-    data = point.report().data
-    figures = {**data["performance"], **data["stability"]}
+    sheet = point.sheet
+    names = ("load factor", "L/D", "static margin", "calibrated airspeed")
     found = [point["alpha"], point["pitch"], roll, point["thrust"], point["elevator"]]
-    found += [point["load_factor"], figures["lift_over_drag"], figures["static_margin"]]
-    found += [figures["calibrated_airspeed"]]
+    found += [sheet[name].value for name in names]
     assert found == pytest.approx(list(expected[:-1]), rel=1e-4, abs=2e-6)
     modes = np.sort_complex(np.linalg.eigvals(linearize(model, point).A))
     assert modes == pytest.approx(expected.modes, rel=2e-4, abs=1e-5)
@@ -91,8 +90,8 @@ def test_the_static_margin_moves_by_the_difference() -> None:
     model = from_derivatives(UAV | {"cg": 0.25})
     places = []
     for cg in (0.2, 0.35):
-        stability = trim(model.with_parameters(cg=cg)).report().data["stability"]
-        places.append(cg + stability["static_margin"])
+        sheet = trim(model.with_parameters(cg=cg)).sheet
+        places.append(cg + sheet["static margin"].value)
     assert places == pytest.approx([0.25 + 0.38 / 3.45] * 2, abs=2e-3)
 
 
@@ -130,11 +129,10 @@ def test_avl_at_two_centers_is_one_aircraft(folder: Path) -> None:
     assert (np.abs(found.A - expected.A) < 2e-3 * sizes).all()
     kept = linearize(ahead, trim(ahead, free=("gamma",), thrust=0.0))
     assert (np.abs(kept.A - expected.A) > 2e-2 * sizes).any()
-    sheets = [point.report().data for point in points]
-    for name in ("static_margin", "elevator_per_g"):
-        values = [sheet["stability"][name] for sheet in sheets]
+    for name in ("static margin", "elevator per g"):
+        values = [point.sheet[name].value for point in points]
         assert values[0] == pytest.approx(values[1], rel=3e-3)
-    x = [sheet["configuration"]["center_of_gravity_x"]["value"] for sheet in sheets]
+    x = [point.sheet["c.g. x"].value for point in points]
     assert x == pytest.approx([0.375, 0.375])
 
 
@@ -163,8 +161,8 @@ def test_the_sheet_repeats_configuration_words(folder: Path) -> None:
     text = (ROOT / "examples/uav.toml").read_text()
     Path("uav.toml").write_text('cg = 0.25\nflap = "20 deg, slotted"\ngear = "down"\n' + text)
     run = hfa("trim", "--aircraft", "uav.toml", "--hold", "cg=0.28", "--json")
-    found = json.loads(run.out)["configuration"]
-    assert found["center_of_gravity"] == {"value": 0.28, "unit": "chord"}
+    found = json.loads(run.out)["sheet"]
+    assert (found["c.g."]["value"], found["c.g."]["unit"]) == (0.28, "chord")
     assert (found["flap"]["value"], found["gear"]["value"]) == ("20 deg, slotted", "down")
     assert "slotted" in hfa("trim", "--aircraft", "uav.toml").out
 

@@ -76,9 +76,8 @@ def test_other_aircraft_with_altitude_and_speed_have_airspeeds(source: str) -> N
     point = trim(model, keas=value)
     assert point[speed] == pytest.approx(usual[speed], rel=5e-4)
     if "dynamic_pressure" in model.outputs:
-        figures = point.report().data["performance"]
-        assert figures["equivalent_airspeed"] == pytest.approx(value, rel=1e-9)
-        again = trim(model, kcas=figures["calibrated_airspeed"])
+        assert point.sheet["equivalent airspeed"].value == pytest.approx(value, rel=1e-9)
+        again = trim(model, kcas=point.sheet["calibrated airspeed"].value)
         assert again[speed] == pytest.approx(point[speed], rel=1e-9)
 
 

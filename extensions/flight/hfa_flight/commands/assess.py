@@ -166,8 +166,8 @@ class AssessRequest(Request, TrimOptions):
         rare=True,
     )
     best: int | None = option(
-        "number of flights at each trim to compare with the best flights found; 0: only with the "
-        "exact gain; default 5 for a deployment file with [cost], else 0",
+        "flights at each trim compared with the best flights found; 0: with the exact gain only; "
+        "default 5 with [cost], else 0",
         "K",
         whole(0, _MOST_SAMPLES),
     )
