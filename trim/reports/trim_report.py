@@ -58,7 +58,7 @@ def sheet_of(point: OperatingPoint, airplane: Airplane | None = None) -> Sheet:
     >>> import hfa
     >>> sheet = hfa.trim(hfa.aircraft()).sheet
     >>> round(sheet["static margin"].value, 4), sheet["static margin"].unit
-    (0.4167, 'chord')
+    (0.4425, 'chord')
     """
     trimmed = Trimmed(point)
     return _sheet(trimmed, trimmed_margins(trimmed), airplane)

@@ -116,8 +116,8 @@ class AssessRequest(Request, TrimOptions):
         count="?",
     )
     sample_time: float | None = option(
-        "sample time, s, of a gain K that replaces the deployment file (u = -K x, with all "
-        "linear states and all inputs)",
+        "sample time, s, of a gain K in place of a deployment file: u = -K x, with all linear "
+        "states and inputs",
         "S",
         number,
     )
