@@ -19,7 +19,6 @@ from hfa.options.ranges import Range, array_of, is_one_value, scheduled_range, v
 from hfa.options.show import provenance, show, show_text
 from hfa.options.trims import (
     AT_SEVERAL,
-    CONDITION_HELP,
     DIHEDRAL_SEVERAL,
     TrimOptions,
     at_name,
@@ -35,7 +34,7 @@ from hfa.options.trims import (
 from hfa.options.workers import WorkerOptions
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import regular_file
-from trim.point.condition import TrimCondition, usual_condition
+from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import MOST_POINTS, NETCDF, run_plan
 from trim.sweeps.sweep_plan import SweepPlan
@@ -64,10 +63,8 @@ class SweepRequest(Request, TrimOptions, WorkerOptions):
         "NAME=RANGE",
         named=True,
     )
-    condition: str | None = option(
-        f"{CONDITION_HELP}, or a .csv file of points: a row of names, rows of values",
-        "FILE",
-        rare=True,
+    conditions: Path | None = option(
+        "a .csv file of points in place of a grid: a row of names, rows of values (degrees)", "FILE"
     )
     output: Path | None = output_option(NETCDF, stores=(STORE,), purpose=_PURPOSE)
     picture: Path | None = picture_option("the root locus")
@@ -141,12 +138,8 @@ def _plan(request: SweepRequest, stored: bool) -> tuple[SweepPlan, dict[str, Any
         for name, values in hold.items()
         if is_one_value(values) and name not in model.parameters
     }
-    listing = None
-    usual = usual_condition(model)
-    if request.condition is not None and request.condition.lower().endswith(".csv"):
-        listing = Path(request.condition)
-    else:
-        usual = named_condition(request, model)
+    listing = request.conditions
+    usual = named_condition(request, model)
     condition = common_condition(request, usual, at, {**hold, **constants})
     ranges: dict[str, Range] = {} if at is None else {by: at}
     ranges |= {name: values for name, values in hold.items() if name not in constants}
@@ -154,7 +147,8 @@ def _plan(request: SweepRequest, stored: bool) -> tuple[SweepPlan, dict[str, Any
         axes = _listed_axes(listing, condition, hold, ranges)
     elif not ranges:
         raise BadInputError(
-            f"no variable is swept; give --{at_name(model)} RANGE or --hold NAME=RANGE"
+            f"no variable is swept; give --{at_name(model)} RANGE, --hold NAME=RANGE or "
+            "--conditions FILE.csv"
         )
     elif stored:
         axes = dict(ranges)

@@ -73,7 +73,7 @@ class TrimRequest(Request, TrimOptions):
         "NAME=VALUE",
         named=True,
     )
-    conditions: str | None = option(
+    conditions: Path | None = option(
         "a .csv file of conditions, a sheet for each: a row of names, rows of values (degrees)",
         "FILE",
     )
@@ -126,7 +126,7 @@ def _each_trim(request: TrimRequest) -> Sequence[GivenTrim | BadInputError]:
     model = loaded_model(request)
     hold = each_of("--hold", model, held_texts(request), value_range)
     if request.conditions is not None:
-        return _each_listed(request, model, Path(request.conditions), hold)
+        return _each_listed(request, model, request.conditions, hold)
     at = at_value(request, model, scheduled_range, required=True)
     refuse_doubles(model, (), at, hold)
     ranges = hold if at is None else {model.schedule: at, **hold}

@@ -22,7 +22,6 @@ OF_THE_TRIM = ("condition", "free", "hold", "isa", "limit", "start")
 #: Help of --at and --dihedral where several values may be given.
 AT_SEVERAL = "scheduling variable: a number, a list a,b,c or a range start:stop:step"
 DIHEDRAL_SEVERAL = "dihedral angle: a number, a list a,b,c or a range start:stop:step"
-CONDITION_HELP = f"trim condition that replaces the default: a file, or {', '.join(CONDITIONS)}"
 
 T = TypeVar("T")
 
@@ -59,7 +58,11 @@ class TrimOptions(AircraftOptions):
         "NAME=LOW:HIGH",
         named=True,
     )
-    condition: str | None = option(CONDITION_HELP, "FILE", rare=True)
+    condition: str | None = option(
+        f"trim condition that replaces the default: a file, or {', '.join(CONDITIONS)}",
+        "FILE",
+        rare=True,
+    )
     start: str | None = option(
         "initial point of the trim search: an operating point (.json), or NAME=VALUE,NAME=VALUE",
         "FILE",
@@ -184,15 +187,15 @@ def at_value(
 def named_condition(request: TrimOptions, model: Model) -> TrimCondition:
     """Return the condition of --condition, or the default of the model.
 
-    Raises BadInputError for a list of points.
+    Raises BadInputError for a list of conditions.
     """
     usual = usual_condition(model)
     if request.condition is None:
         return usual
     if request.condition.lower().endswith(".csv"):
         raise BadInputError(
-            f"--condition {request.condition} is a list of points; give one condition, or use "
-            "`hfa sweep`"
+            f"--condition {request.condition} is a list of conditions; give one condition, or "
+            "`hfa trim --conditions FILE` or `hfa sweep --conditions FILE`"
         )
     with option_errors("--condition"):
         return load_condition(request.condition, usual)

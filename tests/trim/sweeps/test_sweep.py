@@ -155,7 +155,17 @@ def test_a_wrong_listed_point_is_named(text: str, words: str, tmp_path: Path) ->
     """A fault in a list of points is refused, and the message names its row and column."""
     path = tmp_path / "points.csv"
     path.write_text(text, encoding="utf-8")
-    assert_refused(hfa("sweep", "--condition", str(path)), 2, words)
+    assert_refused(hfa("sweep", "--conditions", str(path)), 2, words)
+
+
+@pytest.mark.parametrize("command", ["trim", "sweep"])
+def test_a_list_is_given_by_conditions(command: str, tmp_path: Path) -> None:
+    """A list given by --condition, which names one condition, is refused; the advice is right."""
+    path = tmp_path / "points.csv"
+    path.write_text("dihedral\n10\n", encoding="utf-8")
+    words = (command, "--condition", str(path), "--dihedral", "10")
+    assert_refused(hfa(*words), 2, f"`hfa {command} --conditions FILE`")
+    assert hfa(command, "--conditions", str(path)).code == 0
 
 
 def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path: Path) -> None:
@@ -167,7 +177,7 @@ def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path:
     path.write_text(
         "speed,dihedral,climb_rate,panel_mass\n64,5,0,9.33\n68,10,1,9.3\n", encoding="utf-8"
     )
-    words = ("sweep", "--condition", str(path), "--free", "gamma")
+    words = ("sweep", "--conditions", str(path), "--free", "gamma")
     data = json.loads(hfa(*words, "--json").out)
     columns = {"speed": [64.0, 68.0], "dihedral": np.radians([5.0, 10.0]), "climb_rate": [0.0, 1.0]}
     columns["panel_mass"] = [9.33, 9.3]
