@@ -25,7 +25,7 @@ from trim.linear.linear_model import LinearModel
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from controller.expansion.radius import Radius
+    from controller import Radius
 
 #: Permitted degrees of a value.
 LOWEST = min(TO_DEGREE)
@@ -119,9 +119,9 @@ class Expansion(Result, Reported):
 
         The flights are simulated when the property is first used.
         """
-        from controller.expansion.radius import radii
+        import controller
 
-        return radii(self)
+        return controller.radii_of(self)
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -136,15 +136,15 @@ class Expansion(Result, Reported):
 
     def report(self) -> Report:
         """Return a report of the degree, the residual and the radii."""
-        from controller.expansion.expansion_report import expansion_report
+        import controller
 
-        return expansion_report(self)
+        return controller.expansion_report(self)
 
     def figure(self) -> Figure:
         """Return a figure of the errors of V2, V2 + V3, ... over the distance from the trim."""
-        from controller.expansion.expansion_figure import expansion_figure
+        import controller
 
-        return expansion_figure(self)
+        return controller.expansion_figure(self)
 
     @cached_property
     def residuals(self) -> dict[int, float]:

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from controller.expansion.expansion import Expansion
 from controller.expansion.expansion_report import name_of_value
 from controller.expansion.radius import largest_errors
 from hfa_support.reporting.figure import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from controller.expansion.expansion import Expansion
 
 #: Number of distances, and their range relative to the radius of the whole value.
 _SIZES = 25

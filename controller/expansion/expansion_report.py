@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from controller.expansion.expansion import Expansion
 from controller.expansion.monomials import name_of
+from controller.expansion.radius import Radius
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_value
-
-if TYPE_CHECKING:
-    from controller.expansion.expansion import Expansion
-    from controller.expansion.radius import Radius
 
 
 def expansion_report(expansion: Expansion) -> Report:

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from controller.expansion.expansion import Expansion
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.ending import FAR_OF_EXPANSION, OF_EXPANSION, has_decayed
 from hfa_aircraft.march.march import History, Rows, march
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.machine_code import machine_code
-
-if TYPE_CHECKING:
-    from controller.expansion.expansion import Expansion
 
 #: Step times the magnitude of the fastest eigenvalue of the loop.
 _STEP = 0.2

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from controller.expansion.expansion import Expansion
 from controller.expansion.flights import Flights
 from controller.expansion.monomials import homogeneous, monomial_scales
 from controller.expansion.series import directions
 from controller.game.basis import TO_DEGREE
 from hfa_support.reporting.results import Result, Vector
-
-if TYPE_CHECKING:
-    from controller.expansion.expansion import Expansion
 
 #: Degree of the value of the linear game.
 _QUADRATIC = min(TO_DEGREE)
@@ -54,7 +51,7 @@ class Radius(Result):
     extents: Vector
 
 
-def radii(expansion: Expansion) -> tuple[Radius, ...]:
+def radii_of(expansion: Expansion) -> tuple[Radius, ...]:
     """Return the radius of V2 and that of the whole value (`Expansion.share`).
 
     All flights use the policies of the expansion. For each value, the set is found by bisection

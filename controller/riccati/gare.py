@@ -208,10 +208,10 @@ class Solution(Result, Reported):
         )
 
     def report(self) -> Report:
-        """Return a report of the solution: P, K, eigenvalues, checks, delta_min and margins."""
-        from controller.riccati.solution_report import solution_report
+        """Return a report of the solution (`controller.solution_report`)."""
+        import controller
 
-        return solution_report(self)
+        return controller.solution_report(self)
 
 
 def solve(game: Game, progress: Progress | None = None) -> Solution:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from controller.game.weights import disturbance_text, matrix_text
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import Stability, stability
+from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import (
@@ -20,9 +20,6 @@ from hfa_support.reporting.text import (
     entry_rows,
     matrix_table,
 )
-
-if TYPE_CHECKING:
-    from controller.riccati.gare import Solution
 
 
 def solution_report(solution: Solution) -> Report:

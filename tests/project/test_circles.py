@@ -14,15 +14,7 @@ from scipy.sparse.csgraph import connected_components
 #: Groups of modules that import each other in functions or for type checkers: an expansion with its radius and report, and pairs of a value and its report or
 #: figure. The modules of a pair are in one folder.
 ALLOWED = [
-    {
-        "controller.expansion.expansion",
-        "controller.expansion.expansion_figure",
-        "controller.expansion.expansion_report",
-        "controller.expansion.flights",
-        "controller.expansion.radius",
-    },
     {"verification.figures", "verification.verdict"},
-    {"controller.riccati.gare", "controller.riccati.solution_report"},
     {"hfa_flight.simulate.flight", "hfa_flight.simulate.flight_report"},
     {
         "hfa_flight.policies.filtered_policy",

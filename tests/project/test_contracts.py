@@ -48,6 +48,11 @@ BREACHES = {
     },
     "What learns knows critics": {"controller/game/weights.py": "controller.critic.critic"},
     "Nonlinear games": {"controller/riccati/meaning.py": "controller.expansion.series"},
+    "Solutions do not know": {"controller/riccati/gare.py": "controller.riccati.solution_report"},
+    "Expansions do not know": {
+        "controller/expansion/expansion.py": "controller.expansion.radius",
+        "controller/expansion/radius.py": "controller.expansion.expansion_report",
+    },
     "Verdicts:": {
         "verification/scope.py": "verification.axis",
         "verification/network/search.py": "verification.reasons",
