@@ -69,8 +69,13 @@ class Row(Result):
 
     def cells(self) -> tuple[str, str, str, str]:
         """Return name, value, unit and note as text, with angles in degrees."""
+        return self.name, self._value_text(), self.printed_unit, self.note
+
+    @property
+    def printed_unit(self) -> str:
+        """Return the unit as a sheet prints it, with degrees for angles, or "" for none."""
         unit = shown_unit(self.unit) if self.in_degrees else self.unit
-        return self.name, self._value_text(), "" if unit == "1" else unit, self.note
+        return "" if unit == "1" else unit
 
     def _value_text(self) -> str:
         if isinstance(self.value, (str, int)):
@@ -231,10 +236,11 @@ def numbers_of(row: Row) -> Iterator[tuple[str, Any]]:
 
 
 def matrix_of(sheets: Sequence[Mapping[str, Any] | Sheet]) -> Table:
-    """Return the table of many sheets, a row for each, with a column for each name.
+    """Return the table of many sheets, a row for each, with a column "NAME [UNIT]" for each name.
 
-    Angles are in degrees, as a sheet prints them. A level has a column of its own, "NAME level". A
-    mapping, name -> value, stands for a condition without a sheet.
+    Angles are in degrees, as a sheet prints them. A figure without a unit has a column "NAME", and
+    a level one of its own, "NAME level". A mapping, column -> value, stands for a condition without
+    a sheet.
     """
     columns: dict[str, None] = {}
     entries: list[dict[str, Any]] = []
@@ -244,7 +250,8 @@ def matrix_of(sheets: Sequence[Mapping[str, Any] | Sheet]) -> Table:
             for row in sheet:
                 for name, value in numbers_of(row):
                     is_angle = isinstance(value, float) and row.in_degrees
-                    entry[name] = float(shown_values(value, row.unit)) if is_angle else value
+                    shown = float(shown_values(value, row.unit)) if is_angle else value
+                    entry[f"{name} [{row.printed_unit}]" if row.printed_unit else name] = shown
                 if row.level is not None:
                     entry[f"{row.name} level"] = row.level
         else:

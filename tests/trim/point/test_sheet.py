@@ -703,8 +703,8 @@ def test_several_conditions_have_one_sheet_each(folder: Path) -> None:
     assert (page.count("data:image/png"), page.count("<style>")) == (2, 1)
     assert command(*words, "-o", "sheets.csv").code == 0
     rows = list(csv.DictReader(Path("sheets.csv").read_text("utf-8").splitlines()))
-    assert [float(row["speed"]) for row in rows] == [67.0, 68.0, 67.0, 68.0]
-    assert [float(row["dihedral"]) for row in rows] == pytest.approx([5.0, 5.0, 15.0, 15.0])
+    assert [float(row["speed [ft/s]"]) for row in rows] == [67.0, 68.0, 67.0, 68.0]
+    assert [float(row["dihedral [deg]"]) for row in rows] == pytest.approx([5.0, 5.0, 15.0, 15.0])
     failed = command("trim", "--dihedral", "5,10", "--limit", "throttle=0:39.9")
     assert (failed.code, failed.err.count("\n")) == (1, 1)
     assert "1 of 2 conditions have no trim" in failed.err
@@ -739,10 +739,14 @@ def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:
     model = hfa.load_model(f"{EXAMPLES}/uav.toml")
     for row, speed, gamma in zip(rows, (30.0, 35.0), (0.0, 2.0), strict=False):
         found = hfa.trim(model, speed=speed, gamma=math.radians(gamma)).sheet
-        for name in ("static margin", "L/D", "calibrated airspeed", "short period damping"):
+        for name in ("L/D", "short period damping"):
             assert float(row[name]) == pytest.approx(found[name].value, rel=1e-9)
-        assert float(row["gamma"]) == pytest.approx(gamma)
-        assert float(row["alpha"]) == pytest.approx(math.degrees(found["alpha"].value))
+        for name, unit in (("static margin", "chord"), ("short period frequency", "rad/s")):
+            assert float(row[f"{name} [{unit}]"]) == pytest.approx(found[name].value, rel=1e-9)
+        pressure = 0.5 * 1.225 * (KNOT * float(row["equivalent airspeed [kt]"])) ** 2
+        assert float(row["dynamic pressure [N/m^2]"]) == pytest.approx(pressure, rel=1e-4)
+        assert float(row["gamma [deg]"]) == pytest.approx(gamma)
+        assert float(row["alpha [deg]"]) == pytest.approx(math.degrees(found["alpha"].value))
         assert (row["phugoid damping level"], row["failure"]) == ("1", "")
     assert "speed is 5 m/s" in rows[2]["failure"]
     assert rows[2]["L/D"] == ""
