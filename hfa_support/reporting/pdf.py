@@ -10,7 +10,7 @@ from hfa_support.reporting.parts import Picture
 
 #: Width and height of a page, inches (A4), its margin, and size and spacing of the text, points.
 _PAGE = (8.27, 11.69)
-_MARGIN = 0.7
+_MARGIN = 0.5
 _POINTS = 9.0
 _SPACING = 1.25
 #: Width of a character of the monospaced font, relative to its size.

@@ -26,8 +26,8 @@ COLUMNS = ("group", "name", "value", "unit", "note")
 #: Gap between two columns, and least width of the column of notes.
 _GAP = "  "
 _LEAST_NOTE = 24
-#: Number of characters in each of two columns.
-_COLUMN = 82
+#: Number of characters in each of two columns, more where a row needs them.
+_COLUMN = 64
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,8 @@ def side_by_side(groups: Sequence[Group]) -> str:
     pairs = zip(
         left + [""] * (height - len(left)), right + [""] * (height - len(right)), strict=True
     )
-    return "\n".join(f"{one.ljust(_COLUMN + 2)}{other}".rstrip() for one, other in pairs)
+    width = max(map(len, left), default=0) + 2
+    return "\n".join(f"{one.ljust(width)}{other}".rstrip() for one, other in pairs)
 
 
 def numbers_of(row: Row) -> Iterator[tuple[str, Any]]:
