@@ -3,6 +3,7 @@ matrices."""
 
 from .box import Box as Box
 from .critic_errors import relative_error as relative_error
+from .figures import verdict_figure as verdict_figure
 from .regeneration import regenerate_all as regenerate_all
 from .scope import (
     NonlinearPlant as NonlinearPlant,

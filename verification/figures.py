@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_support.reporting.figure import new_figure
+from verification.verdict import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from verification.verdict import Verdict
 
 #: Entries below this fraction of the largest are drawn on a linear scale.
 _LINEAR_SHARE = 1e-4

@@ -431,10 +431,10 @@ class Verdict(Checked, Result, Reported):
 
     def plot(self) -> np.ndarray:
         """Draw the learned and the exact P, or K without P, with pyplot, and return the Axes."""
+        import verification
         from hfa_support.reporting.figure import pyplot_figure
-        from verification.figures import verdict_figure
 
-        return np.array(verdict_figure(self, pyplot_figure).axes)
+        return np.array(verification.verdict_figure(self, pyplot_figure).axes)
 
     def _farthest_entries(
         self, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]

@@ -14,7 +14,6 @@ from scipy.sparse.csgraph import connected_components
 #: Groups of modules that import each other in functions or for type checkers: an expansion with its radius and report, and pairs of a value and its report or
 #: figure. The modules of a pair are in one folder.
 ALLOWED = [
-    {"verification.figures", "verification.verdict"},
     {"hfa_flight.simulate.flight", "hfa_flight.simulate.flight_report"},
     {
         "hfa_flight.policies.filtered_policy",

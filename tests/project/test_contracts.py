@@ -56,6 +56,7 @@ BREACHES = {
     "Verdicts:": {
         "verification/scope.py": "verification.axis",
         "verification/network/search.py": "verification.reasons",
+        "verification/verdict.py": "verification.figures",
     },
     "Enclosures are arithmetic": {
         "extensions/prove/hfa_prove/enclosure/taylor.py": "hfa_aircraft.rigid.motion"
