@@ -40,6 +40,12 @@ def _read_critic() -> None:
         _is_exact(read("W.npz", GAME))
 
 
+def _reports_the_solution() -> None:
+    data = controller.solution_report(EXACT).data
+    assert np.array_equal(data["K"], EXACT.K)
+    assert np.array_equal(data["P"], EXACT.P)
+
+
 #: Functions that tests/controller/riccati compares with independent answers in both times.
 SOLVED = {"Solution", "solve", "bounded_real_gain", "disk_margin", "minimum_delta"}
 #: Public name -> test that it is right in discrete time, or a call that is refused.
@@ -52,6 +58,7 @@ HANDLED: dict[str, Callable[[], Any]] = {
     "from_network": lambda: _is_exact(hfa.from_network(GAME, V)),
     "read_critic": _read_critic,
     "critic_in": _read_critic,
+    "solution_report": _reports_the_solution,
 }
 REFUSED: dict[str, Callable[[], Any]] = {
     "fly": lambda: hfa.fly(hfa.aircraft(), hfa.trim(hfa.aircraft()), EXACT),
