@@ -29,7 +29,7 @@ from hfa_flight import Deployed
 def test_starts_without_a_best_flight_are_counted():
     """Costs are compared from where v' = v + v^3 + f, |f| <= 1, can return: v + v^3 < 1.
 
-    f = -2 v + 4 v^3 returns from v^2 < 1/5 alone. The report counts both kinds beside the costs.
+    f = -2 v + 4 v^3 returns from v^2 < 1/5 alone.
     """
     model = hfa.Model(
         "cubic",
@@ -49,7 +49,6 @@ def test_starts_without_a_best_flight_are_counted():
     assessment = assess(model, weak, samples=3, seed=7, box={"v": 1.0}, best=3)  # .25, .79, .55
     costs = assessment.points[0].best
     assert (costs.found, costs.refused, costs.lost, costs.lqr_lost, costs.both) == (2, 1, 1, 0, 1)
-    assert all(count in assessment.report().title for count in ("(1 of 3)", "2 of 3", "from 1)"))
 
 
 @pytest.mark.slow  # a search of best flights
