@@ -28,14 +28,12 @@ from hfa.options.trims import (
     dihedral_option,
     held_texts,
     named_condition,
-    start_of,
     trim_source,
 )
 from hfa.options.workers import WorkerOptions
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import regular_file
 from trim.point.condition import TrimCondition
-from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import MOST_POINTS, NETCDF, run_plan
 from trim.sweeps.sweep_plan import SweepPlan
 
@@ -140,7 +138,7 @@ def _plan(request: SweepRequest, stored: bool) -> tuple[SweepPlan, dict[str, Any
     }
     listing = request.conditions
     usual = named_condition(request, model)
-    condition = common_condition(request, usual, at, {**hold, **constants})
+    condition, start = common_condition(request, usual, at, {**hold, **constants})
     ranges: dict[str, Range] = {} if at is None else {by: at}
     ranges |= {name: values for name, values in hold.items() if name not in constants}
     if listing is not None:
@@ -158,9 +156,7 @@ def _plan(request: SweepRequest, stored: bool) -> tuple[SweepPlan, dict[str, Any
     is_named = by in (*axes, *condition.free, *hold)
     if listing is None and model.about.names_schedule and not is_named:
         warn(f"no --{by} is given: every point is at 0 deg")
-    start = start_of(request, model)
-    point = start if isinstance(start, OperatingPoint) else None
-    plan = SweepPlan(axes, model, condition, point, listing is not None)
+    plan = SweepPlan(axes, model, condition, start, listing is not None)
     return plan, trim_source(request, condition, at, hold)
 
 

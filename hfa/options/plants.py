@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,8 +74,11 @@ class AircraftOptions:
     )
 
 
+@lru_cache(maxsize=1)
 def loaded_model(request: AircraftOptions) -> Model:
     """Return the model of --aircraft, or the HFA, in the units of --units.
+
+    A request loads it once: a Python file of the user is executed.
 
     Raises BadInputError if an option does not apply to the aircraft.
     """

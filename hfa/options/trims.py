@@ -136,18 +136,10 @@ def trim_with(
     hold: variable or parameter -> value
     """
     held = parameters_in(model, {**hold, model.schedule: at})
-    common = common_condition(request, named_condition(request, model), at, hold)
+    common, start = common_condition(request, named_condition(request, model), at, hold)
     source = trim_source(request, common, at, hold)
-    start = start_of(request, model)
-    return GivenTrim(
-        model.with_parameters(**held),
-        common,
-        at,
-        hold,
-        start if isinstance(start, OperatingPoint) else None,
-        start is not None,
-        source,
-    )
+    is_started = request.start is not None
+    return GivenTrim(model.with_parameters(**held), common, at, hold, start, is_started, source)
 
 
 def at_name(model: Model) -> str:
@@ -203,8 +195,8 @@ def named_condition(request: TrimOptions, model: Model) -> TrimCondition:
 
 def common_condition(
     request: TrimOptions, usual: TrimCondition, at: object, hold: Mapping[str, Any]
-) -> TrimCondition:
-    """Return a condition changed by --hold, --free, --limit and --start.
+) -> tuple[TrimCondition, OperatingPoint | None]:
+    """Return a condition changed by --hold, --free, --limit and --start, and the point of --start.
 
     The value of the scheduling variable is not changed.
 
@@ -222,10 +214,10 @@ def common_condition(
     held = {name: value for name, value in held.items() if isinstance(value, float)}
     limits = each_of("--limit", model, request.limit, span)
     condition = release(usual, free=free, hold=held, limits=limits)
-    start = start_of(request, model)
-    if isinstance(start, Mapping):
-        return replace(condition, begin={**condition.begin, **start})
-    return condition
+    start = _start_of(request, model)
+    if isinstance(start, dict):
+        return replace(condition, begin={**condition.begin, **start}), None
+    return condition, start
 
 
 def _freed(model: Model, text: str) -> str:
@@ -253,7 +245,7 @@ def refuse_doubles(model: Model, free: Sequence[str], at: object, hold: Mapping[
             )
 
 
-def start_of(request: TrimOptions, model: Model) -> OperatingPoint | dict[str, float] | None:
+def _start_of(request: TrimOptions, model: Model) -> OperatingPoint | dict[str, float] | None:
     """Return the initial point of the trim search that --start gives, or some of its values."""
     text = request.start
     if text is None:

@@ -26,7 +26,6 @@ from hfa.options.trims import (
     dihedral_option,
     held_texts,
     named_condition,
-    start_of,
     trim_source,
 )
 from hfa.page.claims import load_claims
@@ -41,7 +40,6 @@ from hfa_support.files import write_text
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
-from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 
 if TYPE_CHECKING:
@@ -126,8 +124,7 @@ def report(request: ReportRequest) -> int:
         with option_errors("--sweep"):
             values = scheduled_range(model, request.sweep)
         swept = array_of("--sweep", values, MOST_SWEPT)
-    condition = common_condition(request, named_condition(request, model), angles, hold)
-    start = start_of(request, model)
+    condition, start = common_condition(request, named_condition(request, model), angles, hold)
     job = main_job(
         parameter_set(request),
         request.dynamics or "published",
@@ -136,7 +133,7 @@ def report(request: ReportRequest) -> int:
         outputs=request.outputs,
         claims=request.claims,
         flight=condition,
-        start=start if isinstance(start, OperatingPoint) else None,
+        start=start,
         progress=ProgressLine("report"),
     )
     beside = None if request.beside is None else trim(request.beside)

@@ -33,8 +33,8 @@ from hfa_flight.air.gusts import Gust, OneMinusCosine
 from hfa_flight.air.names import gust_speed
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, turbulence_of
-from hfa_flight.plan.problem import flight_problem
-from hfa_flight.policies.laws import KEEP_INSIDE, LAWS, PREDICTIVE, loaded
+from hfa_flight.plan.problem import FlightProblem, flight_problem
+from hfa_flight.policies.laws import LAWS, PREDICTIVE
 from hfa_flight.simulate.envelope import control_limits
 from hfa_support.errors import BadInputError, warn
 from hfa_support.files import MATRIX_FILES
@@ -218,7 +218,21 @@ def planning_policy(
     if is_filtered and request.law == PREDICTIVE:
         settings.setdefault("margin", _FILTERED_MARGIN)
     problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
-    return loaded(LAWS[request.law])(problem, game, **settings)
+    return policy_of_law(request.law, problem, game, **settings)
+
+
+def policy_of_law(law: str, problem: FlightProblem, game: Game, **settings: float) -> Policy:
+    """Return the policy of a law of `LAWS` for a flight problem.
+
+    settings: horizon and margin of the predictive policy
+    """
+    if law == PREDICTIVE:
+        from hfa_flight.plan.predictive import policy_of
+
+        return policy_of(problem, game, **settings)
+    from hfa_flight.plan.state_dependent import state_dependent_of
+
+    return state_dependent_of(problem, game)
 
 
 def _game_of_law(request: PolicyOptions, linear: LinearModel) -> Game:
@@ -231,8 +245,9 @@ def _game_of_law(request: PolicyOptions, linear: LinearModel) -> Game:
 
 def kept_inside(policy: Policy, point: OperatingPoint, scenario: Scenario) -> Policy:
     """Return a policy that is kept inside the limits of rates."""
-    problem = flight_problem(point.model, point)
-    return loaded(KEEP_INSIDE)(policy, problem, scenario.tick)
+    from hfa_flight.plan import keep_inside
+
+    return keep_inside.kept_inside(policy, flight_problem(point.model, point), scenario.tick)
 
 
 def policy_about(request: PolicyOptions, linear: LinearModel) -> GainPolicy | FunctionPolicy:

@@ -27,7 +27,8 @@ from hfa.options.output import ProgressLine
 from hfa.options.show import show
 from hfa.options.trims import GivenTrim, TrimOptions, given_trim, trim_with
 from hfa_flight.needs import ALL, SHARE, needed_share
-from hfa_flight.policies.laws import LAWS, loaded
+from hfa_flight.options import policy_of_law
+from hfa_flight.policies.laws import LAWS
 from hfa_support.errors import BadInputError, prefix_errors
 from trim.linear.linearize import linearize
 
@@ -134,7 +135,7 @@ def _loops(request: OptimizeRequest, search: BestFlights, game: Game) -> list[Co
         exact = unconfirmed_solution(game).K
         loops.append(flights.of_gain("exact game policy, saturated", exact))
     if request.law:
-        planned = loaded(LAWS[request.law])(search.problem, game)
+        planned = policy_of_law(request.law, search.problem, game)
         loops.append(flights.of_policy(planned))
     if request.weights is not None:
         with prefix_errors(request.weights):
