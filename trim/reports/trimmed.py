@@ -95,8 +95,6 @@ class Trimmed:
     point: the point with angles in radians
     model: its model
     roles: role in the motion of a rigid body -> state ("speed", "alpha", "theta", ...)
-    values: state, input or output -> value
-    given_outputs: output -> value, in the units of the condition
     """
 
     def __init__(self, given: OperatingPoint, condition: TrimCondition | None = None) -> None:
@@ -108,11 +106,19 @@ class Trimmed:
         self.point = given.in_radians
         self.model: Model = self.point.model
         self.roles = recognized(self.model.states)
-        self.given_outputs = given.model.outputs_at(given.states, given.inputs)
-        same = self.point is given
+
+    @cached_property
+    def given_outputs(self) -> dict[str, float]:
+        """Output -> value, in the units of the condition."""
+        return self.given.model.outputs_at(self.given.states, self.given.inputs)
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """State, input or output -> value."""
         point = self.point
-        outputs = self.given_outputs if same else self.model.outputs_at(point.states, point.inputs)
-        self.values = point.values | outputs
+        if point is self.given:
+            return point.values | self.given_outputs
+        return point.values | self.model.outputs_at(point.states, point.inputs)
 
     def __getitem__(self, name: str) -> float:
         return self.values[name]
