@@ -31,7 +31,7 @@ BUTTONS = [
 ]
 
 _ROWS = """return [...document.querySelectorAll('section.point:not([hidden]) table')]
-    .filter((table) => table.querySelector('th').textContent === arguments[0])
+    .filter((table) => table.querySelector('th')?.textContent === arguments[0])
     .flatMap((table) => [...table.querySelectorAll('tbody tr')])
     .map((row) => [...row.children].map((cell) => cell.textContent))"""
 _DRAWN = (
@@ -195,12 +195,12 @@ def compare_with_the_command(driver: Any) -> None:
     assert [float(row[2]) for row in modes] == [
         pytest.approx(mode["damping"], abs=5.001e-5) for mode in model["modes"]
     ]
-    inputs = {row[0]: float(row[1]) for row in driver.execute_script(_ROWS, "input")}
-    assert inputs["throttle"] == pytest.approx(
-        trim["operating_point"]["inputs"]["throttle"], abs=5.001e-6
+    trimmed = {row[0]: row[1] for row in driver.execute_script(_ROWS, "trim")}
+    assert float(trimmed["throttle"]) == pytest.approx(
+        trim["operating_point"]["inputs"]["throttle"], rel=5.001e-6
     )
-    loads = trim["loads"]
+    loads = trim["sheet"]
     texts = driver.execute_script(_TEXTS)
-    for name in ("outer_lift", "center_lift"):
-        assert f"{loads[name]:.1f} lbf" in texts
-    assert f"{loads['hinge_moment']:.1f}ft lbf" in texts  # the text has two lines
+    for name in ("lift outer", "lift center"):
+        assert f"{loads[name]['value']:.1f} lbf" in texts
+    assert f"{loads['hinge moment']['value']:.1f}ft lbf" in texts  # the text has two lines
