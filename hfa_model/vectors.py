@@ -115,5 +115,4 @@ INPUT_SIGNALS = Input(_THROTTLE, _AILERON, _AILERON, _ELEVATOR, _ELEVATOR)
 
 STATE_UNITS = State(*(signal.unit for signal in STATE_SIGNALS))
 INPUT_UNITS = Input(*(signal.unit for signal in INPUT_SIGNALS))
-CONTROL_LIMITS = Input(*((signal.min, signal.max) for signal in INPUT_SIGNALS))
 LINEAR_UNITS: tuple[str, ...] = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)

@@ -328,10 +328,6 @@ class Form(ABC):
             turns.append(turn)
         return form, X, turns
 
-    def by_schur(self) -> np.ndarray:
-        """Return X from a Schur form after Newton steps. Raises NoSolutionError if none exists."""
-        return self.refined(self.unrefined())
-
     @abstractmethod
     def by_doubling(self) -> np.ndarray:
         """Return X by a doubling algorithm, not refined.
