@@ -32,12 +32,26 @@ PACKAGES = {
 
 
 def names_of(package: str) -> list[str]:
-    """Return the public names in the stub of a package, sorted by decreasing number of `users`."""
+    """Return the public names that a package has a page for, sorted by decreasing number of
+    `users`: those in its stub, without classes that an earlier package exports too.
+    """
+    public = exported(package)
+    earlier = takewhile(lambda other: other != package, PACKAGES)
+    described = [value_of(other, name) for other in earlier for name in exported(other)]
+    names = [name for name in public if not _is_class_of(described, value_of(package, name))]
+    return sorted(names, key=lambda name: -users()[name])
+
+
+def exported(package: str) -> list[str]:
+    """Return the public names in the stub of a package."""
     names = [
         alias.asname or alias.name for statement in imports_of(package) for alias in statement.names
     ]
-    public = [name for name in names if not name.startswith("_")]
-    return sorted(public, key=lambda name: -users()[name])
+    return [name for name in names if not name.startswith("_")]
+
+
+def _is_class_of(values: list[object], value: object) -> bool:
+    return isinstance(value, type) and any(value is other for other in values)
 
 
 def imports_of(package: str) -> list[ast.ImportFrom]:
@@ -95,7 +109,7 @@ def results() -> dict[str, list[type]]:
 
     Each class is listed once, under the first package whose functions return it.
     """
-    known = [value_of(package, name) for package in PACKAGES for name in names_of(package)]
+    known = [value_of(package, name) for package in PACKAGES for name in exported(package)]
     found: dict[str, list[type]] = {package: [] for package in PACKAGES}
     for package in PACKAGES:
         for name in names_of(package):

@@ -29,6 +29,7 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
 
     - For a critic without P, the maps are those of K.
     - The relative difference is omitted if every entry is below `_LEAST_DIFFERENCE` in magnitude.
+
     The color scale is symmetric logarithmic and linear near 0.
 
     verdict: verdict on the critic
