@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from hfa_flight.air.delay import WHOLE, in_samples
@@ -12,27 +14,26 @@ class CommandsUnderWay:
     """Commands of the samples of a flight, each of which acts after a delay.
 
     The command of a sample acts from the delay after its sample until the next one acts. Before the
-    first command, the inputs are at trim.
+    first command, the inputs are at trim. Commands that have acted are forgotten, so the delay of a
+    flight is constant.
 
     model: the model, whose first hold is a sample
     """
 
     def __init__(self, model: HeldModel) -> None:
         self._model = model
-        self._commands: list[np.ndarray] = []
-
-    @property
-    def count(self) -> int:
-        """Number of commands."""
-        return len(self._commands)
+        self.clear()
 
     def clear(self) -> None:
-        """Forget all commands."""
-        self._commands.clear()
+        """Begin a flight."""
+        #: Number of commands of the flight, and the last of them, (m,) each.
+        self.count = 0
+        self._commands: deque[np.ndarray] = deque()
 
     def append(self, v: np.ndarray) -> None:
         """Add the command of a sample, (m,)."""
         self._commands.append(v)
+        self.count += 1
 
     def acting(self, sample: int, delay: float, seconds: float) -> list[tuple[np.ndarray, float]]:
         """Return the inputs that act during some time after a sample, each with its duration, s.
@@ -43,9 +44,12 @@ class CommandsUnderWay:
         """
         dt = float(self._model.holds[0])
         late, until = in_samples(delay, dt)
+        first = sample - late - 1
+        while len(self._commands) > self.count - first:
+            self._commands.popleft()
         begin = 0.0
         acting = []
-        for number in range(sample - late - 1, sample + 1):
+        for number in range(first, sample + 1):
             end = min(until, seconds)
             if end - begin > WHOLE * dt:
                 acting.append((self._command(number), end - begin))
@@ -56,7 +60,7 @@ class CommandsUnderWay:
     def _command(self, number: int) -> np.ndarray:
         if number < 0:
             return np.zeros(self._model.scaled.sizes[2])
-        return self._commands[number]
+        return self._commands[number - self.count]
 
     def moved(self, z: np.ndarray, delay: float, w: np.ndarray) -> np.ndarray:
         """Return the states when the command of the next sample acts, (n,).
@@ -64,7 +68,7 @@ class CommandsUnderWay:
         z: states now, (n,)
         w: winds
         """
-        return self.over(z, self.acting(len(self._commands), delay, delay), w)
+        return self.over(z, self.acting(self.count, delay, delay), w)
 
     def over(
         self, z: np.ndarray, acting: list[tuple[np.ndarray, float]], w: np.ndarray

@@ -471,6 +471,19 @@ def test_a_copy_in_flight_flies_on_as_the_policy_does(law: str, copied: Any) -> 
     assert flown[0] == pytest.approx(flown[1], rel=1e-9)
 
 
+@pytest.mark.parametrize("law", LAWS)
+def test_a_long_flight_keeps_no_more_than_a_short_one(law: str) -> None:
+    """Of a sample remain at most its processor time and what a pickle says of a number."""
+    model = hfa.load_model(PENDULUM_FILE)
+    policy = LAWS[law](model, hfa.trim(model), *WEIGHTS)
+    sizes = []
+    for number in range(200):
+        policy(number * policy.dt, policy.point.x)
+        if number in (99, 199):
+            sizes.append(len(pickle.dumps(policy)))
+    assert sizes[1] - sizes[0] < 20 * 100
+
+
 def test_the_first_plan_knows_the_wind() -> None:
     """With the true push given, the first plan already ends at rest against it."""
     policy = hfa.predictive(CART, AT_REST, *WEIGHTS).in_air(("push",))
