@@ -20,7 +20,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.motion import flow_rates, rotation, wind_axes
-from hfa_aircraft.signals import Signal
+from hfa_aircraft.signals import VECTORS, Signal
 from hfa_flight.air.names import UPDRAFT
 
 #: Component of a gust -> disturbance that `in_gusts` adds for it.
@@ -83,7 +83,7 @@ def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]
     """
     taken = own_disturbances(model, heading)
     for name in ADDED:
-        if name not in taken and not missing_states(model, name):
+        if name not in taken and _can_be_added(model, name):
             taken[name] = {ADDED[name]: _SIGN.get(name, 1.0)}
     return {name: taken[name] for name in ADDED if name in taken}
 
@@ -100,21 +100,40 @@ def missing_states(model: Model, component: str) -> list[str]:
     ]
 
 
+def other_kind(model: Model, disturbance: str) -> str:
+    """Return which signal of the model has this name: input, output, state, parameter or ""."""
+    kinds = (*VECTORS.values(), "outputs")
+    found = [kind for kind in kinds if disturbance in getattr(model, kind)]
+    return "".join(found).removesuffix("s")
+
+
+def undeclared(model: Model, disturbance: str, what: str) -> str:
+    """Return the refusal of what requires a disturbance that `in_gusts(model)` does not have."""
+    kind = other_kind(model, disturbance)
+    change = f"rename its {kind} {disturbance}" if kind else "declare this disturbance"
+    return f"{model.name} declares no disturbance {disturbance}, which {what} requires; {change}"
+
+
+def _can_be_added(model: Model, component: str) -> bool:
+    return not (missing_states(model, component) or other_kind(model, ADDED[component]))
+
+
 @lru_cache(maxsize=16)
 def in_gusts(model: Model) -> Model:
     """Return the model with added disturbances (`ADDED`) for undeclared gust components.
 
-    A component is added only if the model has the states that the component needs. The states
-    remain relative to the ground. Let V be the velocity and ω the angular velocity of the aircraft,
-    and V_g the velocity (u, v, w) of the air, all resolved in body axes. Relative to the air,
-    V_a = V - V_g and ω_a = ω + (p, q, r). Forces and moments are those of the model at V_a, ω_a.
-    The model's equation V' = a(V_a, ω_a) - ω_a x V_a becomes V' = a(V_a, ω_a) - ω x V. Angles and
-    position change with V and ω.
+    A component is added only if the model has the states that the component needs, and no other
+    signal, such as an input, with the name of the disturbance. The states remain relative to the
+    ground. Let V be the velocity and ω the angular velocity of the aircraft, and V_g the velocity
+    (u, v, w) of the air, all resolved in body axes. Relative to the air, V_a = V - V_g and ω_a = ω
+    + (p, q, r). Forces and moments are those of the model at V_a, ω_a. The model's equation V' =
+    a(V_a, ω_a) - ω_a x V_a becomes V' = a(V_a, ω_a) - ω x V. Angles and position change with V and
+    ω.
 
     Approximation: gyroscopic moments are evaluated at ω_a, an error of second order in the rates.
     """
     own = own_disturbances(model, 0.0)
-    added = [name for name in ADDED if name not in own and not missing_states(model, name)]
+    added = [name for name in ADDED if name not in own and _can_be_added(model, name)]
     if not added:
         return model
     speed = model.states["speed"].unit

@@ -14,7 +14,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform, zero
 from hfa_flight.air.actuators import ActuatorBank
 from hfa_flight.air.delay import in_samples
-from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.gust_equations import in_gusts, undeclared
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.signals import TimeVector
 from hfa_flight.air.turbulence import Turbulence
@@ -227,10 +227,7 @@ class Scenario(Reported):
         gusts = () if self.gust is None else self.gust.names
         for name in gusts:
             if name not in in_gusts(model).disturbances:
-                raise BadInputError(
-                    f"{model.name} declares no disturbance {name}, which a gust requires; "
-                    "declare this disturbance"
-                )
+                raise BadInputError(undeclared(model, name, "a gust"))
         n = len(model.states)
         no_signal = zero(len(model.linear))
         initial = self.initial if np.size(self.initial) else np.zeros(n)

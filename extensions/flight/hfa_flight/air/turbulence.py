@@ -17,7 +17,13 @@ import numpy as np
 
 from hfa.options.argument_types import positive
 from hfa_aircraft.model import Model
-from hfa_flight.air.gust_equations import ADDED, missing_states, taken_components
+from hfa_flight.air.gust_equations import (
+    ADDED,
+    missing_states,
+    other_kind,
+    taken_components,
+    undeclared,
+)
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.names import UPDRAFT, gust_speed
 from hfa_support.errors import BadInputError, is_finite, shown
@@ -167,6 +173,8 @@ class Turbulence:
             taken = {name: taken[name] for name in taken if name in "uvw"}
         if not taken:
             needed = ", ".join(missing_states(model, "w"))
+            if not needed:
+                raise BadInputError(undeclared(model, UPDRAFT, "turbulence"))
             raise BadInputError(
                 f"{model.name} has neither a gust input nor a state {needed}, which turbulence "
                 f"requires; declare a disturbance {UPDRAFT}"
@@ -394,6 +402,8 @@ class TurbulentAir(Gust):
             reason = "the wing span is missing (the last number of --turbulence)"
             if missing_states(model, name):
                 reason = "the equations have no such motion"
+            elif kind := other_kind(model, ADDED[name]):
+                reason = f"{ADDED[name]} is an {kind} of the model"
             reasons.setdefault(reason, []).append(name)
         return [f"turbulence without {', '.join(names)}: {why}" for why, names in reasons.items()]
 
