@@ -98,6 +98,7 @@ class RowFunction(threading.local):
             last = min(first + together, count)
             for memory, table in zip(inputs, tables, strict=True):
                 memory[: last - first] = table[first:last]
+                memory[last - first :] = table[last - 1]
             evaluate()
             for memory, table in zip(results, tables_out, strict=True):
                 table[first:last] = memory[: last - first]

@@ -235,12 +235,12 @@ def _effort_program(structure: Structure) -> ca.Function:
         "f": ca.sumsqr(e.z[inputs]),
         "g": ca.vertcat(e.residual[: e.moved], e.y / scales),
     }
-    return ca.nlpsol(
-        "effort",
-        "ipopt",
-        program,
-        {"print_time": False, "show_eval_warnings": False, "ipopt": _IPOPT},
-    )
+    options = {"print_time": False, "show_eval_warnings": False, "ipopt": _IPOPT}
+    try:
+        return ca.nlpsol("effort", "ipopt", program, options)
+    except RuntimeError:  # a compiled function, such as an FMU, has no second derivatives
+        first_order = {**_IPOPT, "hessian_approximation": "limited-memory"}
+        return ca.nlpsol("effort", "ipopt", program, {**options, "ipopt": first_order})
 
 
 def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:

@@ -80,6 +80,7 @@ class Instance:
     def __init__(self, interface: Interface) -> None:
         """Load the library. Raises OSError if that fails."""
         self._of = of = interface
+        self.indicators = of.indicators
         self._library = ctypes.CDLL(of.library)
         self._names: dict[str, Any] = {}
         self._said = ""
@@ -191,7 +192,7 @@ class Instance:
         title, token, resources = (text.encode() for text in (of.title, of.token, of.resources))
         if of.version == 2:
             make = self._function("Instantiate", c_void_p)
-            made = make(title, 1, token, resources, ctypes.byref(self._keep[0]), 0, 0)
+            made = make(title, 0, token, resources, ctypes.byref(self._keep[0]), 0, 0)
         else:
             make = self._function("InstantiateModelExchange", c_void_p)
             made = make(title, token, resources or None, 0, 0, None, self._keep[0])

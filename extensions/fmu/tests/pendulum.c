@@ -131,7 +131,8 @@ int fmi3GetDirectionalDerivative(void *c, const unsigned *z, size_t nz, const un
 #else
 const char *fmi2GetTypesPlatform(void) { return "default"; }
 const char *fmi2GetVersion(void) { return "2.0"; }
-void *fmi2Instantiate(const char *n, int t, const char *g, const char *r, void *f, int v, int l) { return make(g); }
+void *fmi2Instantiate(const char *n, int t, const char *g, const char *r, void *f, int v, int l)
+{ return t == 0 ? make(g) : NULL; } /* 0 is model exchange */
 void fmi2FreeInstance(void *c) { free(c); }
 int fmi2SetDebugLogging(void *c, int l, size_t n, const char **s) { return 0; }
 int fmi2SetupExperiment(void *c, int d, double t, double s, int e, double p) { return 0; }

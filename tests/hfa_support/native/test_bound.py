@@ -1,15 +1,40 @@
-"""Sweeps computed by several threads of one process equal those of a single thread bit by bit."""
+"""Functions of many rows, and sweeps computed by several threads of one process."""
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 
+import casadi as ca
 import numpy as np
 
 import hfa
+from hfa_support.native.bound import RowFunction
+
+
+class _Recorded(ca.Callback):
+    """x -> 1/x, with the arguments of its evaluations in `seen`."""
+
+    def __init__(self) -> None:
+        ca.Callback.__init__(self)
+        self.seen: list[float] = []
+        self.construct("recorded", {})
+
+    def eval(self, arguments: list[ca.DM]) -> list[ca.DM]:
+        self.seen.append(float(arguments[0]))
+        return [1.0 / arguments[0]]
+
+
+def test_a_function_is_evaluated_at_the_given_rows_only() -> None:
+    """Of a block of 16 rows, the rows that are left over are no other points, such as zeros."""
+    recorded = _Recorded()
+    (found,) = RowFunction(recorded)(np.arange(1.0, 11.0)[:, None])
+    np.testing.assert_allclose(found[:, 0], 1.0 / np.arange(1.0, 11.0))
+    assert set(recorded.seen) == set(np.arange(1.0, 11.0))
 
 
 def test_concurrent_sweeps_equal_sequential_sweeps() -> None:
+    """They are equal bit by bit."""
+
     def swept(number: int) -> list[bytes]:
         rng = np.random.default_rng(number)
         angles, speeds = np.radians(rng.uniform(0.0, 20.0, 8)), rng.uniform(25.0, 75.0, 6)
