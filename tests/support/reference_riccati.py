@@ -58,48 +58,21 @@ def _precision() -> Iterator[None]:
         ctx.prec = before
 
 
-def reference_solution(game: Game, changed: np.random.Generator | None = None) -> Reference:
-    """Return the solution of a game, rounded to doubles.
-
-    changed: changes each entry of the game by a random factor of about 1 ± 2^-200, and the result is
-        the solution's relative change divided by it, in place of P, K and L
-    """
+def reference_solution(game: Game) -> Reference:
+    """Return the solution of a game, rounded to doubles."""
     with _precision():
         found = _solution(_Exact(game))
-        if found is None:
-            return NOTHING
-        if changed is None:
-            return Reference(True, *map(_doubles, found))
-        other = _solution(_Exact(game, changed))
-        assert other is not None
-        return Reference(
-            True,
-            *(_doubles((new - old) * arb(2) ** 200) for new, old in zip(other, found, strict=True)),
-        )
+        return NOTHING if found is None else Reference(True, *map(_doubles, found))
 
 
 class _Exact:
     """The matrices of a game, with the discount taken into √α A, √α B and √α E."""
 
-    def __init__(self, game: Game, changed: np.random.Generator | None = None) -> None:
+    def __init__(self, game: Game) -> None:
         self.is_discrete = game.is_discrete
         root = arb(game.discount).sqrt() if game.is_discrete else arb(1)
-
-        def factors(*shape: int) -> np.ndarray:
-            return np.zeros(shape) if changed is None else changed.choice([-1.0, 1.0], shape)
-
-        def exact(matrix: np.ndarray, change: np.ndarray) -> Any:
-            tiny = arb(2) ** -200
-            entries = zip(matrix.ravel().tolist(), change.ravel().tolist(), strict=True)
-            return arb_mat(*matrix.shape, [arb(x) * (1 + tiny * arb(f)) for x, f in entries])
-
-        self.A = exact(game.A, factors(*game.A.shape)) * root
-        self.B = exact(game.B, factors(*game.B.shape)) * root
-        self.E = exact(game.E, factors(*game.E.shape)) * root
-        of_states, of_inputs = factors(len(game.A)), factors(len(game.R))
-        self.Q = exact(game.Q, np.add.outer(of_states, of_states))
-        self.R = exact(game.R, np.add.outer(of_inputs, of_inputs))
-        self.N = exact(game.N, np.add.outer(of_states, of_inputs))
+        self.A, self.B, self.E = (_exact(each) * root for each in (game.A, game.B, game.E))
+        self.Q, self.R, self.N = map(_exact, (game.Q, game.R, game.N))
         self.weight = 1 / arb(game.delta) ** 2 if math.isfinite(game.delta) else arb(0)
         self.n, self.m = game.B.shape
 
@@ -257,6 +230,10 @@ def _are_balanced(terms: list[Any], n: int) -> bool:
             if not abs(total[i, j]).mid() <= size.mid():
                 return False
     return True
+
+
+def _exact(matrix: np.ndarray) -> Any:
+    return arb_mat(*matrix.shape, [arb(x) for x in matrix.ravel().tolist()])
 
 
 def _one(size: int) -> Any:

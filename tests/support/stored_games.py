@@ -1,13 +1,13 @@
-"""Games of ten kinds with answers of hundreds of digits: `python tests/support/stored_games.py`.
+"""Games of ten kinds with answers of hundreds of digits.
 
 A game is drawn from its kind and number with exact arithmetic, equal on every machine. The file
-beside this one has its delta and its answers (`reference_riccati`).
+beside this one has its delta and its answers (`reference_riccati`). Both, as they were at commit
+b3dedbf27, made the file: `python tests/support/stored_games.py`.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -31,10 +31,6 @@ KINDS = (
     "aircraft",
 )
 EACH = 200
-#: delta / delta_min of the games.
-FACTORS = (0.5, 0.999, 1.0 - 1e-6, 1.0 + 1e-7, 1.0 + 1e-6, 1.0 + 1e-5, 1.001, 1.1, 2.0, 10.0, 1e3)
-#: Relative accuracy of the stored delta_min.
-CLOSE = 1e-8
 
 
 class Stored(NamedTuple):
@@ -268,109 +264,3 @@ _KINDS = dict(
         strict=True,
     )
 )
-
-
-def _smallest(game: Game) -> float:
-    """Return delta_min, 0 or nan; the hint of the solver that is tested is proved by two solutions."""
-    from reference_riccati import reference_solution
-
-    from controller import minimum_delta
-    from hfa import NoSolutionError
-
-    def exists(delta: float) -> bool:
-        return reference_solution(game.with_delta(delta)).exists
-
-    lqr = reference_solution(game)
-    if not lqr.exists:
-        return math.nan
-    size = float(np.sqrt(np.abs(np.linalg.eigvalsh(game.E.T @ lqr.P @ game.E)).max())) or 1.0
-    low = high = 0.0
-    try:
-        hint = minimum_delta(game.with_delta(size)).value
-        if hint and exists(hint * (1.0 + 3e-6)) and not exists(hint / (1.0 + 3e-6)):
-            low, high = hint / (1.0 + 3e-6), hint * (1.0 + 3e-6)
-    except NoSolutionError:
-        pass
-    if not low:
-        low = high = size
-        while not exists(high):
-            high *= 16.0
-        while exists(low):
-            low /= 16.0
-            if low < size * 1e-12:
-                return 0.0
-    while high > low * (1.0 + CLOSE):
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if exists(middle) else (middle, high)
-    return high
-
-
-def _aircraft_models() -> dict[str, np.ndarray]:
-    """Return A and B of the paper's aircraft and of those of examples/."""
-    import hfa
-    from hfa_model import published_models
-
-    folder = Path(__file__).parents[2] / "examples"
-    names = ("cessna182.toml", "uav.toml", "glider.toml", "f16.py:F16", "navion.py:NAVION")
-    trimmed = [hfa.trim(hfa.load_model(str(folder / name))).linearize() for name in names]
-    models = [(each.A, each.B) for each in (*published_models(), *trimmed)]
-    return {
-        f"{name}_{k}": M
-        for k, pair in enumerate(models)
-        for name, M in zip("AB", pair, strict=True)
-    }
-
-
-def write(kinds: tuple[str, ...]) -> None:
-    """Compute the answers of some kinds anew, and write the file."""
-    from reference_riccati import reference_solution
-
-    old = dict(np.load(FILE)) if FILE.exists() else {}
-    count = len(KINDS) * EACH
-    columns = {name: np.full(count, math.nan) for name in ("delta", "delta_min", "change")}
-    columns |= {"exists": np.zeros(count, bool), "first": np.zeros(count, np.int32)}
-    answers: list[np.ndarray] = []
-    for index in range(count):
-        kind, number = KINDS[index // EACH], index % EACH
-        columns["first"][index] = sum(map(len, answers))
-        if kind not in kinds:
-            if "delta" in old:
-                for name in ("delta", "delta_min", "change", "exists"):
-                    columns[name][index] = old[name][index]
-                end = [*old["first"].tolist(), len(old["answers"])][index + 1]
-                answers.append(old["answers"][old["first"][index] : end])
-            continue
-        game = drawn(kind, number)
-        smallest = _smallest(game)
-        rng = np.random.default_rng(number)
-        delta = math.inf
-        if rng.random() < 0.8:
-            delta = float(rng.choice(FACTORS)) * (smallest if smallest > 0.0 else 1.0)
-        game = game.with_delta(delta)
-        exact = reference_solution(game)
-        columns["delta"][index], columns["delta_min"][index] = delta, smallest
-        columns["exists"][index] = exact.exists
-        if exact.exists:
-            changed = reference_solution(game, np.random.default_rng(0))
-            z, u = units_of_answers(game, exact.P)
-            of_P = np.abs(changed.P / np.outer(z, z)).max()
-            of_K = np.abs(changed.K * u[:, None] / z).max()
-            columns["change"][index] = max(of_P, of_K)
-            answers.append(np.append(exact.P[np.triu_indices(len(exact.P))], exact.K))
-        print(
-            kind,
-            number,
-            f"{smallest:.6g}",
-            exact.exists,
-            f"{columns['change'][index]:.2g}",
-            flush=True,
-        )
-    models = {name: each for name, each in old.items() if name[:2] in ("A_", "B_")}
-    columns["change"] = columns["change"].astype(np.float32)
-    np.savez_compressed(FILE, answers=np.concatenate(answers), **columns, **models)
-
-
-if __name__ == "__main__":
-    if not FILE.exists() or "models" in sys.argv:
-        np.savez_compressed(FILE, **_aircraft_models())
-    write(tuple(sys.argv[1:]) or KINDS)

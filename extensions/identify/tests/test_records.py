@@ -93,15 +93,10 @@ REFUSED = {
     ),
     "no input": ({"elevator": None}, "no column elevator"),
     "constant": ({"alpha": lambda a: np.full_like(a, 0.01)}, "alpha is 0.01 at every sample"),
-    "frozen at the end": (
-        {"alpha": lambda a: np.where(np.arange(len(a)) > 100, a[100], a)},
-        "alpha repeats one value 100 times",
-    ),
     "frozen in between": (
         {"alpha": lambda a: np.where(np.arange(len(a)) // 6 == 9, a[54], a)},
         "alpha repeats one value 6 times",
     ),
-    "clipped on both sides": ({"pitch_rate": clipped}, "pitch_rate is clipped: 20 of 200"),
     "clipped above": (
         {"pitch": lambda p: np.minimum(p, np.quantile(p, 0.9))},
         "pitch is clipped: 8 of 200",
@@ -141,8 +136,6 @@ def test_a_faulty_record_is_refused(fault: str) -> None:
     ("change", "column"),
     [
         (lambda q: np.round(q, 2), "pitch_rate"),
-        (lambda q: np.round(q, 3), "pitch_rate"),
-        (lambda p: np.round(p, 2), "pitch"),
         (lambda v: np.round(v, 1), "speed"),
     ],
 )
@@ -191,52 +184,32 @@ def written(path: str, columns: dict[str, np.ndarray], degrees: dict[str, str]) 
     Path(path).write_text("\n".join(rows))
 
 
-@pytest.mark.parametrize("is_python", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_the_command_writes_an_aircraft(is_python: bool, folder: Path) -> None:
+def test_the_command_writes_an_aircraft(folder: Path) -> None:
     """The file names its aircraft relative to itself and contains the estimates and the values of
-    --given; a changed aircraft is refused. An aircraft in Python is given by the user.
+    --given; a changed aircraft is refused.
     """
     for name in ("data", "results"):
         Path(name).mkdir()
     aircraft = Path("data/uav.toml")
     aircraft.write_text(Path(UAV).read_text())
-    given = str(aircraft)
-    if is_python:
-        aircraft = Path("data/uav.py")
-        aircraft.write_text(f"import hfa\nUAV = hfa.from_derivatives({UAV!r})\n")
-        given = f"{aircraft}:UAV"
     flown = record(model=AIRCRAFT.with_parameters(CD_0=0.05))
     written("flight.csv", flown, {"alpha": "deg", "elevator": "deg", "pitch_rate": "deg/s"})
-    words = (
-        "identify",
-        "flight.csv",
-        "--aircraft",
-        given,
-        "--free",
-        "Cm_q",
-        "--given",
-        "CD_0=0.05",
-    )
-    picture = ("--picture", "fit.png") if is_python else ()
-    done = run(*words, "-o", "results/found.toml", "--json", *picture)
+    words = ("--aircraft", str(aircraft), "--free", "Cm_q", "--given", "CD_0=0.05")
+    done = run("identify", "flight.csv", *words, "-o", "results/found.toml", "--json")
     assert done.code == 0, done.out + done.err
-    assert not is_python or Path("fit.png").stat().st_size > 10_000
     parameters = json.loads(done.out)["parameters"]
     assert parameters["Cm_q"]["low"] < true_value("Cm_q") < parameters["Cm_q"]["high"]
     Path("elsewhere").mkdir()
     for name in ("data", "results"):
         Path(name).rename(Path("elsewhere", name))
-    arguments = ("elsewhere/results/found.toml",)
-    if is_python:
-        arguments = (f"elsewhere/{given}", *arguments)
-    found = hfa.load_model(*arguments)
+    found = hfa.load_model("elsewhere/results/found.toml")
     assert found.parameters["CD_0"].start == 0.05
     assert found.parameters["Cm_q"].start == pytest.approx(parameters["Cm_q"]["value"])
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(found)).p, found.p)
     moved = Path("elsewhere", aircraft)
     moved.write_text(moved.read_text() + "\n# changed")
     with pytest.raises(hfa.BadInputError, match="SHA-256"):
-        hfa.load_model(*arguments)
+        hfa.load_model("elsewhere/results/found.toml")
 
 
 @pytest.mark.parametrize(

@@ -16,14 +16,8 @@ SPOOLS = '<function name="N2SpoolUp"> <v>7</v> </function>'
 
 
 @needs_jsbsim
-@pytest.mark.parametrize(
-    "name",
-    [
-        "c172p",
-        pytest.param("737", marks=pytest.mark.slow),
-        pytest.param("DHC6", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["c172p", "737", "DHC6"])
 def test_simulations_of_jsbsim_converge_to_the_models_simulation(name):
     """JSBSim's simulations converge to the model's simulation as JSBSim's step decreases.
 

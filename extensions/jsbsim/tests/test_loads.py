@@ -196,10 +196,8 @@ DAMPERS = {
 
 
 @needs_jsbsim
-@pytest.mark.parametrize(
-    "kind",
-    [kind if kind == "washout" else pytest.param(kind, marks=pytest.mark.slow) for kind in DAMPERS],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", DAMPERS)
 def test_a_damper_with_filter_states_agrees_with_jsbsim(tmp_path, kind):
     """With filters as states, the yaw rate of an aircraft with a damper is ten times closer to
     JSBSim's.

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mutations import leaves
 from proofs import changed, put
 
 import hfa
@@ -30,6 +29,15 @@ CERTIFICATES = {
 OTHERS = [None, True, "1", [], {}, math.nan, math.inf, 2**53 + 1, 1.1e300]
 #: Entries that may have fewer entries.
 SHORTER = ("disturbances", "terms", "W")
+
+
+def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Yield the path of every entry of a certificate, also of lists and objects."""
+    if path:
+        yield path
+    entries = value.items() if isinstance(value, dict) else ()
+    for key, entry in enumerate(value) if isinstance(value, list) else entries:
+        yield from leaves(entry, (*path, key))
 
 
 def others(name: Any, value: Any) -> Iterator[Any]:

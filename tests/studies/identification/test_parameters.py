@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 
 import hfa
-from hfa_model import INPUTS, LINEAR_STATES, VARIANTS, Parameters, State, published_models
+from hfa_model import INPUTS, LINEAR_STATES, VARIANTS, Parameters, load_parameters, published_models
 from studies.identification.parameters import ALTERNATIVES, IDENTIFIED, ROUGH, Fit, fit, identify
-from trim import compare, regenerate
+from trim import regenerate
 
 pytestmark = pytest.mark.slow
 
@@ -142,77 +140,6 @@ def test_each_departure_from_newton_is_needed(description: str, variant: Any) ->
     assert found.largest > 1000.0, description
 
 
-@pytest.mark.parametrize(
-    ("speed", "square", "is_fitted"),
-    [
-        # The pitch-rate term with Newton's sign, the dihedral-rate term left out, the square with
-        # Newton's factor.
-        (lambda x: -ca.cos(x.dihedral) * ca.cos(x.alpha) * x.pitch_rate, 0.0, False),
-        (lambda x: ca.sin(x.alpha) * ca.sin(x.dihedral) * x.dihedral_rate / 2, 0.0, False),
-        (lambda x: 0.0, 1 / 6, True),
-    ],
-)
-def test_two_terms_of_the_coupling_are_needed(
-    speed: Callable[[State], Any], square: float, is_fitted: bool
-) -> None:
-    """If one of two terms of the hinge coupling is changed, some printed entry cannot be fitted.
-
-    A term with the squared rate does not prevent the fit. The added terms are m s V times `speed`
-    and m s² cos η sin η η'² times `square`.
-    """
-
-    def coupling(self: Any, x: State, p: Parameters) -> Any:
-        of_square = p.panel_span * ca.cos(x.dihedral) * ca.sin(x.dihedral) * x.dihedral_rate**2
-        more = p.panel_mass * p.panel_span * (speed(x) * x.speed + square * of_square)
-        return VARIANTS["published"].hinge_coupling(x, p) + more
-
-    variant = type("Changed", (type(VARIANTS["published"]),), {"hinge_coupling": coupling})()
-    assert (fit(published_models(), variant).largest < 1.5) == is_fitted
-
-
-def test_the_expected_sum_equals_the_simulated_mean(
-    parameters: Parameters, identified: tuple[Fit, list[float]]
-) -> None:
-    """The expected sum of squares of a fit equals the mean for simulated rounding errors.
-
-    The errors are uniform within half a unit, and equal for a number that is printed at both
-    angles. A sum contains only errors that no change of the parameters can reduce. The derivatives
-    are finite differences.
-    """
-    models = published_models()
-
-    def entries(values: Parameters) -> np.ndarray:
-        pairs = [(regenerate(hfa.aircraft(parameters=values), model), model) for model in models]
-        parts = [
-            (exact.A / model.half_unit_A, exact.B / model.half_unit_B) for exact, model in pairs
-        ]
-        return np.stack([np.concatenate([A.ravel(), B.ravel()]) for A, B in parts])
-
-    columns = []
-    for name in IDENTIFIED:
-        value = getattr(parameters, name)
-        high, low = (
-            entries(parameters._replace(**{name: value * (1 + step)})) for step in (1e-4, -1e-4)
-        )
-        columns.append((high - low) / 2e-4)
-    derivatives = np.stack(columns, axis=-1)  # (angle, entry, parameter)
-    moved = np.abs(derivatives).max(axis=(0, 2)) > 1e-3
-    derivatives = derivatives[:, moved]
-    alike = np.abs(derivatives[0] - derivatives[1]).max(axis=1) < 1e-6 * np.abs(derivatives[0]).max(
-        axis=1
-    )
-    assert (derivatives.shape[1], np.count_nonzero(alike)) == (35, 5)
-    errors = np.random.default_rng(0).uniform(-1, 1, (20_000, 2, 35))
-    errors[:, 1, alike] = errors[:, 0, alike]
-    flat = errors.reshape(-1, 70)
-    fitted, _ = np.linalg.qr(derivatives.reshape(70, -1))
-    sums = ((flat - flat @ fitted @ fitted.T) ** 2).sum(axis=1)
-    found = identified[0]
-    # The mean of 20000 sums scatters by 0.016. Counting the five equal numbers twice would give
-    # 18.33.
-    assert found.expected_sum == pytest.approx(sums.mean(), abs=0.08)
-
-
 def test_one_angle_determines_all_but_one_combination() -> None:
     """The printed matrices at one angle determine all parameters except for one combination.
 
@@ -235,60 +162,11 @@ def test_one_angle_determines_all_but_one_combination() -> None:
         assert np.abs(factor * row - print_[pitch]).max() < 1e-5 * np.abs(print_[pitch]).max()
 
 
-#: Panels of 300 lbf: Table 1 of Gibson et al. 2011 and the publicly released simulation (SimVFA).
-_MASS = 300 / 32.2
-RELEASED = {
-    "panel_span": 80.0,
-    "tail_area": 40.0,
-    "boom_length": 36.0,
-    "lift_slope": 2 * np.pi,
-    "aileron_lift": 2.0,
-    "aileron_moment": -0.25,
-    "zero_lift_moment": 0.025,
-    "zero_lift_drag": 0.007,
-    "induced_drag": 0.07,
-    "panel_mass": _MASS,
-    "inertia_roll": 30 * _MASS,
-    "inertia_pitch": 2 * _MASS,
-    "inertia_yaw": 18 * _MASS,
-    "hinge_stiffness": 4900.0,
-    "hinge_damping": 2e5 * 0.707,
-}
-#: Density of the released simulation at 40,000 ft, relative to `hfa_model.atmosphere`.
-THIN = 1 - 16.14e-6
-
-
 def test_the_released_constants_lie_within_two_standard_errors(parameter_set: Any) -> None:
     """The constants of the released simulation are within two standard errors of the identified
     ones.
     """
-    for name, value in RELEASED.items():
-        distance = abs(getattr(parameter_set.values, name) - value)
+    released = load_parameters("gibson-2011-simulation").values
+    for name in IDENTIFIED:
+        distance = abs(getattr(parameter_set.values, name) - getattr(released, name))
         assert distance <= 2.0 * parameter_set.standard_errors[name], name
-
-
-@pytest.mark.parametrize(("density", "half_units"), [(THIN, (0.0, 1.0)), (1.0, (100.0, 200.0))])
-def test_released_constants_need_their_thinner_air(
-    parameters: Parameters, density: float, half_units: tuple[float, float]
-) -> None:
-    """The constants of the released simulation reproduce the printed entries only in thinner air.
-
-    The air density is that of the released simulation.
-    """
-    values = dict(RELEASED)
-    for name in (
-        "lift_slope",
-        "aileron_lift",
-        "aileron_moment",
-        "zero_lift_moment",
-        "zero_lift_drag",
-    ):
-        values[name] *= density
-    values["induced_drag"] /= density
-    aircraft = hfa.aircraft(parameters=parameters._replace(**values))
-    largest = max(
-        abs(entry.half_units)
-        for published in published_models()
-        for entry in compare(regenerate(aircraft, published), published)
-    )
-    assert half_units[0] < largest < half_units[1]

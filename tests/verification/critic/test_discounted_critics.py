@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from cli import answer, hfa
-from game_files import AT_15, stored
+from game_files import stored
 from game_samples import failed_names
 from known_models import game_at
 from scipy.linalg import block_diag, solve_discrete_lyapunov
@@ -15,7 +14,6 @@ from tolerances import SAME_FORMULA
 
 from controller import critic_in
 from hfa import Game, from_gain, from_value, solve, verify
-from hfa.main import BAD_INPUT, FAILED
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -49,30 +47,6 @@ def test_a_loop_that_does_not_stabilize_may_have_a_finite_discounted_cost(factor
     verdict = verify(game, from_gain(game, K))
     assert verdict.cost_lost == pytest.approx(100.0 * above, rel=1e-6, abs=1e-9)
     assert [verdict.stabilizing, verdict.ok, verdict.holds(limit_cost=10.0)] == 3 * [False]
-
-
-def test_verify_compares_with_the_specified_problem_only(game: Game) -> None:
-    """`hfa verify` compares a critic only with the problem that the options specify.
-
-    The discounted critic passes with --discount and --dt and fails without them. --discount without
-    --dt is refused.
-    """
-    words = (
-        "verify",
-        *AT_15,
-        "--weights",
-        stored("P.npz", P=solve(game.sampled(DT, DISCOUNT)).P),
-    )
-    problem = ("--discount", str(DISCOUNT), "--dt", str(DT))
-    data = answer(*words, *problem)
-    assert (data["ok"], data["schema"], data["dt"]) == (True, "hfa.critic-check/1", DT)
-    assert hfa(*words, *problem).out.startswith(
-        "PASS on the sampled game, typical box: optimal cost"
-    )
-    assert answer(*words, code=FAILED)["ok"] is False
-    result = hfa(*words, *problem[:2])
-    assert result.code == BAD_INPUT
-    assert "--discount and --dt require each other; give both" in result.err
 
 
 def test_an_exact_critic_that_does_not_stabilize_fails() -> None:

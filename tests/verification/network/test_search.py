@@ -144,14 +144,3 @@ def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box() -> None:
     wrong = from_gain(game, K * [[1.0], [1.2]])  # the input with the small effect
     policy = verify(game, wrong, scope=scope).value_of("policy_rel_error")
     assert policy == pytest.approx(0.2 * inputs[1] / (1e-5 * inputs[0]))
-
-
-def test_an_equilibrium_off_the_trim_in_one_state_fails() -> None:
-    game = Game(-np.eye(2), np.eye(2), Q=np.eye(2), R=np.eye(2))
-    z = ca.SX.sym("z", 2)
-    u = -ca.DM(solve(game).K) @ z + ca.vertcat(0.1, 0.0)
-    critic = from_network(game, ca.Function("policy", [z], [u]))
-    verdict = verify(game, critic, scope=Scope(Box(np.ones(2), "planted"), flights=1))
-    rest = 0.1 / (1.0 + solve(game).K[0, 0])
-    assert verdict.value_of("rest_point") == pytest.approx(rest)
-    assert verdict.grade == "fail"

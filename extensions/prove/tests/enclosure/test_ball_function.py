@@ -12,10 +12,7 @@ import pytest
 pytest.importorskip("hfa_prove")
 
 from flint import arb
-from known_models import model_at
 
-import hfa
-import hfa_model
 from hfa import BadInputError
 from hfa_prove.enclosure.ball_function import BallFunction, Undecided
 from hfa_prove.enclosure.balls import exact
@@ -44,23 +41,6 @@ def test_balls_enclose_every_operation() -> None:
     for place in centre + half * points:
         for ball, value in zip(found, np.array(function(place)).ravel().tolist(), strict=True):
             assert ball.overlaps(arb(value, 1e-14))
-
-
-def test_balls_equal_the_functions_in_doubles() -> None:
-    """Rates and Jacobians in ball arithmetic equal those of the model in doubles."""
-    model = model_at(15.0)
-    aircraft = hfa.aircraft()
-    functions = aircraft.functions(())
-    arguments = (model.point.states, model.point.inputs, hfa_model.parameters_of(aircraft))
-    found = BallFunction(functions)(*([exact(value) for value in values] for values in arguments))
-    for balls, doubles in zip(
-        found, functions(*(list(values) for values in arguments)), strict=True
-    ):
-        expected = np.array(doubles).ravel(order="F")
-        scale = np.abs(expected).max(initial=0.0) + 1.0
-        np.testing.assert_allclose(
-            [float(ball) for ball in balls], expected, rtol=0, atol=1e-12 * scale
-        )
 
 
 def test_an_unknown_operation_is_refused_by_name() -> None:

@@ -178,24 +178,6 @@ def test_sharpened_bounds_include_rounding(name: str) -> None:
     assert bound <= found <= bound + 1e-3 * traced.outputs.radius[0, 0]
 
 
-def test_an_edge_across_a_kink_lowers_bounds() -> None:
-    """The looseness of a lower bound is attributed to the edge y_0, along which |y_0| has its kink.
-
-    The function is |y_0| + |0.01 y_0 + y_1 - 9|, which has no kink along y_1.
-    """
-    y = ca.SX.sym("y", 2)
-    function = ca.Function("f", [y], [ca.fabs(y[0]) + ca.fabs(0.01 * y[0] + y[1] - 9.0)])
-    program = TaylorProgram(Program(function, "f"), 2)
-    linear = np.array([[[0.1], [1.0], [0.0]], [[0.0], [0.0], [1.0]]])
-    first = np.zeros(1, dtype=int)
-    traced = program.traced(linear, np.zeros((2, 1)))
-    kinks = program.sharpened(traced, first, first).lowered_by[0] - np.abs(
-        traced.outputs.c[0, 1:3, 0]
-    )
-    assert kinks[0] > 0.4
-    assert kinks[1] < 1e-9
-
-
 def test_the_chain_rule_encloses_every_derivative() -> None:
     """The enclosed Jacobian contains the derivatives of CasADi at 100 random points."""
     generator = np.random.default_rng(1)
@@ -249,25 +231,6 @@ def test_the_lowest_value_of_a_model_is_not_rounded_up() -> None:
         exact = value - sum(map(abs, slopes)) + bends - Fraction(float(radius[0, k]))
         size = Fraction(float(np.abs(c[0, :, k]).sum() + radius[0, k]))
         assert exact - size / 10**12 <= Fraction(float(low[k])) <= exact
-
-
-def test_rounding_of_a_long_sum_is_covered() -> None:
-    """The bounds of a long sum with canceling large terms contain its exact value."""
-    y = ca.SX.sym("y", 2)
-    total = sum(0.1 * k * y[0] + 1e8 * y[1] - 1e8 * y[1] * (1 + 2.0**-30) for k in range(50))
-    models = TaylorProgram(Program(ca.Function("f", [y], [total]), "f"), 2).over(
-        np.array([[0.3, 0.7]]), np.full((1, 2), 2.0**-40)
-    )
-    exact = sum(
-        Fraction(0.1 * k) * Fraction(0.3)
-        + Fraction(1e8) * Fraction(0.7) * (1 - Fraction(1 + 2.0**-30))
-        for k in range(50)
-    )
-    assert (
-        Fraction(float(lowest(models, 2)[0, 0]))
-        <= exact
-        <= Fraction(float(highest(models, 2)[0, 0]))
-    )
 
 
 def test_rounding_of_canceling_arguments_is_covered() -> None:
@@ -346,33 +309,6 @@ def test_a_matrix_is_definite_for_all_of_its_factors(
         assert H.is_definite(left, right) == is_definite
 
 
-def test_entries_of_a_matrix_are_listed_by_column() -> None:
-    """The second model of a list is the entry of the second row and the first column."""
-    c, radius = np.arange(8.0).reshape(4, 2, 1), np.arange(4.0)[:, None]
-    H = ModelMatrix.of(Models(c, radius, radius), 2, 1)
-    assert H.radius.tolist() == [[0.0, 2.0], [1.0, 3.0]]
-    assert H.c[:, :, 1].tolist() == [[1.0, 5.0], [3.0, 7.0]]
-
-
-def test_products_of_matrices_contain_those_of_all_members() -> None:
-    """For entries that are all positive, left' H right is highest where all parts are largest."""
-    rng = np.random.default_rng(10)
-    for case in range(40):
-        c, radius = rng.uniform(size=(3, 3, 6)), rng.uniform(size=(3, 3))
-        C = rng.uniform(size=(2, 2))
-        left, right = (
-            Factor(*rng.uniform([[[0.0]]], [[[1.0]], [[0.01]]], (2, 3, 2))) for _ in "lr"
-        )
-        for part, noughts in enumerate((radius, left.error, right.error)):
-            noughts *= (case >> part) & 1
-        L, R = ((each.value + each.error) @ C for each in (left, right))
-        most = L.T @ (c.sum(axis=2) + radius) @ R
-        up, down = (ModelMatrix(sign * c, radius, 2)._products(left, right, C) for sign in (1, -1))
-        assert np.all(most <= up.high)
-        assert np.all(up.high <= most * 1.05)
-        assert np.all(-most >= down.low)
-
-
 def test_no_matrix_is_definite_by_rounding() -> None:
     """A singular matrix is not definite, whatever rounding makes of its eigenvalue of 0."""
     rng = np.random.default_rng(9)
@@ -419,11 +355,3 @@ def test_only_steps_of_opposite_arguments_are_a_slope() -> None:
     share = (y[0] > 0) / ((y[0] > 0) + (y[1] > 0))
     found = values_at(Program(ca.Function("f", [y], [share]), "f"), np.array([[1.0, 1.0], [1, -1]]))
     assert found.ravel().tolist() == [0.5, 1.0]
-
-
-def test_evaluated_values_equal_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`values_at` equals the function, also at more points than are evaluated together."""
-    monkeypatch.setattr("hfa_prove.enclosure.slopes._TOGETHER", 100)
-    points = np.random.default_rng(0).uniform(-0.5, 0.5, (250, 3))
-    expected = np.array(every_operation()(points.T)).T
-    assert values_at(Program(every_operation(), "f"), points) == pytest.approx(expected, rel=1e-12)

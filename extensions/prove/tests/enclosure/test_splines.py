@@ -14,7 +14,7 @@ from hfa_prove.enclosure.ball_function import BallFunction, Undecided
 from hfa_prove.enclosure.balls import exact, symmetric
 from hfa_prove.enclosure.program import Program
 from hfa_prove.enclosure.slopes import between, jacobian, values_at
-from hfa_prove.enclosure.splines import HIGHEST, tables_of
+from hfa_prove.enclosure.splines import tables_of
 from hfa_support.errors import BadInputError
 
 GRIDS = ([-1.0, 0.0, 0.5, 2.0, 3.0], [0.0, 1.0, 2.5, 4.0], [-2.0, 0.0, 1.0, 3.0])
@@ -101,25 +101,6 @@ def test_balls_of_tables_are_decided_between_breakpoints(name: str) -> None:
     assert float(function([exact(spline.knots[1])])[0][0]) == pytest.approx(
         float(CASES[name](spline.knots[1])), abs=1e-12
     )
-
-
-def test_splines_know_their_smoothness() -> None:
-    """A cubic table has two continuous derivatives at inner knots, and jumps to 0 at its ends. A
-    kink is one however small.
-    """
-    smoothness = {
-        name: tables_of(CASES[name])[0].spline().smoothness.tolist()
-        for name in ("linear", "cubic", "quadratic")
-    }
-    assert smoothness["linear"] == [HIGHEST, 0, 0, 0, HIGHEST]
-    assert set(smoothness["cubic"][1:-1]) == {2}
-    assert set(smoothness["quadratic"][1:-1]) == {1}
-    assert smoothness["cubic"][0] == smoothness["cubic"][-1] == -1
-    bend = 2.0**-30
-    slight = ca.interpolant(
-        "slight", "linear", [[0.0, 1.0, 2.0, 3.0]], [0, 1, 2 + bend, 3 + 2 * bend]
-    )
-    assert tables_of(slight)[0].spline().smoothness.tolist() == [HIGHEST, 0, HIGHEST, HIGHEST]
 
 
 @pytest.mark.parametrize("planted", ["Interpolant::values", "BSpline::coeffs"])

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
 from flint import arb
-from mutations import accepted_claims
 from proofs import Content, certificate, changed, decided
 
 import hfa as package
@@ -83,20 +82,6 @@ def test_gains_are_interpolated_linearly() -> None:
         proved(1.0, 2.0, gains, decay_rate=1.001 * exact)
     with pytest.raises(BadInputError, match="table of gains covers 1 to 2"):
         proved(1.0, 2.5, gains)
-
-
-def test_gains_turn_at_an_inner_breakpoint() -> None:
-    """With K constant up to the middle and the damping removed after it, the claim is refused."""
-    K = np.array([[[1.0, 2.9]], [[1.0, 2.9]], [[1.0, -0.2]]])
-    with pytest.raises(NoSolutionError, match="not below"):
-        proved(1.0, 2.0, Gains(np.array([1.0, 1.5, 2.0]), K), decay_rate=0.1)
-
-
-@pytest.mark.parametrize(("high", "is_proved"), [(3.99, True), (4.01, False)])
-def test_the_trim_is_within_its_limits(high: float, is_proved: bool) -> None:
-    """The lift of the trim is the pull, and its limit 4 N."""
-    with decided(is_proved, "lift is not proved"):
-        assert proved(1.0, high, decay_rate=0.1).size > 0
 
 
 @pytest.mark.parametrize(("high", "is_proved"), [(1.89, True), (1.91, False)])
@@ -215,16 +200,6 @@ def test_a_trim_is_claimed_only_where_krawczyks_test_holds() -> None:
         fold(0.01, 1.0).flight.trims(0.01, 1.0, np.array([0.7, 0.5]))
 
 
-def test_the_loop_is_enclosed_at_every_point_of_a_piece() -> None:
-    """C0 + C1 t + R contains -√p, whose second derivative is that of the trim alone."""
-    proof = fold(0.5, 0.6)
-    trims = proof.flight.trims(0.5, 0.6, np.array([0.7, 0.5]))
-    for t in np.linspace(-0.05, 0.05, 11).tolist():
-        ball, *_ = proof.loop(trims).at(arb(t)).entries()
-        assert ball.contains(-((trims.middle + arb(t)).sqrt()).mid())
-        assert float(ball.rad()) < 0.01
-
-
 def test_trims_and_loop_of_two_unknowns_are_enclosed() -> None:
     """For u² + v / 2 = p and v = 0.3 u p, the trims and the loop contain those of the closed form."""
     inputs = {name: Signal("1", 1.0, -9.0, 9.0) for name in "uv"}
@@ -288,37 +263,6 @@ def planar(loop: Callable[[Any], Any], unit: str = "rad") -> Family:
 
 
 NO_GAIN = Gains(np.array([0.0]), np.zeros((1, 1, 2)))
-
-
-def wu(angle: Any) -> Any:
-    """Return Wu's R(θ)'A0 R(θ) with eigenvalues -1 and -10, unstable at θ' = 6 rad/s."""
-    c, s = ca.cos(angle), ca.sin(angle)
-    a = (-1 - 9 * c * c + 12 * s * c, 12 * c * c + 9 * s * c)
-    return a, (-12 * s * s + 9 * s * c, -1 - 9 * s * s - 12 * s * c)
-
-
-@pytest.mark.slow
-def test_a_motion_is_proved_only_at_a_stable_rate() -> None:
-    """Wu's loop is stable at each angle and unstable at 344 deg/s: no proof claims that rate."""
-    family = planar(wu)
-    found = prove_schedule(family, NO_GAIN, 0.0, 180.0, moving=True, decay_rate=0.5)
-    rate = found.statement.scheduled_rate
-    assert rate is not None
-    assert 1.0 < rate < 343.0
-    with pytest.raises(NoSolutionError, match="no Lyapunov function"):
-        prove_schedule(family, NO_GAIN, 0.0, 180.0, scheduled_rate=344.0, decay_rate=0.5)
-    breakpoints, P = found.witness.breakpoints, found.witness.P
-    for stated, which in ((343.0, slice(None)), (1.0, slice(None, None, len(P) - 1))):
-        with pytest.raises(NoSolutionError, match="motion"):
-            check_schedule(
-                replace(found.statement, scheduled_rate=stated),
-                ScheduleWitness(1000, breakpoints[which], P[which]),
-            )
-    with pytest.raises(NoSolutionError, match="motion"):
-        check_schedule(
-            replace(found.statement, scheduled_rate=math.inf),
-            ScheduleWitness(1000, np.zeros(1), np.eye(2)[None]),
-        )
 
 
 @pytest.mark.parametrize(("unit", "is_proved"), [("rad", True), ("deg", False)])
@@ -499,38 +443,6 @@ def test_a_linear_p_must_suit_the_rate(
     changes = {_P: [(factor * P).tolist() for factor in factors], _AT: at}
     with decided(not said, said):
         assert checked(changed(content, statement__scheduled_rate=rate, **changes)) > 0
-
-
-def is_true(statement: Any) -> bool:
-    """Return whether the claim holds at pulls of a grid, by roots of the characteristic equation."""
-    flight = statement.flight
-    depth = flight.imposed["depth"]
-    if flight.imposed["heave"] != 0.0:
-        return False
-    pulls = np.linspace(*flight.range, 301)
-    low, high = flight.limits["lift"]
-    least, most = flight.limits["load"]
-    lift = pulls * depth
-    holds = (low <= lift) & (lift <= high) & (least <= lift - 0.5 * pulls)
-    holds &= lift - 0.5 * pulls <= most
-    if not holds.all() or abs(flight.first["lift"] - lift[0]) > 2e-6:
-        return False
-    K = np.array([
-        [np.interp(pull, statement.gains.breakpoints, row) for row in statement.gains.K[:, 0].T]
-        for pull in pulls
-    ])  # fmt: skip
-    roots = [
-        np.roots([1.0, flight.parameters["drag"] + c, pull + k]).real.max()
-        for pull, (k, c) in zip(pulls, K, strict=True)
-    ]
-    return max(roots) < -statement.decay_rate
-
-
-@pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.slow)])
-def test_no_false_schedule_is_accepted(count: int, content: Content) -> None:
-    """The claim of every changed certificate that is accepted is true."""
-    found = accepted_claims(content, Subject(FLOAT), check_schedule, is_true, count)
-    assert 0 < found < count
 
 
 def test_decimals_of_the_file_are_covered() -> None:

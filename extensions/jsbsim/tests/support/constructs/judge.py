@@ -11,7 +11,6 @@ import numpy as np
 from jsbsim_reference import responses
 
 from constructs.airframe import CONSTRUCTS as AIRFRAME
-from constructs.combined import CONSTRUCTS as COMBINED
 from constructs.control import CONSTRUCTS as CONTROL
 from constructs.functions import CONSTRUCTS as FUNCTIONS
 from constructs.jet import jet
@@ -27,7 +26,6 @@ ALL: dict[str, dict[str, str]] = {
         ("control", CONTROL),
         ("functions", FUNCTIONS),
         ("properties", NAMED),
-        ("combined", COMBINED),
     )
     for name, slots in constructs.items()
 }
@@ -132,6 +130,21 @@ def _comparison(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> 
     return Judgement(name, "silent", f"{miss:.0e}")
 
 
+def ours_at(model: Model, point: Mapping[str, Any], answer: Mapping[str, float]) -> tuple[Any, ...]:
+    """Return states, rates and outputs of the model, by name, where JSBSim answered."""
+    state = {name: answer.get(f"state.{name}", answer.get(name)) for name in model.states}
+    measured = {name for name, signal in model.inputs.items() if signal.unit == "rad"}
+    if any("the input is the throttle position" in note for note in model.about.notes):
+        measured |= {"throttle"}
+    commands = point["commands"] | {name: answer[name] for name in measured}
+    x = [state[name] for name in model.states]
+    u = [commands.get(name, 0.0) for name in model.inputs]
+    levers = {name: commands[name] for name in model.parameters if name in commands}
+    levers |= {name: answer[name] for name in model.parameters if name.startswith("tank")}
+    flown = model.with_parameters(gravity=answer["gravity"], **levers)
+    return state, flown.rates_at(x, u), flown.outputs_at(x, u)
+
+
 def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, float]) -> float:
     """Return the largest relative difference between the accelerations of the model and of JSBSim.
 
@@ -141,18 +154,7 @@ def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, floa
     point: state and commands
     answer: JSBSim's response
     """
-    state = {}
-    for name in model.states:
-        key = f"state.{name}"
-        state[name] = answer[key] if key in answer else answer[name]
-    commands = point["commands"]
-    x = [state[name] for name in model.states]
-    u = []
-    for name, signal in model.inputs.items():
-        u.append(answer[name] if signal.unit == "rad" else commands.get(name, 0.0))
-    levers = {name: commands[name] for name in model.parameters if name in commands}
-    levers |= {name: answer[name] for name in model.parameters if name.startswith("tank")}
-    rates = model.with_parameters(gravity=answer["gravity"], **levers).rates_at(x, u)
+    state, rates, _ = ours_at(model, point, answer)
     speed, alpha, beta = (state[name] for name in ("speed", "alpha", "beta"))
     along = np.array([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)])
     acceleration = np.array([answer["udot"], answer["vdot"], answer["wdot"]])
