@@ -18,8 +18,6 @@ _NOTHING = 1e-12
 _DEPENDENT = 1e-9
 #: Residuals below this fraction of the largest are not named.
 _MINOR = 1e-3
-#: Largest number of held inputs that are named.
-_MOST_HELD = 4
 
 
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
@@ -43,9 +41,7 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
     notes = [f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"]
     equations, unknowns = problem.count
     if equations > unknowns and not can_balance:
-        held = [name for name in problem.model.inputs if name not in problem.free]
-        inputs = f", such as --free {' --free '.join(held[:_MOST_HELD])}" if held else ""
-        notes.append(f"{equations} equations for {unknowns} unknowns; free more variables{inputs}")
+        notes.append(f"{equations} equations for {unknowns} unknowns; free more variables")
     idle = [name for name in _without_effect(problem, z) if name not in binding]
     if idle:
         notes.append(f"no effect of {' and '.join(idle)}; free another variable")
@@ -154,12 +150,16 @@ def binding_limits(problem: TrimProblem, found: np.ndarray) -> dict[str, str]:
 
 
 def explanation(model: Model, condition: TrimCondition) -> str:
-    """Return the model's explanation of why a condition has no trim, or "" if it has none.
+    """Return the model's explanation of why a condition has no trim, or "" if it has none, or if
+    held inputs leave fewer unknowns than equations.
 
     The model's function `explain` may trim a changed condition, by Newton's method from the default
     initial point.
     """
     if model.trimming.explain is None:
+        return ""
+    equations, unknowns = TrimProblem(model, condition.resolved(model)).count
+    if equations > unknowns and not condition.imposed.keys().isdisjoint(model.inputs):
         return ""
 
     def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:

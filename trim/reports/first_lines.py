@@ -26,6 +26,8 @@ _LOAD = 1e-3
 #: Largest usual angle of attack, deg, and least negative drag that is doubted, per lift.
 _STEEPEST = 60.0
 _NEGATIVE = 1e-6
+#: Names of inputs and parameters that belong to one of several engines.
+_ENGINE = re.compile(r"(throttle|thrust|power|engine)_?(?P<number>\d+|left|right)")
 #: Largest numbers of imposed values and of modes in first lines.
 _MOST_VALUES = 4
 _MOST_MODES = 6
@@ -165,20 +167,25 @@ def _has_other_load(trimmed: Trimmed) -> bool:
 
 
 def _engines_out(trimmed: Trimmed, imposed: Mapping[str, Any]) -> Iterator[str]:
-    """Yield "engine 1 out" for each engine whose input is held at its lowest value while that of
-    another one is not.
+    """Yield "engine 1 out (throttle1)" for each engine whose input is held at its lowest value, or
+    whose switch engine1 is held at 0, while that of another one is not.
+
+    The number is that in the name of the input or parameter.
     """
-    inputs = trimmed.given.model.inputs
-    engines = [
-        name for name in inputs if re.match(r"(throttle|thrust|power).*(\d|left|right)", name)
-    ]
-    out = []
-    for number, name in enumerate(engines, start=1):
-        lowest = max(inputs[name].min, 0.0)
-        if name in imposed and trimmed.given[name] - lowest <= ROUNDING * inputs[name].nominal:
-            out.append(number)
-    if len(out) < len(engines):
-        yield from (f"engine {number} out" for number in out)
+    model = trimmed.given.model
+    for engines, values in (
+        (model.inputs, {name: trimmed.given[name] for name in model.inputs}),
+        (model.parameters, dict(zip(model.parameters, model.p.tolist(), strict=True))),
+    ):
+        found = {name: match for name in engines if (match := _ENGINE.fullmatch(name))}
+        out = [
+            f"engine {match['number']} out ({name})"
+            for name, match in found.items()
+            if name in imposed or engines is model.parameters
+            if values[name] - max(engines[name].min, 0.0) <= ROUNDING * engines[name].nominal
+        ]
+        if len(out) < len(found):
+            yield from out
 
 
 def _named(point: OperatingPoint, name: str) -> str:

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -74,8 +75,6 @@ _ARGUMENTS = {
 }
 #: Initial advance ratio V / (n D) in the search for a propeller's speed.
 _ADVANCE_RATIO = 0.72
-#: Default position of all throttles but the first.
-_HALF = 0.5
 #: Number of speeds at which the windmilling speed of a propeller is searched, and the largest,
 #: relative to the usual speed.
 _SPEEDS_TRIED = 121
@@ -261,9 +260,12 @@ class _Declaration:
                 configuration=configuration,
             ),
             trimming=Trimming(
+                alternatives=tuple(
+                    (throttle, name) for name, pair in self._splits().items() for throttle in pair
+                ),
                 begin=self._beginning(),
                 explain=partial(
-                    explain, self.parts, bool(self.inputs), constant_commands(self.equations)
+                    explain, self.parts, (*self.inputs,), constant_commands(self.equations)
                 ),
             ),
         )
@@ -463,6 +465,9 @@ class _Declaration:
                 self.equations.properties.read(_POSITIONS[name], "")
             )
             signals[name] = Signal("rad", 0.1)
+        for name, (first, second) in self._splits().items():
+            self.equations.outputs[name] = self.inputs[second].symbol - self.inputs[first].symbol
+            signals[name] = Signal("1", 0.5)
         return signals
 
     def _of_stopped_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
@@ -567,18 +572,26 @@ class _Declaration:
     def _trim(self) -> dict[str, float]:
         """Return the default trim condition, straight level flight, as name -> imposed value."""
         # - The flight path angle is free if there is no throttle or no engine has fuel.
-        # - Without fuel, all throttles are 0. Otherwise all throttles except the first are `_HALF`.
+        # - Without fuel, all throttles are 0. Otherwise all are equal.
         # - The sideslip is free unless both aileron and rudder are inputs.
         imposed = {"speed": self.usual_speed, "altitude": 5000.0, "yaw": 0.0, "turn_rate": 0.0}
-        throttles = [name for name in self.inputs if name.startswith("throttle")]
+        throttles = self._throttles()
         if all(file.dry_of for file in self.parts.engines):
             imposed |= dict.fromkeys(throttles, 0.0)
         elif throttles:
             imposed["gamma"] = 0.0
-            imposed |= dict.fromkeys(throttles[1:], _HALF)
+            imposed |= dict.fromkeys(self._splits(), 0.0)
         if {"aileron", "rudder"} <= set(self.inputs):
             imposed["beta"] = 0.0
         return imposed | dict.fromkeys(self._spool_errors(), 0.0)
+
+    def _throttles(self) -> list[str]:
+        return [name for name in self.inputs if name.startswith("throttle")]
+
+    def _splits(self) -> dict[str, tuple[str, str]]:
+        """Return the outputs that compare throttles of neighboring engines, name -> throttles."""
+        pairs = pairwise(self._throttles())
+        return {f"throttle_split{number}": pair for number, pair in enumerate(pairs)}
 
     def _spool_errors(self) -> list[str]:
         """Return the names of the outputs that are spool errors of turbines."""

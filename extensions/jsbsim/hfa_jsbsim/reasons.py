@@ -25,7 +25,7 @@ _SOME = 1e-6
 
 def explain(
     parts: Parts,
-    steered: bool,
+    inputs: Sequence[str],
     constant: Sequence[str],
     imposed: Mapping[str, float],
     solve: Solve,
@@ -35,25 +35,29 @@ def explain(
     The reasons are found by trims with other free variables.
 
     parts: content of the aircraft's files.
-    steered: whether the aircraft has inputs.
+    inputs: names of the aircraft's inputs.
     constant: commands of the files that nothing sets.
     imposed: name -> value imposed by the trim condition.
     solve: function (held, free) -> values by name, or None. It solves the same condition with the
         values `held` imposed and the equations `free` dropped.
     """
     advice = [f"?inputs={','.join(constant)} makes constant commands inputs"] if constant else []
-    if not steered:
+    if not inputs:
         return "; ".join(["no input of the pilot changes a force or a moment", *advice])
-    reasons = [*_of_engines(parts, imposed, solve), *of_files(parts)]
-    reasons = reasons or [*_of_lift(imposed, solve)] or [*_of_moments(solve)]
+    throttles = [name for name in inputs if name.startswith("throttle") and name not in imposed]
+    reasons = [*_of_engines(parts, throttles, solve), *of_files(parts)]
+    reasons = reasons or [*_of_lift(throttles, imposed, solve)] or [*_of_moments(solve)]
     return "; ".join([*reasons, *advice])
 
 
-def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle."""
+def _of_engines(parts: Parts, throttles: Sequence[str], solve: Solve) -> Iterator[str]:
+    """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle.
+
+    throttles: inputs that the trim condition leaves free
+    """
     full = None
-    if parts.engines and "throttle" not in imposed:
-        full = solve({"throttle": 1.0}, ("speed_dot",))
+    if parts.engines and throttles:
+        full = solve(dict.fromkeys(throttles, 1.0), ("speed_dot",))
     if full is None:
         return
     mass = full["weight"] / SLUG_TO_LB
@@ -69,7 +73,7 @@ def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Ite
             "thrust missing"
         )
         return
-    idle = solve({"throttle": 0.0}, ("speed_dot",))
+    idle = solve(dict.fromkeys(throttles, 0.0), ("speed_dot",))
     if idle is not None and idle["speed_dot"] * mass > least:
         yield f"at idle the thrust is {idle['speed_dot'] * mass:.0f} lb too large"
 
@@ -78,14 +82,14 @@ def _is_power(name: str) -> bool:
     return name.startswith("power") and name.removeprefix("power").isdigit()
 
 
-def _of_lift(imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
+def _of_lift(throttles: Sequence[str], imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
     """Yield a sentence on the greatest lift at an imposed airspeed if it is below the weight."""
     if not _AIRSPEEDS & set(imposed):
         return
-    balanced = _greatest_lift(solve, ("alpha_dot", "speed_dot"))
+    balanced = _greatest_lift(throttles, solve, ("alpha_dot", "speed_dot"))
     if balanced is None or balanced[0] >= 1.0:
         return
-    any_moment = _greatest_lift(solve, ("alpha_dot", "speed_dot", "pitch_rate_dot"))
+    any_moment = _greatest_lift(throttles, solve, ("alpha_dot", "speed_dot", "pitch_rate_dot"))
     share, alpha = greatest = max(balanced, any_moment or balanced)
     what = "the greatest lift is"
     if greatest[0] >= 1.0:
@@ -94,11 +98,13 @@ def _of_lift(imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
     yield f"{what} {100.0 * share:.0f} % of the weight, at alpha {math.degrees(alpha):.1f} deg"
 
 
-def _greatest_lift(solve: Solve, free: tuple[str, ...]) -> tuple[float, float] | None:
+def _greatest_lift(
+    throttles: Sequence[str], solve: Solve, free: tuple[str, ...]
+) -> tuple[float, float] | None:
     """Return the greatest lift relative to the weight, and its alpha, rad, or None."""
     found = []
     for alpha in _ANGLES.tolist():
-        values = solve({"alpha": alpha, "throttle": 0.5}, free)
+        values = solve({"alpha": alpha, **dict.fromkeys(throttles, 0.5)}, free)
         if values is not None:
             found.append((values["lift_to_weight"], alpha))
     return max(found, default=None)

@@ -214,3 +214,22 @@ def test_missing_jsbsim_aircraft_are_refused(monkeypatch, tmp_path):
         load_model("jsbsim:Glyder")
     model = load_model("jsbsim:glider")
     assert (model.name, model.about.aliases["vc-kts"]) == ("glider", "kcas")
+
+
+@needs_jsbsim
+def test_throttles_are_equal_and_a_stopped_engine_is_named_as_typed():
+    """The default trim is symmetric. One engine out is balanced by the rudder, and its name is
+    that of the input or parameter that is held.
+    """
+    model = load_model("jsbsim:737?throttles=each")
+    point = trim(model)
+    assert point["throttle0"] == pytest.approx(point["throttle1"], abs=1e-12)
+    assert abs(point["rudder"]) < 1e-12
+    for failed, words in (
+        (trim(model, hold={"throttle0": 0.0}), "engine 0 out (throttle0)"),
+        (trim(model.with_parameters(engine1=0.0)), "engine 1 out (engine1)"),
+    ):
+        assert abs(failed["rudder"]) > 0.05
+        title = failed.report().title.replace("\n", " ")
+        assert words in title
+        assert title.count(" out ") == 1
