@@ -1,5 +1,7 @@
 """Equilibria of a policy on a linear aircraft, compared with their closed forms."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -10,19 +12,15 @@ A = np.array([[-2.0, 0.1], [-10.0, -0.5]])
 B = np.array([[3.0, 0.0], [0.0, 20.0]])
 K = np.array([[0.4, 0.01], [-0.2, 0.05]])
 OFFSET = np.array([0.01, -0.03])
-#: Effects of the altitude on the rates of alpha and speed, 1/ft.
-ALTITUDE = np.array([1e-3, -2e-2])
 START = {"alpha": 0.1, "speed": 100.0, "altitude": 1000.0}
 
 
 def glide(x, u, p, w):
     z = [x.alpha - 0.1, x.speed - 100.0]
     v = [u.elevator - 0.05, u.throttle - 0.5]
-    h = x.altitude - 1000.0
     rates = [
         sum(a * each for a, each in zip(A[row], z, strict=True))
         + sum(b * each for b, each in zip(B[row], v, strict=True))
-        + ALTITUDE[row] * h
         for row in range(2)
     ]
     return {"alpha": rates[0], "speed": rates[1], "altitude": 50.0 * z[0]}, {}
@@ -46,48 +44,33 @@ GLIDER = hfa.Model(
 POINT = hfa.trim(GLIDER)
 
 
-def place_of(policy, observed=("alpha", "speed"), action=None, **settings):
-    """Return the place of the glider under a policy of the observed deviations from the trim."""
+def assessed(act, observed=("alpha", "speed"), model=GLIDER, **settings):
+    """Return the assessment of a policy of the observed deviations from the trim, without flights."""
     o = ca.SX.sym("o", len(observed))
     deployment = hfa.Deployment(
-        policy={"file": ca.Function("policy", [o], [policy(o)]), **settings},
+        policy={"file": ca.Function("policy", [o], [act(o)]), **settings.get("policy", {})},
         observation={name: {} for name in observed},
-        action=action or {"elevator": {}, "throttle": {}},
-        timing={"dt": 0.02},
+        action=settings.get("action", {"elevator": {}, "throttle": {}}),
+        timing={"dt": 0.2},
     )
-    return hfa.assess(GLIDER, deployment, [POINT], samples=0).points[0].place
+    return hfa.assess(model, deployment, [hfa.trim(model)], samples=0, best=0)
 
 
-def offset_gain(o):
-    return ca.DM(OFFSET) - ca.DM(K) @ o[:2]
+def equilibrium(*act, **settings):
+    (point,) = assessed(*act, **settings).points
+    return point.equilibrium
 
 
 def test_the_equilibrium_balances_the_offset_of_the_policy():
     """x = -(A - B K)^-1 B c, u = c - K x, with the slopes of aircraft and policy."""
-    found = place_of(offset_gain).equilibrium
+    found = equilibrium(lambda o: ca.DM(OFFSET) - ca.DM(K) @ o)
     x = -np.linalg.solve(A - B @ K, B @ OFFSET)
     np.testing.assert_allclose(found.states - POINT.states, [*x, 0.0], atol=1e-9)
     np.testing.assert_allclose(found.inputs - POINT.inputs, OFFSET - K @ x, atol=1e-9)
     for name, value in (("A", A), ("B", B), ("K", K), ("C", np.eye(2)), ("gain", K)):
         np.testing.assert_allclose(getattr(found, name), value, atol=1e-9, err_msg=name)
     assert not found.K_inputs.any()
-    assert (found.clips, found.kinks, found.frames, found.clipped_observations) == ((),) * 2 + (
-        None,
-        (),
-    )
-
-
-@pytest.mark.slow
-def test_the_equilibrium_drifts_with_the_altitude_and_lags_behind():
-    """0 = (A - B K) dx/dh + a; in a climb h', (A - B K) lag = dx/dh h'."""
-    place = place_of(offset_gain)
-    closed = A - B @ K
-    by_altitude = -np.linalg.solve(closed, ALTITUDE)
-    np.testing.assert_allclose(place.drift[:, 2], by_altitude, rtol=1e-9)
-    assert not place.drift[:, :2].any()
-    climb = 50.0 * (place.equilibrium.states[0] - 0.1)
-    expected = np.linalg.solve(closed, by_altitude * climb)
-    np.testing.assert_allclose(place.lag, expected, rtol=1e-6)
+    assert (found.clips, found.kinks, found.clipped_observations) == ((), (), ())
 
 
 @pytest.mark.slow
@@ -96,7 +79,7 @@ def test_inputs_that_follow_themselves_have_a_larger_gain():
     names = ("alpha", "speed", "elevator")
     for share, gain in ((0.5, K * [[2.0], [1.0]]), (1.0, None)):
         follows = lambda o, s=share: -ca.DM(K) @ o[:2] + ca.DM([s, 0.0]) * o[2]  # noqa: E731
-        found = place_of(follows, names).equilibrium
+        found = equilibrium(follows, names)
         np.testing.assert_allclose(found.K_inputs, [[share, 0.0], [0.0, 0.0]], atol=1e-9)
         np.testing.assert_allclose(found.C, [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
         if gain is None:
@@ -107,40 +90,48 @@ def test_inputs_that_follow_themselves_have_a_larger_gain():
 
 def test_a_kink_of_the_policy_has_the_slope_above():
     """u = .3 |alpha| - .1 alpha: slopes -.4 below and .2 above, in the units of the states."""
-    found = place_of(lambda o: ca.vertcat(0.3 * ca.fabs(o[0]) - 0.1 * o[0], 0.0)).equilibrium
+    found = equilibrium(lambda o: ca.vertcat(0.3 * ca.fabs(o[0]) - 0.1 * o[0], 0.0))
     np.testing.assert_allclose(found.K, [[-0.2, 0.0], [0.0, 0.0]], atol=1e-6)
     (note,) = found.kinks
-    assert "d elevator / d alpha is 0.2 above the trim, and -0.4 below" in note
+    assert "0.2 above the trim, and -0.4 below" in note
+
+
+def test_at_a_kink_of_the_aircraft_the_loop_is_that_of_linearize():
+    def kinked(x, u, p, w):
+        rates, outputs = glide(x, u, p, w)
+        return {**rates, "speed": rates["speed"] - 5.0 * ca.fabs(x.alpha - 0.1)}, outputs
+
+    model = replace(GLIDER, equations=kinked)
+    found = equilibrium(lambda o: -ca.DM(K) @ o, model=model)
+    linear = hfa.linearize(model, hfa.trim(model))
+    assert linear.kinks
+    np.testing.assert_array_equal(found.A, linear.A)
+    np.testing.assert_array_equal(found.B, linear.B)
 
 
 def test_a_smooth_policy_has_no_kink():
     """tanh(c alpha) bends within a step of any fixed size if c is large, but has no kink."""
     c = 1e5
-    found = place_of(lambda o: ca.vertcat(ca.tanh(c * o[0] + 0.3) / c, 0.0)).equilibrium
+    found = equilibrium(lambda o: ca.vertcat(ca.tanh(c * o[0] + 0.3) / c, 0.0))
     assert found.kinks == ()
 
 
-@pytest.mark.parametrize(
-    ("raw", "clips"),
-    [
-        ([0.0, 0.0], ()),
-        ([0.9, 0.0], ("the action of elevator at the end of its box", "elevator at its limit")),
-        ([-0.9, 0.0], ("the action of elevator at the end of its box", "elevator at its limit")),
-        ([0.0, 0.6], ("throttle at its limit",)),
-        ([0.0, -0.6], ("throttle at its limit",)),
-        ([0.0, 0.49], ()),
-    ],
-)
-def test_saturated_actions_and_inputs_are_named(raw, clips):
+def test_a_saturated_equilibrium_fails_and_its_actions_are_named():
     """The elevator moves by at most .25 from .05, within -.2 to .3; the throttle has no box."""
     action = {"elevator": {"box": [-0.8, 0.8], "map": "trim + 0.3125 * a"}, "throttle": {}}
-    raw = ca.DM(raw)
-    found = place_of(lambda o: raw + 0.0 * o[:2], action=action).equilibrium
-    assert found.clips == clips
+    both = ("the action of elevator at the end of its box", "elevator at its limit")
+    for raw, clips in (([-0.9, 0.49], both), ([0.0, 0.6], ("throttle at its limit",))):
+        told = assessed(lambda o, raw=raw: ca.DM(raw) + 0.0 * o, action=action)
+        (point,) = told.points
+        assert point.equilibrium.clips == clips
+        assert not told.ok
+        assert not point.holds
+        assert "no flight was simulated" in told.first_line
 
 
 def test_clipped_observations_are_named():
-    normalizer = {"mean": [0.3, 0.0], "variance": [0.01, 1.0]}
-    for clip, named in ((2.9, ("alpha",)), (3.1, ())):
-        place = place_of(lambda o: 0.0 * o[:2], normalizer={**normalizer, "clip": clip})
-        assert place.equilibrium.clipped_observations == named
+    """On either side."""
+    for mean, clip, named in ((0.3, 2.9, ("alpha",)), (-0.3, 2.9, ("alpha",)), (0.3, 3.1, ())):
+        numbers = {"mean": [mean, 0.0], "variance": [0.01, 1.0], "clip": clip}
+        found = equilibrium(lambda o: 0.0 * o, policy={"normalizer": numbers})
+        assert found.clipped_observations == named
