@@ -224,12 +224,14 @@ def planning_policy(
 def policy_of_law(law: str, problem: FlightProblem, game: Game, **settings: float) -> Policy:
     """Return the policy of a law of `LAWS` for a flight problem.
 
+    Its samples have no budget of time, so that flights do not depend on the machine.
+
     settings: horizon and margin of the predictive policy
     """
     if law == PREDICTIVE:
         from hfa_flight.plan.predictive import policy_of
 
-        return policy_of(problem, game, **settings)
+        return policy_of(problem, game, budget=math.inf, **settings)
     from hfa_flight.plan.state_dependent import state_dependent_of
 
     return state_dependent_of(problem, game)

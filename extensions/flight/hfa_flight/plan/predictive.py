@@ -195,10 +195,20 @@ class Predictive(SampledPolicy):
             )
         if len(done.seconds):
             median, most = np.quantile(done.seconds, (0.5, 0.99))
+            budget = self.controller.budget
+            ended = (
+                f"No further program begins after {1e3 * budget:.3g} ms, which ended {done.late} "
+                "samples."
+            )
+            if math.isinf(budget):
+                late = int((np.array(done.seconds) > self.dt).sum())
+                ended = (
+                    f"{late} of {len(done.seconds)} took longer than {1e3 * self.dt:g} ms and were "
+                    "flown as if they had not."
+                )
             lines.append(
                 f"Processor time of a sample: median {1e3 * median:.2g} ms, 99 % below "
-                f"{1e3 * most:.2g} ms. No further program begins after "
-                f"{1e3 * self.controller.budget:.3g} ms, which ended {done.late} samples."
+                f"{1e3 * most:.2g} ms. {ended}"
             )
         if done.unsolved:
             lines.append(

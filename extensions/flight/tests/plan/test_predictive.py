@@ -444,6 +444,21 @@ def test_a_spent_budget_flies_the_last_plan_on() -> None:
     assert policy.samples.late == 1
 
 
+def test_a_flight_of_the_command_does_not_depend_on_the_machine(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a machine that needs a second between two instructions, the flight is the same."""
+    words = ["fly", "--aircraft", PENDULUM_FILE, "--law", "predictive", "--duration", "0.4"]
+    words += ["--initial", "angle=40", "--disturbance", "push=2", "--json"]
+    finals = []
+    for slow in (False, True):
+        if slow:
+            monkeypatch.setattr("time.thread_time", map(float, range(10**9)).__next__)
+        assert main(words) == 0
+        finals.append(json.loads(capsys.readouterr().out)["final"])
+    assert finals[0] == finals[1]
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_laws_fly_and_are_compared_on_the_command_line(
     law: str, capsys: pytest.CaptureFixture[str]
