@@ -1,4 +1,4 @@
-"""The share of flights that must succeed for a PASS, in `fly`, `optimize` and `assess`."""
+"""Numbers of flights, and the share of them that must succeed for a PASS."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from hfa_support.errors import BadInputError, is_finite, shown
 #: Name of the requirement after --need, and its default: every flight.
 SHARE = "share"
 ALL = 1.0
+#: Default number of flights of an assessment from each trim: of a deployment, and of another
+#: policy, which may plan for a minute a flight.
+SAMPLES = 300
+OF_POLICY = 20
 #: A count that is smaller than the required one by less is enough, because shares are rounded.
 _ROUNDING = 1e-9
 

@@ -308,6 +308,20 @@ def noise_of(texts: Mapping[str, str], model: Model) -> dict[str, float]:
     return each_of("--noise", model, texts, linear_state)
 
 
+def noise_of_filter(noise: Mapping[str, float]) -> dict[str, float]:
+    """Return the sensors of --filter, state -> standard deviation of its noise, those above 0.
+
+    Raises BadInputError without a sensor.
+    """
+    sensors = {name: value for name, value in noise.items() if value}
+    if not sensors:
+        raise BadInputError(
+            "--filter requires the noise of the sensors; add --noise STATE=VALUE for each "
+            "measured state"
+        )
+    return sensors
+
+
 def gust_option() -> Any:
     """Return the option `--gust` as a dataclass field."""
     about = "1-cosine updraft: length, peak speed (units of the model), begin (s, default 0)"

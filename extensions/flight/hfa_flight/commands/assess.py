@@ -15,12 +15,13 @@ from hfa.options.argument_types import (
     input_file,
     linear_state,
     number,
+    one_of,
     quantity,
     span,
     whole,
 )
 from hfa.options.command import Request, command, picture_option
-from hfa.options.option import is_given, option
+from hfa.options.option import is_given, option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.plants import aircraft_help, loaded_model
 from hfa.options.ranges import array_of, scheduled_range
@@ -41,25 +42,32 @@ from hfa.options.trims import (
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.air.turbulence import Turbulence
-from hfa_flight.needs import ALL, SHARE, needed_share
+from hfa_flight.needs import ALL, OF_POLICY, SAMPLES, SHARE, needed_share
 from hfa_flight.options import (
+    EXACT,
+    NONE,
     at_held_altitude,
     gust_at,
     gust_option,
     noise_of,
+    noise_of_filter,
     noise_option,
     turbulence_option,
 )
+from hfa_flight.policies.laws import LAWS
 from hfa_support.errors import BadInputError, choice_of
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
+    from hfa_flight.commands.fly import FlyRequest
     from hfa_flight.judge.assessment import Assessment
     from hfa_flight.policies.deployment.deployed import Deployed
     from hfa_flight.policies.deployment.deployment import Deployment
 
 _MOST_POINTS = 1000
 _MOST_SAMPLES = 100_000
+#: Options of a deployment, which a law does not have.
+_OF_DEPLOYMENTS = ("sample_time", "box", "vary", "best", "picture")
 
 
 def _need(name: str, text: str) -> float:
@@ -121,12 +129,17 @@ class AssessRequest(Request, TrimOptions):
         "S",
         number,
     )
-    samples: int = option(
+    law: str | None = option(
+        "law in place of a file: flights from each trim, in --noise or --turbulence, those of `hfa "
+        "fly --law NAME --samples N`",
+        "NAME",
+        one_of(NONE, EXACT, *LAWS),
+    )
+    samples: int | None = option(
         "number of initial conditions at each trim, each flown with and without the disturbance "
-        "pulse; 0 for none; default 300",
+        f"pulse; 0 for none; default {SAMPLES}. Of --law, number of flights; default {OF_POLICY}",
         "N",
         whole(0, _MOST_SAMPLES),
-        default=300,
     )
     seed: int = option(
         "seed of the initial conditions, noise and turbulence; default 0",
@@ -218,8 +231,8 @@ def _deployment(request: AssessRequest, model: Model) -> Deployment:
     file = request.file
     if file is None:
         raise BadInputError(
-            "no policy is given; give a deployment file (for a law: hfa optimize --law NAME "
-            "--starts N)"
+            "no policy is given; give a deployment file, or add --law NAME with --noise or "
+            "--turbulence"
         )
     if file.suffix.lower() == ".toml":
         if request.sample_time is not None:
@@ -240,14 +253,14 @@ def _deployment(request: AssessRequest, model: Model) -> Deployment:
 
 def _filtered(deployment: Deployment, given: _Given) -> Deployment:
     """Return the deployment behind the filter of the noise and turbulence."""
-    noise = {name: value for name, value in given.noise.items() if value}
-    if not noise:
-        raise BadInputError(
-            "--filter requires the noise of the sensors; add --noise STATE=VALUE for each "
-            "measured state"
-        )
+    noise = noise_of_filter(given.noise)
     air = {} if given.turbulence is None else {"turbulence": given.turbulence.text}
     return deployment.changed(filter={"noise": noise, **air})
+
+
+def _samples(request: AssessRequest) -> int:
+    """Return the number of initial conditions at each trim of a deployment."""
+    return SAMPLES if request.samples is None else request.samples
 
 
 def _scenario_at(request: AssessRequest, given: _Given, point: OperatingPoint) -> Scenario:
@@ -260,7 +273,7 @@ def _scenario_at(request: AssessRequest, given: _Given, point: OperatingPoint) -
     uncertainty = Uncertainty(noise=given.noise, turbulence=given.turbulence)
     scenario = Scenario(uncertainty=uncertainty)
     gust = gust_at(request.gust, point, scenario.duration)
-    return rough_scenario(replace(scenario, gust=gust), point.model, request.samples)
+    return rough_scenario(replace(scenario, gust=gust), point.model, _samples(request))
 
 
 def _assumed_trim(request: AssessRequest, point: OperatingPoint) -> str:
@@ -282,10 +295,14 @@ def assess(request: AssessRequest) -> int:
     the optimum for Q and R. Flights from a box of initial conditions are simulated with and without
     a disturbance pulse. The first line compares costs with the best flights', or the exact gain's.
 
+    With --law, the flights and their report are those of `hfa fly --law NAME --samples N`.
+
     Exit code 0 if the policy holds at every trim and satisfies every --need, else 1.
     """
     from hfa_flight.policies.deployment.deployed import Deployed
 
+    if request.law is not None:
+        return _assess_law(request)
     given = _given(request)
     deployment = _deployment(request, given.model)
     if request.filter:
@@ -295,6 +312,50 @@ def assess(request: AssessRequest) -> int:
     result = _assessment(request, given, deployed)
     show(request, result.report(), given.source, figure=result.figure, notes=result.warnings)
     return 0 if result.ok else 1
+
+
+def _assess_law(request: AssessRequest) -> int:
+    """Fly a law from each trim, print the report of the flights and return the exit code."""
+    from hfa_flight.commands.fly import member_plan
+    from hfa_flight.samples.flights_in_air import flights_in_air
+
+    flights = _flights_of_law(request)
+    given = _given(request)
+    plans = [member_plan(flights, each) for each in given.trims]
+    assumed = _assumed_trim(request, plans[0].point)
+    flown = flights_in_air(plans)
+    notes = filter(None, (assumed, *flown.warnings))
+    show(request, flown.report(), given.source, notes=[*notes])
+    return 0 if flown.ok else 1
+
+
+def _flights_of_law(request: AssessRequest) -> FlyRequest:
+    """Return the request of `hfa fly` for the flights of a law.
+
+    Raises BadInputError for options that a law does not have, and if all flights are the same.
+    """
+    from hfa_flight.commands.fly import FlyRequest
+
+    if request.file is not None:
+        raise BadInputError(f"{request.file} and --law both give a policy; remove one of the two")
+    refuse(request, _OF_DEPLOYMENTS, "cannot be combined with --law; remove one of the two")
+    for name in request.need:
+        if name != SHARE:
+            raise BadInputError(
+                f"--need {name} cannot be combined with --law; remove one of the two"
+            )
+    if request.turbulence is None and not request.noise:
+        raise BadInputError(
+            "--law has the same flight from a trim each time; add --noise STATE=VALUE or "
+            "--turbulence LEVEL:ALTITUDE"
+        )
+    if request.samples == 0:
+        raise BadInputError("--samples is 0, so --law has no flights; give at least 1")
+    shared = ("law", "seed", "noise", "turbulence", "gust", "filter", "need")
+    return FlyRequest(
+        samples=OF_POLICY if request.samples is None else request.samples,
+        **{name: getattr(request, name) for name in shared},
+    )
 
 
 def _refuse_contradictions(request: AssessRequest, deployed: Deployed) -> None:
@@ -324,7 +385,7 @@ def _assessment(request: AssessRequest, given: _Given, deployed: Deployed) -> As
     is_rough = bool(given.noise) or given.turbulence is not None or request.gust is not None
     scenarios = [_scenario_at(request, given, point) for point in points] if is_rough else []
     share = request.need.get(SHARE, ALL)
-    assessor = Assessor(deployed, points, request.samples, request.seed, box, share=share)
+    assessor = Assessor(deployed, points, _samples(request), request.seed, box, share=share)
     result = assessment_of(
         assessor,
         needs=request.need,

@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import each_of, number, quantity, whole
 from hfa.options.command import Request, command, output_option, picture_option
@@ -25,7 +23,7 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario, with_errors
 from hfa_flight.air.signals import CommandedStates
-from hfa_flight.needs import ALL, SHARE, is_enough, needed_share
+from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
     NONE,
     PolicyOptions,
@@ -34,6 +32,7 @@ from hfa_flight.options import (
     envelope_of,
     flown_law,
     kept_inside,
+    noise_of_filter,
     noted_linear_model,
     planning_policy,
     policy_about,
@@ -340,12 +339,7 @@ def _filtered(policy: Policy, scenario: Scenario, point: OperatingPoint) -> Poli
     from hfa_flight.policies.filtered_policy import own_sample_time
     from hfa_flight.policies.kalman import filter
 
-    noise = {name: value for name, value in scenario.uncertainty.noise.items() if value}
-    if not noise:
-        raise BadInputError(
-            "--filter requires the noise of the sensors; add --noise STATE=VALUE for each "
-            "measured state"
-        )
+    noise = noise_of_filter(scenario.uncertainty.noise)
     dt = own_sample_time(policy, scenario.tick)
     return filter(point.linearize(), noise, scenario.uncertainty.turbulence, dt).policy(policy)
 
@@ -363,27 +357,17 @@ def _end_of(result: Flight) -> str:
 def _fly_members(request: FlyRequest) -> int:
     """Simulate the flights of --samples or --draws, print the report and return the exit code."""
     from hfa_flight.samples.drawn_aircraft import drawn_figure
-    from hfa_flight.samples.monte_carlo import MonteCarlo
+    from hfa_flight.samples.flights_in_air import flown_report, uncontrolled
     from hfa_flight.samples.report import member_report
     from hfa_flight.samples.stability import with_stability
-    from hfa_flight.samples.store import run_monte_carlo, stream_members
+    from hfa_flight.samples.store import stream_members
 
-    members = request.members
-    assert members is not None  # --samples or --draws is given
     target = request.output
     _refuse_of_members(request)
-    _refuse_contradictions(request)
     given = given_trim(request)
-    spread = None
-    if request.draws is not None:
-        spread = parameter_spread(request, given.common.model, given.held_parameters)
-    share = request.need.get(SHARE, ALL)
-    planned = _planned(request, given, trimmed(given))
-    plan = MonteCarlo(members, request.seed, *planned, spread, share)
-    progress = ProgressLine("simulate")
+    plan = member_plan(request, given)
     if target is None:
-        flown = run_monte_carlo(plan, request.workers, progress)
-        report = member_report(plan, flown.__getitem__, "flights not kept", _uncontrolled(plan))
+        report = flown_report(plan, request.workers)
     else:
         dataset = stream_members(
             plan,
@@ -391,17 +375,34 @@ def _fly_members(request: FlyRequest) -> int:
             workers=request.workers,
             resume=request.resume,
             provenance=provenance(request, given.source).to_dict(),
-            progress=progress,
+            progress=ProgressLine("simulate"),
         )
         read = {name: dataset[name].values for name in dataset.data_vars}
-        report = member_report(plan, read.__getitem__, f"flights in {target}", _uncontrolled(plan))
+        report = member_report(plan, read.__getitem__, f"flights in {target}", uncontrolled(plan))
     notes = list(dict.fromkeys(plan.point.warnings))
     report = report.with_data(store=None if target is None else str(target), warnings=notes)
-    if spread is not None:
+    if plan.spread is not None:
         report = with_stability(report, plan, given.condition, ProgressLine("draws"))
     in_store = replace(request, output=None)  # the flights are written already
     show(in_store, report, given.source, figure=lambda: drawn_figure(plan), notes=notes)
-    return 0 if is_enough(report.data["within_limits"], plan.members, plan.share) else 1
+    return 0 if report.data["ok"] else 1
+
+
+def member_plan(request: FlyRequest, given: GivenTrim) -> MonteCarlo:
+    """Return the plan of the flights of --samples or --draws from a trim.
+
+    Raises BadInputError if options contradict each other.
+    """
+    from hfa_flight.samples.monte_carlo import MonteCarlo
+
+    assert request.members is not None  # --samples or --draws is given
+    _refuse_contradictions(request)
+    spread = None
+    if request.draws is not None:
+        spread = parameter_spread(request, given.common.model, given.held_parameters)
+    planned = _planned(request, given, trimmed(given))
+    share = request.need.get(SHARE, ALL)
+    return MonteCarlo(request.members, request.seed, *planned, spread, share)
 
 
 def _refuse_of_members(request: FlyRequest) -> None:
@@ -432,16 +433,3 @@ def _refuse_of_members(request: FlyRequest) -> None:
         )
     if request.resume and target is None:
         raise BadInputError("--resume requires a store; add -o FILE.zarr")
-
-
-def _uncontrolled(plan: MonteCarlo) -> Mapping[str, np.ndarray] | None:
-    """Return the results of the same flights without control beside those with a filter."""
-    from hfa_flight.policies.filtered_policy import FilteredPolicy
-    from hfa_flight.policies.given import policy_and_scenario
-    from hfa_flight.samples.store import run_monte_carlo
-
-    if not isinstance(plan.policy, FilteredPolicy):
-        return None
-    policy, scenario = policy_and_scenario(None, plan.point, plan.scenario)
-    free = replace(plan, policy=policy, scenario=scenario)
-    return run_monte_carlo(free, 1, ProgressLine("simulate without control"))

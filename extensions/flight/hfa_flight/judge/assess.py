@@ -5,22 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 from hfa.options.output import ProgressLine
 from hfa_aircraft.model import Model
-from hfa_flight.air.scenario import Scenario
+from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.assessment import Assessment
-from hfa_flight.judge.assessor import SAMPLES, Assessor
+from hfa_flight.judge.assessor import Assessor
 from hfa_flight.judge.flight_costs import flight_costs
 from hfa_flight.judge.rough_flights import RoughFlights, rough_flights, rough_scenario
 from hfa_flight.judge.trims import trims_of
 from hfa_flight.judge.variations import changes_of, variations
 from hfa_flight.judge.weights import has_weights
-from hfa_flight.needs import ALL, SHARE, refuse_share
+from hfa_flight.needs import ALL, OF_POLICY, SAMPLES, SHARE, refuse_share
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.given import policy_and_scenario
+from hfa_flight.samples.flights_in_air import FlightsInAir, flights_in_air
+from hfa_flight.samples.monte_carlo import MonteCarlo
+from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -29,16 +33,27 @@ from hfa_support.errors import (
     refuse_unless_whole,
 )
 from hfa_support.progress import Progress
+from trim.point.operating_point import OperatingPoint
 
 #: Default number of flights at each trim whose costs are compared.
 COMPARED = 5
 
 
+@overload
+def assess(
+    model: Model, deployment: Deployment | str | Path, *args: Any, **options: Any
+) -> Assessment: ...
+
+
+@overload
+def assess(model: Model, deployment: Any, *args: Any, **options: Any) -> FlightsInAir: ...
+
+
 def assess(
     model: Model,
-    deployment: Deployment | str | Path,
+    deployment: Any,
     points: Sequence[Any] | None = None,
-    samples: int = SAMPLES,
+    samples: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
     vary: Mapping[str, tuple[float, float]] | None = None,
@@ -47,16 +62,18 @@ def assess(
     box: Mapping[str, float] | None = None,
     needs: Mapping[str, float] | None = None,
     best: int | None = None,
-) -> Assessment:
-    """Assess a policy as it is deployed.
+) -> Assessment | FlightsInAir:
+    """Assess a policy as it is deployed, or fly another policy many times in noise or moving air.
 
     model: the aircraft
-    deployment: observations, actions and timing of the policy, or the path of a deployment file
+    deployment: observations, actions and timing of the policy, or the path of a deployment file.
+        Any other policy that `hfa.fly` accepts is flown in the noise and turbulence of `scenario`,
+        as `hfa fly --samples` does; the result is then `FlightsInAir`
     points: operating points, or values of the scheduling variable in the units of the model.
         Default: the model's default trim
-    samples: number of initial conditions at each trim. Each is flown with and without the
-        disturbance pulse
-    seed: seed of the initial conditions
+    samples: number of initial conditions at each trim, by default 300. Each is flown with and
+        without the disturbance pulse. Of another policy, number of flights, by default 20
+    seed: seed of the initial conditions, noise and turbulence
     progress: callback for the progress of the flights, by default a line on a terminal
     vary: parameter, or input that no action moves -> lowest and highest value. The policy is also
         assessed on the changed aircraft, with the trim values of the original
@@ -84,6 +101,17 @@ def assess(
     >>> hfa.assess(hfa.aircraft(), deployment, [0.1], samples=0).points[0].holds
     True
     """
+    share = (needs or {}).get(SHARE, ALL)
+    refuse_share(share)
+    if not isinstance(deployment, (Deployment, str, Path)):
+        of_deployments = {"vary": vary, "box": box, "best": best}
+        of_deployments |= dict.fromkeys(set(needs or {}) - {SHARE}, True)
+        for name, value in of_deployments.items():
+            if value is not None:
+                raise BadInputError(f"{name} applies only to a deployment; remove {name}")
+        count = OF_POLICY if samples is None else samples
+        return _flown(deployment, trims_of(model, points), count, seed, share, scenario, progress)
+    samples = SAMPLES if samples is None else samples
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
     if best is not None:
@@ -95,8 +123,6 @@ def assess(
     for name, width in (box or {}).items():
         refuse_unknown("box names an unknown state", name, model.linear)
         refuse_unless_positive(f"box of {name}", width)
-    share = (needs or {}).get(SHARE, ALL)
-    refuse_share(share)
     trims = trims_of(model, points)
     assessor = Assessor(deployed, trims, samples, seed, box or {}, share=share)
     return assessment_of(
@@ -107,6 +133,31 @@ def assess(
         best=best,
         progress_of=ProgressLine if progress is None else lambda _: progress,
     )
+
+
+def _flown(
+    policy: Any,
+    trims: Sequence[OperatingPoint],
+    samples: int,
+    seed: int,
+    share: float,
+    scenario: Scenario | None,
+    progress: Progress | None,
+) -> FlightsInAir:
+    """Return the flights of a policy from each trim. Raises BadInputError if all are the same."""
+    if scenario is None or scenario.uncertainty == Uncertainty():
+        raise BadInputError(
+            "the flights of the policy are all the same; give scenario=Scenario(uncertainty="
+            "Uncertainty(noise={...}, turbulence=...))"
+        )
+    plans = []
+    for point in trims:
+        flown, happens = policy_and_scenario(policy, point, scenario)
+        envelope = flight_envelope(point.model, point)
+        plans.append(
+            MonteCarlo(samples, seed, point.model, point, flown, happens, envelope, share=share)
+        )
+    return flights_in_air(plans, progress)
 
 
 def assessment_of(

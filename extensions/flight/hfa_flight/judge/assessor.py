@@ -17,7 +17,7 @@ from hfa_flight.judge.outcomes import Outcomes, Place, ends_from_trim, fly_place
 from hfa_flight.judge.reach import HORIZON, Reach, reach_of, seconds_to_converge
 from hfa_flight.judge.recorded_flights import resolved_flight
 from hfa_flight.judge.weights import has_weights
-from hfa_flight.needs import ALL
+from hfa_flight.needs import ALL, SAMPLES
 from hfa_flight.plan.initial_box import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
@@ -34,8 +34,6 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from trim.point.operating_point import OperatingPoint
 
-#: Default number of flights at each trim.
-SAMPLES = 300
 #: Duration of the flight from the trim that ends at the equilibrium, s.
 _TO_REST = 200.0
 #: Longest integration step of flights whose step is halved until it is short enough, in time

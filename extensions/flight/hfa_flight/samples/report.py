@@ -71,7 +71,7 @@ def _verdict(plan: MonteCarlo, found: Mapping[str, Any]) -> str:
     is_input = any(found["exceeded"].values()) or any(found["limit_cycle"].values())
     inside = "stay within limits" if is_input else "stay inside"
     line = (
-        f"{verdict_text(is_enough(within, members, plan.share))}: {within} of {members} flights of "
+        f"{verdict_text(found['ok'])}: {within} of {members} flights of "
         f"{plan.scenario.duration:g} s {inside}{_air_text(plan.scenario)}{need_text(plan.share)}"
     )
     lost = members - within
@@ -150,14 +150,16 @@ def _outcomes(plan: MonteCarlo, read: Read) -> dict[str, Any]:
     within = limits.within(read("lowest_input")) & limits.within(read("highest_input"))
     states = limited_names(model, plan.scenario.moving_air)
     oscillating = (*model.inputs, *model.states)
+    count = int((inside & within.all(axis=1) & (cycle < 0)).sum())
     found = {
         "schema": "hfa.monte-carlo-summary/1",
+        "ok": is_enough(count, plan.members, plan.share),
         "dynamics": model.name,
         "law": plan.policy.name,
         "members": plan.members,
         "seed": plan.seed,
         "duration": plan.scenario.duration,
-        "within_limits": int((inside & within.all(axis=1) & (cycle < 0)).sum()),
+        "within_limits": count,
         "held": int(inside.sum()),
         "first_left": None if inside.all() else float(read("flown")[~inside].min()),
         "left_an_hour": 3600.0 * int((~inside).sum()) / max(float(read("flown").sum()), 1e-9),

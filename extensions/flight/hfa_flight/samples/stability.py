@@ -84,7 +84,7 @@ def with_stability(
         title="\n".join(lines),
         parts=(*report.parts, table),
         failure="" if ok else line,
-    ).with_data(draws=found)
+    ).with_data(ok=report.data["ok"] and ok, draws=found)
 
 
 def _trims(plan: MonteCarlo, condition: TrimCondition, progress: Progress) -> list[OperatingPoint]:

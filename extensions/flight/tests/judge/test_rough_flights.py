@@ -108,3 +108,97 @@ def test_flights_of_an_assessment_are_behind_the_filter(capsys):
     rough = json.loads(capsys.readouterr().out)["points"][0]["rough"]
     assert rough["disturbed_by"] == "noise, behind a Kalman filter"
     assert rough["inside"] == 1
+
+
+AIR = ["--turbulence", "moderate:40000"]
+SENSORS = [f"--noise={name}" for name in ("speed=.3", "alpha=.17", "pitch=.11", "pitch_rate=.17")]
+
+
+def flights_of(capsys, command, words):
+    """Return the exit code and the data of the flights of a command from a trim."""
+    code = main([command, "--dihedral", "10", *words, "--json"])
+    data = json.loads(capsys.readouterr().out)
+    if command == "assess":
+        assert data["ok"] == (code == 0)
+        (data,) = data["trims"]
+    return code, data
+
+
+def assert_same(one, other):
+    """Assert that two reports have the same entries, numbers to 1e-9."""
+    for name in one.keys() - {"provenance", "warnings", "store", "units"}:
+        if isinstance(one[name], dict):
+            assert_same(one[name], other[name])
+        elif isinstance(one[name], (float, list)):
+            np.testing.assert_allclose(one[name], other[name], rtol=1e-9, atol=1e-12)
+        else:
+            assert other[name] == one[name]
+
+
+@pytest.mark.parametrize(
+    ("words", "lost"),
+    [
+        (["--law", "exact", "--noise=speed=.3", "--samples", "2"], 2),
+        pytest.param(["--law", "exact", *AIR, "--samples", "4"], 2, marks=pytest.mark.slow),
+        pytest.param(["--law", "none", *AIR, "--samples", "4"], 0, marks=pytest.mark.slow),
+        pytest.param(
+            ["--law", "predictive", "--filter", *SENSORS, *AIR, "--samples", "1"],
+            0,
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_flights_of_a_law_are_those_of_fly(capsys, words, lost):
+    """`assess --law` and `fly --law --samples` are the same flights, those that are lost too."""
+    code, flown = flights_of(capsys, "fly", words)
+    assessed = flights_of(capsys, "assess", words)
+    assert assessed[0] == code == (1 if lost else 0)
+    assert_same(flown, assessed[1])
+    assert flown["members"] - flown["held"] == lost
+
+
+def test_flights_of_a_policy_in_python_are_those_of_the_command(capsys):
+    """hfa.assess flies a gain from two trims; the verdict is that of all of them."""
+    words = ["--law", "exact", "--noise=speed=.3", "--samples", "2", "--seed", "4"]
+    _, commanded = flights_of(capsys, "assess", words)
+    model = hfa.aircraft()
+    points = [hfa.trim(model, dihedral=np.radians(angle)) for angle in (10.0, 15.0)]
+    gain = hfa.solve(hfa.paper.published_game(points[0].linearize())).K
+    scenario = Scenario(20.0, uncertainty=Uncertainty(noise={"speed": 0.3}))
+    flown = assess(model, gain, points, 2, seed=4, scenario=scenario)
+    assert not flown.ok
+    report = flown.report()
+    assert report.title == "FAIL: law gain passes at 0 of 2 trims"
+    assert_same({**commanded, "law": "gain"}, report.data["trims"][0])
+    assert report.records.rows[0][1:] == (2, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--law", "exact"], "add --noise STATE=VALUE or --turbulence"),
+        (["--law", "none", "--noise=speed=.3", "--filter"], "--filter requires a policy"),
+        (["--law", "exact", "--noise=speed=.3", "--box=speed=1"], "--box cannot be combined"),
+        (["--law", "exact", "--noise=speed=.3", "--need", "margin=.5"], "--need margin cannot"),
+        (["--law", "exact", "--noise=speed=.3", "--samples", "0"], "--samples is 0"),
+        ([str(FOLDER / "ppo_gtm.toml"), "--law", "exact"], "both give a policy"),
+        ([], "or add --law NAME with --noise or --turbulence"),
+    ],
+)
+def test_flights_of_a_law_refuse_other_options(words, said, capsys):
+    assert main(["assess", *words]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"scenario": None}, "the flights of the policy are all the same"),
+        ({"box": {"speed": 1.0}}, "box applies only to a deployment"),
+        ({"needs": {"margin": 0.5}}, "margin applies only to a deployment"),
+    ],
+)
+def test_flights_of_a_policy_refuse_other_arguments(options, said):
+    options = {"scenario": Scenario(uncertainty=NOISE)} | options
+    with pytest.raises(hfa.BadInputError, match=said):
+        assess(hfa.aircraft(), np.zeros((5, 6)), **options)
