@@ -130,8 +130,8 @@ class AssessRequest(Request, TrimOptions):
         number,
     )
     law: str | None = option(
-        "law in place of a file: flights from each trim, in --noise or --turbulence, those of `hfa "
-        "fly --law NAME --samples N`",
+        f"law in place of a file ({', '.join((NONE, EXACT, *LAWS))}): flights from each trim in "
+        "--noise or --turbulence, those of `hfa fly --law NAME --samples N`",
         "NAME",
         one_of(NONE, EXACT, *LAWS),
     )
