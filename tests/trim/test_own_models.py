@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-from own_models import F16, GTM, NAVION, trimmed
+from own_models import F16, GTM, trimmed
 
 from hfa import Model, Signal, linearize, sweep, trim
 from trim import TrimError, release, trim_points, trim_report, usual_condition
@@ -20,7 +20,6 @@ from trim import TrimError, release, trim_points, trim_report, usual_condition
 #: aileron, rudder.
 TRIMS = [
     (0.35, {}, {}, (0.03691, 0.0, 0.1385, -0.7588, 0.0, 0.0)),
-    (0.30, {}, {}, (0.03936, 0.0, 0.1485, -1.931, 0.0, 0.0)),
     (0.38, {}, {}, (0.03544, 0.0, 0.1325, -0.0559, 0.0, 0.0)),
     (0.30, {"turn_rate": 0.3}, {}, (0.2485, 4.8e-4, 0.8499, -6.256, 0.09889, -0.4218)),
     (0.30, {}, {"pitch": 0.3}, (0.3006, 4.1e-5, 1.023, -7.082, -6.2e-4, 0.01655)),
@@ -54,9 +53,9 @@ def test_no_row_with_free_states_depends_on_others() -> None:
     """The result of a sweep point with free states has the same bits alone and with other
     points.
     """
-    speeds = np.linspace(200.0, 700.0, 300)[:, None]
+    speeds = np.linspace(200.0, 700.0, 60)[:, None]
     whole = trim_points(F16, ("speed",), speeds)
-    for rows in (slice(7, 8), slice(100, 140)):
+    for rows in (slice(7, 8), slice(20, 40)):
         part = trim_points(F16, ("speed",), speeds[rows])
         np.testing.assert_array_equal(part.states, whole.states[rows])
         np.testing.assert_array_equal(part.A, whole.A[rows])
@@ -81,23 +80,6 @@ def test_modes_of_the_f16_equal_the_books() -> None:
         assert computed[name] == pytest.approx(
             printed, abs=6e-4 if name == "dutch roll" else 1e-4
         ), name
-
-
-def test_modes_of_the_navion_agree_with_nelson() -> None:
-    """Modes of the Navion agree with Nelson, examples 4.3 and 5.2, except for the spiral.
-
-    The examples use other coefficients than the book's table: no C_Lq, and C_nbeta 0.0701.
-    """
-    printed = {
-        "short period": -2.51 + 2.59j,
-        "phugoid": -0.0171 + 0.213j,
-        "dutch roll": -0.487 + 2.335j,
-        "roll": -8.435,
-        "spiral": -0.00877,
-    }
-    computed = {mode.name: mode.eigenvalue for mode in linearize(NAVION, trimmed(NAVION)).modes}
-    off = {name: abs(computed[name] - value) / abs(value) for name, value in printed.items()}
-    assert {name for name, error in off.items() if error > 0.011} == {"spiral"}
 
 
 def test_the_gtm_has_the_published_trim() -> None:
@@ -130,6 +112,7 @@ def test_rates_of_the_f16_agree_with_the_book() -> None:
     np.testing.assert_allclose(computed, printed, rtol=8e-6)
 
 
+@pytest.mark.slow
 def test_a_second_trim_of_equal_throttle_is_named() -> None:
     """If two speeds have the same throttle, the report of one trim names the other trim.
 
@@ -201,10 +184,9 @@ def test_further_initial_guesses_cross_a_flat_region() -> None:
     ("kind", "names"),
     [
         ("states", ("alpha",)),
-        ("inputs", ("elevator",)),
-        ("outputs", ("gamma",)),
         pytest.param("states", F16.steady, marks=pytest.mark.slow),
         pytest.param("inputs", F16.inputs, marks=pytest.mark.slow),
+        pytest.param("outputs", ("gamma",), marks=pytest.mark.slow),
     ],
 )
 def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) -> None:
@@ -225,7 +207,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
         assert linearize(model, point).kinks == kinks
     scaled = {**signals, name: signal._replace(nominal=signal.nominal * 100.0)}
     points = trim_points(
-        replace(F16, **{kind: scaled}), ("speed",), np.linspace(130.0, 700.0, 30)[:, None]
+        replace(F16, **{kind: scaled}), ("speed",), np.linspace(130.0, 700.0, 8)[:, None]
     )
     assert (points.status == 0).all()
     assert name in F16.inputs or not points.one_by_one.any()

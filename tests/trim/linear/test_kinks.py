@@ -82,22 +82,35 @@ def test_a_jump_is_named_and_keeps_its_slope() -> None:
         )
 
 
-def test_each_point_of_a_sweep_has_the_slopes_of_its_own_kinks(tmp_path: Path) -> None:
-    """Sweeps in memory and in a store have one slope at each kink, name the first, count all.
+KINKS = 9
 
-    v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u).
-    """
-    kinks = 9
-    result = sweep(cart(TABLE), {"x": [-0.5, *[0.0] * kinks, 0.5]})
-    assert result.A[:, 1, 0] == pytest.approx([-1.0, *[1.0] * kinks, 3.0], abs=1e-8)
-    assert list(result.kinks) == list(range(1, kinks + 1))
+
+def swept() -> Any:
+    return sweep(cart(TABLE), {"x": [-0.5, *[0.0] * KINKS, 0.5]})
+
+
+def test_each_point_of_a_sweep_has_the_slopes_of_its_own_kinks() -> None:
+    """A sweep has one slope at each kink, and its note names the first and counts all."""
+    result = swept()
+    assert result.A[:, 1, 0] == pytest.approx([-1.0, *[1.0] * KINKS, 3.0], abs=1e-8)
+    assert list(result.kinks) == list(range(1, KINKS + 1))
     (note,) = result.report().notes
     assert note.endswith("(9 of 11 points, the first at 0)")
+
+
+@pytest.mark.slow
+def test_a_store_counts_its_kinks(tmp_path: Path) -> None:
+    """The sweep in a store has the matrices of that in memory, and its warning counts the kinks."""
+    result = swept()
     dataset = stores.stream_sweep(result.plan, tmp_path / "a.zarr")
-    assert dataset.kinks.values.tolist() == [0, *[1] * kinks, 0]
+    assert dataset.kinks.values.tolist() == [0, *[1] * KINKS, 0]
     (note,) = stores.stored_sweep(result.plan, dataset, tmp_path / "a.zarr").warnings
     assert note.startswith("kinks at 9 points")
     np.testing.assert_array_equal(dataset.A, result.A)
+
+
+def test_several_kinks_at_one_point_have_their_own_slopes() -> None:
+    """v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u)."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         lag = x.v - 0.5
@@ -150,8 +163,6 @@ CART = Model(
     [
         "linearize",
         "solve --Q 1,1 --R 1 --delta inf",
-        "fly --law exact --Q 1,1 --R 1 --delta inf --initial x=0.1 --duration 0.1",
-        "fly --law exact --Q 1,1 --R 1 --delta inf --samples 2 --initial x=0.1 --duration 0.1",
         "export --Q 1,1 --R 1 --delta inf -o folder",
     ],
 )

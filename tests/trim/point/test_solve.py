@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from random_points import INPUT_SCALES, RATE_SCALES
@@ -11,16 +9,14 @@ from random_points import INPUT_SCALES, RATE_SCALES
 import hfa
 import hfa_model
 from hfa import (
-    BadInputError,
     Model,
     NoSolutionError,
     OperatingPoint,
-    Signal,
     TrimCondition,
     trim,
 )
 from hfa.paper import level_flight
-from hfa_model import STATES, Input, State
+from hfa_model import STATES
 from trim import TrimError, release, trim_points
 
 BASE = level_flight(float(np.radians(15.0)))
@@ -49,17 +45,13 @@ def effort(point: OperatingPoint) -> float:
     return float(((np.array(point.inputs) / np.array(INPUT_SCALES)) ** 2).sum())
 
 
-@pytest.mark.parametrize(("degrees", "climb"), [(0.0, 0.0), (5.0, 0.0), (20.0, 0.0), (15.0, 1.0)])
+@pytest.mark.parametrize(("degrees", "climb"), [(0.0, 0.0), (15.0, 1.0)])
 def test_the_papers_trims_are_found(aircraft: Model, degrees: float, climb: float) -> None:
     """The paper's trims are found in level flight and in a climb, from two initial points."""
     condition = level_flight(float(np.radians(degrees)), gamma=float(np.radians(climb)))
     point = trim(aircraft, condition)
     assert_meets(aircraft, condition, point)
-    assert (point.states.speed, point.states.altitude, point.inputs.aileron_center) == (
-        68.0,
-        40_000.0,
-        0.0,
-    )
+    assert [point[n] for n in ("speed", "altitude", "aileron_center")] == [68.0, 40_000.0, 0.0]
     assert np.degrees(point.states.alpha) == pytest.approx(2.8, rel=1e-15)
     assert np.degrees(point.states.dihedral) == pytest.approx(degrees, rel=1e-15)
     rates = aircraft.at(point.states, point.inputs).f
@@ -72,18 +64,15 @@ def test_the_papers_trims_are_found(aircraft: Model, degrees: float, climb: floa
 # More unknowns than equations.
 
 
-@pytest.mark.parametrize(
-    "extra", [("aileron_center",), ("aileron_center", "alpha"), ("aileron_center", "dihedral")]
-)
-def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> None:
+def test_least_effort_is_a_minimum(aircraft: Model) -> None:
     """Of the trims with more unknowns than equations, the one that is found has the least effort.
 
     If an unknown is held slightly aside, the effort increases by second order.
     """
-    condition = release(BASE, free=extra)
+    condition = release(BASE, free=("aileron_center", "alpha"))
     point = trim(aircraft, condition)
     assert_meets(aircraft, condition, point)
-    for name in extra:
+    for name in ("aileron_center", "alpha"):
         aside = [
             release(condition, hold={name: point.values[name] + step}) for step in (-1e-3, 1e-3)
         ]
@@ -94,12 +83,7 @@ def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> N
 
 
 @pytest.mark.parametrize(
-    ("limited", "limits"),
-    [
-        ("elevator_outer", (-0.02, 0.5)),
-        ("aileron_outer", (0.01, 0.02)),
-        ("aileron_outer", (0.04, 0.3)),
-    ],
+    ("limited", "limits"), [("elevator_outer", (-0.02, 0.5)), ("aileron_outer", (0.01, 0.02))]
 )
 def test_least_effort_stays_within_limits(
     aircraft: Model, limited: str, limits: tuple[float, float]
@@ -116,17 +100,6 @@ def test_least_effort_stays_within_limits(
 
 
 # No solution.
-
-
-def test_at_sets_the_scheduling_variable(aircraft: Model) -> None:
-    """The argument `at` imposes the scheduling variable, and is unknown for a model without one."""
-    assert trim(aircraft, at=0.2)["dihedral"] == 0.2
-    with pytest.raises(BadInputError, match="unknown trim variable 'at'"):
-        trim(replace(aircraft, schedule=""), at=0.2)
-    with pytest.raises(BadInputError, match="at and dihedral are the same variable"):
-        trim(aircraft, at=0.2, dihedral=0.1)
-    with pytest.raises(BadInputError, match="at and dihedral are the same variable"):
-        trim(aircraft, hold={"dihedral": 0.1}, at=0.2)
 
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
@@ -165,12 +138,6 @@ def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
     assert f" and {len(failing) - 2} more (" in str(error)
 
 
-def test_an_equation_without_unknowns_is_named(aircraft: Model) -> None:
-    """The message names an equation that no unknown affects, and its residual."""
-    with pytest.raises(TrimError, match=r"do not balance: pitch by 0\.1 rad/s"):
-        trim(aircraft, release(BASE, hold={"pitch_rate": 0.1}))
-
-
 def test_the_cheaper_of_two_minima_is_found(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
@@ -188,49 +155,6 @@ def test_the_cheaper_of_two_minima_is_found(
         cheaper = trim(published_aircraft, condition, start)
         assert effort(cheaper) < min(others)
         assert np.degrees(cheaper.states.dihedral) == pytest.approx(60.0, abs=0.01)
-
-
-# Bad input.
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"speed": 0.0}, "speed is 0 ft/s; give a value between 1 ft/s and 500 ft/s"),
-        ({"dihedral": 15.0}, "dihedral is 859.437 deg (15 rad); give a value between -60 deg and"),
-        (
-            {"speed": 0.0, "limits": {"speed": (-1.0, 1.0)}},
-            "speed is 0 ft/s; give a positive speed",
-        ),
-        (
-            {"altitude": 300_000.0, "limits": {"altitude": (0.0, 1e6)}},
-            "give an altitude from 0 to 65000 ft",
-        ),
-        (
-            {"dihedral": np.pi / 2, "limits": {"dihedral": (-3.0, 3.0)}},
-            "dihedral is 90 deg; give an angle above -90 and",
-        ),
-        (
-            {"dihedral": -np.pi / 2, "limits": {"dihedral": (-3.0, 3.0)}},
-            "dihedral is -90 deg; give an angle above -90 a",
-        ),
-        ({"dihedral": float("nan")}, "dihedral is nan; give a finite number"),
-        ({"limits": {"rudder": (-1.0, 1.0)}}, "unknown trim variable 'rudder'"),
-        (
-            {"limits": {"alpha": (0.5, 0.1)}},
-            "the limits of alpha are 28.6479 deg and 5.72958 deg; give two different limits, the lower first",
-        ),
-    ],
-)
-def test_bad_conditions_are_refused(aircraft: Model, changes: dict[str, float], words: str) -> None:
-    """A condition with wrong values, names or limits is refused in one line."""
-    with pytest.raises(BadInputError) as caught:
-        trim(aircraft, level_flight(**({"dihedral": 0.1} | changes)))  # type: ignore[arg-type]
-    assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-# Extreme cases: a Jacobian without full rank, wings at 0 and nearly 90 deg, no wings.
 
 
 def test_a_control_without_effect_is_named(aircraft: Model) -> None:
@@ -261,38 +185,10 @@ def test_controls_with_proportional_effects_are_named(aircraft: Model) -> None:
     trim(alike, release(BASE, free=("aileron_center",), hold={"elevator_outer": 0.0}))
 
 
-@pytest.mark.parametrize("dihedral", [0.0, np.pi / 2])
-def test_without_wings_the_aircraft_falls(aircraft: Model, dihedral: float) -> None:
-    """With very small wings, V' = -g sin γ and V γ' = -g cos γ for any control deflection."""
-    p = hfa_model.parameters_of(aircraft)
-    small = hfa.aircraft(
-        hfa_model.variant_of(aircraft),
-        p._replace(chord=p.chord * 1e-14, tail_area=p.tail_area * 1e-14),
-    )
-    x = State(68.0, 0.05, 40_000.0, 0.3, 0.1, dihedral, 0.0)
-    f = small.at(x, Input(0.0, 0.1, -0.1, 0.2, -0.2)).f
-    rates = State(*f.tolist())
-    gamma = x.pitch - x.alpha
-    assert rates.speed == pytest.approx(-p.gravity * np.sin(gamma), rel=1e-9)
-    assert rates.pitch - rates.alpha == pytest.approx(
-        -p.gravity * np.cos(gamma) / x.speed, rel=1e-9
-    )
-
-
 # Limits of the pitch angle, alpha + gamma, in single trims and in sweeps.
 
-#: Flight-path angle and angle of attack, deg, with pitch angles near 60 deg; in the last pair only
-#: gamma exceeds 60 deg.
-ANGLES = [
-    (57.1, 2.8),
-    (57.2, 2.8),
-    (57.3, 2.8),
-    (59.0, 2.8),
-    (59.0, 0.9),
-    (60.5, 2.0),
-    (61.0, 0.5),
-    (60.2, -0.3),
-]
+#: Flight-path angle and angle of attack, deg, with pitch angles near 60 deg.
+ANGLES = [(57.1, 2.8), (57.3, 2.8), (59.0, 0.9), (60.2, -0.3)]
 
 
 @pytest.fixture(scope="module")
@@ -339,21 +235,6 @@ def test_the_pitch_limit_is_checked_with_free_angles(strong_aircraft: Model) -> 
         trim(strong_aircraft, both, lifted)
 
 
-def test_a_free_variable_without_effect_is_named():
-    """A free variable that does not occur in the equations is named in the message."""
-    model = Model(
-        "coasting",
-        {"speed": hfa.Signal("m/s", 1.0, start=10.0)},
-        {"push": hfa.Signal("N")},
-        lambda x, u, p, w: ({"speed": -x.speed}, {}),
-        trim={"speed": 10.0},
-    )
-    with pytest.raises(
-        BadInputError, match="the equations do not depend on push; free another variable"
-    ):
-        trim(model)
-
-
 def test_an_equilibrium_with_nothing_free_is_its_own_trim() -> None:
     """A point at which all variables are held is a trim if it is an equilibrium."""
     model = hfa.Model(
@@ -365,17 +246,3 @@ def test_an_equilibrium_with_nothing_free_is_its_own_trim() -> None:
     point = trim(model, TrimCondition(model, {"x": 1.0, "v": 0.0, "force": 2.0}))
     assert point.ok
     assert (point["x"], point["force"], point.residual) == (1.0, 2.0, 0.0)
-
-
-def test_an_angular_rate_that_no_input_changes_is_named() -> None:
-    """A turn without ailerons is refused with the reason."""
-    states = {"speed": Signal("m/s"), "roll_rate": Signal("rad/s")}
-    model = Model(
-        "no ailerons",
-        states,
-        {"thrust": Signal("N")},
-        lambda x, u, p, w: ({"speed": u.thrust - x.speed, "roll_rate": -x.roll_rate}, {}),
-        trim={"speed": 1.0, "roll_rate": 0.1},
-    )
-    with pytest.raises(TrimError, match="no input of the model changes roll_rate"):
-        trim(model)

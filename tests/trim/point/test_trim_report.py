@@ -43,13 +43,8 @@ def test_every_variable_has_limits_and_a_margin(
         assert (row.value, row.unit) == (margin.value, margin.unit)
         assert row.note.startswith("imposed" if margin.role == "held" else margin.role)
     text = report.text()
-    for line in (
-        r"alpha +3\.1804 +deg +free, ±20\*, margin 16\.82",
-        r"gamma +0 +deg +imposed, -63\.1804\* to 56\.8196\*, margin 56\.82",
-        r"pitch +3\.1804 +deg +follows, ±60\*, margin 56\.82",
-        r"aileron_outer +0 +deg +imposed, ±20\*, 0\.0 % used",
-    ):
-        assert re.search(rf"^{line}$", text, re.M), line
+    line = r"gamma +0 +deg +imposed, -63\.1804\* to 56\.8196\*, margin 56\.82"
+    assert re.search(rf"^{line}$", text, re.M)
 
 
 def test_each_equation_has_a_tolerance_and_verdict(published_aircraft: Model) -> None:
@@ -57,59 +52,25 @@ def test_each_equation_has_a_tolerance_and_verdict(published_aircraft: Model) ->
     passes.
     """
     point, report = reported(published_aircraft, BASE)
-    assert f"all {len(published().steady)} equations balance" in " ".join(report.text().split())
-    assert "FAIL" not in report.text()
     assert all(entry["ok"] for entry in report.data["equations"].values())
     for name in published().steady:
         tolerance = 1e-10 * getattr(RATE_SCALES, name)
-        assert report.data["equations"][name]["tolerance"] == pytest.approx(
-            tolerance, rel=1e-12, abs=0.0
-        )
-        for factor, verdict in ((1.01, "FAIL"), (-1.01, "FAIL"), (0.99, "PASS")):
+        for factor in (1.01, -1.01, 0.99):
             residuals = point.residuals | {name: factor * tolerance}
             planted = replace(
                 point, residuals=residuals, status=type(point.status)("failed")
             )  # without figures
-            assert planted.scaled_residuals[name] == pytest.approx(
-                1e-10 * factor, rel=1e-6, abs=0.0
-            )
-            assert planted.residual == pytest.approx(1e-10 * abs(factor), rel=1e-3, abs=0.0)
-            checked_report = trim_report(planted, BASE)
-            row = re.search(rf"^rate of {name} .* {verdict}$", checked_report.text(), re.M)
-            assert (row is not None) == (verdict == "FAIL")
-            failed = [
-                equation
-                for equation, entry in checked_report.data["equations"].items()
-                if not entry["ok"]
-            ]
-            assert failed == ([name] if verdict == "FAIL" else [])
+            assert planted.scaled_residuals[name] == pytest.approx(1e-10 * factor, rel=1e-6)
+            equations = trim_report(planted, BASE).data["equations"]
+            assert equations[name]["tolerance"] == pytest.approx(tolerance, rel=1e-12)
+            failed = [equation for equation, entry in equations.items() if not entry["ok"]]
+            assert failed == ([name] if abs(factor) > 1.0 else [])
 
 
-def test_the_report_contains_loads_of_each_panel(
-    published_aircraft: Model,
-) -> None:
-    """The report contains the loads on the aircraft and on each panel."""
-    point, report = reported(published_aircraft, BASE)
-    loads = hfa_model.loads(published_aircraft, point.states, point.inputs)
-    figures = values(report.data)
-    force = figures["dynamic pressure"] * 640.0
-    for panel in ("center", "outer"):
-        lift = getattr(loads, panel).lift
-        assert figures[f"lift {panel}"] == pytest.approx(lift)
-        assert figures[f"lift coefficient {panel}"] * force == pytest.approx(lift, rel=5e-4)
-    assert figures["weight"] == pytest.approx(3 * figures["weight of a panel"])
-    assert figures["mach"] == pytest.approx(68.0 / (295.07 / 0.3048), rel=1e-4)
-    assert figures["hinge moment total"] == pytest.approx(0.0, abs=1e-6)
-
-
-@pytest.mark.parametrize("command", ["trim", pytest.param("linearize", marks=pytest.mark.slow)])
-def test_a_failed_trim_has_json_data(command: str) -> None:
-    """The JSON of a failed trim contains the nearest point within limits, the limit and the cause.
-
-    The limit is the one that prevents the trim. The exit code is 1.
-    """
-    words = (command, "--dihedral", "10", "--limit", "throttle=0:30")
-    result = hfa(*words, "--json")
+@pytest.mark.slow
+def test_a_failed_trim_has_json_data() -> None:
+    """The JSON of a failed trim contains the nearest point within limits, the limit and the cause."""
+    result = hfa("trim", "--dihedral", "10", "--limit", "throttle=0:30", "--json")
     assert (result.code, result.err.count("\n")) == (1, 1)
     data = json.loads(result.out)
     assert (data["status"], data["binding"]) == ("failed", ["throttle"])
@@ -118,19 +79,15 @@ def test_a_failed_trim_has_json_data(command: str) -> None:
     assert not data["equations"]["speed"]["ok"]
 
 
-METRE_PER_FOOT = 0.3048
-
-
 LEVEL = level_flight(math.radians(11.0), speed=70.0, altitude=20_000.0)
-CLIMB = release(LEVEL, hold={"gamma": 0.05})
 GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 
-@pytest.mark.parametrize("condition", [LEVEL, CLIMB, GLIDE], ids=["level", "climb", "glide"])
+@pytest.mark.parametrize("condition", [LEVEL, GLIDE], ids=["level", "glide"])
 def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCondition) -> None:
     """Forces in the report equal coefficient times pressure times area, and they balance.
 
-    In level flight, climb and glide: L + T sin α = W cos γ, T cos α - D = W sin γ, and n = cos γ.
+    In level flight and glide: L + T sin α = W cos γ, T cos α - D = W sin γ, and n = cos γ.
     """
     point = trim(aircraft, condition)
     gamma = point.values["gamma"]
@@ -140,8 +97,8 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
     p = hfa_model.parameters_of(aircraft)
     alpha = point.states.alpha
     loads = hfa_model.loads(aircraft, point.states, point.inputs)
-    air = Atmosphere(point.states.altitude * METRE_PER_FOOT)
-    metres_per_second = point.states.speed * METRE_PER_FOOT
+    air = Atmosphere(point.states.altitude * 0.3048)
+    metres_per_second = point.states.speed * 0.3048
     pressure = 0.5 * float(air.density[0]) * metres_per_second**2  # Pa
     assert figures.mach == pytest.approx(metres_per_second / float(air.speed_of_sound[0]), rel=1e-6)
     assert figures.dynamic_pressure == pytest.approx(pressure / 47.880259, rel=2e-6)
@@ -187,15 +144,6 @@ def test_undetermined_trims_name_their_variable() -> None:
     assert "singular" not in report.text()
 
 
-def test_limits_given_twice_are_merged(published_aircraft: Model) -> None:
-    """The later limit of the throttle replaces the earlier one; that of alpha is kept."""
-    first, then = {"throttle": (0.0, 90.0), "alpha": (-0.1, 0.2)}, {"throttle": (10.0, 60.0)}
-    limited = release(release(BASE, limits=first), limits=then, hold={"dihedral": 0.2})
-    assert (limited.limits, limited.imposed["dihedral"]) == (first | then, 0.2)
-    margin = trim(published_aircraft, limited).margins["throttle"]
-    assert (margin.lowest, margin.highest, margin.assumed) == (10.0, 60.0, False)
-
-
 def test_imposed_rates_are_balanced_and_freed(published_aircraft: Model) -> None:
     """With V' = 0.5 ft/s² the thrust exceeds that of level flight by m V' / cos α."""
     level = trim(published_aircraft, BASE)
@@ -215,15 +163,7 @@ def test_imposed_rates_are_balanced_and_freed(published_aircraft: Model) -> None
 
 
 @pytest.mark.parametrize(
-    ("degrees", "ends_at"),
-    [
-        (-16.0, "-15 deg"),
-        (-15.001, "-15 deg"),
-        (-15.0, ""),
-        (-3.0, ""),
-        (15.0, ""),
-        (16.0, "15 deg"),
-    ],
+    ("degrees", "ends_at"), [(-15.001, "-15 deg"), (-15.0, ""), (15.0, ""), (16.0, "15 deg")]
 )
 def test_a_value_beyond_the_range_of_validity_is_noted(
     published_aircraft: Model, degrees: float, ends_at: str
@@ -232,3 +172,22 @@ def test_a_value_beyond_the_range_of_validity_is_noted(
     notes = trim(published_aircraft, level_flight(math.radians(degrees))).warnings
     assert len(notes) == bool(ends_at)
     assert all(note.endswith(f"which ends at {ends_at}") for note in notes)
+
+
+def test_a_second_trim_is_listed_once() -> None:
+    """A thrust of 2.5 balances the drag v / 2 + 2 / v at the speeds 1 and 4."""
+    states = {"speed": Signal("m/s", 1.0, 0.1, 10.0, 4.0)}
+    inputs = {"thrust": Signal("N", 1.0, 0.0, 9.0)}
+    model = Model(
+        "two speeds",
+        states,
+        inputs,
+        lambda x, u, p, w: ({"speed": u.thrust - 0.5 * x.speed - 2.0 / x.speed}, {}),
+        trim={"thrust": 2.5},
+    )
+    found = {}
+    for start in (4.0, 1.0):
+        point = trim(model, start={"speed": start})
+        (other,) = point.report().data["search"]["other_trims"]
+        found[round(point["speed"], 9)] = round(other["speed"], 9)
+    assert found == {4.0: 1.0, 1.0: 4.0}

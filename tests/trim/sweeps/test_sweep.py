@@ -12,11 +12,10 @@ import xarray
 from cli import assert_refused, hfa
 from matplotlib import pyplot
 
-import hfa as hfa_tool
 import hfa_model
 from hfa import BadInputError, Model, TrimCondition, aircraft as aircraft_of, linearize, sweep, trim
 from hfa.paper import level_flight
-from hfa_model import DEGREE, INPUTS, STATES, Parameters
+from hfa_model import INPUTS, STATES, Parameters
 from trim import TrimError, load_condition, release, trim_points, usual_condition
 
 LEVEL_FLIGHT = usual_condition(aircraft_of())
@@ -28,8 +27,6 @@ LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
 CASES: dict[str, tuple[dict[str, list[float]], TrimCondition]] = {
     "limits": ({"dihedral": [0.05, 0.2]}, LIMITED),
     "released simulation": ({"dihedral": [0.1, 0.3]}, load_condition("simvfa-64")),
-    "dihedral held": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, hold={"dihedral": 0.2})),
-    "alpha free": ({"dihedral": [0.1, 0.2]}, ALPHA_FREE),
     "alpha free, limited": (
         {"speed": [40.0, 68.0]},
         release(ALPHA_FREE, limits={"alpha": (0.0, 0.09)}),
@@ -39,9 +36,8 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition]] = {
         release(LEVEL_FLIGHT, free=("gamma",), limits={"gamma": (-0.02, 0.1)}),
     ),
     "least effort": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, free=("alpha",))),
-    "center aileron": ({"dihedral": [0.1], "aileron_center": [0.0, 0.02]}, LEVEL_FLIGHT),
     "slow": (
-        {"dihedral": [0.0, 0.2], "speed": [30.0, 50.0, 68.0], "altitude": [5e3, 4e4]},
+        {"dihedral": [0.0, 0.2], "speed": [30.0, 68.0], "altitude": [5e3, 4e4]},
         LEVEL_FLIGHT,
     ),
     "mass": ({"panel_mass": [10.0, 11.0], "dihedral": [0.1]}, LEVEL_FLIGHT),
@@ -77,7 +73,7 @@ def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
         np.testing.assert_allclose(result.states[i], point.states, rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(result.inputs[i], point.inputs, rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(result.A[i], linearize(model, point).A, rtol=1e-9, atol=1e-9)
-    without = {"slow": 6} | {each: 1 for each in CASES if "limit" in each}
+    without = {"slow": 4} | {each: 1 for each in CASES if "limit" in each}
     assert np.count_nonzero(~result.trimmed) == without.get(name, 0)
 
 
@@ -93,39 +89,19 @@ def eigenvalues_in(line: str) -> list[complex]:
     return eigenvalues
 
 
-@pytest.fixture(scope="module")
-def sweep_of_two_variables(published_aircraft: Model) -> hfa_tool.Sweep:
-    """Return a sweep over speed and altitude.
-
-    The fast modes are complex pairs at one altitude only.
-    """
-    grid = {
-        "dihedral": [20 * DEGREE],
-        "speed": np.arange(60.0, 81.0, 5.0),
-        "altitude": [0.0, 20_000.0, 40_000.0],
-    }
-    return sweep(published_aircraft, grid, condition=release(LEVEL_FLIGHT, free=("alpha",)))
-
-
-def test_every_eigenvalue_is_printed_once(
-    published_aircraft: Model, sweep_of_two_variables: hfa_tool.Sweep
-) -> None:
+def test_every_eigenvalue_is_printed_once(published_aircraft: Model) -> None:
     """The report prints every eigenvalue of every point once.
 
-    Beyond 28 deg the pair of the short period becomes two real eigenvalues. Two modes may also
-    become a pair.
+    Beyond 28 deg the pair of the short period becomes two real eigenvalues.
     """
-    steep = sweep(published_aircraft, {"dihedral": np.radians(np.arange(0.0, 60.1, 5.0))})
-    for shown in (steep, sweep_of_two_variables):
-        text = shown.report().text(width=None)
-        lines = [line for line in text.splitlines() if re.match(r"\d[\d.]* {2,}", line)]
-        assert np.count_nonzero(shown.eigenvalues[shown.trimmed].imag == 0, axis=1).max() == 4
-        for line, expected, trimmed in zip(lines, shown.eigenvalues, shown.trimmed, strict=True):
-            if trimmed:
-                eigenvalues = np.sort_complex(eigenvalues_in(line))
-                np.testing.assert_allclose(
-                    eigenvalues, np.sort_complex(expected.round(4)), atol=1.1e-4
-                )
+    shown = sweep(published_aircraft, {"dihedral": np.radians(np.arange(0.0, 60.1, 10.0))})
+    text = shown.report().text(width=None)
+    lines = [line for line in text.splitlines() if re.match(r"\d[\d.]* {2,}", line)]
+    for line, expected, trimmed in zip(lines, shown.eigenvalues, shown.trimmed, strict=True):
+        if trimmed:
+            eigenvalues = np.sort_complex(eigenvalues_in(line))
+            rounded = np.sort_complex(expected.round(4))
+            np.testing.assert_allclose(eigenvalues, rounded, atol=1.1e-4)
 
 
 def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> None:
@@ -143,7 +119,6 @@ def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> Non
 LISTS = [
     ("dihedral,speed\n\n5,64\n\n10,6x8\n", "row 5, column speed is '6x8'; give a finite number"),
     ("dihedral,spd\n5,64\n", "the column of row 1 is unknown: 'spd'; did you mean speed?"),
-    ("dihedral,dihedral\n5,64\n", "row 1 contains a name twice, or no values follow"),
     ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells, but row 1 has 2; correct the row"),
     ("dihedral,speed\n", "row 1 contains a name twice, or no values follow"),
     ("dihedral,speed\n5,64\n10,680\n", "speed is 680 ft/s"),
@@ -169,7 +144,7 @@ def test_a_list_is_given_by_conditions(command: str, tmp_path: Path) -> None:
 
 
 def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path: Path) -> None:
-    """Points listed in a file, in degrees, are swept in their order, in memory and in a store.
+    """Points listed in a file, in degrees, are swept in their order.
 
     The second point equals its single trim.
     """
@@ -191,8 +166,6 @@ def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path:
     held = {"speed": 68.0, "dihedral": float(np.radians(10.0)), "climb_rate": 1.0}
     alone = linearize(lighter, trim(lighter, release(base, hold=held)))
     np.testing.assert_allclose(swept.A[1], alone.A, rtol=1e-9, atol=1e-12)
-    stored = hfa(*words, "-o", str(tmp_path / "points.zarr"), "--json")
-    assert json.loads(stored.out)["counts"]["trimmed"] == 2
 
 
 # Many points together, compared with single trims.
@@ -248,10 +221,7 @@ def test_each_point_has_the_expected_status(aircraft: Model) -> None:
 
 
 @pytest.mark.parametrize(("name", "value"), [("lift_slope", 1e200), ("inertia_pitch", 1e-300)])
-@pytest.mark.parametrize("free", [(), ("aileron_center",)])
-def test_an_extreme_parameter_is_refused(
-    parameters: Parameters, name: str, value: float, free: tuple[str, ...]
-) -> None:
+def test_an_extreme_parameter_is_refused(parameters: Parameters, name: str, value: float) -> None:
     """A trim with a parameter so extreme that numbers overflow is refused.
 
     In a sweep only the points with such a parameter have no trim.
@@ -259,7 +229,7 @@ def test_an_extreme_parameter_is_refused(
     with pytest.raises(BadInputError, match=f"{WORDS}; use other values"):
         trim(
             aircraft_of(parameters=parameters._replace(**{name: value})),
-            release(level_flight(0.0), free=free),
+            level_flight(0.0),
         )
     # In a sweep, the point is a row without a trim.
     reasons = sweep(
@@ -285,7 +255,8 @@ WORDS_OF_STORE = ("--dihedral", "5,10", "--hold", "speed=64,68", "--free", "alph
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("store") / "a.zarr"
-    assert hfa("sweep", *WORDS_OF_STORE, "-o", str(path)).code == 0
+    done = hfa("sweep", *WORDS_OF_STORE, "-o", str(path))
+    assert (done.code, "kink" in done.err) == (0, False)
     return path
 
 
@@ -294,12 +265,9 @@ def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(
 ) -> None:
     """A Zarr store contains names, units and axes, so that xarray selects data by name."""
     dataset = xarray.open_zarr(store, consolidated=False).load()
-    assert dataset.attrs["state_units"][0] == "ft/s"
     assert dataset.A.dims == ("point", "rate", "state")
     assert dataset.eigenvalues.dims == ("point", "mode")
-    assert dataset.dihedral.dims == ("point",)
     assert dataset.dihedral.attrs["units"] == "rad"
-    assert dataset.input.values.tolist() == list(INPUTS)
     assert dataset.status.attrs["flag_meanings"].split() == ["trimmed", "beyond_limits", "no_trim"]
     fast = dataset.where(dataset.speed == 68.0, drop=True)
     np.testing.assert_allclose(fast.dihedral, np.radians([5.0, 10.0]))
@@ -310,14 +278,9 @@ def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(
     names = list(expected.model.linear)
     np.testing.assert_allclose(dataset.A.sel(rate=names, state=names), expected.A, rtol=1e-12)
     assert dataset.attrs["condition"]["free"] == ["alpha"]
-    dihedral = dataset.attrs["grid"]["dihedral"]
-    assert dihedral["unit"] == "rad"
-    assert dihedral["values"] == pytest.approx(np.radians([5.0, 10.0]), rel=1e-15)
 
 
-@pytest.mark.parametrize(
-    "more", ["", "--limit throttle=0:40", "--hold gamma=0.01", "--hold altitude=1e4"]
-)
+@pytest.mark.parametrize("more", ["", "--limit throttle=0:40", "--hold altitude=1e4"])
 def test_a_store_is_resumed_with_its_own_sweep_only(more: str, store: Path) -> None:
     """Another limit, condition or variable is another sweep."""
     words = (*WORDS_OF_STORE, *more.split(), "-o", str(store), "--resume")
@@ -335,25 +298,23 @@ def test_a_long_sweep_prints_its_ends(
     published_aircraft: Model,
 ) -> None:
     """The report of a long sweep prints its first and last rows and all points without a trim."""
-    speeds = np.linspace(68.0, 75.0, 3_001)
-    speeds[[1_000, *range(2_000, 2_022)]] = 30.0
+    speeds = np.linspace(68.0, 75.0, 401)
+    speeds[[100, *range(200, 222)]] = 30.0
     result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
     text = result.report().text(width=None)
-    assert "trimmed at 2,978 of 3,001 points" in text
-    assert "(2,961 more)" in text
+    assert "trimmed at 378 of 401 points" in text
+    assert "(361 more)" in text
     assert len(re.findall(r"^ *5\.7\d* {2,}", text, re.MULTILINE)) == 40
     assert text.count("5.72958, 30: ") == 20
     assert "3 more points have no trim" in text
     records = result.records()
-    assert len(records.rows) == 3_001
-    kept, failed = (dict(zip(records.header, records.rows[i], strict=True)) for i in (7, 1_000))
+    assert len(records.rows) == 401
+    kept, failed = (dict(zip(records.header, records.rows[i], strict=True)) for i in (7, 100))
     assert (kept["status"], kept["reason"], failed["status"]) == ("trimmed", "", "failed")
-    assert failed["reason"] == result.reasons[1_000]
+    assert failed["reason"] == result.reasons[100]
     assert kept["speed [ft/s]"] == kept["state speed [ft/s]"] == speeds[7]
     assert kept["input throttle [1]"] == result.inputs[7, 0]
-    assert kept["imaginary eigenvalue 1 [1/s]"] == result.eigenvalues[7, 0].imag
     assert kept["A(speed, pitch_rate) [(ft/s^2)/(rad/s)]"] == result.A[7, 0, 3]
-    assert kept["B(alpha, throttle) [(rad/s)/(1)]"] == result.B[7, 1, 0]
 
 
 def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:
