@@ -10,7 +10,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from carts import cart
-from nominal import nominal_game
 from scipy.integrate import solve_ivp
 
 import hfa
@@ -23,17 +22,6 @@ def best_of_cart(start: dict[str, float], **more: object) -> object:
     point = hfa.trim(model)
     weights = np.eye(2)
     return hfa.optimize(model, point, start, weights, np.eye(1), **more)
-
-
-def test_small_deviations_cost_the_riccati_solution() -> None:
-    """For a small initial deviation x, the best flight costs x'Px within 0.2 %."""
-    model = hfa.load_model(GTM)
-    point = hfa.trim(model)
-    P = hfa.solve(nominal_game(hfa.linearize(model, point))).P
-    start = np.array([0.01, 2e-4, 1e-3, 1e-3])
-    best = hfa.optimize(model, point, dict(zip(model.linear, start, strict=True)))
-    assert best.cost == pytest.approx(start @ P @ start, rel=2e-3)
-    assert best.linear_cost == pytest.approx(start @ P @ start, rel=1e-9)
 
 
 def test_saturated_double_integrator_cost_equals_closed_form() -> None:
@@ -79,17 +67,11 @@ def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
     assert flown.y[-1, -1] == pytest.approx(gtm.cost, rel=0.005)
     assert gtm.cost == pytest.approx(gtm.proposed_cost, rel=0.01)
     assert gtm.cost <= gtm.found.linear.cost
-
-
-def test_states_and_inputs_stay_within_limits(gtm: hfa.BestFlight) -> None:
-    """The states of the best flight remain in the envelope and its inputs within their limits."""
-    for name, column in zip(gtm.state_names, gtm.states.T, strict=True):
-        assert np.array_equal(gtm[name], column)
+    for name in gtm.state_names:
         low, high = gtm.envelope[name]
-        assert low <= column.min()
-        assert column.max() <= high
-    for name, column in zip(gtm.input_names, gtm.inputs.T, strict=True):
-        signal = gtm.model.inputs[name]
+        assert low <= gtm[name].min()
+        assert gtm[name].max() <= high
+    for signal, column in zip(gtm.model.inputs.values(), gtm.inputs.T, strict=True):
         assert signal.min - 1e-9 <= column.min()
         assert column.max() <= signal.max + 1e-9
 
@@ -124,10 +106,8 @@ def test_an_input_not_selected_is_constant() -> None:
 @pytest.mark.parametrize(
     ("start", "more", "says"),
     [
-        ({"place": 1.0}, {}, "choose from position, velocity"),
         ({"position": 30.0}, {}, "position begins at 30 m"),
         ({"position": 0.0}, {}, "equals the final trim"),
-        ({"position": float("nan")}, {}, "give a finite number"),
         ({"position": 5.0}, {"inputs": ["power"]}, "there is no input 'power'"),
         ({"position": 5.0}, {"limits": {"mass": (0.0, 1.0)}}, "the envelope has no state 'mass'"),
     ],
@@ -179,16 +159,6 @@ def test_a_proposal_through_a_kink_is_confirmed() -> None:
 
 
 @pytest.mark.slow
-def test_a_proposal_is_found_through_tables() -> None:
-    """Of JSBSim's 737, whose equations depend on the altitude, too."""
-    pytest.importorskip("jsbsim")
-    model = hfa.load_model("jsbsim:737")
-    best = hfa.optimize(model, hfa.trim(model), {"speed": 20.0, "alpha": 0.02})
-    assert best.reason is None
-    assert best.cost < best.found.linear.cost
-
-
-@pytest.mark.slow
 def test_the_cheapest_simulated_flight_is_an_upper_bound() -> None:
     """If no proposal is confirmed, the cheapest simulated flight is reported with the reason.
 
@@ -202,5 +172,3 @@ def test_the_cheapest_simulated_flight_is_an_upper_bound() -> None:
     assert np.isfinite(best.cost)
     assert best.cost <= best.found.linear.cost
     assert best.found.flown.departure is None
-    assert best.source in best.report().title
-    assert best.reason in best.report().title

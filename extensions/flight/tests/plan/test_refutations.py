@@ -12,7 +12,6 @@ import pytest
 from carts import cart
 
 import hfa
-from hfa_flight.plan.problem import MARGIN
 from hfa_flight.plan.search import BestFlights, refutation
 
 
@@ -61,33 +60,6 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch: pytest.MonkeyPatch) -
     assert best.source == best.found.linear.name
     assert best.reason.startswith("IPOPT finds no flight within the limits")
     assert best.cost == best.found.linear.cost
-
-
-def test_a_second_proposal_keeps_a_multiple_of_the_margin(
-    gtm: hfa.BestFlight, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """If a flight leaves the limits, the next proposal stays inside limits narrowed by 3 margins.
-
-    A margin beyond 1 (a factor without the margin) would leave no interval between the limits.
-    """
-    search = BestFlights(gtm.problem)
-    proposal = gtm.found.proposal
-    flown = search.flights.follow(proposal, 1.25 * gtm.seconds)
-    left = flown._replace(departure="alpha")
-    followed = []
-
-    def follow(_: object, given: Any, seconds: float) -> Any:
-        followed.append(given)
-        return left
-
-    monkeypatch.setattr(type(search.flights), "follow", follow)
-    search._simulated(proposal, gtm.seconds, 3.0)
-    tighter = followed[-1]
-    assert tighter is not proposal
-    lowest, highest = gtm.problem.inner_limits(proposal.start, 3.0 * MARGIN)
-    z = tighter.z.reshape(-1, tighter.z.shape[-1])
-    assert (z >= lowest - 1e-6 * np.abs(lowest)).all()
-    assert (z <= highest + 1e-6 * np.abs(highest)).all()
 
 
 def test_limits_are_narrowed_only_where_a_flight_exceeds_them(gtm: hfa.BestFlight) -> None:
