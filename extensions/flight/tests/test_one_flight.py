@@ -1,0 +1,128 @@
+"""One flight of one policy, in `optimize`, `assess`, `fly` and an environment."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from policy_cases import GTM, model_of
+
+import hfa
+from hfa.main import main
+
+Q = {"speed": 0.0025, "alpha": 8.16, "pitch_rate": 1.0, "pitch": 8.16}
+R = {"elevator": 1.11, "throttle": 0.00051}
+WEIGHTS = np.diag(list(Q.values())), np.diag(list(R.values()))
+DT = 0.005
+ACTIONS = {
+    "elevator": {"box": [-1, 1], "map": "trim + a"},
+    "throttle": {"box": [-50, 50], "map": "trim + a"},
+}
+
+
+@pytest.fixture(scope="module")
+def model():
+    return model_of(GTM)
+
+
+@pytest.fixture(scope="module")
+def gain(model):
+    """Return the LQR gain at 45 m/s, which the deployments of this file sample and hold."""
+    linear = hfa.trim(model, speed=45.0).linearize()
+    return np.array(hfa.solve(hfa.game(linear, Q, R)).K)
+
+
+def deployment_of(gain, folder):
+    """Return the path of a deployment of a gain, u = -K x, at 200 Hz."""
+    np.savez(folder / "gain.npz", K=gain)
+    hfa.Deployment(
+        {"file": folder / "gain.npz"},
+        {name: {} for name in Q},
+        ACTIONS,
+        {"dt": DT},
+        cost={"Q": Q, "R": R},
+    ).save(folder / "policy.toml")
+    return folder / "policy.toml"
+
+
+def in_environment(model, deployment, point, start, gain, seconds):
+    """Return the sum of the rewards, the last states, and when the episode was lost, or None."""
+    env = hfa.environment(model, hfa.Deployment.load(deployment), [point], seconds=seconds)
+    _, info = env.reset(options={"state": point.x + start})
+    total, over, lost = 0.0, False, False
+    while not (over or lost):
+        _, reward, lost, over, info = env.step(-gain @ (info["X"] - point.x))
+        total += reward
+    return total, info["X"], float(re.search("at ([0-9.]+) s", info["left"])[1]) if lost else None
+
+
+def cost_of_rewards(total, start, end):
+    """Return the cost ∫ x'Qx + u'Ru of an episode from the sum of its rewards, without delay.
+
+    Of held inputs the sum at the samples is exact, of states it is the rule of rectangles, which
+    differs from that of trapezoids by the weights of the first and the last sample.
+    """
+    return -total - 0.5 * DT * (start @ WEIGHTS[0] @ start - end @ WEIGHTS[0] @ end)
+
+
+def answer(capsys, *words):
+    """Return the JSON of a command on the aircraft."""
+    main([words[0], "--aircraft", GTM, *map(str, words[1:]), "--json"])
+    return json.loads(capsys.readouterr().out)
+
+
+def test_the_sum_of_rewards_is_the_cost_of_the_flight(model, gain, tmp_path):
+    """An episode is the flight of `fly`; its rewards sum up to the cost, to second order in dt."""
+    policy = deployment_of(gain, tmp_path)
+    point = hfa.trim(model, speed=45.0)
+    start = np.array([1.2, -0.03, -0.09, -0.1])
+    initial = dict(zip(Q, start, strict=True))
+    flown = hfa.fly(model, point, policy, 1.0, initial=initial, weights=WEIGHTS, predict=False)
+    total, end, lost = in_environment(model, policy, point, start, gain, 1.0)
+    assert lost is None
+    np.testing.assert_allclose(end, flown.states[-1], rtol=1e-7, atol=1e-8)
+    cost = cost_of_rewards(total, start, end - point.x)
+    assert cost == pytest.approx(flown.cost, rel=2e-3)
+    assert abs(-total - flown.cost) > 5e-3 * flown.cost
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sign", "is_back"), [(1.0, True), (-1.0, False)])
+def test_four_commands_fly_the_same_flight(model, gain, tmp_path, capsys, sign, is_back):
+    """`optimize`, `assess`, `fly` and the environment agree on cost, end and departure.
+
+    Costs to 1e-6 with the cost-to-go at the end, of the environment to second order in its sample
+    time. With the opposite gain the flight leaves its limits.
+    """
+    policy = deployment_of(sign * gain, tmp_path)
+    at = ("--at", 45)
+    weights = [
+        f"--{name}=" + ",".join(f"{state}={value}" for state, value in entries.items())
+        for name, entries in (("Q", Q), ("R", R))
+    ]
+    table = answer(capsys, "optimize", *at, "--policy", policy, "--starts", 1, *weights)
+    (row,) = table["flights"]
+    optimized = row["policies"][-1]
+    assessed = answer(capsys, "assess", policy, *at, "--samples", 1, "--best", 0)["points"][0]
+    point = hfa.trim(model, speed=45.0)
+    seconds = optimized["seconds"] if is_back else 4.0
+    flown = hfa.fly(
+        model, point, policy, seconds, initial=row["start"], weights=WEIGHTS, predict=False
+    )
+    start = np.array(list(row["start"].values()))
+    total, end, lost = in_environment(model, policy, point, start, sign * gain, seconds)
+
+    assert optimized["converges"] == is_back
+    assert assessed["best"]["not_converged"] == (not is_back)
+    assert flown.returned == is_back
+    if not is_back:
+        assert flown.departure.time == pytest.approx(optimized["departure"]["time"], abs=DT)
+        assert flown.departure.time == pytest.approx(lost, abs=DT)
+        return
+    assert (lost, flown.departure, optimized["departure"]) == (None, None, None)
+    np.testing.assert_allclose(end, flown.states[-1], rtol=1e-6, atol=1e-7)
+    cost = cost_of_rewards(total, start, end - point.x)
+    assert cost == pytest.approx(flown.cost, rel=2e-3)
+    whole = flown.cost + flown.cost_to_go
+    assert optimized["cost"] == pytest.approx(whole, rel=1e-6)
+    assert assessed["best"]["cost"]["mean"] == pytest.approx(whole, rel=1e-6)
