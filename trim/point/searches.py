@@ -235,7 +235,11 @@ def _effort_program(structure: Structure) -> ca.Function:
         "f": ca.sumsqr(e.z[inputs]),
         "g": ca.vertcat(e.residual[: e.moved], e.y / scales),
     }
-    options = {"print_time": False, "show_eval_warnings": False, "ipopt": _IPOPT}
+    options: dict[str, Any] = {
+        "print_time": False,
+        "show_eval_warnings": False,
+        "ipopt": _IPOPT,
+    }
     try:
         return ca.nlpsol("effort", "ipopt", program, options)
     except RuntimeError:  # a compiled function, such as an FMU, has no second derivatives

@@ -18,7 +18,7 @@ _PLATFORMS = {
     "win32": ("win64", "windows", ".dll"),
 }
 _PROCESSORS = {"AMD64": "x86_64", "arm64": "aarch64"}
-#: Largest number of names in a list of what is left out.
+#: Largest number of names in a sentence.
 _MOST_NAMED = 6
 
 
@@ -42,6 +42,11 @@ class Variable(NamedTuple):
         return self.kind == "Float64"
 
     @property
+    def is_boolean(self) -> bool:
+        """Whether the variable is a scalar truth value, 0 or 1."""
+        return self.kind == "Boolean"
+
+    @property
     def is_discrete(self) -> bool:
         """Whether the variable changes at events only."""
         return self.variability != "continuous"
@@ -53,10 +58,10 @@ class Description(NamedTuple):
     version: 2 or 3
     identifier, token: name of its library, and the GUID or instantiation token
     has_directional: whether it declares directional derivatives
-    indicators: number of event indicators
+    indicators: names of the event indicators
     states, rates, inputs, parameters, outputs: the variables that a model has; `rates` are the
         derivatives of `states`
-    left_out: sentences on variables that a model does not have
+    offered: sentences on the variables that a model has and does not have
     """
 
     version: int
@@ -64,13 +69,13 @@ class Description(NamedTuple):
     identifier: str
     token: str
     has_directional: bool
-    indicators: int
+    indicators: tuple[str, ...]
     states: tuple[Variable, ...]
     rates: tuple[Variable, ...]
     inputs: tuple[Variable, ...]
     parameters: tuple[Variable, ...]
     outputs: tuple[Variable, ...]
-    left_out: tuple[str, ...]
+    offered: tuple[str, ...]
 
 
 def described(folder: Path) -> Description:
@@ -133,17 +138,17 @@ def _read(root: ElementTree.Element) -> Description:
         names = list(variables)
         rates = [names[place] for place in places.get("Derivatives", [])]
         outputs = [names[place] for place in places.get("Outputs", [])]
-        indicators = int(root.get("numberOfEventIndicators") or 0)
+        count = int(root.get("numberOfEventIndicators") or 0)
+        indicators = [f"event indicator {number}" for number in range(1, count + 1)]
     else:
         name_of = {each.reference: name for name, each in variables.items()}
         of_tag = {
             tag: [
                 name_of[int(each.attrib["valueReference"])] for each in unknowns if each.tag == tag
             ]
-            for tag in ("ContinuousStateDerivative", "Output")
+            for tag in ("ContinuousStateDerivative", "Output", "EventIndicator")
         }
-        rates, outputs = of_tag["ContinuousStateDerivative"], of_tag["Output"]
-        indicators = sum(each.tag == "EventIndicator" for each in unknowns)
+        rates, outputs, indicators = of_tag.values()
     if not rates:
         raise BadInputError(
             "the FMU has no continuous states; export a model whose equations have der(x)"
@@ -158,13 +163,15 @@ def _read(root: ElementTree.Element) -> Description:
     of_inputs = [each for each in variables.values() if each.causality == "input"]
     of_parameters = [each for each in variables.values() if each.causality == "parameter"]
     of_outputs = [variables[name] for name in outputs if name not in states]
-    tunable = [each for each in of_parameters if each.variability == "tunable" and each.is_real]
-    fixed = [each.name for each in of_parameters if each not in tunable]
+    numbers = [each for each in of_parameters if each.is_real or each.is_boolean]
     not_real = [each.name for each in (*of_inputs, *of_outputs) if not each.is_real]
+    not_real += [each.name for each in of_parameters if each not in numbers]
     discrete = [each.name for each in of_inputs if each.is_real and each.is_discrete]
+    booleans = [each.name for each in numbers if each.is_boolean]
     said = (
-        ("left out: parameters that the FMU fixes: {}", fixed),
-        ("left out: inputs and outputs that are not real numbers: {}", not_real),
+        ("parameters that --hold sets: {}", [each.name for each in numbers]),
+        ("Boolean parameters, 0 or 1: {}", booleans),
+        ("left out: integers, texts, arrays, and inputs and outputs of truth values: {}", not_real),
         ("inputs that the FMU changes in steps are taken as continuous: {}", discrete),
     )
     return Description(
@@ -173,11 +180,11 @@ def _read(root: ElementTree.Element) -> Description:
         exchange.attrib["modelIdentifier"],
         root.get("guid" if version == 2 else "instantiationToken", ""),
         provides in ("true", "1"),
-        indicators,
+        tuple(shortened(name) for name in indicators),
         tuple(variables[name] for name in states),
         tuple(variables[name] for name in rates),
         tuple(each for each in of_inputs if each.is_real),
-        tuple(tunable),
+        tuple(numbers),
         tuple(each for each in of_outputs if each.is_real),
         tuple(sentence.format(_listed(names)) for sentence, names in said if names),
     )
@@ -198,9 +205,13 @@ def _variables(
         attributes = {**(declared.attrib if declared is not None else {}), **real.attrib}
         is_scalar = real.find("Dimension") is None
         kind = "Float64" if real.tag == "Real" else real.tag
-        name, is_real = element.attrib["name"], kind == "Float64" and is_scalar
+        name, is_number = element.attrib["name"], kind == "Float64" and is_scalar
+        if kind == "Boolean" and is_scalar:
+            is_true = attributes.get("start", "false") in ("true", "1")
+            attributes = {"min": "0", "max": "1", "start": str(int(is_true))}
+            is_number = True
         low, high, nominal, start = (
-            float(attributes.get(key) or default) if is_real else default
+            float(attributes.get(key) or default) if is_number else default
             for key, default in (
                 ("min", -math.inf),
                 ("max", math.inf),

@@ -6,7 +6,7 @@ expressions. What is NaN is no trim and no flight.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import casadi as ca
@@ -31,12 +31,20 @@ class Evaluator:
     fault: why the last call failed, or ""
     """
 
-    def __init__(self, instance: Instance, nominals: list[np.ndarray], count: int) -> None:
+    def __init__(
+        self,
+        instance: Instance,
+        nominals: list[np.ndarray],
+        count: int,
+        events: tuple[str, ...] = (),
+    ) -> None:
         """Make the evaluator.
 
         nominals: nominal values of x, u and p
         count: number of rates and outputs
+        events: names of the event indicators
         """
+        self.events = events
         self.nominals = np.concatenate(nominals)
         self.of_dynamics = len(nominals[0]) + len(nominals[1])
         self.gives_slopes = False
@@ -51,9 +59,19 @@ class Evaluator:
         """Return f, (m,). Raises FmuError if a call fails."""
         return np.frombuffer(self.instance.values(v.tobytes(), time)).copy()
 
-    def signs(self, v: np.ndarray) -> list[bool]:
-        """Return whether each event indicator is positive. Raises FmuError if a call fails."""
-        return self.instance.signs(v.tobytes())
+    def fired(self, points: Iterable[np.ndarray]) -> str:
+        """Return the name and value of an event indicator that has not the sign of the first point
+        at all points, or "". Raises FmuError if a call fails.
+        """
+        first: list[bool] = []
+        for v in points if self.events else ():
+            values = self.instance.indicators(v.tobytes())
+            signs = [value > 0.0 for value in values]
+            for name, sign, before, value in zip(self.events, signs, first, values, strict=False):
+                if sign != before:
+                    return f"{name} (now {value:.3g}) changes its sign"
+            first = first or signs
+        return ""
 
     def along(self, v: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Return the derivative of f along a direction, (m,).
@@ -65,6 +83,7 @@ class Evaluator:
         """
         self._refuse_doubtful(v)
         if self.gives_slopes and not direction[self.of_dynamics :].any():
+            self.refuse_events(v, direction)
             dynamics = direction[: self.of_dynamics].tolist()
             return np.array(self.instance.along(v.tobytes(), dynamics))
         below, above = self.sided(v, direction, STEP)
@@ -74,15 +93,18 @@ class Evaluator:
         self, v: np.ndarray, direction: np.ndarray, step: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the differences below and above v, (m,) each. Raises FmuError as `along` does."""
-        middle, signs = self.values(v), self.signs(v)
-        sides = []
-        length = np.abs(direction / self.nominals).max()
-        for h in (-step / length, step / length) if length else ():
-            moved = v + h * direction
-            sides.append((self.values(moved) - middle) / h)
-            if self.signs(moved) != signs:
-                raise FmuError("an event indicator of the FMU is 0")
+        self.refuse_events(v, direction, step)
+        middle = self.values(v)
+        sides = [
+            (self.values(v + h * direction) - middle) / h for h in self._steps(direction, step)
+        ]
         return (sides[0], sides[1]) if sides else (0.0 * middle, 0.0 * middle)
+
+    def refuse_events(self, v: np.ndarray, direction: np.ndarray, step: float = STEP) -> None:
+        """Raise FmuError if an event indicator changes its sign within a step to either side."""
+        fired = self.fired([v, *(v + h * direction for h in self._steps(direction, step))])
+        if fired:
+            raise FmuError(f"an event of the FMU: {fired} within the steps of the derivatives")
 
     def write_values(self, v: memoryview, result: memoryview) -> None:
         """Write f, or NaN and the reason in `fault`."""
@@ -105,12 +127,17 @@ class Evaluator:
             self._fail(error, v)
             result[:] = self._nan
 
+    def _steps(self, direction: np.ndarray, step: float) -> tuple[float, ...]:
+        """Return the two factors h with the largest |h d_i| = step nominal_i, or () for d = 0."""
+        length = np.abs(direction / self.nominals).max()
+        return (-step / length, step / length) if length else ()
+
     def _fail(self, error: FmuError, v: memoryview) -> None:
         if np.isfinite(np.frombuffer(v)).all():
             self.fault, self._fault_at = str(error), v.tobytes()
 
     def _refuse_doubtful(self, v: np.ndarray) -> None:
-        """Raise FmuError if the rates depend on time, or if v is at an event."""
+        """Raise FmuError if the rates depend on time."""
         if self._steady_at == v.tobytes():
             return
         n, now = self._states, self.values(v)

@@ -11,10 +11,10 @@ import json
 import sys
 from array import array
 from contextlib import suppress
-from ctypes import CFUNCTYPE, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from ctypes import CFUNCTYPE, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from math import isfinite
 from threading import RLock
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 #: Status of a call, from FMI. A call with status 0 or 1 (warning) has results.
 _STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
@@ -29,6 +29,14 @@ class FmuError(Exception):
     """A call of an FMU failed. The text says which, and what the FMU says about it."""
 
 
+class Parameter(NamedTuple):
+    """Value reference, kind and start value of a parameter."""
+
+    reference: int
+    is_boolean: bool
+    start: float
+
+
 class Interface(NamedTuple):
     """What the calls of an FMU require.
 
@@ -36,7 +44,7 @@ class Interface(NamedTuple):
     version: 2 or 3
     resources: URI (FMI 2.0) or path (FMI 3.0) of its resources
     indicators: number of its event indicators
-    states, rates, inputs, parameters, outputs: value references of the variables
+    states, rates, inputs, outputs: value references of the variables
     has_steps: whether the inputs change at events only
     """
 
@@ -49,7 +57,7 @@ class Interface(NamedTuple):
     states: list[int]
     rates: list[int]
     inputs: list[int]
-    parameters: list[int]
+    parameters: list[Parameter]
     outputs: list[int]
     has_steps: bool
 
@@ -80,7 +88,6 @@ class Instance:
     def __init__(self, interface: Interface) -> None:
         """Load the library. Raises OSError if that fails."""
         self._of = of = interface
-        self.indicators = of.indicators
         self._library = ctypes.CDLL(of.library)
         self._names: dict[str, Any] = {}
         self._said = ""
@@ -95,11 +102,10 @@ class Instance:
         self._x = self._v, c_size_t(n)
         self._rates = self._f, c_size_t(n)
         self._inputs = self._reals(of.inputs, self._v, n)
-        self._parameters = self._reals(of.parameters, self._v, n + m)
         self._outputs = self._reals(of.outputs, self._f, n)
-        #: Where the bytes of v begin that change at events only, and these bytes.
-        self._first = 8 * (n if of.has_steps else n + m)
-        self._stepped = b""
+        #: Bytes of the inputs in v, and of the parameters.
+        self._of_inputs, self._of_parameters = slice(8 * n, 8 * (n + m)), slice(8 * (n + m), None)
+        self._stepped = self._begun_with = b""
         self._signs: list[bool] = []
         self._keep: list[Any] = self._callbacks()
         is_two = of.version == 2
@@ -120,13 +126,13 @@ class Instance:
                 self._call(self._get_reals, *self._outputs)
             return self._f_bytes
 
-    def signs(self, v: Any) -> list[bool]:
-        """Return whether each event indicator is positive. Raises FmuError if a call fails."""
+    def indicators(self, v: Any) -> list[float]:
+        """Return the event indicators after the events. Raises FmuError if a call fails."""
         if not self._of.indicators:
             return []
         with self._lock:
             self._set(v, 0.0)
-            return self._signs
+            return self._indicated()
 
     def along(self, v: Any, direction: Any) -> list[float]:
         """Return the derivatives of f that the FMU gives, along a direction of (x, u).
@@ -157,32 +163,40 @@ class Instance:
         return (which, count, place, *([count] if self._of.version == 3 else []))
 
     def _set(self, v: Any, time: float) -> None:
-        """Set time and all variables, with an event where a variable changes at events only."""
-        if self._component is None:
-            self._begin()
+        """Set time and all variables, with an event where an input changes at events only.
+
+        Other parameters require another instance, because most are set only while it is made.
+        """
         self._v_bytes[:] = v
         if not isfinite(sum(self._v)):
             raise FmuError("an argument is not a finite number")
+        if self._component is not None and self._v_bytes[self._of_parameters] != self._begun_with:
+            self._end(0)
+        if self._component is None:
+            try:
+                self._begin()
+            except FmuError:
+                if self._component is not None:
+                    self._end(0)
+                raise
         if time != self._time:
             self._call("SetTime", c_double(time))
             self._time = time
         self._call("SetContinuousStates", *self._x)
-        if not self._of.has_steps and self._of.inputs:
+        inputs = bytes(self._v_bytes[self._of_inputs])
+        if inputs and not self._of.has_steps:
             self._call(self._set_reals, *self._inputs)
-        stepped = bytes(self._v_bytes[self._first :])
-        if stepped != self._stepped:
+        elif inputs != self._stepped:
             self._call("EnterEventMode")
-            for group in (self._inputs, self._parameters):
-                if group[1].value:
-                    self._call(self._set_reals, *group)
+            self._call(self._set_reals, *self._inputs)
             self._leave_event()
-            self._stepped = stepped
+            self._stepped = inputs
         if self._of.indicators:
-            signs = self._indicated()
+            signs = [value > 0.0 for value in self._indicated()]
             if signs != self._signs:
                 self._call("EnterEventMode")
                 self._leave_event()
-                self._signs = self._indicated()
+                self._signs = [value > 0.0 for value in self._indicated()]
 
     def _begin(self) -> None:
         """Make the instance, and enter continuous-time mode."""
@@ -206,9 +220,29 @@ class Instance:
             self._call("EnterInitializationMode")
         else:
             self._call("EnterInitializationMode", *experiment)
+        self._set_parameters()
         self._call("ExitInitializationMode")
         self._iterate_event()
         self._time, self._stepped, self._signs = 0.0, b"", []
+        self._begun_with = bytes(self._v_bytes[self._of_parameters])
+
+    def _set_parameters(self) -> None:
+        """Set the parameters that differ from their start values."""
+        of = self._of
+        values = self._v[len(of.states) + len(of.inputs) :]
+        for place, value in zip(of.parameters, values, strict=True):
+            reference, is_boolean, start = place
+            if value == start:
+                continue
+            if is_boolean and value not in (0.0, 1.0):
+                raise FmuError(f"a Boolean parameter is {value:g}; hold it at 0 or 1")
+            name, kind = self._set_reals, cast(Any, c_double)
+            if is_boolean:
+                name, kind = "SetBoolean", c_int if of.version == 2 else c_bool
+            one = c_size_t(1)
+            number = (kind * 1)(int(value) if is_boolean else value)
+            more = [one] if of.version == 3 else []
+            self._call(name, (c_uint * 1)(reference), one, number, *more)
 
     def _leave_event(self) -> None:
         """End the event. Raises FmuError if it changes the states."""
@@ -240,10 +274,10 @@ class Instance:
         self._end()
         raise FmuError(f"an event of the FMU takes more than {_MOST_ITERATIONS} iterations")
 
-    def _indicated(self) -> list[bool]:
+    def _indicated(self) -> list[float]:
         found = (c_double * self._of.indicators)()
         self._call("GetEventIndicators", found, c_size_t(len(found)))
-        return [value > 0.0 for value in found]
+        return found[:]
 
     def _call(self, name: str, *arguments: Any) -> None:
         """Call a function of the FMU. Raises FmuError unless its status is OK or warning."""

@@ -35,12 +35,14 @@ from hfa_aircraft.names import identifiers
 from hfa_aircraft.signals import Signal
 from hfa_fmu.description import Description, Variable, described, library_of
 from hfa_fmu.function import STEP, Evaluator, casadi_function
-from hfa_fmu.library import FmuError, Instance, Interface
+from hfa_fmu.library import FmuError, Instance, Interface, Parameter
 from hfa_support.errors import BadInputError, prefix_errors, shortened
 from hfa_support.files import LARGEST, regular_file
 
 #: Largest relative difference between the derivatives of an FMU and differences of its rates.
 _DOUBTFUL = 1e-3
+#: Distance of a search's start from an event at the start values, in nominal values.
+_BESIDE = 1e-3
 #: Longest time of the first evaluation of a library, s.
 _LONGEST = 15.0
 
@@ -95,17 +97,16 @@ def _unpacked(path: Path) -> Path:
 def _interface(folder: Path, description: Description) -> Interface:
     """Return what the calls of an unpacked FMU require."""
     of, resources = description, folder / "resources"
-    groups = (of.states, of.rates, of.inputs, of.parameters, of.outputs)
-    states, rates, inputs, parameters, outputs = (
-        [each.reference for each in group] for group in groups
-    )
+    groups = (of.states, of.rates, of.inputs, of.outputs)
+    states, rates, inputs, outputs = ([each.reference for each in group] for group in groups)
+    parameters = [Parameter(each.reference, each.is_boolean, each.start) for each in of.parameters]
     return Interface(
         str(library_of(folder, of)),
         of.version,
         of.title,
         of.token,
         f"{resources}/" if of.version == 3 else resources.as_uri(),
-        of.indicators,
+        len(of.indicators),
         states,
         rates,
         inputs,
@@ -151,9 +152,15 @@ def _model(
         np.array([each.nominal for each in group.values()])
         for group in (states, inputs, parameters)
     ]
-    evaluator = Evaluator(instance, nominals, len(states) + len(outputs))
-    about = _about(evaluator, of, np.array(start))
-    about = replace(about, notes=(*about.notes, *_told_apart(names)))
+    evaluator = Evaluator(instance, nominals, len(states) + len(outputs), of.indicators)
+    begun = _beside_events(evaluator, np.array(start), len(states))
+    about = _about(evaluator, of, begun)
+    of_events = _of_events(of.indicators, begun.tolist() != start)
+    about = replace(about, notes=(*about.notes, *of_events, *_told_apart(names)))
+    states = {
+        name: signal._replace(start=value)
+        for (name, signal), value in zip(states.items(), begun.tolist(), strict=False)
+    }
     function = casadi_function(evaluator)
 
     def equations(x: Any, u: Any, p: Any, _: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
@@ -169,10 +176,39 @@ def _model(
         parameters=parameters,
         outputs=outputs,
         trim={name: signal.start for name, signal in inputs.items()},
-        domain=Domain(flown=_flown(evaluator, bool(of.indicators))),
+        domain=Domain(flown=_flown(evaluator)),
         about=about,
         source=source,
     )
+
+
+def _beside_events(evaluator: Evaluator, start: np.ndarray, n: int) -> np.ndarray:
+    """Return start values (x, u, p) at which no event hinders the search for a trim.
+
+    At an event, the n states are moved to a side of it.
+    """
+    states = np.arange(start.size) < n
+    for move in (0.0, _BESIDE, -_BESIDE):
+        begun = start + move * evaluator.nominals * states
+        try:
+            for unit in np.diag(1.0 * states)[:n]:
+                evaluator.refuse_events(begun, unit)
+        except FmuError:
+            continue
+        return begun
+    return start
+
+
+def _of_events(indicators: tuple[str, ...], is_moved: bool) -> tuple[str, ...]:
+    """Return a note on the events of an FMU.
+
+    is_moved: whether a search begins beside the start values
+    """
+    if not indicators:
+        return ()
+    said = f"event indicators of the FMU: {len(indicators)}; its equations change where one is 0"
+    at_start = f", as at the start values: searches begin {_BESIDE:g} nominal values beside"
+    return (said + at_start * is_moved,)
 
 
 def _told_apart(names: Mapping[str, str]) -> tuple[str, ...]:
@@ -212,7 +248,7 @@ def _about(evaluator: Evaluator, description: Description, start: np.ndarray) ->
             f"{of_differences} at the start values ({why})"
         )
     return About(
-        notes=(note, *description.left_out),
+        notes=(note, *description.offered),
         doubts=doubts,
         equations="FMU",
         fault=lambda: evaluator.fault,
@@ -224,28 +260,34 @@ def _error_of_differences(evaluator: Evaluator, start: np.ndarray) -> float:
     (below, above), (far_below, far_above) = (
         _sides(evaluator, start, step) for step in (STEP, 2.0 * STEP)
     )
-    slopes = 0.5 * (below + above)
+    slopes, nominals = 0.5 * (below + above), evaluator.nominals[: evaluator.of_dynamics]
     # The error of a step of h is c h^2: a third of the difference between those of h and 2 h.
     smooth = (0.5 * (far_below + far_above) - slopes) / 3.0
     # The gap between the sides doubles with the step, but at a kink.
     kinked = (above - below) - 0.5 * (far_above - far_below)
-    return max(_largest(each, slopes, evaluator.nominals) for each in (smooth, kinked))
+    return max(_largest(each, slopes, nominals) for each in (smooth, kinked))
 
 
 def _doubts(evaluator: Evaluator, start: np.ndarray) -> tuple[str, ...]:
     """Return a doubt about derivatives of an FMU that are not those of its rates."""
     below, above = _sides(evaluator, start, STEP)
     differences = 0.5 * (below + above)
-    given = np.array([evaluator.along(start, unit) for unit in np.eye(start.size)]).T
-    apart = _largest(given - differences, differences, evaluator.nominals)
+    given = np.array([evaluator.along(start, unit) for unit in _units(evaluator)]).T
+    nominals = evaluator.nominals[: evaluator.of_dynamics]
+    apart = _largest(given - differences, differences, nominals)
     if apart <= _DOUBTFUL:
         return ()
     return (f"the derivatives of the FMU differ from differences of its rates by {apart:.1g}",)
 
 
+def _units(evaluator: Evaluator) -> np.ndarray:
+    """Return the unit vectors of the states and inputs, (n + m, n + m + parameters)."""
+    return np.eye(evaluator.of_dynamics, evaluator.nominals.size)
+
+
 def _sides(evaluator: Evaluator, start: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the Jacobians (m, n) of differences below and above the start values."""
-    columns = [evaluator.sided(start, unit, step) for unit in np.eye(start.size)]
+    columns = [evaluator.sided(start, unit, step) for unit in _units(evaluator)]
     below, above = (np.array(side).T for side in zip(*columns, strict=True))
     return below, above
 
@@ -260,7 +302,7 @@ def _largest(error: np.ndarray, slopes: np.ndarray, nominals: np.ndarray) -> flo
     return float(np.max(np.divide(apart, sizes, out=np.zeros_like(apart), where=sizes > 0.0)))
 
 
-def _flown(evaluator: Evaluator, has_events: bool) -> Callable[[Any, Any, Any], str]:
+def _flown(evaluator: Evaluator) -> Callable[[Any, Any, Any], str]:
     """Return `Domain.flown` of an FMU: failed calls, and events."""
 
     def reason(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
@@ -268,8 +310,8 @@ def _flown(evaluator: Evaluator, has_events: bool) -> Callable[[Any, Any, Any], 
             return evaluator.fault
         rows = np.hstack([x, u, np.tile(p, (len(x), 1))])
         try:
-            if has_events and len({tuple(evaluator.signs(row)) for row in rows}) > 1:
-                return "an event of the FMU, at which its equations change"
+            if fired := evaluator.fired(rows):
+                return f"an event of the FMU, at which its equations change: {fired}"
         except FmuError as error:
             return str(error)
         return ""

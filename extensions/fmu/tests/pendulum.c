@@ -13,7 +13,7 @@
 #include <string.h>
 
 enum { ANGLE, RATE, TORQUE, GRAVITY, LENGTH, DAMPING, D_ANGLE, D_RATE, HEIGHT, SIZE };
-typedef struct { double v[SIZE], time; const char *token; int damped; } Model;
+typedef struct { double v[SIZE], time; const char *token; int damped, ready; } Model;
 
 static int is(const Model *m, const char *fault) { return strstr(m->token, fault) != NULL; }
 
@@ -54,11 +54,21 @@ static int get(Model *m, const unsigned *r, size_t n, double *x)
     return status;
 }
 
+/* The parameters and the Boolean `moon` are fixed when the initialization ends. */
 static int set(Model *m, const unsigned *r, size_t n, const double *x)
 {
+    for (size_t i = 0; i < n; i++) if (m->ready && r[i] > TORQUE) return 3;
     for (size_t i = 0; i < n; i++) m->v[r[i]] = x[i];
     return 0;
 }
+
+static int set_moon(Model *m, int on)
+{
+    m->v[GRAVITY] = on ? 1.62 : 9.81;
+    return m->ready ? 3 : 0;
+}
+
+static int end_initialization(Model *m) { m->ready = 1; return is(m, "unready") ? 2 : 0; }
 
 static int along(Model *m, const unsigned *z, size_t nz, const unsigned *k, size_t nk,
                  const double *seed, double *sensitivity)
@@ -92,7 +102,7 @@ static Model *make(const char *token)
     Model *m = malloc(sizeof *m);
     start(m);
     m->token = strdup(token);
-    m->time = m->damped = 0;
+    m->time = m->damped = m->ready = 0;
     return m;
 }
 
@@ -104,7 +114,7 @@ void *fmi3InstantiateModelExchange(const char *n, const char *t, const char *r, 
 void fmi3FreeInstance(void *c) { free(c); }
 int fmi3SetDebugLogging(void *c, int l, size_t n, const char **s) { return 0; }
 int fmi3EnterInitializationMode(void *c, int d, double t, double s, int e, double p) { return 0; }
-int fmi3ExitInitializationMode(void *c) { return is(c, "unready") ? 2 : 0; }
+int fmi3ExitInitializationMode(void *c) { return end_initialization(c); }
 NOTHING(fmi3EnterContinuousTimeMode)
 NOTHING(fmi3EnterEventMode)
 NOTHING(fmi3Terminate)
@@ -116,7 +126,8 @@ int fmi3SetFloat64(void *c, const unsigned *r, size_t n, const double *x, size_t
     int fmi3Get##type(void *c, const unsigned *r, size_t n, void *x, size_t m) { return 0; } \
     int fmi3Set##type(void *c, const unsigned *r, size_t n, const void *x, size_t m) { return 0; }
 EMPTY(Float32) EMPTY(Int8) EMPTY(UInt8) EMPTY(Int16) EMPTY(UInt16) EMPTY(Int32) EMPTY(UInt32)
-EMPTY(Int64) EMPTY(UInt64) EMPTY(Boolean) EMPTY(String)
+EMPTY(Int64) EMPTY(UInt64) EMPTY(String)
+int fmi3SetBoolean(void *c, const unsigned *r, size_t n, const _Bool *x, size_t m) { return set_moon(c, x[0]); }
 int fmi3UpdateDiscreteStates(void *c, char *a, char *b, char *d, char *e, char *f, double *t)
 { *a = *b = *d = *e = *f = 0; *a = is(c, "endless"); *t = 0.0; return happen(c); }
 int fmi3GetEventIndicators(void *c, double *x, size_t n) { x[0] = ((Model *)c)->v[ANGLE] - .5; return 0; }
@@ -137,7 +148,7 @@ void fmi2FreeInstance(void *c) { free(c); }
 int fmi2SetDebugLogging(void *c, int l, size_t n, const char **s) { return 0; }
 int fmi2SetupExperiment(void *c, int d, double t, double s, int e, double p) { return 0; }
 NOTHING(fmi2EnterInitializationMode)
-int fmi2ExitInitializationMode(void *c) { return is(c, "unready") ? 2 : 0; }
+int fmi2ExitInitializationMode(void *c) { return end_initialization(c); }
 NOTHING(fmi2EnterContinuousTimeMode)
 NOTHING(fmi2EnterEventMode)
 NOTHING(fmi2Terminate)
@@ -148,7 +159,8 @@ int fmi2SetReal(void *c, const unsigned *r, size_t n, const double *x) { return 
 #define EMPTY(type) \
     int fmi2Get##type(void *c, const unsigned *r, size_t n, void *x) { return 0; } \
     int fmi2Set##type(void *c, const unsigned *r, size_t n, const void *x) { return 0; }
-EMPTY(Integer) EMPTY(Boolean) EMPTY(String)
+EMPTY(Integer) EMPTY(String)
+int fmi2SetBoolean(void *c, const unsigned *r, size_t n, const int *x) { return set_moon(c, x[0]); }
 int fmi2NewDiscreteStates(void *c, void *info) { memset(info, 0, 32); *(int *)info = is(c, "endless"); return happen(c); }
 int fmi2CompletedIntegratorStep(void *c, int n, int *a, int *b) { *a = *b = 0; return 0; }
 int fmi2SetContinuousStates(void *c, const double *x, size_t n) { memcpy(((Model *)c)->v, x, 16); return 0; }

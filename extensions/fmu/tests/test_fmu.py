@@ -7,6 +7,7 @@ import math
 import os
 import shutil
 import subprocess
+import sys
 import zipfile
 from functools import cache
 from pathlib import Path
@@ -298,7 +299,7 @@ def test_the_equations_after_an_event_are_linearized(version: int) -> None:
         point = hfa.trim(model, hold={"body_angle": angle}, free=["torque"])
         assert point.linearize().A[1, 1] == pytest.approx(-damping, abs=1e-8)
     point = hfa.trim(model, hold={"body_angle": 0.5}, free=["torque"])
-    with pytest.raises(hfa.NoSolutionError, match="event indicator"):
+    with pytest.raises(hfa.NoSolutionError, match=r"event indicator 1|height \(now"):
         point.linearize()
 
 
@@ -317,20 +318,52 @@ def test_differences_replace_derivatives_that_fail() -> None:
     assert "fmi2GetDirectionalDerivative returns error" in " ".join(point.report().text().split())
 
 
-def test_types_steps_fixed_parameters_and_capitals() -> None:
-    """Units and limits of a type, an input that changes in steps, a fixed parameter, .FMU."""
+@pytest.mark.parametrize("version", [2, 3])
+def test_fixed_and_boolean_parameters_are_held(version: int) -> None:
+    """The damping is fixed; with the Boolean `moon`, gravity is 1.62 in place of 9.81."""
+    text = description(version, damping='causality="parameter" variability="fixed" initial="exact"')
+    moon = 'name="moon" valueReference="3" causality="parameter" variability="fixed"'
+    value = 'start="false"'
+    lines = {
+        2: f"<ScalarVariable {moon}><Boolean {value}/></ScalarVariable>",
+        3: f"<Boolean {moon} {value}/>",
+    }
+    text = text.replace("</ModelVariables>", f"{lines[version]}</ModelVariables>")
+    written = packed(text, "x86_64-linux" if version == 3 else "linux64", version)
+    model = hfa.load_model(written)
+    assert list(model.parameters) == ["length", "damping", "moon"]
+    for moon_value, gravity in ((1, 1.62), (0, 9.81)):
+        A = hfa.trim(model.with_parameters(moon=moon_value, damping=0.7)).linearize().A
+        np.testing.assert_allclose(A[1], [-gravity / 2.0, -0.7], atol=1e-8)
+    said = " ".join(run("trim", "--aircraft", written, "--hold", "moon=1").out.split())
+    assert "parameters that --hold sets: length, damping, moon" in said
+    assert "Boolean parameters, 0 or 1: moon" in said
+    refused = run("trim", "--aircraft", written, "--hold", "moon=0.5")
+    assert_refused(refused, 2, "a Boolean parameter is 0.5; hold it at 0 or 1")
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_an_event_at_the_start_values_hinders_no_trim(version: int) -> None:
+    """The event is at the start angle of .5, and the trim at 0."""
+    text = description(version, "event").replace('start="0.3"', 'start="0.5"')
+    folder = "x86_64-linux" if version == 3 else "linux64"
+    point = hfa.trim(hfa.load_model(packed(text, folder, version)))
+    assert point["body_angle"] == pytest.approx(0.0, abs=1e-9)
+    said = " ".join(point.report().text().split())
+    assert "as at the start values: searches begin" in said
+
+
+def test_types_steps_and_capitals() -> None:
+    """Units and limits of a type, an input that changes in steps, .FMU."""
     written = fmu(
         name="PENDULUM.FMU",
         torque='causality="input" variability="discrete"',
-        damping='causality="parameter" variability="fixed"',
     )
     model = hfa.load_model(written)
     assert model.states["body_angle"][:3] == ("rad", 1.0, -1.5)
-    assert list(model.parameters) == ["length"]
     linear = hfa.linearize(model, hfa.trim(model, hold={"torque": 1.5}))
     np.testing.assert_allclose(linear.B, [[0.0], [1.0]], atol=1e-8)
     said = " ".join(hfa.trim(model).report().text().split())
-    assert "fixes: damping" in said
     assert "taken as continuous: torque" in said
 
 
@@ -364,6 +397,47 @@ def test_the_fmu_that_casadi_exports_is_read() -> None:
     linear = hfa.trim(model).linearize()
     np.testing.assert_allclose(linear.A, [[0.0, 1.0], [-1.0, -0.3]], atol=1e-12)
     np.testing.assert_allclose(linear.B, [[0.0], [2.0]], atol=1e-12)
+
+
+OF_PYTHON = """
+import math
+from pythonfmu3 import Float64, Fmi3Causality as C, Fmi3Initial as I, Fmi3Slave
+from pythonfmu3 import Fmi3Variability as V, ModelExchange
+
+class Swing(Fmi3Slave, ModelExchange):
+    def __init__(self, **given):
+        super().__init__(**given)
+        self.time, self.angle, self.rate, self.torque, self.length = 0.0, 0.3, 0.0, 0.0, 2.0
+        self.der_angle = self.der_rate = 0.0
+        usual, exact = {"variability": V.continuous}, {"start": 0.0, "initial": I.exact}
+        for one in (
+            Float64("time", causality=C.independent, **usual),
+            Float64("angle", causality=C.output, **usual, **exact),
+            Float64("der_angle", causality=C.local, derivative=1, **usual),
+            Float64("rate", causality=C.output, **usual, **exact),
+            Float64("der_rate", causality=C.local, derivative=3, **usual),
+            Float64("torque", causality=C.input, start=0.0, **usual),
+            Float64("length", causality=C.parameter, variability=V.tunable, start=2.0),
+        ):
+            self.register_variable(one)
+
+    def get_continuous_state_derivatives(self):
+        self.der_angle = self.rate
+        pull = 9.81 / self.length * math.sin(self.angle)
+        self.der_rate = self.torque - pull - 0.5 * self.rate
+        return [self.der_angle, self.der_rate]
+"""
+
+
+def test_the_fmu_that_pythonfmu3_builds_is_read() -> None:
+    """A pendulum written in Python, which divides by its length: it is never called at zeros."""
+    pytest.importorskip("pythonfmu3", reason="pythonfmu3 is not installed")
+    Path("swing.py").write_text(OF_PYTHON)
+    words = [sys.executable, "-m", "pythonfmu3", "build", "-f", "swing.py"]
+    subprocess.run(words, check=True, timeout=20, capture_output=True)
+    trimmed = run("linearize", "--aircraft", "Swing.fmu", "--hold", "length=1", "--json")
+    A = json.loads(trimmed.out)["A"]
+    np.testing.assert_allclose(A, [[0.0, 1.0], [-9.81, -0.5]], atol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,7 +20,7 @@ class _Recorded(ca.Callback):
         self.seen: list[float] = []
         self.construct("recorded", {})
 
-    def eval(self, arguments: list[ca.DM]) -> list[ca.DM]:
+    def eval(self, arguments: Any) -> list[Any]:
         self.seen.append(float(arguments[0]))
         return [1.0 / arguments[0]]
 
