@@ -109,22 +109,11 @@ class Shape:
         """
         return cls(_diagonal(P, J), PolynomialFunction.quadratic(np.eye(len(P)), degree))
 
-    @classmethod
-    def of_piece(cls, piece: Piece, degree: int) -> Shape:
-        """Return V of a piece, scaled to level 1, with monomials up to a degree.
-
-        degree: highest degree of the monomials, raised to the degree of V if necessary
-        """
-        stated = PolynomialFunction.of_terms(piece.W.terms)
-        zero = np.zeros_like(piece.M)
-        V = PolynomialFunction.quadratic(zero, max(degree, stated.degree))
-        places = [V.exponents.tolist().index(powers) for powers in stated.exponents.tolist()]
-        V.coefficients[places] = stated.coefficients / piece.c
-        return cls(piece.M, V)
-
     def of_degree(self, degree: int) -> Shape:
-        """Return V with monomials up to a higher degree, whose coefficients are 0."""
-        return Shape.of_piece(self.piece(), degree)
+        """Return V with monomials up to this degree or a higher one, whose coefficients are 0."""
+        V = PolynomialFunction.quadratic(np.zeros_like(self.M), degree)
+        V.coefficients[: len(self.V.coefficients)] = self.V.coefficients
+        return replace(self, V=V)
 
     @cached_property
     def N(self) -> np.ndarray:

@@ -24,7 +24,7 @@ from hfa_aircraft.about import Domain, Source
 from hfa_aircraft.model import Model, Signal
 from hfa_prove.certificate import read_certificate, read_content, write_certificate
 from hfa_prove.check.cover import Boxes, OpenBoxError
-from hfa_prove.check.equilibrium import Equilibrium, check_root, equilibrium_near
+from hfa_prove.check.equilibrium import Equilibrium, check_near, check_root, equilibrium_near
 from hfa_prove.check.region_boxes import Decrease, check_region
 from hfa_prove.enclosure.balls import matrix
 from hfa_prove.problem import given_plant
@@ -316,6 +316,15 @@ def test_the_equilibrium_is_compared_in_nominal_values() -> None:
     changes = {"statement__equilibrium__level": 2e-7, "statement__loop__model__nominal__0": 0.01}
     with pytest.raises(NoSolutionError, match="differs from the stated"):
         checked(changed(tank(), **changes), replace(TANK, states=states))
+
+
+@pytest.mark.parametrize(("radius", "is_near"), [(0.0, True), (0.2e-6, False)])
+def test_an_equilibrium_is_near_with_all_of_its_enclosure(radius: float, is_near: bool) -> None:
+    """The enclosure of an equilibrium is within 1e-6 nominal values of the stated one."""
+    statement, _ = read_content(tank(), Subject(TANK))
+    known = Equilibrium(np.array([0.9e-6, 0.0]), np.array([radius, 0.0]))
+    with decided(is_near, "level at the equilibrium"):
+        check_near(known, statement.loop, statement.equilibrium)
 
 
 @pytest.mark.parametrize("ends", [(-0.9105, 9.0), (-9.0, 0.9105)])

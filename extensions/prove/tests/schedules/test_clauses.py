@@ -503,10 +503,3 @@ def test_the_command_proves_writes_and_checks(folder: Path) -> None:
     own = answer(*words, "--weights", "table.npz", "--decay", "0.35", "-o", "own.json")
     assert own["claim"]["gains"] == claim
     answer("prove", "--check", "own.json", "--weights", "table.npz")
-    for more, code, said in (
-        (("--decay", "0.37"), 1, "not below -0.37 1/s"),
-        (("--weights", "table.npz", "--Q", "1,1,1,1,1,1"), 2, "--Q cannot be combined with"),
-        (("--hold", "dihedral_rate=1"), 1, "no trim: these rates do not balance: dihedral"),
-        (("-o", "proof.txt"), 2, "the suffix '.txt' is unknown"),
-    ):
-        assert_refused(hfa(*words, *more), code, said)
