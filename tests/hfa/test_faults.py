@@ -20,6 +20,7 @@ def test_a_refusal_without_streams_has_exit_code_2(tmp_path: Path, lost: str) ->
     assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")
 
 
+@pytest.mark.slow
 def test_a_closed_standard_output_is_refused(tmp_path: Path) -> None:
     """If standard output is closed, the command is refused with exit code 2 and a reason."""
     done = shell('exec "$0" "$@" >&-', "trim", "--dihedral", "15", folder=tmp_path)
@@ -44,7 +45,7 @@ def test_a_missing_home_folder_keeps_the_result(tmp_path: Path, home: str) -> No
 @pytest.mark.parametrize(
     ("words", "left"),
     [
-        ("trim --dihedral 15 -o a.json", 0),
+        pytest.param("trim --dihedral 15 -o a.json", 0, marks=pytest.mark.slow),
         pytest.param("learn --dihedral 15 -o a.npz", 4, marks=pytest.mark.slow),
         pytest.param(PICTURE, 4, marks=pytest.mark.slow),
     ],

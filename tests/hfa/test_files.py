@@ -150,7 +150,12 @@ def test_a_report_is_written_as_text(name: str, opening: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("suffix", "opening"), [("html", b"<!doctype html>"), ("pdf", b"%PDF"), ("md", b"# HFA")]
+    ("suffix", "opening"),
+    [
+        ("html", b"<!doctype html>"),
+        pytest.param("pdf", b"%PDF", marks=pytest.mark.slow),
+        ("md", b"# HFA"),
+    ],
 )
 def test_a_result_is_written_as_its_report(suffix: str, opening: bytes) -> None:
     """save("FILE.html"), .pdf and .md write the sheet of a point and the report of a model."""

@@ -26,6 +26,7 @@ def test_output_of_a_process_ignores_settings(tmp_path: Path) -> None:
     assert hfa_process(*words, folder=tmp_path, **environment) == inside
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "code", "unbuffered"),
     [
@@ -48,6 +49,7 @@ def test_a_closed_pipe_changes_no_exit_code(words: str, code: int, unbuffered: s
     assert (done.returncode, done.stderr) == (code, b"")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
 def test_a_full_standard_output_is_refused() -> None:
     """If standard output is a full disk, the command prints one line and returns exit code 2."""
@@ -64,7 +66,11 @@ def test_a_full_standard_output_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("name", "code", "said"),
-    [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated"), ("SIGHUP", 143, "terminated")],
+    [
+        ("SIGTERM", 143, "terminated"),
+        pytest.param("SIGINT", 130, "interrupted", marks=pytest.mark.slow),
+        pytest.param("SIGHUP", 143, "terminated", marks=pytest.mark.slow),
+    ],
 )
 def test_a_signal_ends_the_run_in_one_line(tmp_path: Path, name: str, code: int, said: str) -> None:
     """A run that is ended while it executes an aircraft's file prints one line."""
@@ -114,14 +120,19 @@ for commands in {lists}:
 """
 
 
-def test_commands_import_no_packages_that_they_do_not_need() -> None:
-    """No command imports a heavy package or an extension without need, no trim a game."""
-    program = IN_TURN.format(lists=[commands for commands, _ in LIGHT])
+@pytest.mark.parametrize("count", [1, pytest.param(len(LIGHT), marks=pytest.mark.slow)])
+def test_commands_import_no_packages_that_they_do_not_need(count: int) -> None:
+    """No command imports a heavy package or an extension without need, no trim a game.
+
+    count: number of the lists that are run, of which the first is fast
+    """
+    lists = LIGHT[:count]
+    program = IN_TURN.format(lists=[commands for commands, _ in lists])
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=True
     )
     imported = [line.split() for line in done.stdout.splitlines() if line.startswith("imported ")]
-    for names, (_, unwanted) in zip(imported, LIGHT, strict=True):
+    for names, (_, unwanted) in zip(imported, lists, strict=True):
         assert "hfa.main" in names
         packages = tuple(f"{each}." for each in unwanted)
         assert [name for name in names if f"{name}.".startswith(packages)] == []

@@ -25,6 +25,7 @@ def test_a_command_is_typed_in_degrees() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_critic_is_told_what_it_loses() -> None:
     """`hfa verify --reference` has the errors of the critic's own gain."""
     exact = answer("solve", *AT_15, "-o", "solution.npz", *COMMAND)["tracking"]

@@ -16,7 +16,9 @@ from hfa.main import FAILED
 # Verify.
 
 
-@pytest.mark.parametrize(("kind", "suffix"), [("K", "mat"), ("W", "json")])
+@pytest.mark.parametrize(
+    ("kind", "suffix"), [pytest.param("K", "mat", marks=pytest.mark.slow), ("W", "json")]
+)
 def test_verify_passes_an_exact_critic_file(game: Game, kind: str, suffix: str) -> None:
     """A file with the exact P, K or W passes. The error of P is null if only K is given."""
     exact = solve(game)
@@ -64,6 +66,7 @@ def test_the_cost_limit_decides_the_exit_code(game: Game) -> None:
     assert "\ndecided by the cost limit 0.01 %\n" in printed
 
 
+@pytest.mark.slow
 def test_several_critics_give_a_table_and_a_curve(game: Game) -> None:
     """Several critics and a folder of checkpoints give one table and a learning curve."""
     exact = solve(game)

@@ -89,6 +89,7 @@ def test_the_stated_change_is_that_with_half_the_step() -> None:
     assert coarse.integration.change == pytest.approx(max(changes), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_an_assessment_finds_departures_below_a_lower_limit(folder: Path) -> None:
     """x' = x / 2 without control leaves its narrow lower limit first, at 2 ln(1 / |x0|)."""
     growing = Model(

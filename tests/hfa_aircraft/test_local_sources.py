@@ -76,6 +76,7 @@ def test_a_file_imports_the_modules_beside_it(
         sys.modules.pop(name)
 
 
+@pytest.mark.slow
 def test_a_module_beside_the_file_does_not_replace_a_package(tmp_path: Path) -> None:
     """`hfa trim` runs although the folder of the aircraft contains files named like its packages."""
     for name in ("trim", "controller", "hfa_model"):

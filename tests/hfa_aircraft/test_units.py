@@ -81,7 +81,15 @@ READERS = {
 }
 
 
-@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize(
+    "reader",
+    [
+        pytest.param(
+            each, marks=[] if each in ("HFA", "table of derivatives") else pytest.mark.slow
+        )
+        for each in READERS
+    ],
+)
 def test_an_aircraft_of_each_reader_is_the_same_in_si(reader: str) -> None:
     """Trim, limits, A and B in SI are those in English units times the factor of each."""
     model = hfa.load_model(READERS[reader]) if READERS[reader] else hfa.aircraft()

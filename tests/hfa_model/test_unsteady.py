@@ -47,7 +47,7 @@ def test_without_effects_rates_equal_newton(parameters: Parameters) -> None:
     """
     plain = UNSTEADY.with_parameters(**parameters._asdict(), **dict.fromkeys(EFFECTS, 0.0))
     as_record = plain.layout.record
-    for x, u, w in points(40, 3):
+    for x, u, w in points(10, 3):
         vectors = [
             as_record(*vector)
             for vector in zip(
@@ -110,7 +110,7 @@ def by_energies() -> ca.Function:
 def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
     """Return the largest relative error of a rate, and of the power, in the product's equations.
 
-    The reference is `by_energies` at 40 random points.
+    The reference is `by_energies` at random points.
 
     effects: (N, 6), values of the effects, used in turn; by default all 1
     """
@@ -120,7 +120,7 @@ def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
         "mine", vectors, [ca.vertcat(*(rates_by_name[name] for name in UNSTEADY.states))]
     )
     computed = []
-    for number, (x, u, w) in enumerate(points(40, 5)):
+    for number, (x, u, w) in enumerate(points(14, 5)):
         p = UNSTEADY.p.copy()
         if effects is not None:
             p[18:24] = effects[number % len(effects)]

@@ -13,7 +13,9 @@ import hfa
 from trim import trim_report, usual_condition
 
 
-@pytest.mark.parametrize("name", [f"{ROOT}/examples/uav.toml", "jsbsim:c172p"])
+@pytest.mark.parametrize(
+    "name", [f"{ROOT}/examples/uav.toml", pytest.param("jsbsim:c172p", marks=pytest.mark.slow)]
+)
 def test_assumed_limits_are_marked(name: str) -> None:
     """Assumed limits have stars in the table and a line below it."""
     pytest.importorskip("hfa_jsbsim")
@@ -40,6 +42,7 @@ def test_a_limit_of_the_user_or_of_the_model_is_not_assumed() -> None:
     assert [gtm[name].assumed for name in ("alpha", "pitch")] == [False, False]
 
 
+@pytest.mark.slow
 def test_flights_name_an_assumed_limit() -> None:
     """The table of a flight and its departure mark assumed limits."""
     pytest.importorskip("hfa_flight")

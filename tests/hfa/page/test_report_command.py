@@ -157,6 +157,7 @@ def test_another_aircraft_is_beside(written_report: tuple[Result, Path]) -> None
     assert "Another aircraft: Aerosonde" in page_of(folder / "report.html")
 
 
+@pytest.mark.slow
 def test_an_angle_without_trim_is_reported_with_reason(tmp_path: Path) -> None:
     """An angle without a trim is on the page with the reason, and the command fails."""
     page = tmp_path / "page.html"
@@ -170,6 +171,7 @@ def test_an_angle_without_trim_is_reported_with_reason(tmp_path: Path) -> None:
     assert 'game at 59 deg certified</th><td class="words bad">FAIL' in html
 
 
+@pytest.mark.slow
 def test_a_missing_plotly_is_refused_before_the_computation() -> None:
     """Without Plotly (hidden here), the page is refused in one line before the computation."""
     program = "import sys; sys.modules['plotly.offline'] = None; import hfa.main; "

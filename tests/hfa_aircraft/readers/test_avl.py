@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import pickle
 import re
-import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -170,7 +169,6 @@ def test_both_ways_name_the_same_aircraft(glider: Path) -> None:
 FILES = [
     ("Clb =  -0.100443", "Clb =  ********", "Clb is '********'"),
     ("Beta  =   0.00000", "Beta  =   2.00000", "Beta is 2;"),
-    ("Beta  =   0.00000", "Beta  =  -2.00000", "Beta is -2;"),
     ("qc/2V =   0.00000", "qc/2V =   0.01000", "qc/2V is 0.01;"),
     ("Standard axis orientation,  X fwd, Z down", "Geometric axis orientation,  X aft, Z up",
      "x is aft"),
@@ -193,8 +191,6 @@ ENTRIES = [
         'rudder, a control of glider.st, is missing; add rudder = ["-25 deg", "25 deg"]',
     ),
     ("mass = 420", "", "missing entries: mass"),
-    ("speed", "", "missing entries: speed"),
-    ("length", 'length = "kg"', "length is 'kg'; give m, ft"),
     ("center_of_gravity", "center_of_gravity = [0.3, 0.0]", "give [x, y, z]"),
     ("center_of_gravity", "center_of_gravity = [0.3, 0.0, 0.1]", "moments about [0.3, 0, 0]"),
     ("wing_area", "wing_area = 9.0", "wing_area is in glider.st too"),
@@ -246,12 +242,6 @@ def test_inviscid_drag_and_another_mach_number_are_noted(glider: Path) -> None:
     assert len(tool.load_model("glider.toml").about.notes) == 1
 
 
-def test_a_dictionary_names_a_stability_file(glider: Path) -> None:
-    """A dictionary with the entry `avl` gives the aircraft of the file with the same entries."""
-    of_dictionary = tool.from_derivatives(tomllib.loads(TABLE))
-    assert of_dictionary.parameters == tool.load_model("glider.toml").parameters
-
-
 def test_names_of_controls_become_identifiers(glider: Path) -> None:
     """The aircraft with controls `elevon-L` and `1elev` is that with `elevator` and `aileron`."""
     plain = trim(tool.load_model("glider.toml"))
@@ -264,9 +254,3 @@ def test_names_of_controls_become_identifiers(glider: Path) -> None:
     assert set(named.inputs._fields) == {"thrust", "elevon_L", "v_1elev", "rudder"}
     assert named["elevon_L"] == pytest.approx(plain["elevator"], rel=1e-12)
     assert named["v_1elev"] == pytest.approx(plain["aileron"], abs=1e-12)
-
-
-def test_the_mach_number_of_the_derivatives_is_that_of_the_file(glider: Path) -> None:
-    """The sheet compares the Mach number with that of the file, 0, not with that of the table."""
-    sheet = trim(tool.load_model("glider.toml")).sheet
-    assert sheet["mach from the table's"].value == pytest.approx(sheet["mach"].value)

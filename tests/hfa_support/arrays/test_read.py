@@ -20,7 +20,8 @@ pytestmark = pytest.mark.usefixtures("folder")
 GAME = hfa.Game([[0.0, 1.0], [-2.0, -3.0]], np.eye(2), Q=np.eye(2), R=np.eye(2))
 
 
-@pytest.mark.parametrize("compressed", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("compressed", [False, True])
 def test_a_damaged_mat_file_is_refused_in_one_line(compressed: bool) -> None:
     """A file that lacks its last bytes is refused; the whole one gives its matrix."""
     K = np.arange(4.0).reshape(2, 2)
@@ -30,6 +31,15 @@ def test_a_damaged_mat_file_is_refused_in_one_line(compressed: bool) -> None:
     Path("a.mat").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(BadInputError, match=r"^a\.mat cannot be read as \.mat [^\n]*$"):
         hfa.read_critic("a.mat", GAME)
+
+
+def test_a_damaged_npz_file_is_refused_in_one_line() -> None:
+    """A file that lacks its last bytes is refused; the whole one gives its matrix."""
+    np.savez("K.npz", K=np.eye(2))
+    assert np.array_equal(hfa.read_critic("K.npz", GAME).K, np.eye(2))
+    Path("K.npz").write_bytes(Path("K.npz").read_bytes()[:100])
+    with pytest.raises(BadInputError, match=r"^K\.npz [^\n]*$"):
+        hfa.read_critic("K.npz", GAME)
 
 
 # .csv

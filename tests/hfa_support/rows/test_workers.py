@@ -31,7 +31,7 @@ def _gone() -> bool:
     return not multiprocessing.active_children()
 
 
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_every_task_has_its_result(count: int) -> None:
     """Each task returns its result, with one and with two processes, and no process remains."""
     tasks = [(key, (key,)) for key in range(20)]
@@ -41,6 +41,7 @@ def test_every_task_has_its_result(count: int) -> None:
     assert _gone()
 
 
+@pytest.mark.slow
 def test_an_error_in_a_task_is_raised() -> None:
     """An error in a task is raised, and no worker process is left."""
     with open_workers(2) as run, pytest.raises(NoSolutionError, match="no root of -3"):

@@ -51,6 +51,7 @@ def test_lift_is_normal_to_panels_and_balances_weight(
     assert [text.get_text() for text in axes.texts].count(label) == 2
 
 
+@pytest.mark.slow
 def test_si_text_and_pictures_contain_no_feet(tmp_path: Path) -> None:
     """`hfa trim --units si --picture` prints and draws no English unit."""
     assert_no_feet("trim", "--dihedral", "12", folder=tmp_path)
