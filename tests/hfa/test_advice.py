@@ -11,6 +11,22 @@ from cli import answer, hfa
 from project import ROOT
 
 UAV = str(ROOT / "examples/uav.toml")
+#: A point mass whose thrust is at most 5 and whose lift is at most 10 m/s².
+GLIDER = """
+import casadi as ca
+from hfa import Model, Signal
+
+def equations(x, u, p, w):
+    turning = (u.lift * ca.cos(x.bank) - 9.81 * ca.cos(x.pitch)) / x.speed
+    along = u.thrust - 1.0 - 9.81 * ca.sin(x.pitch)
+    return {"speed": along, "pitch": turning, "bank": u.roll_rate}, {}
+
+STATES = {"speed": Signal("m/s"), "pitch": Signal("rad"), "bank": Signal("rad")}
+INPUTS = {"thrust": Signal("m/s^2", 1.0, 0.0, 5.0), "lift": Signal("m/s^2", 1.0, 0.0, 10.0)}
+INPUTS["roll_rate"] = Signal("rad/s")
+TRIM = {"speed": 50.0, "pitch": 0.0, "bank": 0.0}
+GLIDER = Model("glider", STATES, INPUTS, equations, trim=TRIM)
+"""
 
 
 def heavy(folder: Path) -> str:
@@ -21,6 +37,21 @@ def heavy(folder: Path) -> str:
     return str(path)
 
 
+def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder: Path) -> None:
+    """With full thrust, sin(pitch) = (5 - 1) / 9.81; too little lift in a turn frees no pitch rate."""
+    Path("glider.py").write_text(GLIDER, "utf-8")
+    words = ("trim", "--aircraft", "glider.py:GLIDER")
+    climb = hfa(*words, "--hold", "pitch=45").err
+    advice = re.search(r"with (.*) in place of --hold \(pitch (.*) deg\)", climb)
+    assert advice is not None
+    pitch = answer(*words, *advice[1].split())["operating_point"]["states"]["pitch"]
+    assert pitch == pytest.approx(np.arcsin(4.0 / 9.81), rel=1e-6)
+    assert np.degrees(pitch) == pytest.approx(float(advice[2]), rel=1e-4)
+    turn = hfa(*words, "--hold", "bank=30")
+    assert (turn.code, "_dot" in turn.err) == (1, False)
+
+
+@pytest.mark.slow
 def test_too_weak_an_engine_leads_to_the_steepest_climb() -> None:
     """The advice holds full thrust; the climb found is T cos α - D = W sin γ with T = 60 N."""
     refused = hfa("trim", "--aircraft", UAV, "--hold", "gamma=45")
@@ -37,14 +68,8 @@ def test_too_weak_an_engine_leads_to_the_steepest_climb() -> None:
     assert np.degrees(gamma) > 15.0
 
 
-@pytest.mark.parametrize(
-    "case",
-    [
-        "bank",
-        pytest.param("heavy", marks=pytest.mark.slow),
-        pytest.param("climb", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["bank", "heavy", "climb"])
 def test_no_advice_leads_to_a_falling_aircraft(case: str, tmp_path: Path) -> None:
     """No rate of an attitude is freed by advice without a load factor. Freed by the user, the first
     line says "accelerated" and the load factor, where a trim exists.

@@ -12,6 +12,7 @@ from hfa.exit_codes import BAD_INPUT, FAILED
 COMMAND = ("--reference", "speed=7+0.01t+2sin(0.5t),alpha=5.73,dihedral=28.65")
 
 
+@pytest.mark.slow
 def test_a_command_is_typed_in_degrees() -> None:
     """The commanded angles reach the tracking in rad, and in SI units nothing but units changes."""
     data = answer("solve", *AT_15, *COMMAND)["tracking"]
