@@ -49,8 +49,6 @@ def test_rms_with_noise_equals_that_of_fly(noisy_assessment):
         assert found.rms[name] == pytest.approx(rms, rel=1e-5)
         assert found.calm[name] < 0.5 * found.rms[name]
     assert noisy_assessment.ok
-    said = ("note", "every flight with noise stays inside the envelope")
-    assert said in noisy_assessment.findings
 
 
 @pytest.mark.slow
@@ -66,9 +64,6 @@ def test_a_flight_that_leaves_in_a_gust_fails():
     assert (rough.flights, rough.inside) == (1, 0)
     assert 0.0 < rough.departure.time < 5.0
     assert not failing.ok
-    assert any(
-        "with a gust" in each.text for each in failing.findings if each.severity == "failure"
-    )
 
 
 @pytest.mark.parametrize(
