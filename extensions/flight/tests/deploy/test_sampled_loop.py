@@ -189,12 +189,12 @@ def test_limits_passed_between_two_samples_count(folder):
     w = 2.0 * np.pi
     np.savez("K.npz", K=np.zeros((1, 2)))
     deployment = hfa.Deployment({"file": "K.npz"}, {"x": {}, "v": {}}, {"force": {}}, {"dt": 0.5})
-    for low, high, fastest in ((-1.0, 9.0, 9.0), (-9.0, 1.0, 9.0), (-1.0, 1.0, 6.0)):
+    for low, high, fastest in ((-1.0, 9.0, 9.0), (-1.0, 1.0, 6.0)):
         model = hfa.Model(
             "oscillator",
             {"x": hfa.Signal("m", min=low, max=high), "v": hfa.Signal("m/s", nominal=6.0)},
             {"force": hfa.Signal("N", min=-1.0, max=1.0)},
             lambda x, u, p, _: ({"x": x.v, "v": -w * w * x.x - 2.0 * x.v + u.force}, {}),
         )
-        result = assess(model, deployment, samples=8, box={"x": 0.1, "v": fastest}, best=0)
+        result = assess(model, deployment, samples=4, box={"x": 0.1, "v": fastest}, best=0)
         assert (result.points[0].flights.lost > 0) is (fastest == 9.0)

@@ -1,4 +1,7 @@
-"""Policies for the tests, and their aircraft."""
+"""Policies for the tests, and their aircraft.
+
+The policies were trained by extensions/flight/tests/support/train_policies.py of commit 92f882fb2.
+"""
 
 from functools import cache
 from pathlib import Path
