@@ -92,6 +92,26 @@ def air_at(altitude: Any, system: str = "english", warmer: Any = 0.0) -> Air:
     return Air(temperature, pressure, pressure / (_GAS_CONSTANT * temperature), sound)
 
 
+def density_altitude(density: Any) -> Any:
+    """Return the geometric altitude, ft, at which standard air has a density, slug/ft³.
+
+    In a layer with lapse rate L, ρ/ρ_bottom = (T_bottom / T)^(1 + g/(R L)).
+    """
+    height: Any = 0.0
+    base_pressure = SEA_LEVEL_PRESSURE
+    for (bottom, warmth), (top, next_warmth) in pairwise(_LAYERS):
+        lapse = (next_warmth - warmth) / (top - bottom)
+        base = base_pressure / (_GAS_CONSTANT * warmth)
+        if lapse:
+            exponent = 1.0 / (1.0 + _STANDARD_GRAVITY / (_GAS_CONSTANT * lapse))
+            climb = warmth / lapse * ((base / density) ** exponent - 1.0)
+        else:
+            climb = _GAS_CONSTANT * warmth / _STANDARD_GRAVITY * ca.log(base / density)
+        height = ca.if_else(density < base, bottom + climb, height) if bottom else climb
+        base_pressure = float(base_pressure * _pressure_ratio(warmth, lapse, top - bottom))
+    return height * _EARTH_RADIUS / (_EARTH_RADIUS - height)
+
+
 def equivalent_airspeed(dynamic_pressure: float) -> float:
     """Return the equivalent airspeed sqrt(2 q / ρ0), kt.
 

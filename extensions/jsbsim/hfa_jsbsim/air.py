@@ -14,6 +14,7 @@ from hfa_aircraft.rigid.atmosphere import (
     Air,
     air_at,
     calibrated_speed,
+    density_altitude,
     pitot_pressure,
 )
 from hfa_aircraft.rigid.motion import angular_velocity, rotation, turn_rate, wind_axes
@@ -195,7 +196,7 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
         "atmosphere/rho-sl-slugs_ft3": SEA_LEVEL.density,
         "atmosphere/a-sl-fps": SEA_LEVEL.sound,
         "atmosphere/pressure-altitude": x.altitude,
-        "atmosphere/density-altitude": x.altitude,
+        "atmosphere/density-altitude": density_altitude(air.density),
     }
     for letter, rate in zip("pqr", (x.roll_rate, x.pitch_rate, x.yaw_rate), strict=True):
         values |= {f"velocities/{letter}{kind}-rad_sec": rate for kind in ("", "-aero")}

@@ -8,6 +8,7 @@ from jsbsim_reference import AXES, GRAVITY, RADIUS, responses
 from small_aircraft import CONTROL, LIFT, REST, force, glider, needs_jsbsim, written
 
 from hfa import BadInputError, linearize, load_model, trim
+from hfa_aircraft.rigid.atmosphere import air_at, density_altitude
 
 WIND = {"wind_north": 30.0, "wind_east": -20.0, "wind_down": 4.0}
 JET = {"kcas": 250.0, "altitude": 5000.0}
@@ -93,6 +94,33 @@ def test_trims_have_no_acceleration_in_jsbsim(name, held, parameters, free):
     acceleration, weight, weight_in_jsbsim = residual(name, held, parameters, free)
     assert acceleration < 1e-9
     assert weight == pytest.approx(weight_in_jsbsim, rel=1e-14)
+
+
+@needs_jsbsim
+@pytest.mark.parametrize("name", ["737", pytest.param("f16", marks=pytest.mark.slow)])
+def test_warm_air_is_that_of_jsbsim(name):
+    """At a trim in warm air, JSBSim's accelerations are below 1e-9, with its thrust from tables over
+    Mach number and density altitude.
+
+    With `atmosphere/delta-T` 27 °R, JSBSim has at 5000 ft the pressure of 4752.54 ft in the standard
+    atmosphere, the temperature 527.843 °R and the density altitude 6421.04 ft.
+    """
+    true_altitude, altitude = 5000.0, 4752.541346072101
+    warmer = (527.843473790188 - float(air_at(altitude).temperature)) / 1.8
+    dense = density_altitude(air_at(altitude, warmer=warmer).density)
+    assert float(dense) == pytest.approx(6421.044794907826, rel=1e-9)
+    for height in (-900.0, 20000.0, 45000.0, 80000.0):
+        assert float(density_altitude(air_at(height).density)) == pytest.approx(height, rel=1e-9)
+    gravity = GRAVITY * (RADIUS / (RADIUS + true_altitude)) ** 2
+    model = load_model(f"jsbsim:{name}").with_parameters(gravity=gravity, isa=warmer)
+    point = trim(model, speed=500.0, altitude=altitude)
+    there = {
+        "state": point.states._asdict() | {"altitude": true_altitude},
+        "commands": point.inputs._asdict(),
+        "held": positions(model, point.inputs._asdict()) | {"atmosphere/delta-T": 27.0},
+    }
+    (answer,) = responses([{"aircraft": name, "point": there}])
+    assert max(abs(answer[axis]) for axis in AXES) < 1e-9
 
 
 @needs_jsbsim
