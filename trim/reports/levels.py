@@ -40,8 +40,8 @@ _MANEUVERABLE = 6.0
 class Airplane(NamedTuple):
     """What decides the limits: class of the airplane and category of the flight phase.
 
-    The class "" is chosen by weight and load factor where these are known (`usual_class`), and has
-    the limits of class I elsewhere.
+    The class "" is chosen by weight and load factor where these are known (`usual_class`), a
+    convention of this tool: the standard describes the classes in words. It is class I elsewhere.
     """
 
     class_: str = ""
@@ -120,6 +120,9 @@ def usual_class(trimmed: Trimmed) -> tuple[str, str]:
 
     - IV: the model declares a largest load factor of at least 6
     - I, II-L, III: weight up to 12,500 lbf, up to 60,000 lbf, above
+
+    These numbers are a convention of this tool. MIL-F-8785C, 1.3, describes the classes in words:
+    small and light; medium weight, low to medium maneuverability; large, heavy; high maneuverability.
     """
     most = (
         trimmed.model.outputs["load_factor"].max
@@ -311,7 +314,7 @@ def level_lines(found: Sequence[Graded], airplane: Airplane, why: str) -> list[s
     """
     if not any(each.level is not None for each in found):
         return [f"{STANDARD}: not in this model: no mode that it has a rule for"]
-    reason = f" ({why}; --class)" if why else ""
+    reason = f" (by hfa's convention, {why}; --class changes it)" if why else ""
     said = [f"{STANDARD}: class {airplane.class_}{reason}, category {airplane.category}"]
     said[0] += " (by default; --category)" * bool(why)
     without = [each.mode for each in found if each.level is None]
