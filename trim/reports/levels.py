@@ -122,7 +122,7 @@ def usual_class(trimmed: Trimmed) -> tuple[str, str]:
     - I, II-L, III: weight up to 12,500 lbf, up to 60,000 lbf, above
 
     These numbers are a convention of this tool. MIL-F-8785C, 1.3, describes the classes in words:
-    small and light; medium weight, low to medium maneuverability; large, heavy; high maneuverability.
+    I small and light, II of medium weight, III large and heavy, IV of high maneuverability.
     """
     most = (
         trimmed.model.outputs["load_factor"].max
