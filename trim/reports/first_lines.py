@@ -15,6 +15,7 @@ from trim.linear.modes import Mode
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
+from trim.reports.configuration import configuration_rows
 from trim.reports.trimmed import Trimmed
 
 #: Growth of a mode relative to the fastest mode that rounding and the tolerance of a trim cause.
@@ -89,11 +90,25 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
         drag, lift = trimmed["drag"], trimmed["lift"]
         if drag < -_NEGATIVE * abs(lift):
             yield f"the drag is {_number(model, 'drag', drag)}, below 0; check signs and units"
-    if {"beta", "r", "speed"} <= {*roles} and trimmed.given.ok and not trimmed.fault:
-        states = trimmed.slopes.states
-        slope = trimmed.slopes.A[states.index(roles["r"]), states.index(roles["beta"])]
-        if slope < 0.0:
-            yield "sideslip turns the nose out of the wind (Cn_beta below 0); check its sign"
+    is_known = {"beta", "r", "speed"} <= {*roles} and trimmed.given.ok and not trimmed.fault
+    if is_known and _yaw_stiffness(trimmed) < 0.0:
+        yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
+
+
+def _yaw_stiffness(trimmed: Trimmed) -> float:
+    """Return ∂N/∂β / Izz, the yawing moment about the body's z-axis by sideslip, 1/s².
+
+    Without angular rates, N = Izz dr/dt - Ixz dp/dt. An unknown Ixz is 0.
+    """
+    roles, states = trimmed.roles, trimmed.slopes.states
+    by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
+    stiffness = float(by_sideslip[states.index(roles["r"])])
+    rows = configuration_rows(trimmed)
+    inertias = {row.name: float(row) for row in rows if isinstance(row, Row) and row.name[0] == "I"}
+    if "p" in roles and {"Izz", "Ixz"} <= {*inertias}:
+        coupling = inertias["Ixz"] / inertias["Izz"]
+        stiffness -= coupling * float(by_sideslip[states.index(roles["p"])])
+    return stiffness
 
 
 def _unstable(modes: Sequence[Mode], time: str) -> str:

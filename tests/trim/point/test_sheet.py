@@ -546,3 +546,21 @@ def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:
         assert (row["phugoid damping level"], row["failure"]) == ("1", "")
     assert "speed is 5 m/s" in rows[2]["failure"]
     assert rows[2]["L/D"] == ""
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign: float, tmp_path: Path) -> None:
+    """The sign of Cn_beta, not that of the yaw acceleration, which has the opposite one here by
+    Ixz Cl_beta.
+    """
+    text = (EXAMPLES / "uav.toml").read_text("utf-8")
+    for name, value in {"Ixz": 0.3 * sign, "Cn_beta": 0.06 * sign, "Cl_beta": -0.4}.items():
+        text = re.sub(rf"(?m)^{name} = .*$", f"{name} = {value}", text)
+    path = tmp_path / "planted.toml"
+    path.write_text(text, "utf-8")
+    point = hfa.trim(hfa.load_model(str(path)))
+    linear = point.linearize()
+    states = list(linear.states)
+    yawing = linear.A[states.index("yaw_rate"), states.index("beta")]
+    assert yawing * sign < 0.0
+    assert ("out of the wind" in point.report().title) == (sign < 0.0)
