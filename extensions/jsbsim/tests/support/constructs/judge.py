@@ -140,7 +140,8 @@ def ours_at(model: Model, point: Mapping[str, Any], answer: Mapping[str, float])
     x = [state[name] for name in model.states]
     u = [commands.get(name, 0.0) for name in model.inputs]
     levers = {name: commands[name] for name in model.parameters if name in commands}
-    levers |= {name: answer[name] for name in model.parameters if name.startswith("tank")}
+    tanks = [name for name in model.parameters if name.startswith("tank") and name in answer]
+    levers |= {name: answer[name] for name in tanks}
     flown = model.with_parameters(gravity=answer["gravity"], **levers)
     return state, flown.rates_at(x, u), flown.outputs_at(x, u)
 
