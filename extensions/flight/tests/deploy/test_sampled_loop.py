@@ -125,44 +125,32 @@ def test_costs_equal_scipy():
     assert lost.sampled_mean == pytest.approx(100.0 * shares.mean(), abs=1e-6)
 
 
-def deployment_that_observes_its_elevator(share, dt):
-    """Return a stable deployment of the GTM, whose elevator follows its own value just before.
-
-    share: factor of the observed elevator in the new elevator
+def test_the_cost_of_an_observed_input_is_that_of_its_settled_gain(case):
+    """u = -K x + share u of the elevator settles at -K x / (1 - share), whose cost is SciPy's
+    Lyapunov solution; the inputs of an integrator do not settle, and only the sampled cost exists.
     """
-    *_, K = gain_case()
-    before = ca.DM([[share], [0.0]])
+    _, linear, K = case
     o = ca.SX.sym("o", 5)
-    policy = ca.Function("policy", [o], [-ca.DM(K) @ o[:4] + before @ o[4:]])
-    observed = ("speed", "alpha", "pitch_rate", "pitch", "elevator")
-    return gtm_deployment(
-        {"file": policy},
-        observation={name: {} for name in observed},
-        cost={"Q": Q, "R": R},
-        timing={"dt": dt},
-    )
-
-
-def test_the_cost_of_an_observed_input_is_that_of_its_settled_gain():
-    """u = -K x + .4 u of the elevator settles at -K x / .6, whose cost is SciPy's Lyapunov solution."""
-    deployment = deployment_that_observes_its_elevator(0.4, DT)
-    (loop,) = hfa.assess(model_of(GTM), deployment, [45.0], samples=0).points
-    _, linear, K = gain_case()
+    lost = {}
+    for share in (0.4, 1.0):
+        act = -ca.DM(K) @ o[:4] + ca.DM([[share], [0.0]]) @ o[4]
+        deployment = gtm_deployment(
+            {"file": ca.Function("policy", [o], [act])},
+            observation={name: {} for name in (*linear.states, "elevator")},
+            cost={"Q": Q, "R": R},
+            timing={"dt": DT},
+        )
+        (loop,) = hfa.assess(model_of(GTM), deployment, [linear.point], samples=0).points
+        lost[share] = loop.cost
     game = hfa.game(linear, Q, R)
     settled = K / [[0.6], [1.0]]
     closed = game.A - game.B @ settled
     value = solve_lyapunov(closed.T, -(game.Q + settled.T @ game.R @ settled))
     shares = np.linalg.eigvals(np.linalg.solve(hfa.solve(game).P, value)).real - 1.0
     assert shares.max() > 0.05
-    assert loop.cost.worst == pytest.approx(100.0 * shares.max(), abs=1e-6)
-    assert loop.cost.mean == pytest.approx(100.0 * shares.mean(), abs=1e-6)
-
-
-def test_an_integrator_has_no_cost_in_continuous_time():
-    """The inputs of an integrator do not settle at a constant state: only the sampled cost exists."""
-    deployment = deployment_that_observes_its_elevator(1.0, DT)
-    (loop,) = hfa.assess(model_of(GTM), deployment, [45.0], samples=0).points
-    assert math.isnan(loop.cost.worst)
+    assert lost[0.4].worst == pytest.approx(100.0 * shares.max(), abs=1e-6)
+    assert lost[0.4].mean == pytest.approx(100.0 * shares.mean(), abs=1e-6)
+    assert math.isnan(lost[1.0].worst)
 
 
 def test_delays_are_searched_upward(case):
