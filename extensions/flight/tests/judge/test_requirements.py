@@ -42,7 +42,7 @@ def deployment(gain: float, offset: float = 0.0) -> hfa.Deployment:
 
 def test_every_flight_must_converge_or_the_required_share() -> None:
     """About half of the starts of [-1, 1] can be held; the counts decide, not the linear loop."""
-    found = hfa.assess(UNSTABLE, deployment(4.0), samples=60, best=0)
+    found = hfa.assess(UNSTABLE, deployment(4.0), samples=24, best=0)
     (point,) = found.points
     assert point.radius < 1.0
     shares = [flown.returned / flown.starts for flown in (point.flights, point.disturbed)]
@@ -51,13 +51,13 @@ def test_every_flight_must_converge_or_the_required_share() -> None:
     least = min(shares)
     for share, passes in ((least, True), (least + 0.02, False)):
         needs = {"share": share}
-        again = hfa.assess(UNSTABLE, deployment(4.0), samples=60, best=0, needs=needs)
+        again = hfa.assess(UNSTABLE, deployment(4.0), samples=24, best=0, needs=needs)
         assert (again.ok, again.points[0].holds) == (passes, passes)
     with pytest.raises(hfa.BadInputError, match=r"share is 1\.2"):
         hfa.assess(UNSTABLE, deployment(4.0), samples=0, needs={"share": 1.2})
 
 
-@pytest.mark.parametrize(("offset", "passes"), [(0.01, True), (-0.2, False)])
+@pytest.mark.parametrize(("offset", "passes"), [(0.01, True), (0.2, False), (-0.2, False)])
 def test_a_policy_passes_only_if_flights_return_to_the_trim(offset: float, passes: bool) -> None:
     """Every flight converges to the equilibrium; with a large steady-state error none returns."""
     found = hfa.assess(SLOW, deployment(1.0, offset), samples=6, best=0)
@@ -65,8 +65,9 @@ def test_a_policy_passes_only_if_flights_return_to_the_trim(offset: float, passe
     assert point.flights.returned == point.disturbed.returned == 6
     assert (found.ok, point.holds) == (passes, passes)
     assert (point.best.lost == 0) is passes
-    (error,) = [each.text for each in found.findings if each.text.startswith("steady-state ")]
-    assert error.split()[3][0] == ("+" if offset > 0.0 else "-")
+    if not passes:
+        (error,) = [each.text for each in found.findings if each.text.startswith("steady-state ")]
+        assert error.split()[3][0] == ("+" if offset > 0.0 else "-")
 
 
 def test_a_flight_has_returned_when_its_cost_to_go_is_a_twentieth() -> None:
