@@ -42,11 +42,11 @@ def lost_band(lost: int, members: int) -> tuple[float, float]:
 
     The band is that of Clopper and Pearson (1934), one-sided if no flight or every one is lost.
     """
-    from scipy.stats import beta
+    from scipy.special import betaincinv
 
     tail = 0.05 if lost in (0, members) else 0.025
-    low = beta.ppf(tail, lost, members - lost + 1) if lost else 0.0
-    high = beta.ppf(1.0 - tail, lost + 1, members - lost) if lost < members else 1.0
+    low = betaincinv(lost, members - lost + 1, tail) if lost else 0.0
+    high = betaincinv(lost + 1, members - lost, 1.0 - tail) if lost < members else 1.0
     return float(low), float(high)
 
 
