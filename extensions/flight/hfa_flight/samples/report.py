@@ -16,6 +16,7 @@ from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.simulate.envelope import control_limits
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table, short_number, shown_unit
 
 #: Levels of the reported quantiles.
@@ -45,12 +46,14 @@ def member_report(
         f"Monte Carlo, {plan.point.model.title}, law {plan.policy.name}: {plan.members} flights of "
         f"{plan.scenario.duration:g} s, seed {plan.seed}, {where}"
     )
-    title = "\n".join([_verdict(plan, found), flown, *_failures(found)])
-    parts: list[Part] = []
+    title = "\n".join([_verdict(plan, found), flown])
     if uncontrolled is not None and isinstance(plan.policy, FilteredPolicy):
         found |= _compared(plan, plan.policy, read, uncontrolled)
-        lost = found["uncontrolled_lost"]
-        parts.append(f"Without control, {lost} of {plan.members} of the same flights are lost.")
+    rows = _rows(found)
+    parts: list[Part] = [Group("flights", rows)] if rows else []
+    if "drawn" in found:
+        parts.append("flights are of aircraft with drawn parameters, from the trim of the model")
+    if "rms" in found:
         parts.append(_compared_table(plan, found))
     if found["held"]:
         parts.append(_quantile_table(plan, found))
@@ -173,21 +176,23 @@ def _outcomes(plan: MonteCarlo, read: Read) -> dict[str, Any]:
     return found if plan.spread is None else found | {"drawn": list(plan.spread.values)}
 
 
-def _failures(found: Mapping[str, Any]) -> list[str]:
-    """Return lines on the drawn aircraft, if any, and on each kind of failure that occurred."""
-    lines = []
-    if "drawn" in found:
-        lines.append("flights are of aircraft with drawn parameters, from the trim of the model")
+def _rows(found: Mapping[str, Any]) -> tuple[Row, ...]:
+    """Return rows on the flights without control, and on each kind of failure that occurred."""
+    rows = []
     if found["first_left"] is not None:
-        lines.append(
-            f"left the envelope (flights by first state): {_listed(found['left'])};"
-            f" the earliest after {found['first_left']:.3g} s, {found['left_an_hour']:.3g} an hour"
+        rows += [
+            Row("departures", found["members"] - found["held"], note=_listed(found["left"])),
+            Row("first departure", found["first_left"], "s", digits=3),
+            Row("departures an hour", found["left_an_hour"], "1/h", digits=3),
+        ]
+    for name, entry in (("beyond limits of", "exceeded"), ("limit cycle of", "limit_cycle")):
+        counts = found[entry].items()
+        rows += [Row(f"{name} {signal}", count) for signal, count in counts if count]
+    if "uncontrolled_lost" in found:
+        rows.append(
+            Row("lost without control", found["uncontrolled_lost"], note="of the same flights")
         )
-    if any(found["exceeded"].values()):
-        lines.append(f"exceeded control limits: {_listed(found['exceeded'])}")
-    if any(found["limit_cycle"].values()):
-        lines.append(f"limit cycle that does not decay: {_listed(found['limit_cycle'])}")
-    return lines
+    return tuple(rows)
 
 
 def _listed(counts: Mapping[str, int]) -> str:
