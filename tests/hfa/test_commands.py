@@ -12,9 +12,8 @@ from cli import answer, hfa
 from game_files import AT_15
 
 import hfa as hfa_package
-from hfa import Model, linearize, trim
 from hfa.main import DONE, FAILED
-from hfa.paper import default_parameters, level_flight
+from hfa.paper import default_parameters
 from hfa_model import INPUTS, LINEAR_STATES, STATES, save_parameters
 from studies.identification.parameters import ASSUMED
 
@@ -197,29 +196,6 @@ def test_names_select_rows_and_columns_in_order() -> None:
     assert part["output_offsets"] == pytest.approx([1.0, np.radians(15.0)])
     assert "A_band" in whole
     assert not {"A_band", "printed"} & set(part)  # only for the complete model
-
-
-def test_npz_files_contain_columns_of_all_winds(published_aircraft: Model) -> None:
-    """The .npz file of `hfa linearize` contains E and F for all winds.
-
-    They equal those of `linearize` in Python. The printed text omits E.
-    """
-    assert "E  " not in hfa("linearize", *AT_15, *CHOSEN, "-o", "model.npz").out
-    point = trim(published_aircraft, level_flight(np.radians(15.0)))
-    winds = tuple(hfa_package.aircraft().disturbances)
-    model = linearize(
-        published_aircraft,
-        point,
-        full=True,
-        outputs=("load_factor", "dihedral"),
-        disturbances=winds,
-    )
-    with np.load("model.npz") as stored:
-        assert tuple(stored["disturbances"]) == winds
-        np.testing.assert_array_equal(
-            stored["E"], model.E[[STATES.index(name) for name in ("dihedral", "alpha")]]
-        )
-        np.testing.assert_array_equal(stored["F"], model.F)
 
 
 # Aircraft in the provenance. test_files.py compares files with JSON.

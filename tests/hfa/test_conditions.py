@@ -28,17 +28,6 @@ def test_a_game_is_that_of_the_condition() -> None:
     assert np.array(answer("solve", *SLOWER)["K"]) == pytest.approx(solve(game).K, rel=1e-9)
 
 
-@pytest.mark.slow
-def test_a_condition_of_a_game_is_refused(tmp_path: Path) -> None:
-    """`hfa solve` refuses an infeasible or misspelled condition."""
-    refused = hfa("solve", *SLOWER, "--limit", "throttle=0:5")
-    assert_refused(refused, 1, "throttle at maximum 5, ")
-    condition_file = tmp_path / "own.toml"
-    condition_file.write_text("[impose]\nspeeed = 5.0\n", encoding="utf-8")
-    wrong = hfa("solve", "--dihedral", "10", "--condition", str(condition_file))
-    assert_refused(wrong, 2, "unknown trim variable 'speeed'; did you mean speed?")
-
-
 #: A point mass whose altitude is a state, held in the trim.
 CLIMBER = """
 import casadi as ca
@@ -65,13 +54,6 @@ def test_a_climb_of_a_model_with_altitude_is_advised_and_found(tmp_path: Path) -
     found = answer(*words, "--free", "altitude_dot")
     thrust = found["operating_point"]["inputs"]["thrust"]
     assert thrust == pytest.approx(9.81 * np.sin(np.radians(4.0)), rel=1e-9)
-
-
-def test_a_file_of_several_aircraft_is_refused_with_their_names() -> None:
-    """A file without a name of a model is refused, and its models are named."""
-    unnamed = hfa("trim", "--aircraft", str(EXAMPLES / "gtm.py"))
-    assert (unnamed.code, unnamed.err.count("\n")) == (2, 1)
-    assert {f"{EXAMPLES}/gtm.py:GTM", ":UNCERTAIN_GTM"} < {*unnamed.err.split()}
 
 
 ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")

@@ -121,13 +121,3 @@ def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case: str) -> Non
             judged_too = checks[check["name"]]
             assert judged_too["ok"] == check["ok"]
             assert judged_too["value"] == pytest.approx(check["value"], rel=1e-6, abs=1e-12)
-
-
-def test_a_linear_model_keeps_its_names() -> None:
-    """The game on a model from `hfa linearize` keeps its names, units and provenance."""
-    assert hfa("linearize", "--dihedral", "12", "-o", "plant.json").code == 0
-    data = answer("solve", "--model", "plant.json")
-    assert (tuple(data["states"]), tuple(data["inputs"])) == (LINEAR_STATES, INPUTS)
-    assert data["state_units"][:2] == ["ft/s", "rad"]
-    assert data["plant_provenance"]["parameters"] == "identified"
-    assert data["plant_provenance"]["command"].startswith("hfa linearize --dihedral 12 -o ")

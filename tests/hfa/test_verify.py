@@ -31,15 +31,6 @@ def test_verify_passes_an_exact_critic_file(game: Game, kind: str, suffix: str) 
     assert (data["P_rel_error"] is None) == (kind == "K")
 
 
-def test_the_user_sets_the_error_limit(game: Game) -> None:
-    """An error of 1e-5 in P fails by default and passes with --limit-error 2e-5."""
-    file = stored("P.json", P=(1.0 + 1e-5) * solve(game).P)
-    assert answer("verify", *AT_15, "--weights", file, code=FAILED)["P_rel_error"] == pytest.approx(
-        1e-5, rel=1e-6
-    )
-    assert answer("verify", *AT_15, "--weights", file, "--limit-error", "2e-5")["ok"] is True
-
-
 # The cost of a critic.
 
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import pickle
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from cli import SCRIPT
 
 from hfa import load_model
 
@@ -74,19 +72,6 @@ def test_a_file_imports_the_modules_beside_it(
     assert not list(tmp_path.rglob("*.pyc"))
     for name in [name for name in sys.modules if "_plant" in name]:
         sys.modules.pop(name)
-
-
-@pytest.mark.slow
-def test_a_module_beside_the_file_does_not_replace_a_package(tmp_path: Path) -> None:
-    """`hfa trim` runs although the folder of the aircraft contains files named like its packages."""
-    for name in ("trim", "controller", "hfa_model"):
-        (tmp_path / f"{name}.py").write_text("raise RuntimeError('imported')\n")
-    (tmp_path / "beside_plant.py").write_text("gain = 2.0\n")
-    (tmp_path / "plant.py").write_text(MODEL.format(helper="beside_plant"))
-    words = [str(SCRIPT), "trim", "--aircraft", f"{tmp_path}/plant.py:PLANT", "--json"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert '"x"' in done.stdout
 
 
 def test_the_hash_covers_a_neighboring_table(tmp_path: Path) -> None:

@@ -117,26 +117,6 @@ def test_a_gain_closes_the_loop_and_has_margins() -> None:
         linear.closed_loop(K.T)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ({"A": A, "B": np.ones((3, 1))}, "B is 3 x 1; give 2 x 1"),
-        ({"A": np.ones((2, 3)), "B": B}, "A is 2 x 3; give 2 x 2"),
-        ({"A": A, "B": B, "C": np.ones((1, 3))}, "C is 1 x 3; give 1 x 2"),
-        ({"A": A, "B": B, "states": ("x",)}, "states has 1 entries"),
-        (
-            {"A": A, "B": B, "outputs": ("y",)},
-            "outputs has 1 names, but C has 2 rows; give a name for each row",
-        ),
-        ({"A": A * np.nan, "B": B}, "A.0..0. is nan"),
-    ],
-)
-def test_inconsistent_matrices_are_refused(arguments: dict[str, object], said: str) -> None:
-    """Matrices and names of inconsistent sizes and an entry of nan are refused."""
-    with pytest.raises(BadInputError, match=said):
-        hfa.LinearModel.of(**arguments)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("suffix", [".npz", ".json"])
 def test_modes_of_given_matrices_are_printed(suffix: str, folder: Path) -> None:
     """`hfa linearize --model FILE` reports the eigenvalues of A, with and without B."""

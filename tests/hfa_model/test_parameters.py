@@ -13,8 +13,7 @@ import pytest
 from cli import refusal
 
 import hfa
-import hfa_model
-from hfa import BadInputError, Model
+from hfa import BadInputError
 from hfa_model import Parameters, load_parameters, published_models, save_parameters
 
 
@@ -93,15 +92,6 @@ def test_wrong_entries_are_refused(
     assert count == 1, f"{pattern!r} is not in the file"
     path.write_text(text, encoding="utf-8")
     assert named in refusal(load_parameters, path)
-
-
-def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
-    """A panel with a negative mass, span or chord is refused."""
-    for name in ("panel_mass", "panel_span", "chord"):
-        with pytest.raises(
-            BadInputError, match=f"parameter {name} is -1; give a number of at least 0"
-        ):
-            hfa.aircraft(parameters=hfa_model.parameters_of(aircraft)._replace(**{name: -1.0}))
 
 
 def test_both_named_parameter_sets_load(parameter_set: Any) -> None:

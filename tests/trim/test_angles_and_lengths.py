@@ -159,9 +159,3 @@ def test_the_figures_are_those_of_the_coefficients(reference: dict[str, float]) 
 def test_figures_do_not_depend_on_units(units: Units, reference: dict[str, float]) -> None:
     """Sheet, levels, modes, closed loop and flight are equal in degrees and in feet."""
     assert figures(units) == pytest.approx(reference, rel=1e-6, nan_ok=True)
-
-
-@pytest.mark.parametrize("units", ALL, ids="-".join)
-def test_the_first_line_states_the_climb_in_degrees(units: Units) -> None:
-    """The first line states the climb of .05 rad."""
-    assert f"climb {math.degrees(0.05):.3g} deg" in hfa.trim(aircraft(units)).report().title

@@ -13,7 +13,7 @@ import pytest
 from cli import answer, assert_refused, hfa
 from own_models import F16, GTM, trimmed
 
-from hfa import Model, Signal, linearize, sweep, trim
+from hfa import Model, Signal, linearize, trim
 from trim import TrimError, release, trim_points, trim_report, usual_condition
 
 #: Stevens and Lewis, table 3.6-3: xcg, held variables, rates, alpha, beta, throttle, elevator,
@@ -133,26 +133,6 @@ def test_a_second_trim_of_equal_throttle_is_named() -> None:
     words = ("--aircraft", "examples/f16.py:F16", "--free", "speed", "--hold", "throttle=0.2")
     data = answer("trim", *words, "--start", message[1])
     assert data["operating_point"]["states"]["speed"] == pytest.approx(back["speed"], rel=1e-9)
-
-
-def test_swept_turns_equal_single_trims() -> None:
-    """A sweep of turns equals single trims.
-
-    The bank angle increases with the turn rate and is below 90 deg.
-    """
-    rates = np.linspace(0.0, 0.25, 26)
-    swept = sweep(F16, {"turn_rate": rates})
-    bank = swept.states[:, list(F16.states).index("roll")]
-    assert swept.trimmed.all()
-    assert (np.diff(bank) > 0).all()
-    assert bank[-1] < np.pi / 2
-    for i in (5, 20):
-        np.testing.assert_allclose(
-            trimmed(F16, {"turn_rate": rates[i]}).states, swept.states[i], atol=1e-10
-        )
-        np.testing.assert_array_equal(
-            sweep(F16, {"turn_rate": rates[i : i + 1]}).states[0], swept.states[i]
-        )
 
 
 def test_further_initial_guesses_cross_a_flat_region() -> None:

@@ -165,6 +165,15 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "the equations do not depend on push": lambda _: hfa.trim(coasting()),
     "time is 0": lambda _: TWO.step(0.0),
     "increasing times such as": lambda _: TWO.impulse([0.0, 1.0, 1.0]),
+    "C is 1 x 3; give 1 x 2": lambda _: LinearModel.of(np.eye(2), np.eye(2), np.ones((1, 3))),
+    "states has 1 entries": lambda _: LinearModel.of(np.eye(2), np.eye(2), states=("x",)),
+    "outputs has 1 names, but C has 2 rows": lambda _: LinearModel.of(
+        np.eye(2), np.eye(2), outputs=("y",)
+    ),
+    "A[0][0] is nan": lambda _: LinearModel.of(np.nan * np.eye(2), np.eye(2)),
+    "parameter chord is -1; give a number of at least 0": lambda _: hfa.aircraft(
+        parameters=default_parameters().values._replace(chord=-1.0)
+    ),
     "no rate is imposed": lambda _: TrimCondition(HFA, HFA.trim, {}),
     "unknown rate 'sped'": lambda _: TrimCondition(HFA, HFA.trim, {"sped": 0.0}),
     "gamma is both free and held": lambda _: release(

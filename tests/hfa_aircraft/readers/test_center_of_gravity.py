@@ -70,37 +70,6 @@ def test_flights_at_another_center_equal_own_equations(held: dict[str, float]) -
     assert_equal_flights(model, SixDof(TABLE, cg), **held)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "held",
-    [
-        {"speed": speed, "altitude": altitude, **path}
-        for speed in (25.0, 40.0)
-        for altitude in (0.0, 3000.0)
-        for path in ({}, {"gamma": 0.08}, {"turn_rate": 0.3})
-    ],
-)
-def test_twelve_conditions_of_the_example_equal_own_equations(held: dict[str, float]) -> None:
-    """Each column of twelve conditions of examples/uav.toml is that of the own equations."""
-    assert_equal_flights(tool.load_model(str(ROOT / "examples/uav.toml")), SixDof(UAV), **held)
-
-
-def test_the_static_margin_moves_by_the_difference() -> None:
-    """The static margin falls by the move, and the neutral point stays in its place."""
-    model = from_derivatives(UAV | {"cg": 0.25})
-    places = []
-    for cg in (0.2, 0.35):
-        sheet = trim(model.with_parameters(cg=cg)).sheet
-        places.append(cg + sheet["static margin"].value)
-    assert places == pytest.approx([0.25 + 0.38 / 3.45] * 2, abs=2e-3)
-
-
-def test_a_file_without_move_is_unchanged() -> None:
-    """The entry cg alone changes no derivative."""
-    plain, stated = (from_derivatives(each) for each in (UAV, UAV | {"cg": 0.31, "tail_arm": 0.9}))
-    assert np.array_equal(linearize(stated, trim(stated)).A, linearize(plain, trim(plain)).A)
-
-
 def test_a_tail_arm_scales_the_damping() -> None:
     """With lift by rates at a tail, C_mq = -C_Lq l/c, the modes are those of the moved tail."""
     arm, chord, moved = 0.9, 0.18994, 0.1 * 0.18994

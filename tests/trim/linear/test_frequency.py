@@ -8,7 +8,7 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import hfa
 from own_models import F16, NAVION, trimmed
 
 from hfa import LinearModel, aircraft, linearize
@@ -159,29 +159,6 @@ def test_a_bode_plot_shows_at_most_six_outputs() -> None:
     near = np.flatnonzero(np.abs(drawn / phugoid - 1.0) < 0.15)
     phases = [line.get_ydata()[near] for axes in figure.axes[1::2] for line in axes.lines]
     assert max(np.abs(np.diff(phase)).max() for phase in phases) < 45.0
-
-
-@pytest.mark.slow
-def test_the_command_reports_the_models_transfer_functions(tmp_path: Path) -> None:
-    """`hfa linearize --bode` reports the transfer functions of the model, also in SI units."""
-    chosen = "--inputs", "throttle,elevator_center", "--outputs", "gamma,speed"
-    words = "linearize", "--dihedral", "10", "--bode", *chosen
-    data = answer(*words, "--picture", str(tmp_path / "bode.svg"))
-    si = answer(*words, "--units", "si")
-    assert (tmp_path / "bode.svg").read_text().count("<svg") == 1
-    point = level_model(aircraft(), float(np.radians(10.0))).point
-    first = transfers(linearize(aircraft(), point, outputs=("gamma", "speed")).system)[0]
-    assert data["transfers"][0]["gain"] == first.gain
-    assert data["transfers"][0]["zeros"] == [[zero.real, zero.imag] for zero in first.zeros]
-    for in_si, in_feet in zip(si["transfers"][:2], data["transfers"][:2], strict=True):
-        assert in_si["unit"] == in_feet["unit"]  # angles and percent: no feet
-        assert in_si["gain"] == pytest.approx(in_feet["gain"], rel=1e-9)
-    meters = data["transfers"][2] | {
-        name: 0.3048 * data["transfers"][2][name] for name in ("gain", "static")
-    }
-    assert si["transfers"][2]["unit"] == "(m/s)/(1)"
-    assert si["transfers"][2]["gain"] == pytest.approx(meters["gain"], rel=1e-9)
-    assert {"n/alpha", "CAP", "phugoid damping"} < {*data["handling_qualities"]}
 
 
 def test_transfer_functions_that_are_0_are_not_shown(folder: Path) -> None:

@@ -14,7 +14,7 @@ from known_models import model_at, released_simulation
 import hfa
 from hfa import LinearModel, Model, OperatingPoint, linearize, trim
 from hfa.paper import level_flight
-from hfa_model import INPUTS, LINEAR_STATES, STATES, Parameters, published_models
+from hfa_model import LINEAR_STATES, STATES, Parameters, published_models
 from studies.identification.parameters import IDENTIFIED
 from trim import compare, entry_bands, regenerate
 
@@ -185,15 +185,6 @@ def test_vertical_wind_has_the_released_columns() -> None:
             abs(column[LINEAR_STATES.index(row)] - value) for row, value in PEER[name].items()
         ]
         assert max(errors) <= 2e-8 * max(map(abs, PEER[name].values())), name
-
-
-def test_a_channel_is_selected_by_output_and_input() -> None:
-    """`linear[output, input]` has one column of B and one row of C."""
-    linear = model_at(15.0)
-    loop = linear["pitch_rate", "elevator_center"]
-    assert np.array_equal(loop.B, linear.B[:, [INPUTS.index("elevator_center")]])
-    assert np.array_equal(loop.C, np.eye(6)[[LINEAR_STATES.index("pitch_rate")]])
-    assert np.array_equal(loop.A, linear.A)
 
 
 @pytest.mark.parametrize(

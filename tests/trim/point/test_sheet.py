@@ -65,22 +65,6 @@ def test_paths_controls_and_modes_stand_in_the_first_lines() -> None:
         assert f"{mode.name} {mode.frequency:.3g} rad/s, damping {mode.damping:.3g}" in third
 
 
-def test_first_lines_fit_into_80_columns() -> None:
-    """Long names, many inputs and many unstable modes are wrapped."""
-    names = [f"a_rather_long_name_of_state_{number}" for number in range(5)]
-    inputs = {f"a_rather_long_name_of_input_{number}": Signal("N") for number in range(5)}
-
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        forces = zip(names, u, strict=True)
-        return {name: getattr(x, name) + force - 1.0 for name, force in forces}, {}
-
-    model = Model("many", dict.fromkeys(names, Signal("m")), inputs, equations)
-    point = hfa.trim(model, hfa.TrimCondition(model, dict.fromkeys(names, 3.0)))
-    for title in (point.report().title, point.linearize().report().title):
-        assert max(map(len, title.splitlines())) <= 80
-        assert all(name in title for name in names)
-
-
 SLED = """
 import casadi as ca
 from hfa import Model, Signal
@@ -221,19 +205,6 @@ def test_the_load_factor_is_normal_to_the_path(name: str) -> None:
     assert climbing["load_factor"] == pytest.approx(math.cos(0.05), abs=1e-9)
     turning = hfa.trim(point.model, turn_rate=0.05)
     assert turning["load_factor"] == pytest.approx(1.0 / math.cos(turning["roll"]), rel=2e-3)
-
-
-def test_turns_of_tables_are_trimmed_upright() -> None:
-    """Turns from 0 to 65 deg of bank, one by one and in a sweep, have tan φ = V ω / g."""
-    model = hfa.load_model(f"{EXAMPLES}/uav.toml")
-    gravity = model.parameters["gravity"].start
-    banks = np.radians(np.arange(-65.0, 66.0, 13.0))
-    turns = gravity * np.tan(banks) / model.trim["speed"]
-    swept = hfa.sweep(model, turn_rate=turns)
-    assert swept.trimmed.all()
-    np.testing.assert_allclose(swept["roll"], banks, atol=0.02)
-    for turn, bank in zip(turns.tolist(), banks.tolist(), strict=True):
-        assert hfa.trim(model, turn_rate=turn)["roll"] == pytest.approx(bank, abs=0.02)
 
 
 def test_an_assumed_limit_of_an_angle_does_not_hide_a_trim_upside_down() -> None:

@@ -77,33 +77,6 @@ def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
     assert np.count_nonzero(~result.trimmed) == without.get(name, 0)
 
 
-NUMBER = re.compile(r"(-?\d+\.\d{4})(?: (±|[+-])(?: )?(\d+\.\d{4})i)?")
-
-
-def eigenvalues_in(line: str) -> list[complex]:
-    """Return the eigenvalues printed in a line of the table, two for a complex pair."""
-    eigenvalues = []
-    for real, sign, imaginary in NUMBER.findall(line):
-        value = complex(float(real), float(imaginary or 0) * (-1 if sign == "-" else 1))
-        eigenvalues += [value, value.conjugate()] if sign == "±" else [value]
-    return eigenvalues
-
-
-def test_every_eigenvalue_is_printed_once(published_aircraft: Model) -> None:
-    """The report prints every eigenvalue of every point once.
-
-    Beyond 28 deg the pair of the short period becomes two real eigenvalues.
-    """
-    shown = sweep(published_aircraft, {"dihedral": np.radians(np.arange(0.0, 60.1, 10.0))})
-    text = shown.report().text(width=None)
-    lines = [line for line in text.splitlines() if re.match(r"\d[\d.]* {2,}", line)]
-    for line, expected, trimmed in zip(lines, shown.eigenvalues, shown.trimmed, strict=True):
-        if trimmed:
-            eigenvalues = np.sort_complex(eigenvalues_in(line))
-            rounded = np.sort_complex(expected.round(4))
-            np.testing.assert_allclose(eigenvalues, rounded, atol=1.1e-4)
-
-
 def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> None:
     """The report of a sweep to -16 deg notes the range of the paper. That of a sweep to -15 deg
     does not.
