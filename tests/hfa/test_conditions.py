@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -54,34 +53,6 @@ def test_a_climb_of_a_model_with_altitude_is_advised_and_found(tmp_path: Path) -
     found = answer(*words, "--free", "altitude_dot")
     thrust = found["operating_point"]["inputs"]["thrust"]
     assert thrust == pytest.approx(9.81 * np.sin(np.radians(4.0)), rel=1e-9)
-
-
-ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")
-
-
-@pytest.mark.parametrize(
-    ("words", "code"),
-    [
-        (("--limit", "elevator_outer=-2:2"), 1),
-        (("--condition", "simvfa-64"), 0),
-        (("--parameters", "gibson-2011-simulation", *ALPHA_FREE), 0),
-    ],
-)
-def test_a_sweep_point_equals_linearize(words: tuple[str, ...], code: int) -> None:
-    """A and B of a sweep point equal those of `linearize`.
-
-    If there is no trim, both commands have the same exit code and report the same reason.
-    """
-    swept = hfa("sweep", "--dihedral", "10", *words, "--json")
-    single = hfa("linearize", "--dihedral", "10", *words, "--json")
-    assert (swept.code, single.code) == (code, code)
-    if single.code:
-        assert single.err.startswith("hfa: " + json.loads(swept.out)["reasons"][0])
-        return
-    data = json.loads(swept.out)
-    expected = json.loads(single.out)
-    np.testing.assert_allclose(data["A"][0], expected["A"], rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(data["B"][0], expected["B"], rtol=1e-9, atol=1e-9)
 
 
 def test_ranges_and_lists_have_units() -> None:

@@ -19,7 +19,6 @@ from standard_air import density
 from unsteady_energy import GUST, MOTION, derived_unsteady
 
 from hfa import linearize, trim
-from hfa.paper import level_model
 from hfa_model import STATES, UNSTEADY, Input, Parameters, State
 from trim import usual_condition
 
@@ -41,10 +40,7 @@ def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def test_without_effects_rates_equal_newton(parameters: Parameters) -> None:
-    """With all effects at 0, the rates equal those of `newton`.
-
-    A change of any effect by 1e-6 (planted error) is detected.
-    """
+    """With all effects at 0, the rates equal those of `newton`."""
     plain = UNSTEADY.with_parameters(**parameters._asdict(), **dict.fromkeys(EFFECTS, 0.0))
     as_record = plain.layout.record
     for x, u, w in points(10, 3):
@@ -59,22 +55,6 @@ def test_without_effects_rates_equal_newton(parameters: Parameters) -> None:
         expected = rates(State(*x[:7].tolist()), Input(*u.tolist()), parameters, "newton", winds)
         assert_allclose(
             [float(computed[name]) for name in STATES], expected, rtol=1e-12, atol=1e-11
-        )
-    for name in EFFECTS:  # planted errors: a change of any effect by 1e-6 is detected
-        planted = UNSTEADY.with_parameters(
-            **parameters._asdict(), **(dict.fromkeys(EFFECTS, 0.0) | {name: 1e-6})
-        )
-        x, u, p, w = (
-            planted.layout.record(*vector)
-            for vector in zip("xupw", (*vectors[:2], planted.p, w), strict=True)
-        )
-        computed = planted.equations(x, u, p, w)[0]
-        assert (
-            max(
-                abs(float(computed[name]) - value)
-                for name, value in zip(STATES, expected, strict=True)
-            )
-            > 1e-9
         )
 
 
@@ -238,41 +218,3 @@ def test_unsteady_trims_equal_quasi_steady_trims(degrees: float) -> None:
     assert strips["gust_outer_1"] == pytest.approx(0.0)
     infinite = trim(UNSTEADY.with_parameters(finite_span=0.0), condition)
     assert abs(infinite.inputs.elevator_center - whole.inputs.elevator_center) > 0.3 * DEGREES
-
-
-def test_apparent_mass_equals_the_textbook_value(parameters: Parameters) -> None:
-    """A wing without dihedral has the apparent mass of Theodorsen's plate about its quarter chord.
-
-    Mass, coupling and inertia are m, m b/2 and 3/8 m b². A tail is referred to the quarter chord of
-    the wing. Glauert's moment of the parabolic camber equivalent to the pitch rate also agrees.
-    """
-    model = level_model(
-        UNSTEADY.with_parameters(
-            **{effect: float(effect == "apparent_mass") for effect in EFFECTS}
-        ),
-        0.0,
-    )
-    p = parameters
-    x = model.point.states
-    air = density(40000.0)
-    forward = x.speed * np.cos(x.alpha)
-    t = (np.arange(2000) + 0.5) * np.pi / 2000
-    slope = (
-        np.cos(t) / 2
-    )  # of the camber line z, up: dz/dx = -q (x - c/2) / V at q c / V = 1, x = c (1 - cos t) / 2
-    A1, A2 = (2 * np.mean(slope * np.cos(n * t)) for n in (1, 2))
-    mass = np.diag([3 * p.panel_mass, 3 * p.inertia_pitch])
-    moment = 0.0
-    for chord, area, behind in (
-        (p.chord, p.panel_span * p.chord, 0.0),
-        (2.0, p.tail_area, p.boom_length),
-    ):
-        m = np.pi * air * area * chord / 4
-        b = chord / 2
-        inertia = 3 / 8 * m * b**2 + m * b * behind + m * behind**2
-        mass += 3 * np.array([[m, m * (b / 2 + behind)], [m * (b / 2 + behind), inertia]])
-        moment += 3 * air * forward**2 / 2 * area * chord * np.pi / 4 * (A2 - A1) * chord / forward
-    q, V, alpha = (model.states.index(name) for name in ("pitch_rate", "speed", "alpha"))
-    descent = np.sin(x.alpha) * model.A[V, q] + forward * model.A[alpha, q]
-    computed = mass @ [descent, model.A[q, q]]
-    assert_allclose(computed, [3 * p.panel_mass * forward, moment], rtol=1e-4)

@@ -68,21 +68,6 @@ def test_modes_that_inputs_or_outputs_miss_are_zeros() -> None:
     assert np.sort_complex(found) == pytest.approx(np.sort_complex(loop.zeros()), abs=1e-6)
 
 
-def test_names_index_values_and_modes() -> None:
-    """States, margins and modes of trims and linear models are indexed by name."""
-    linear = _linear()
-    point = linear.point
-    elevator = point.margins["elevator_center"]
-    lowest, highest = MODEL.limits["elevator_center"]
-    assert elevator.distance == min(elevator.value - lowest, highest - elevator.value)
-    assert point.residual == max(map(abs, point.scaled_residuals.values())) < 1e-10
-    assert point.states["alpha"] == point.states[1] == point["alpha"]
-    assert list(dict(point.states).values()) == list(point.states)
-    slow = [each for each in linear.eigenvalues if 0.0 < each.imag < 2.0]
-    assert [linear.modes["phugoid"].eigenvalue] == pytest.approx(slow)
-    assert dict(linear.modes)["phugoid"] == linear.modes["phugoid"]
-
-
 def test_a_sweep_is_a_sequence_of_linear_models() -> None:
     """A sweep is a sequence of linear models; `at` trims between its points.
 

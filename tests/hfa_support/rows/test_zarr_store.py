@@ -114,17 +114,6 @@ def test_two_processes_write_the_bytes_of_one(finished_store: Path, tmp_path: Pa
     assert contents(tmp_path / "two.zarr") == contents(finished_store)
 
 
-@pytest.mark.slow
-def test_a_dask_cluster_writes_the_bytes_of_one(finished_store: Path, tmp_path: Path) -> None:
-    """A Dask cluster writes the same bytes as one process."""
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=4, processes=False, dashboard_address=":0"
-    ) as cluster:
-        fill_store(row_job(), tmp_path / "far.zarr", workers=cluster.scheduler_address)
-    assert contents(tmp_path / "far.zarr") == contents(finished_store)
-
-
 class Stop(Exception):
     pass
 
