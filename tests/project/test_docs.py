@@ -209,12 +209,13 @@ def headings(document: str) -> list[str]:
     return [re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles]
 
 
-#: Examples that print nothing: aircraft (tests/trim/test_own_models.py), and a training script.
+#: Examples without shown output: aircraft (tests/trim/test_own_models.py), and training scripts.
 SILENT = (
     "f16",
     "f16_constant",
     "flying_wings",
     "gtm",
+    "imitate_a_planner",
     "navion",
     "pendulum",
     "train_a_network",

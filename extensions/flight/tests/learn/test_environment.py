@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,13 @@ ACTION = {"elevator": {"box": [-1, 1], "map": "trim + 0.3 * a"}}
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.slow
+def test_an_imitated_planner_flies_in_the_environment() -> None:
+    """The example's policy of its rows costs less than half of no action."""
+    imitation, nothing = runpy.run_path("examples/imitate_a_planner.py")["main"](flights=3)
+    assert imitation < 0.5 * nothing
+
+
 def test_the_checker_of_gymnasium_passes() -> None:
     """The environment passes the checker of Gymnasium."""
     from gymnasium.utils.env_checker import check_env
