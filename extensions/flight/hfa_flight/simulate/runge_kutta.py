@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from copy import copy
+from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -13,7 +14,7 @@ from hfa_support.native.machine_code import machine_code
 
 
 class RungeKutta:
-    """Stepper of one flight by the classical Runge-Kutta method, all steps of a tick at once.
+    """Stepper of one flight by the classical Runge-Kutta method, many steps at once.
 
     rate: (t, x, held) -> x'
     observed: (t, x, held) -> observed values, (k,)
@@ -34,28 +35,34 @@ class RungeKutta:
         self.step = step
         self.steps = steps
         self.sizes = rate.numel_in(1), observed.numel_out(0)
-        self._rate = rate
         self._observed = observed
-        self._parts = parts
-        one = _step(rate, observed, step, parts)
-        begin = ca.MX.sym("begin", one.numel_in(0))
-        held = ca.MX.sym("held", one.numel_in(1))
-        after, before = one.mapaccum("steps", steps)(begin, ca.repmat(held, 1, steps))
-        tick = ca.Function("tick", [begin, held], [after, before])
+        self._calls = 1
+        one = _step(rate, observed, parts)
+        begin, held, h = (ca.MX.sym("x", one.numel_in(place)) for place in range(3))
+        every = (ca.repmat(each, 1, steps) for each in (held, h))
+        after, before = one.mapaccum("steps", steps)(begin, *every)
+        tick = ca.Function("tick", [begin, held, h], [after, before])
+        self._one = BoundFunction(one)
         self._tick = BoundFunction(machine_code(tick) if is_long else tick)
+
+    def refined(self, parts: int) -> Self:
+        """Return the stepper with several steps in place of each, by the same function."""
+        finer = copy(self)
+        finer.step, finer.steps, finer._calls = self.step / parts, self.steps * parts, parts
+        return finer
 
     def __call__(
         self, time: float, state: np.ndarray, held: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the states after each step, and the values observed before it."""
-        begin, held_inputs = self._tick.inputs
-        begin[0] = time
-        begin[1:] = state[0]
-        held_inputs[:] = held
-        self._tick()
-        after, before = self._tick.results
-        times_and_states = after.reshape(1, self.steps, -1)
-        return times_and_states[:, :, 1:], before.reshape(1, self.steps, -1)
+        begin = np.array([time, *state[0]])
+        flown = []
+        for _ in range(self._calls):
+            flown.append(self._tick.at(begin, held, self.step))
+            begin = flown[-1][0][-len(begin) :]
+        after, before = map(np.concatenate, zip(*flown, strict=True))
+        rows = (1, self.steps, -1)
+        return after.reshape(rows)[:, :, 1:], before.reshape(rows)
 
     def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Return the values observed at a time, (1, k)."""
@@ -66,32 +73,27 @@ class RungeKutta:
 
         seconds: duration of the part, s
         """
-        h = seconds / self._parts
-        x = ca.DM(state[0])
-        for part in range(self._parts):
-
-            def rate(y: Any, c: float, t: float = time + part * h) -> Any:
-                return self._rate(t + c * h, y, held[0])
-
-            x = rk4(rate, x, h)
-        return np.array(x).reshape(1, -1)
+        after, _ = self._one.at([time, *state[0]], held, seconds)
+        return np.array(after[1:])[None]
 
 
-def _step(rate: ca.Function, observed: ca.Function, step: float, parts: int) -> ca.Function:
-    """Return the function ([t; x], held) -> ([t; x] after a step, values observed before it)."""
+def _step(rate: ca.Function, observed: ca.Function, parts: int) -> ca.Function:
+    """Return the function ([t; x], held, h) -> ([t; x] h seconds later, values observed before)."""
     begin = ca.SX.sym("begin", 1 + rate.numel_in(1))
     held = ca.SX.sym("held", rate.numel_in(2))
+    h = ca.SX.sym("h")
     time, state = begin[0], begin[1:]
-    part = step / parts
+    part = h / parts
     later = rk4(lambda x, c: rate(time + c * part, x, held), state, part)
     end = ca.densify(ca.vertcat(time + part, later))
     if parts == 1:
         seen = ca.densify(observed(time, state, held))
-        return ca.Function("step", [begin, held], [end, seen], {"cse": True})
-    # `fold` repeats a function of a single column, which therefore carries the held inputs.
-    carried = ca.vertcat(begin, held)
-    one_part = ca.Function("part", [carried], [ca.vertcat(end, held)], {"cse": True})
-    first = ca.MX.sym("first", begin.numel())
-    inputs = ca.MX.sym("held", held.numel())
-    last = one_part.fold(parts)(ca.vertcat(first, inputs))[: begin.numel()]
-    return ca.Function("step", [first, inputs], [last, observed(first[0], first[1:], inputs)])
+        return ca.Function("step", [begin, held, h], [end, seen], {"cse": True})
+    # `fold` repeats a function of a single column, which therefore carries what is held.
+    carried = ca.vertcat(begin, held, h)
+    one_part = ca.Function("part", [carried], [ca.vertcat(end, held, h)], {"cse": True})
+    first, inputs = ca.MX.sym("first", begin.numel()), ca.MX.sym("held", held.numel())
+    seconds = ca.MX.sym("seconds")
+    last = one_part.fold(parts)(ca.vertcat(first, inputs, seconds))[: begin.numel()]
+    before = observed(first[0], first[1:], inputs)
+    return ca.Function("step", [first, inputs, seconds], [last, before])

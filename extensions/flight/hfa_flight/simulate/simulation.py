@@ -60,26 +60,19 @@ class CompiledLoop:
         self._alpha = -1
         if now.angle.numel():
             self._alpha = list(loop.plant.point.model.states).index(ALPHA)
-        self._flights = flights
-        self.stepper = self._runge_kutta(1)
-        self._refined: dict[int, CompiledLoop] = {1: self}
+        scenario = loop.scenario
+        step, steps = scenario.step, scenario.steps_per_tick
+        within = _parts_of_a_step(loop)
+        is_long = flights * scenario.ticks * steps * within >= COMPILE_FROM_STEPS
+        self.stepper = RungeKutta(
+            self.rate, self.observed, step, steps, parts=within, is_long=is_long
+        )
 
     def refined(self, parts: int) -> CompiledLoop:
         """Return the loop with several recorded steps in place of each."""
-        if parts not in self._refined:
-            finer = copy(self)
-            finer.stepper = self._runge_kutta(parts)
-            self._refined[parts] = finer
-        return self._refined[parts]
-
-    def _runge_kutta(self, parts: int) -> RungeKutta:
-        """Return the stepper of the Runge-Kutta method, as machine code if that saves time."""
-        scenario = self.loop.scenario
-        within = _parts_of_a_step(self.loop)
-        steps = scenario.steps_per_tick * parts
-        step = scenario.step / parts
-        is_long = self._flights * scenario.ticks * steps * within >= COMPILE_FROM_STEPS
-        return RungeKutta(self.rate, self.observed, step, steps, parts=within, is_long=is_long)
+        finer = copy(self)
+        finer.stepper = self.stepper.refined(parts)
+        return finer
 
     def fly(
         self,
