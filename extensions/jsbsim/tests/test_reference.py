@@ -72,6 +72,8 @@ def misses(name, count):
     points = random_points(model, count)
     worst = np.zeros(3)
     for point, answer in zip(points, measured(name, points), strict=True):
+        # Systems of JSBSim move fuel between tanks; the model keeps the contents of the file.
+        answer = {key: value for key, value in answer.items() if not key.startswith("tank")}
         _, rates, outputs = ours_at(model, point, answer)
         thrust = sum(value for key, value in answer.items() if key.startswith("thrust"))
         turning = [

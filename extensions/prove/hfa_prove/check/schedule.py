@@ -204,7 +204,7 @@ class ScheduleProof:
     def _check_decay(self, loop: LinearInPosition, trims: TrimPiece) -> None:
         """Raise Rejected unless the decay rate is proved on a piece."""
         n = loop.centre.nrows()
-        values, vectors = np.linalg.eig(loop.in_doubles())
+        values, vectors = np.linalg.eig(doubles(loop.centre))
         largest = float(values.real.max())
         rate = self.statement.decay_rate
         if not largest < -rate:
@@ -286,10 +286,6 @@ class LinearInPosition:
     def at(self, t: arb) -> arb_mat:
         """Return the balls of C at a position."""
         return self.centre + self.slope * t + self.rest
-
-    def in_doubles(self) -> np.ndarray:
-        """Return C0 in doubles."""
-        return doubles(self.centre)
 
 
 def real_basis(values: np.ndarray, vectors: np.ndarray) -> np.ndarray:

@@ -13,8 +13,8 @@ from hfa_support.schema import Number
 not_negative = partial(number, declared=Number(0.0))
 
 
-def interval(text: str) -> tuple[float, ...]:
-    """Return the two numbers of a text LOW:HIGH, or the one number of a text.
+def interval_of(model: Model, text: str) -> tuple[float, ...]:
+    """Return the ends LOW and HIGH of the scheduling variable, or one value, in the unit typed.
 
     Raises BadInputError unless there is one number, or LOW < HIGH.
     """
@@ -22,11 +22,6 @@ def interval(text: str) -> tuple[float, ...]:
     if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
         raise BadInputError(f"is {shortened(text)!r}; give one number, or LOW:HIGH with LOW < HIGH")
     return ends
-
-
-def interval_of(model: Model, text: str) -> tuple[float, ...]:
-    """Return the ends LOW and HIGH of the scheduling variable, or one value, in the unit typed."""
-    return interval(text)
 
 
 def refuse_no_certificate(output: Path | None) -> None:
