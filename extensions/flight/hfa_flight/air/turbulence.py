@@ -386,11 +386,11 @@ class TurbulentAir(Gust):
             if self.trimmed_at is not None and abs(self.trimmed_at - self.altitude) > 1.0:
                 which += f" (the trim is at {self.trimmed_at * self.feet:,.0f} {unit})"
         half = 0.5 * self.ticks * self.interval
-        share = AirFilter.of(self).risen(half)
+        percent = f"{100 * AirFilter.of(self).risen(half):.0f} %"
         return (
             f"{which}: {', '.join(self.taken)}; intensity {numbers[0]} {unit}/s, scale {numbers[1]}"
-            f" {unit}. It begins in calm; rms values are of the second half, from {half:.4g} s on "
-            f"({100 * share:.0f} % of the intensity)"
+            f" {unit}. It begins in calm, and has {percent} of its intensity at {half:.4g} s; "
+            "rms values are of the second half of a flight"
         )
 
     def left_out(self, model: Model) -> list[str]:
