@@ -26,6 +26,7 @@ from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
+from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
@@ -263,9 +264,6 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             self.weights_text(),
             RULE,
             limits_table(self.problem),
-            "No cheaper flight from this initial condition was found. This does not prove that "
-            f"none exists. The linear model without limits gives {self.linear_cost:.6g}, which is "
-            "not a cost of the aircraft.",
             Picture("flight", "The best flight found and the policies", self.figure),
         )
         return Report(self.title(), parts, data=self.as_data(), records=self.records())
@@ -290,26 +288,41 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             lines.append(f"guesses differ by {100 * self.found.spread_of_guesses:.2g} %")
         return "\n".join(lines)
 
-    def _checked(self) -> str:
+    def _checked(self) -> Group:
+        """Return the cost of the best flight beside what it was checked with."""
         found = self.found
+        linear = Row(
+            "linear cost",
+            self.linear_cost,
+            note="of the linear model without limits, not of the aircraft",
+            digits=6,
+        )
+        none_cheaper = "No cheaper flight was found, which does not prove that none exists."
         if self.reason is not None:
-            return f"Simulated cost: {self.cost:.6g}. No proposal of the optimizer is confirmed."
+            simulated = Row("simulated cost", self.cost, note="no proposal confirmed", digits=6)
+            return Group("best flight", (simulated, linear), (none_cheaper,))
         meshes = " and ".join(map(str, list(found.meshes)[-2:]))
-        lines = [
-            f"Simulated cost: {self.cost:.6g}. Cost proposed by the optimizer: "
-            f"{self.proposed_cost:.6g}.",
-            f"Meshes of {meshes} intervals over {self.seconds:.3g} s agree within "
-            f"{100 * found.spread_of_meshes:.2g} %. Costs from {len(found.guesses)} guesses are"
-            " up to "
-            f"{100 * found.spread_of_guesses:.2g} % above the best.",
-        ]
-        if has_kinks(self.problem):
-            lines.append(
-                "The optimizer used equations with smoothed tables and kinks. The simulation"
-                " used the "
-                "exact equations."
-            )
-        return " ".join(lines)
+        rows = (
+            Row("simulated cost", self.cost, digits=6),
+            Row("proposed cost", self.proposed_cost, note="of the optimizer", digits=6),
+            Row(
+                "difference of meshes",
+                100.0 * found.spread_of_meshes,
+                "%",
+                note=f"{meshes} intervals over {self.seconds:.3g} s",
+                digits=2,
+            ),
+            Row(
+                "dearest guess",
+                100.0 * found.spread_of_guesses,
+                "%",
+                note=f"above the best of {len(found.guesses)}",
+                digits=2,
+            ),
+            linear,
+        )
+        smoothed = "The optimizer smoothed tables and kinks, the simulation did not."
+        return Group("best flight", rows, (none_cheaper, *[smoothed] * has_kinks(self.problem)))
 
     def _labeled(self) -> list[tuple[SimulatedFlight, str]]:
         """Return the flights of the figure with their labels, the best flight first."""
