@@ -47,7 +47,7 @@ _NOTED = {
 }
 #: Statements of notes.
 _OF_FILTERS = "?filters=states after the aircraft's name makes these states"
-_NEVER = "these are omitted; `hfa fly --method jsbsim` includes them"
+_NEVER = "these are omitted, also with ?filters=states"
 _SET_TWICE = "set here and by the pilot; earlier components read the pilot's value"
 _CONSTANT = (
     "these commands of the file are constant; ?inputs=NAME,NAME after the aircraft's name makes "

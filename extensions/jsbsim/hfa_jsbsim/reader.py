@@ -394,8 +394,7 @@ class _Declaration:
         if not components:
             return ""
         names = ", ".join(shortened(each.attributes.get("name", "")) for each in components)
-        what = f"{name} moves, and <kinematic> {names} follows without delay"
-        return f"{what}; --method jsbsim includes the travel time"
+        return f"{name} moves, and <kinematic> {names} follows without delay"
 
     def _left_out(self, throttle: str) -> str:
         """Return a note on engines that follow a throttle without their lag, or ""."""
