@@ -57,6 +57,7 @@ def test_an_abandoned_job_leaves_no_worker() -> None:
     assert _gone()
 
 
+@pytest.mark.slow
 def test_a_dead_worker_is_reported() -> None:
     """The death of a worker is reported in one line that suggests --resume, and no worker is
     left.
@@ -111,6 +112,7 @@ def test_a_cluster_returns_all_results() -> None:
             list(run(_die, [(0, (0,))]))
 
 
+@pytest.mark.slow
 def test_unusable_workers_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Zero processes and an unreachable scheduler are refused."""
     with pytest.raises(BadInputError, match="at least 1"), open_workers(0):

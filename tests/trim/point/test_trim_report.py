@@ -118,6 +118,8 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
         figures.weight * math.sin(gamma), abs=1e-6
     )
     assert figures.load_factor == pytest.approx(math.cos(gamma), rel=1e-9)
+    force = figures.dynamic_pressure * figures.S / 3.0
+    assert figures.lift_coefficient_outer * force == pytest.approx(loads.outer.lift, rel=5e-4)
     assert figures.hinge_moment_total == pytest.approx(0.0, abs=1e-6)
     elastic = p.hinge_stiffness * point.states.dihedral
     assert figures.hinge_moment_total == pytest.approx(loads.hinge_moment - elastic, abs=1e-9)
@@ -154,6 +156,7 @@ def test_imposed_rates_are_balanced_and_freed(published_aircraft: Model) -> None
     thrust = [each["thrust"] * math.cos(each["alpha"]) for each in (level, point)]
     assert thrust[1] - thrust[0] == pytest.approx(0.5 * mass, rel=0.02)
     assert report.data["equations"]["speed"]["imposed"] == 0.5
+    assert "accelerated" in report.title
     condition = point.problem.asked
     assert condition.in_words() == "dihedral 10 deg, speed_dot 0.5 ft/s^2"
     assert condition.changes["rates"]["speed"] == 0.5
