@@ -40,12 +40,11 @@ def test_another_covariance_is_refused(names: str, rows: str, said: str) -> None
     assert_refused(hfa(*words), 2, f"found.toml: [covariance] {said}")
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("folder")
 def test_drawn_aircraft_do_not_depend_on_units() -> None:
     """Mass and lift slope are drawn together: the loops of the drawn aircraft are the same in SI."""
     path = found("cessna182", '["mass", "CL_alpha"]', "[[16.0, 0.4], [0.4, 0.04]]")
-    words = ("fly", "--aircraft", path, "--law", "exact", "--draws", "4", "--duration", "0.5", "-q")
+    words = ("fly", "--aircraft", path, "--law", "exact", "--draws", "3", "--duration", "0.1", "-q")
     bands = [
         answer(*words, *units)["draws"]["bands"]["abscissa of the loop"]
         for units in ((), ("--units", "si"))
