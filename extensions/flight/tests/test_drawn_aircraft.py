@@ -51,24 +51,6 @@ def test_the_band_of_a_trim_agrees_with_a_linear_prediction(
 
 
 @pytest.mark.usefixtures("folder")
-@pytest.mark.slow
-def test_drawn_aircraft_fly_from_the_trim_of_the_given_one(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """All begin at its trim, and larger bands give larger errors; very wide ones exit code 1."""
-    words = ["fly", "--law", "none", "--draws", "3", "--json", "--aircraft"]
-    largest = []
-    for deviation in (1e-6, 0.02, 0.04):
-        assert main([*words, written(deviation), "--duration", "2"]) == 0
-        found = json.loads(capsys.readouterr().out)
-        assert (found["within_limits"], found["drawn"]) == (3, list(NAMES))
-        largest.append(found["peak_error"]["pitch"][-1])
-    assert largest[0] < 1e-5
-    assert largest[2] == pytest.approx(2.0 * largest[1], rel=0.15)
-    assert main([*words, written(5.0), "--duration", "8"]) == 1
-
-
-@pytest.mark.usefixtures("folder")
 def test_unstable_linear_loops_fail_although_flights_stay(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

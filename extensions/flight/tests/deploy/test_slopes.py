@@ -8,8 +8,6 @@ import pytest
 from policy_cases import FOLDER, aircraft, stored_deployment
 from tolerances import SAME_FORMULA
 
-import hfa
-from hfa import BadInputError
 from hfa_flight import Deployed
 
 SLOPES = json.loads((FOLDER / "slopes.json").read_text())
@@ -82,38 +80,3 @@ def test_stored_slopes_equal_stable_baselines3(name):
     for stored, again in zip(SLOPES[name], slopes(name), strict=True):
         for key, values in stored.items():
             np.testing.assert_allclose(values, again[key], rtol=SAME_FORMULA, atol=1e-12)
-
-
-def test_an_onnx_deployment_has_the_actions_of_its_layers(tmp_path):
-    """a = clip(W3 tanh(W2 tanh(W1 n + b1) + b2) + b3) of the normalized observations n."""
-    onnx = pytest.importorskip("onnx")
-    random = np.random.default_rng(0)
-    sizes = [(16, 4), (16, 16), (2, 16)]
-    make = onnx.helper.make_node
-    nodes, weights, arrays, before = [], [], {}, "o"
-    for number, size in enumerate(sizes):
-        parts = {f"{2 * number}.weight": random.normal(size=size) / 4.0}
-        parts[f"{2 * number}.bias"] = random.normal(size=size[0])
-        arrays |= parts
-        weights += [onnx.numpy_helper.from_array(part, name) for name, part in parts.items()]
-        nodes.append(make("Gemm", [before, *parts], [f"h{number}"], transB=1))
-        before = f"h{number}"
-        if number < 2:
-            nodes.append(make("Tanh", [before], [f"t{number}"]))
-            before = f"t{number}"
-    rows = [onnx.helper.make_tensor_value_info("o", onnx.TensorProto.DOUBLE, [1, 4])]
-    given = [onnx.helper.make_tensor_value_info(before, onnx.TensorProto.DOUBLE, [1, 2])]
-    graph = onnx.helper.make_graph(nodes, "actor", rows, given, weights)
-    onnx.save(onnx.helper.make_model(graph), tmp_path / "actor.onnx")
-    usual = stored_deployment("ppo_gtm")
-    policy = {"file": str(tmp_path / "actor.onnx"), "normalizer": str(FOLDER / "ppo_gtm.pkl")}
-    act = Deployed(usual.changed(policy=policy), aircraft("ppo_gtm")).act
-    for o in random.uniform(-0.3, 0.3, (5, 4)):
-        h = usual.normalizer.normalized(o)
-        for number in range(3):
-            h = arrays[f"{2 * number}.weight"] @ h + arrays[f"{2 * number}.bias"]
-            h = np.tanh(h) if number < 2 else h
-        np.testing.assert_allclose(np.array(act(o)).ravel(), np.clip(h, -1.0, 1.0), atol=1e-12)
-    twice = {"file": str(tmp_path / "actor.onnx"), "activation": "tanh"}
-    with pytest.raises(BadInputError, match="contains the activations"):
-        hfa.assess(aircraft("ppo_gtm"), usual.changed(policy=twice), [45.0], samples=0)

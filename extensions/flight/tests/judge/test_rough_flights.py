@@ -92,6 +92,7 @@ def test_a_scenario_without_disturbances_is_refused(scenario, samples, said):
         )
 
 
+@pytest.mark.slow  # test_filter.py flies a deployment behind its filter
 def test_flights_of_an_assessment_are_behind_the_filter(capsys):
     """--filter is the filter of --noise and --turbulence; without the noise it is refused."""
     words = ["assess", str(FOLDER / "ppo_gtm.toml"), "--aircraft", GTM, "--at", "45", "--best", "0"]

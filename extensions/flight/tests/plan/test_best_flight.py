@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -121,28 +120,6 @@ def test_unusable_arguments_are_refused(
     assert "\n" not in str(caught.value)
 
 
-def engine(spool_up: float) -> hfa.Model:
-    """Return a vehicle whose engine spools down much faster than up: a kink at every trim.
-
-    spool_up: rate at which the engine follows a larger lever, 1/s
-    """
-
-    def moved(x: Any, u: Any, p: Any, w: Any) -> Any:
-        rate = ca.if_else(u.lever > x.engine, spool_up, 40.0)
-        return {
-            "speed": 2.0 * x.engine - 0.02 * x.speed**2,
-            "engine": rate * (u.lever - x.engine),
-        }, {}
-
-    return hfa.Model(
-        "engine",
-        {"speed": hfa.Signal("m/s", min=1.0, max=60.0), "engine": hfa.Signal("1", min=0, max=10)},
-        {"lever": hfa.Signal("1", min=0.0, max=8.0)},
-        moved,
-        trim={"speed": 15.0},
-    )
-
-
 def test_a_proposal_through_a_kink_is_confirmed() -> None:
     """v' = u - .3 |v|: the flight of the exact equations costs what the smooth copy promised."""
     model = replace(
@@ -156,19 +133,3 @@ def test_a_proposal_through_a_kink_is_confirmed() -> None:
     assert best.reason is None
     assert best.cost == pytest.approx(best.proposed_cost, rel=5e-3)
     assert best.cost <= best.found.linear.cost
-
-
-@pytest.mark.slow
-def test_the_cheapest_simulated_flight_is_an_upper_bound() -> None:
-    """If no proposal is confirmed, the cheapest simulated flight is reported with the reason.
-
-    It costs at most as much as the saturated linear optimum, and stays within the limits.
-    """
-    model = engine(0.2)
-    best = hfa.optimize(model, hfa.trim(model), {"speed": -5.0})
-    assert best.reason is not None
-    assert best.proposed_cost is None
-    assert best.start == {"speed": pytest.approx(-5.0)}
-    assert np.isfinite(best.cost)
-    assert best.cost <= best.found.linear.cost
-    assert best.found.flown.departure is None
