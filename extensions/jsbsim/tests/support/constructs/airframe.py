@@ -162,7 +162,6 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "tank, priority 0": _tank("<priority> 0 </priority>"),
     "tank, priority 2": _tank("<priority> 2 </priority>"),
     "tank, standpipe": _tank('<standpipe unit="LBS"> 20 </standpipe>'),
-    "tank, standpipe above contents": _tank('<standpipe unit="LBS"> 600 </standpipe>'),
     "tank, unusable volume": _tank("<unusable-volume> 100 </unusable-volume>"),
     "tank, density": _tank('<density unit="LBS/GAL"> 6.2 </density>'),
     "tank, fuel": _tank("<type> JET-A </type>"),
@@ -170,14 +169,10 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "tank, drain": _tank(
         '<drain_location unit="IN"> <x> 4 </x> <y> 6 </y> <z> -12 </z> </drain_location>'
     ),
-    "tank, unknown child": _tank("<baffles> 3 </baffles>"),
     "tank, overfull": {"tank": '<contents unit="LBS"> 1500 </contents>'},
     "tank, empty": {"tank": '<contents unit="LBS"> 0 </contents>'},
     "tank of grain": _second_tank(f'<contents unit="LBS"> 400 </contents> {_GRAIN}', feed=""),
     "second tank, empty": _second_tank('<contents unit="LBS"> 0 </contents>'),
-    "second tank, priority 2": _second_tank(
-        '<contents unit="LBS"> 100 </contents> <priority> 2 </priority>'
-    ),
     "second tank, oxidizer": _second_tank(
         '<contents unit="LBS"> 100 </contents>', "OXIDIZER", feed=""
     ),
@@ -206,7 +201,6 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     )
     | {"shares": f'{_SHARES} <function name="Injection"> <v>1.2</v> </function>'},
     "turbine, windmill off": _turbine("<disable-windmill> 1 </disable-windmill>"),
-    "turbine, unknown child": _turbine("<noise> 3 </noise>"),
     "turbine in newtons": {"turbine": '<milthrust unit="N"> 9000 </milthrust>'},
     "turbine, spool function": {
         "shares": f'{_SHARES} <function name="N2SpoolUp"> <v>9</v> </function>'
@@ -224,7 +218,6 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         + ' <orient unit="DEG"> <roll> 10 </roll> <pitch> 5 </pitch> <yaw> 3 </yaw> </orient>'
     },
     "nozzle": {"thruster": '<nozzle> <area unit="FT2"> 0.1 </area> </nozzle>'},
-    "thruster, unknown child": {"thruster": "<direct> <petals> 3 </petals> </direct>"},
     "engine with a location": {"engine": _PLACE},
     "engine, orient of the mount": {"engine": '<orient unit="DEG"> <pitch> 9 </pitch> </orient>'},
     "engine, gimbal": {
@@ -263,9 +256,6 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "propeller, fixed blades of constant speed": driven(
         "<minrpm> 900 </minrpm> <maxrpm> 2500 </maxrpm> <constspeed> 1 </constspeed>"
     ),
-    "propeller, fixed blades of a set angle": driven(
-        "<minpitch> 20 </minpitch> <maxpitch> 20 </maxpitch> <constspeed> 1 </constspeed>"
-    ),
     "propeller, set by hand": driven(_BLADES.format(0), _TWO),
     "propeller, reverse pitch": driven(
         _BLADES.format(1) + "<reversepitch> -9 </reversepitch>", _TWO
@@ -273,7 +263,6 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "propeller, Mach": driven(
         '<table name="CT_MACH" type="internal"> <tableData> 0 1\n 1 0.7 </tableData> </table>'
     ),
-    "propeller, unknown child": driven("<spinner> 1 </spinner>"),
     "propeller, sense": driven()
     | {"thruster_place": SLOTS["thruster_place"] + "<sense> -1 </sense> <p_factor> 5 </p_factor>"},
     "piston, lag of the manifold": driven(
@@ -292,7 +281,6 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         " <ratedpower1> 200 </ratedpower1> <ratedrpm1> 2500 </ratedrpm1>"
         " <ratedaltitude1> 6000 </ratedaltitude1> <boost-loss-factor> 0.1 </boost-loss-factor>",
     ),
-    "piston, unknown child": driven("", _ONE, f"{_PISTON} <turbo> 1 </turbo>"),
     "turboprop": driven(_BLADES.format(1), _TWO, _POWER, "turboprop_engine"),
     "turboprop, limiter of torque": driven(
         _BLADES.format(1), _TWO, f"{_POWER} <ielumaxtorque> 90 </ielumaxtorque>", "turboprop_engine"
