@@ -50,6 +50,14 @@ def lost_band(lost: int, members: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
+def band_text(lost: int, members: int) -> str:
+    """Return the band of `lost_band` as text, such as "27.2 to 72.8 %, 95 %"."""
+    low, high = lost_band(lost, members)
+    if not lost:
+        return f"fewer than {100.0 * high:.2g} % lost (95 %)"
+    return f"{100.0 * low:.3g} to {100.0 * high:.3g} %, 95 %"
+
+
 def is_refuted(lost: int, flights: int, share: float) -> bool:
     """Return whether so many lost flights contradict a share, beyond their 95 % band."""
     return lost_band(lost, flights)[0] > 1.0 - share

@@ -12,7 +12,7 @@ import numpy as np
 from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
 from hfa_flight.judge.outcomes import Outcomes, departure_text
 from hfa_flight.judge.weights import weights_at
-from hfa_flight.needs import is_enough
+from hfa_flight.needs import band_text, is_enough
 from hfa_support.reporting.text import beside_unit, short_number, shown_unit
 
 #: Costs that differ by less, in percent of the optimum, are equal.
@@ -295,11 +295,13 @@ def _calm_in_rough_air(point: AssessedPoint) -> list[_Found]:
     if rough is None:
         return []
     flights = f"flights with {rough.disturbed_by}"
-    if rough.departure is None:
-        text = f"every flight with {rough.disturbed_by} stays inside the envelope"
-        return [_Found(Severity.NOTE, text)]
     count = rough.flights - rough.inside
-    text = f"{_leaving(count, rough.flights, flights)} ({departure_text(rough.departure)})"
+    lost = "lost: " if count else ""
+    band = f"; {lost}{band_text(count, rough.flights)}" if rough.flights > 1 else ""
+    if rough.departure is None:
+        text = f"every flight with {rough.disturbed_by} stays inside the envelope{band}"
+        return [_Found(Severity.NOTE, text)]
+    text = f"{_leaving(count, rough.flights, flights)} ({departure_text(rough.departure)}{band})"
     is_tolerated = is_enough(rough.inside, rough.flights, point.share)
     severity = Severity.WARNING if is_tolerated else Severity.FAILURE
     return [_Found(severity, text, count / rough.flights)]

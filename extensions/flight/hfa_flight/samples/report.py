@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.air.names import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
 from hfa_flight.air.scenario import Scenario, Uncertainty
-from hfa_flight.needs import is_enough, lost_band, need_text
+from hfa_flight.needs import band_text, is_enough, lost_band, need_text
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.simulate.envelope import control_limits
@@ -78,12 +78,11 @@ def _verdict(plan: MonteCarlo, found: Mapping[str, Any]) -> str:
         f"{plan.scenario.duration:g} s {inside}{_air_text(plan.scenario)}{need_text(plan.share)}"
     )
     lost = members - within
-    low, high = lost_band(lost, members)
     if not lost:
-        return f"{line}; fewer than {100 * high:.2g} % lost (95 %)"
+        return f"{line}; {band_text(lost, members)}"
     worst = max(found["left"], key=lambda name: found["left"][name])
     by = f" by {worst}" if found["left"][worst] else ""
-    return f"{line}; {lost} lost{by} ({100 * low:.3g} to {100 * high:.3g} %, 95 %)"
+    return f"{line}; {lost} lost{by} ({band_text(lost, members)})"
 
 
 def _air_text(scenario: Scenario) -> str:
