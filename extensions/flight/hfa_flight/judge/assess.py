@@ -68,7 +68,7 @@ def assess(
     model: the aircraft
     deployment: observations, actions and timing of the policy, or the path of a deployment file.
         Any other policy that `hfa.fly` accepts is flown in the noise and turbulence of `scenario`,
-        as `hfa fly --samples` does; the result is then `FlightsInAir`
+        as `hfa fly --samples` does; the result is then `hfa.FlightsInAir`
     points: operating points, or values of the scheduling variable in the units of the model.
         Default: the model's default trim
     samples: number of initial conditions at each trim, by default 300. Each is flown with and

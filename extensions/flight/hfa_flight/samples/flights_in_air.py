@@ -28,6 +28,12 @@ class FlightsInAir(Reported):
 
     plans: the flights from each trim
     reports: report of the flights from each trim
+
+    >>> import hfa
+    >>> from hfa_flight import Scenario, Uncertainty
+    >>> noisy = Scenario(0.1, uncertainty=Uncertainty(noise={"speed": 0.3}))
+    >>> hfa.assess(hfa.aircraft(), None, [0.2], samples=2, scenario=noisy).ok
+    True
     """
 
     plans: tuple[MonteCarlo, ...]
