@@ -83,16 +83,11 @@ EQUATIONS: dict[str, Callable[[Any, Any], Any]] = {
     "for algebraic equations, solve for": lambda x, u: ({"x": x.v, "v": u.force}, {}, {"z": x.x}),
     "return two dicts, rates by state and outputs by name": lambda x, u: ([x.v, u.force], {}),
     "the rate of v has 2 entries": lambda x, u: ca.SX.ones(2),
-    "the output position has 2 entries": lambda x, u: (
-        {"x": x.v, "v": u.force}, {"position": ca.SX.ones(2)}
-    ),
     "the rate of v is": lambda x, u: object(),
-    "the rate of v": lambda x, u: (),
     "the equations use the symbol 'stray', which has no": lambda x, u: u.force + STRAY,
     "use the symbol 'stray', which has no": lambda x, u: (
         u.force + ca.Function("f", [STRAY], [STRAY**2])(STRAY)
     ),
-    "symbol 'stray', which has no": lambda x, u: ({"x": x.v, "v": u.force}, {"position": STRAY}),
 }  # fmt: skip
 
 

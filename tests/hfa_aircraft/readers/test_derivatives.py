@@ -31,6 +31,7 @@ def density(altitude: float) -> float:
     return found
 
 
+SURFACES = {key: ["-25 deg", "25 deg"] for key in ("elevator", "aileron", "rudder")}
 #: R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1, without C_Lq and
 #: with C_nbeta 0.0701, as in examples 4.3 and 5.2.
 NAVION = {
@@ -76,9 +77,7 @@ B747 = {
     "Cn_beta": 0.1946, "Cn_p": -0.04073, "Cn_r": -0.2737, "Cn_rudder": -0.1,
     "Cm_elevator": -1.444,
     "thrust": [0.0, 200000.0],
-    "elevator": ["-25 deg", "25 deg"],
-    "aileron": ["-25 deg", "25 deg"],
-    "rudder": ["-25 deg", "25 deg"],
+    **SURFACES,
 }  # fmt: skip
 #: Printed in Sections 6.2 and 6.7.
 PRINTED_747 = {
@@ -107,9 +106,7 @@ NT33A = {
     "Cl_beta": -0.127, "Cl_p": -0.57, "Cl_r": 0.20, "Cl_aileron": 0.14, "Cl_rudder": -0.002,
     "Cn_beta": 0.049, "Cn_p": -0.045, "Cn_r": -0.16, "Cn_aileron": -0.009, "Cn_rudder": -0.073,
     "thrust": [0.0, 5000.0],
-    "elevator": ["-25 deg", "25 deg"],
-    "aileron": ["-25 deg", "25 deg"],
-    "rudder": ["-25 deg", "25 deg"],
+    **SURFACES,
 }  # fmt: skip
 #: Factors of the denominators in Tables II-4 and II-8: damping and natural frequency, rad/s, or
 #: decay rate, 1/s.
@@ -137,9 +134,7 @@ JETSTAR = {
     "CY_beta": -0.72, "Cl_beta": -0.103, "Cl_p": -0.37, "Cl_r": 0.11, "Cl_aileron": 0.054,
     "Cn_beta": 0.137, "Cn_p": -0.14, "Cn_r": -0.16, "Cn_rudder": -0.063,
     "thrust": [0.0, 10000.0],
-    "elevator": ["-25 deg", "25 deg"],
-    "aileron": ["-25 deg", "25 deg"],
-    "rudder": ["-25 deg", "25 deg"],
+    **SURFACES,
 }  # fmt: skip
 #: Damping and natural frequency, rad/s, of the factors of the denominator.
 PRINTED_JETSTAR = {"short period": (0.528, 1.66), "phugoid": (0.0521, 0.188)}
@@ -241,9 +236,7 @@ CHEROKEE = {
     "Yv": -0.1444, "Lv": -0.1166, "Nv": 0.174, "Lp": -2.283, "Np": -1.732, "Lr": 1.053,
     "Nr": -1.029, "Y_rudder": 2.113, "L_rudder": 0.6133, "N_rudder": -6.583, "L_aileron": 3.101,
     "Z_elevator": -17.01, "M_elevator": -44.71,
-    "elevator": ["-25 deg", "25 deg"],
-    "aileron": ["-25 deg", "25 deg"],
-    "rudder": ["-25 deg", "25 deg"],
+    **SURFACES,
 }  # fmt: skip
 
 

@@ -29,8 +29,6 @@ FORCES: dict[str, tuple[Callable[[Any], Any], float, float]] = {
     "interpolant": (TABLE, -1.0, 3.0),
     "pw_lin": (lambda x: ca.pw_lin(x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0]), -1.0, 3.0),
     "function that is called": (CALLED, -1.0, 1.0),
-    "interpolant and |x|": (lambda x: TABLE(x) + ca.fabs(x), -2.0, 4.0),
-    "fabs": (ca.fabs, -1.0, 1.0),
     "if_else": (lambda x: ca.if_else(x > 0, 3 * x, x), 1.0, 3.0),
     # CasADi's derivative is 0 at 0.
     "sign": (lambda x: 35 * ca.sign(x) * ca.fabs(x), 35.0, 35.0),
