@@ -59,6 +59,13 @@ def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float)
     assert "No limits are declared for bank, thrust, lift" in repr(point)
 
 
+def test_bank_angles_of_a_sweep_are_exact() -> None:
+    """The bank angles in a sweep of turns equal arctan(V turn / g)."""
+    turns = np.array([0.1, 0.5, 1.5])
+    swept = hfa.sweep(TURNING, {"speed": [300.0], "turn": turns})
+    np.testing.assert_allclose(swept.states[:, 2], np.arctan(300.0 * turns / _GRAVITY), rtol=1e-9)
+
+
 def test_a_trim_from_another_start_reports_the_failure() -> None:
     """The report of a trim found from another initial point states why the default point failed.
 
