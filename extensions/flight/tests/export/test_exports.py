@@ -152,7 +152,6 @@ FILTER = [
 ]
 
 
-@pytest.mark.slow
 def test_an_fmu_behind_a_filter_simulates_the_flight(folder: Path) -> None:
     """Co-simulation, with a sensor that is .1 ft/s off, in steps that samples do not divide."""
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
@@ -160,7 +159,7 @@ def test_an_fmu_behind_a_filter_simulates_the_flight(folder: Path) -> None:
     exported(*FILTER, "-o", "a.fmu")
     assert validation.validate_fmu("a.fmu") == []
     linear = model_at(10.0, "published")
-    point, seconds, interval = linear.point, 2.0, 0.025
+    point, seconds, interval = linear.point, 0.5, 0.025
     policy = hfa.filter(linear, NOISE, "moderate:40000").policy(exact_gain(10.0))
     scenario = Scenario(
         seconds, 0.001, 0.01, 0.2 * np.eye(7)[0], noise=Waveform(0.1 * np.eye(6)[0], np.zeros(6))

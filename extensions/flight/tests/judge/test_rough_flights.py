@@ -21,7 +21,7 @@ def noisy_assessment():
     scenario = Scenario(duration=0.5, uncertainty=NOISE)
     return assess(
         aircraft("ppo_gtm"),
-        stored_deployment("ppo_gtm"),
+        stored_deployment("ppo_gtm").changed(cost=None),
         [point],
         2,
         seed=3,

@@ -262,16 +262,6 @@ def test_a_flight_costs_little_more_than_the_best_flight() -> None:
     assert policy.samples.rise < 0.02
 
 
-def test_the_margin_narrows_the_limits() -> None:
-    """With a margin of 0.2, plans keep the cart's speed within 0.8 of its limit, and come near it.
-
-    The linear policy at the end keeps 0.9 of the limit.
-    """
-    policy = made(margin=0.2)
-    _, states, _ = flown(policy, CART, AT_REST, {"position": 4.0}, 4.0)
-    assert 0.75 < np.abs(states[:, 1]).max() < 0.85
-
-
 def test_a_delay_is_bridged_by_the_commands_under_way() -> None:
     """With a delay, the flight costs its drift until the first command acts, and the cost from
     there, as long as the equations are linear.
