@@ -112,16 +112,16 @@ def test_verify_flies_a_critic_of_some_inputs_with_the_others_at_the_trim(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The exact gain of one input alone flies as its linear optimum; twice the gain costs more."""
-    A, B = np.array([[0.0, 1.0], [-2.0, -0.3]]), np.array([[0.0, 1.0], [3.0, 0.0]])
+    A, B = np.array([[0.0, 1.0], [-2.0, -0.3]]), np.array([[1.0, 0.0], [0.0, 3.0]])
     np.savez("plant.npz", A=A, B=B)
-    K = B[:, :1].T @ solve_continuous_are(A, B[:, :1], np.eye(2), np.eye(1))
-    words = ["verify", "--aircraft", "plant.npz", "--weights", "K.npz", "--inputs", "u1", "--json"]
+    K = B[:, 1:].T @ solve_continuous_are(A, B[:, 1:], np.eye(2), np.eye(1))
+    words = ["verify", "--aircraft", "plant.npz", "--weights", "K.npz", "--inputs", "u2", "--json"]
     for times, code in ((1.0, 0), (2.0, 1)):
         np.savez("K.npz", K=times * K)
-        assert main([*words, "--Q", "1,1", "--R", "1,1", "--flights", "1"]) == code
+        assert main([*words, "--Q", "1,1", "--R", "5,1", "--flights", "1"]) == code
         data = json.loads(capsys.readouterr().out)
         optimum, critic = data["flights"]["policies"]
-        assert data["inputs"] == ["u1"]
+        assert data["inputs"] == ["u2"]
         if times == 1.0:
             assert critic["median"] == pytest.approx(optimum["median"], rel=1e-9)
         else:
