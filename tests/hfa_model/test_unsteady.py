@@ -100,7 +100,7 @@ def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
         "mine", vectors, [ca.vertcat(*(rates_by_name[name] for name in UNSTEADY.states))]
     )
     computed = []
-    for number, (x, u, w) in enumerate(points(14, 5)):
+    for number, (x, u, w) in enumerate(points(12, 5)):
         p = UNSTEADY.p.copy()
         if effects is not None:
             p[18:24] = effects[number % len(effects)]

@@ -88,7 +88,7 @@ def assert_balanced_in_all_units(model: Model, flight: dict[str, float]) -> None
 GROUPS = ("performance", "loads")
 
 
-@settings(max_examples=10)
+@settings(max_examples=4)
 @given(values=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=12, max_size=12))
 def test_a_point_survives_its_file_bit_for_bit(values: list[float]) -> None:
     """An operating point with any finite numbers is saved and loaded bit for bit."""
