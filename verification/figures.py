@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_support.reporting.figure import new_figure
+from verification.reports import grade_text
 from verification.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -36,9 +37,7 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
     make: function (width, height) -> empty figure, in inches
     """
     names = verdict.exact.names
-    title = (
-        f"Critic on {names.origin}\nagainst the exact {verdict.solution}: {verdict.grade_text()}"
-    )
+    title = f"Critic on {names.origin}\nagainst the exact {verdict.solution}: {grade_text(verdict)}"
     name = "K" if verdict.critic.P is None else "P"
     rows = names.inputs if name == "K" else names.states
     learned = getattr(verdict.critic, name)

@@ -1,4 +1,4 @@
-"""Verdict on a critic: its checks, its cost, the likely mistake, and its report."""
+"""Verdict on a critic: its checks, its cost and the likely mistake."""
 
 from __future__ import annotations
 
@@ -11,20 +11,14 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.riccati.cost import FlightCost
-from hfa_support.reporting.checks import Check, Checked, verdict_text
+from hfa_support.reporting.checks import Check, Checked
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.results import Result, given
-from hfa_support.reporting.text import Cell, Table, entry_rows
+from hfa_support.reporting.text import Table
 from verification.box import Box
 from verification.critic_errors import Exact
 from verification.nonlinear_game import NonlinearComparison
 
-#: Number of entries of P and K in a report, and in the report of a critic that fails. Files contain
-#: all entries.
-_ENTRIES = 12
-_ENTRIES_OF_A_FAILURE = 3
-#: Number of failures printed with their reasons; of further ones only the names are printed.
-_FAILURES = 6
 #: Relative difference of an entry, or cost above the optimum in percent, that is rounding.
 ROUNDING = 1e-9
 #: Largest cost above the optimum, percent, of a critic with grade "near".
@@ -32,17 +26,6 @@ NEAR = 1.0
 #: Largest distance of an equilibrium from the trim, as a fraction of the box, with which the cost
 #: decides: from there, the cost that counts from the equilibrium is that from the trim.
 AT_TRIM = 1e-6
-#: Kinds of checks that the first lines always mention. Another failed check is told by its reason.
-_IN_THE_FACTS = ("error", "rest", "stability", "game loop")
-#: Checks of the gain K.
-_OF_K = ("K_rel_error", "K_balanced_error", "K_entry_error")
-#: What to compare if no mistake is recognized.
-UNEXPLAINED = (
-    "Compare signs, units and order of states and inputs, Q, R, delta, discount and dt "
-    "with those of the training"
-)
-#: Largest number of columns of the first line of a report.
-_FIRST_LINE = 80
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,11 +116,7 @@ class Verdict(Checked, Result, Reported):
         """True if every check passes, and the critic also passes on the nonlinear game, if it was
         judged there.
         """
-        return self._passes_checks and (self.nonlinear is None or self.nonlinear.ok)
-
-    @property
-    def _passes_checks(self) -> bool:
-        return all(check.ok for check in self.checks)
+        return self.holds()
 
     def value_of(self, name: str) -> float:
         """Return the measured value of a check with this name, or nan if there is no such check."""
@@ -173,15 +152,15 @@ class Verdict(Checked, Result, Reported):
             the nonlinear game also that of its flights, if the loop is stable and the equilibrium
             is at the trim (`AT_TRIM`). With None, all checks must pass.
         """
-        return self._linear_holds(limit_cost) and self._nonlinear_holds(limit_cost)
+        return self.linear_holds(limit_cost) and self.nonlinear_holds(limit_cost)
 
-    def _linear_holds(self, limit_cost: float | None) -> bool:
+    def linear_holds(self, limit_cost: float | None = None) -> bool:
         """Return whether the critic passes on the game itself."""
         if limit_cost is None:
-            return self._passes_checks
-        return self.cost_lost <= limit_cost and self._rests_at_trim and self.stabilizing
+            return all(check.ok for check in self.checks)
+        return self.cost_lost <= limit_cost and self.rests_at_trim and self.stabilizing
 
-    def _nonlinear_holds(self, limit_cost: float | None) -> bool:
+    def nonlinear_holds(self, limit_cost: float | None = None) -> bool:
         """Return whether the critic passes on the nonlinear game, True if it was not judged there.
 
         A limit of the cost decides if flights were simulated.
@@ -194,7 +173,7 @@ class Verdict(Checked, Result, Reported):
         return 100.0 * flown.excess <= limit_cost
 
     @property
-    def _rests_at_trim(self) -> bool:
+    def rests_at_trim(self) -> bool:
         """True unless the equilibrium of a simulated critic is off the trim."""
         rests = [check.value for check in self.checks if check.kind == "rest"]
         return all(distance <= AT_TRIM for distance in rests)
@@ -208,147 +187,18 @@ class Verdict(Checked, Result, Reported):
           (`AT_TRIM`), and the cost is at most `NEAR` percent above the optimum.
         - "fail": all other cases, and a critic that fails on the nonlinear game.
         """
-        if self.nonlinear is not None and not self.nonlinear.ok:
-            return "fail"
-        return self._grade_of_checks
+        return self.linear_grade if self.nonlinear_holds() else "fail"
 
     @property
-    def _grade_of_checks(self) -> str:
+    def linear_grade(self) -> str:
         """The grade without the nonlinear game."""
-        if self._passes_checks:
+        if self.linear_holds():
             return "exact"
         for check in self.checks:
             if not (check.ok or check.kind in ("error", "rest")):
                 return "fail"
-        is_near = self.cost_lost <= NEAR and self._rests_at_trim
+        is_near = self.cost_lost <= NEAR and self.rests_at_trim
         return "near" if is_near else "fail"
-
-    @property
-    def headline(self) -> str:
-        """First line of the report: the grade, the game, the box, the number of
-        simulations of a critic that is not quadratic, and the first finding.
-
-        The first findings on such a critic are its cost, its equilibrium and its gain K.
-
-        The second finding is added if the line then has at most `_FIRST_LINE` columns.
-        """
-        return self._first_lines(None)[0]
-
-    def _first_lines(self, limit_cost: float | None) -> list[str]:
-        """Return the headline of the report, and a line for each further finding."""
-        first, second, *others = self._facts()
-        headline = f"{self._grade_text(limit_cost)} {self._scope()}: {first}"
-        if len(headline) + len(second) + 2 <= _FIRST_LINE:
-            headline += f", {second}"
-        else:
-            others = [second, *others]
-        if limit_cost is not None:
-            others = [f"decided by the cost limit {limit_cost:g} %", *others]
-        if self.nonlinear is None:
-            return [headline, *others]
-        return [*self._nonlinear_lines(self.nonlinear, limit_cost), headline, *others]
-
-    def _scope(self) -> str:
-        """Return on which game and in which box, and with how many simulations."""
-        scope = f"on the {self.game}, {self.box.name}"
-        if self.nonlinear is not None:
-            scope = f"of the linear part on the {self.game}"
-        if self.flights is not None:
-            scope += f", {self.flights or 'no'} flight{'' if self.flights == 1 else 's'}"
-        return scope
-
-    def _facts(self) -> list[str]:
-        """Return at least two findings, the most important one first.
-
-        They are a failed check that no other finding mentions, the cost (of a simulated critic with
-        equilibrium and K), exactness and stability (first if not stabilizing), and the L2 gain.
-        """
-        failed = [check for check in self.checks if not check.ok]
-        facts = []
-        if failed and not any(check.kind in _IN_THE_FACTS for check in failed):
-            facts.append(failed[0].reason)
-        facts += [self._cost_text()] if self.flights is None else self._network_facts()
-        if not self.stabilizing:
-            facts.append("not stabilizing")
-        facts.append(self._exactness(failed))
-        if self.stabilizing:
-            facts.append("stabilizing")
-        gain = next((check for check in self.checks if check.kind == "gain"), None)
-        if gain is not None and math.isfinite(gain.value):
-            facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
-        return facts
-
-    def _nonlinear_lines(
-        self, nonlinear: NonlinearComparison, limit_cost: float | None
-    ) -> list[str]:
-        """Return the headline of both games, and a line for each finding on the nonlinear game."""
-        flown = nonlinear.flown
-        about = "near the trim" if flown is None else f"in {flown.where}"
-        headline = (
-            f"{verdict_text(self._nonlinear_holds(limit_cost))} on the nonlinear game {about}, "
-            "linear part"
-            f" {self._grade_text(limit_cost)}"
-        )
-        findings = [nonlinear.sentence]
-        if flown is not None:
-            # The sentence on the flights is first if they decide that the critic fails.
-            findings = [nonlinear.sentence, flown.sentence]
-            if not flown.ok:
-                findings.reverse()
-        return [headline, *(f"Nonlinear game: {finding}" for finding in findings)]
-
-    def _cost_text(self) -> str:
-        """Return the cost of the critic relative to the optimum, as text."""
-        if math.isinf(self.cost_lost):
-            return "cost without bound"
-        text = f"{self.cost_lost:.2g} % above the optimum"
-        if self.cost_lost < ROUNDING:
-            text = "optimal cost"
-        return text if self._rests_at_trim else f"{text} about its equilibrium"
-
-    def _network_facts(self) -> list[str]:
-        """Return the cost, the equilibrium and the gain K of a simulated critic, as text.
-
-        An equilibrium off the trim comes first: the cost counts from it.
-        """
-        facts = [self._cost_text()]
-        for check in self.checks:
-            if check.kind == "rest":
-                at_trim = "equilibrium at the trim" if check.ok else check.reason
-                facts.insert(int(self._rests_at_trim), at_trim)
-        wrong = [check for check in self.checks if check.name in _OF_K and not check.ok]
-        exact = f"K exact within {self.limit:g}"
-        return [*facts, wrong[0].reason.partition(":")[0] if wrong else exact]
-
-    def grade_text(self, limit_cost: float | None = None) -> str:
-        """Return the grade as text: PASS, NEAR or FAIL.
-
-        limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the text is
-            PASS or FAIL.
-        """
-        if not self._nonlinear_holds(limit_cost):
-            return verdict_text(False)
-        return self._grade_text(limit_cost)
-
-    def _grade_text(self, limit_cost: float | None) -> str:
-        """Return the grade on the game of the first line as text."""
-        if limit_cost is None and self._grade_of_checks == "near":
-            return Cell("NEAR", "bad")
-        if limit_cost is None:
-            return verdict_text(self._passes_checks)
-        return verdict_text(self._linear_holds(limit_cost))
-
-    def _exactness(self, failed: Sequence[Check]) -> str:
-        said = () if self.flights is None else _OF_K
-        errors = (check for check in failed if check.kind == "error" and check.name not in said)
-        wrong = next(errors, None)
-        if wrong is not None:
-            if self.critic.network and self.reason:
-                return f"not exact: {self.reason}"
-            return f"not exact ({wrong.reason.partition(':')[0]})"
-        if self.searched:
-            return f"no error above {self.limit:g} found at {self.searched} states"
-        return f"exact within {self.limit:g}"
 
     def data(self, limit_cost: float | None = None) -> dict[str, Any]:
         """Return the data of the verdict for files.
@@ -379,55 +229,23 @@ class Verdict(Checked, Result, Reported):
             entries |= section.data.contents()
         return entries
 
+    @property
+    def headline(self) -> str:
+        """First line of the report."""
+        return self.report().title.partition("\n")[0]
+
     def report(
         self, *, limit_cost: float | None = None, about: Sequence[str] = (), source: str = ""
     ) -> Report:
-        """Return a report of the verdict: first lines, checks, sections, and entries of P and K.
+        """Return a report of the verdict (`verification.verdict_report`).
 
         limit_cost: as for `holds`
         about: lines below the heading, instead of `weights`
         source: file of the critic, or "" if there is none
         """
-        names = self.exact.names
-        P = self.critic.P
-        values = () if P is None else (P, self.exact.P)
-        entries = entry_rows(values, (self.critic.K, self.exact.K), names)
-        records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
-        for section in self.sections:
-            records = section.records or records
-        critic = f"Critic of {source}" if source else "Critic"
-        heading = [f"{critic} on {names.origin}, against the exact {self.solution}"]
-        heading += about or (self.weights,)
-        if self.reason:
-            where = "" if self.nonlinear is None else f", on the {self.game}"
-            heading.append(f"Reason{where}: {self.reason}")
-        if self._is_unexplained:
-            heading.append(UNEXPLAINED)
-        return Report(
-            "\n".join(self._first_lines(limit_cost)),
-            [
-                tuple(heading),
-                checks_part(self.checks),
-                *(section.part for section in self.sections),
-                self._farthest_entries(entries, names.states),
-            ],
-            data={
-                "state_units": list(names.state_units),
-                "input_units": list(names.input_units),
-                **self.data(limit_cost),
-            },
-            records=records,
-        )
+        import verification
 
-    @property
-    def _is_unexplained(self) -> bool:
-        """True if it helps to compare the game with that of the training; of a network, if K is
-        wrong.
-        """
-        if self.critic.network:
-            is_wrong = any(check.name in _OF_K and not check.ok for check in self.checks)
-            return is_wrong and self.grade == "fail" and not self.reason
-        return not (self.ok or self.reason)
+        return verification.verdict_report(self, limit_cost=limit_cost, about=about, source=source)
 
     def plot(self) -> np.ndarray:
         """Draw the learned and the exact P, or K without P, with pyplot, and return the Axes."""
@@ -435,44 +253,6 @@ class Verdict(Checked, Result, Reported):
         from hfa_support.reporting.figure import pyplot_figure
 
         return np.array(verification.verdict_figure(self, pyplot_figure).axes)
-
-    def _farthest_entries(
-        self, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
-    ) -> Part:
-        """Return a table of the entries of P and K with the largest relative errors."""
-        largest = {
-            "P": float(np.abs(self.exact.P).max()) or 1.0,
-            "K": float(np.abs(self.exact.K).max()) or 1.0,
-        }
-        candidates = [
-            entry
-            for entry in entries
-            if entry[0] == "K" or states.index(entry[1]) <= states.index(entry[2])
-        ]
-        errors = [
-            abs(learned - exact) / largest[matrix] for matrix, _, _, learned, exact, _ in candidates
-        ]
-        sizes = np.nan_to_num(np.array(errors), nan=np.inf)
-        sizes[sizes < ROUNDING] = 0.0  # rounding would determine the largest
-        if not sizes.any():
-            return ()
-        most = _ENTRIES if self.ok else _ENTRIES_OF_A_FAILURE
-        rows = []
-        for index in sorted(np.argsort(-sizes, kind="stable")[:most]):
-            matrix, row, column, learned, exact, _ = candidates[index]
-            rows.append(
-                (
-                    f"{matrix}({row}, {column})",
-                    f"{learned:.8g}",
-                    f"{exact:.8g}",
-                    f"{learned - exact:+.2e}",
-                )
-            )
-        table = Table(("entry", "learned", "exact", "difference"), rows)
-        if len(candidates) <= most:
-            return (table,)
-        which = f"the {most} of {len(candidates)} entries with the largest errors"
-        return (table, f"{which}; -o FILE writes all")
 
 
 def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
@@ -491,87 +271,3 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
                 with_reason[index] = replace(check, reason=f"{check.reason}: {diagnosis}")
             break
     return tuple(with_reason)
-
-
-def checks_part(checks: Sequence[Check]) -> Part:
-    """Return a line for each failed check with its reason, and the number of passed checks.
-
-    An error in balanced units or of an entry is left out if that of the whole matrix is named.
-    """
-
-    def order(check: Check) -> tuple[bool, bool]:
-        return check.kind == "error", check.name not in ("P_rel_error", "K_rel_error")
-
-    failed = sorted((check for check in checks if not check.ok), key=order)
-    passed = len(checks) - len(failed)
-    for matrix in "PK":
-        if any(check.name == f"{matrix}_rel_error" for check in failed):
-            others = (f"{matrix}_balanced_error", f"{matrix}_entry_error")
-            failed = [check for check in failed if check.name not in others]
-    lines = [
-        f"FAIL {check.name}: {check.reason} (must be {check.relation} {check.limit:.3g})"
-        for check in failed[:_FAILURES]
-    ]
-    if len(failed) > _FAILURES:
-        lines.append(f"FAIL too: {', '.join(check.name for check in failed[_FAILURES:])}")
-    lines.append(f"{passed} check{'' if passed == 1 else 's'} passed")
-    return tuple(lines)
-
-
-def verdicts_report(
-    verdicts: Mapping[str, Verdict], origin: str, limit_cost: float | None = None
-) -> Report:
-    """Return a report with a table of several critics of one game.
-
-    verdicts: file -> verdict
-    origin: name of the plant
-    limit_cost: limit of the cost above the optimum, percent. With a limit, only the cost decides
-        each verdict. With None, all checks must pass.
-    """
-    header = (
-        "critic",
-        "verdict",
-        "error of P",
-        "error of K",
-        "largest error",
-        "stabilizing",
-        "linear cost, % above the optimum",
-        "L2 gain",
-    )
-    rows = []
-    for name, verdict in verdicts.items():
-        lost = 0.0 if verdict.cost_lost < ROUNDING else verdict.cost_lost
-        gain = verdict.value_of("l2_gain")
-        rows.append(
-            (
-                name,
-                verdict.grade_text(limit_cost),
-                _shown(verdict.P_rel_error),
-                _shown(verdict.K_rel_error),
-                _shown(verdict.largest_error),
-                "yes" if verdict.stabilizing else "no",
-                f"{lost:.3g}",
-                "" if math.isnan(gain) else f"{gain:.4g}",
-            )
-        )
-    passed = sum(verdict.holds(limit_cost) for verdict in verdicts.values())
-    ok = passed == len(verdicts)
-    parts: list[Part] = []
-    if limit_cost is not None:
-        parts.append(f"Decided by the cost limit {limit_cost:g} percent")
-    reasons = [f"{name}: {verdict.reason}" for name, verdict in verdicts.items() if verdict.reason]
-    return Report(
-        title=f"{verdict_text(ok)}: {passed} of {len(verdicts)} critics pass, on {origin}",
-        parts=(*parts, Table(header, rows), tuple(reasons)),
-        data={
-            "schema": "hfa.critic-checks/1",
-            "ok": ok,
-            "critics": {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
-        },
-        records=Table(header, rows),
-    )
-
-
-def _shown(value: float) -> str:
-    """Return a number as text with three digits, or "" for nan."""
-    return "" if math.isnan(value) else f"{value:.3g}"

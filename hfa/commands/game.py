@@ -186,7 +186,7 @@ def learn(request: LearnRequest) -> int:
     """
     from controller.learning.laws import learn
     from verification.critic.critic_check import verify
-    from verification.verdict import checks_part
+    from verification.reports import checks_part
 
     named = given_game(request)
     if named.game.is_discrete:

@@ -194,7 +194,7 @@ def verify(request: VerifyRequest) -> int:
         lines = _about(request, named, verdict, source)
         report = verdict.report(limit_cost=cost, about=lines, source=source)
     else:
-        from verification.verdict import verdicts_report
+        from verification.reports import verdicts_report
 
         report = verdicts_report(verdicts, origin, cost)
     report = report.with_data(named, named.weights)

@@ -56,7 +56,8 @@ BREACHES = {
     "Verdicts:": {
         "verification/scope.py": "verification.axis",
         "verification/network/search.py": "verification.reasons",
-        "verification/verdict.py": "verification.figures",
+        "verification/reports.py": "verification.figures",
+        "verification/verdict.py": "verification.reports",
     },
     "Enclosures are arithmetic": {
         "extensions/prove/hfa_prove/enclosure/taylor.py": "hfa_aircraft.rigid.motion"

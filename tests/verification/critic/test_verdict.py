@@ -163,8 +163,8 @@ def test_each_kind_of_check_has_its_grade(
     assert verdict.stabilizing is (kind != "stability")
     assert verdict.holds(0.5) is holds
     assert verdict.holds() is verdict.ok
-    assert verdict.grade_text() == {"exact": "PASS", "near": "NEAR", "fail": "FAIL"}[grade]
-    assert verdict.grade_text(0.5) == ("PASS" if holds else "FAIL")
+    assert verdict.headline.startswith({"exact": "PASS", "near": "NEAR", "fail": "FAIL"}[grade])
+    assert verdict.report(limit_cost=0.5).title.startswith("PASS" if holds else "FAIL")
     assert verdict.largest_error == (off if kind == "error" else 0.0)
     assert verdict.data(0.5)["graded"]["ok"] is holds
     assert ("not stabilizing" in str(verdict)) is (kind == "stability")

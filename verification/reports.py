@@ -1,0 +1,338 @@
+"""Reports of verdicts on critics, with the sentences of their first lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hfa_support.reporting.checks import Check, verdict_text
+from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.text import Cell, Table, entry_rows
+from verification.nonlinear_game import NonlinearComparison
+from verification.verdict import ROUNDING, Verdict
+
+#: Number of entries of P and K in a report, and in the report of a critic that fails. Files contain
+#: all entries.
+_ENTRIES = 12
+_ENTRIES_OF_A_FAILURE = 3
+#: Number of failures printed with their reasons; of further ones only the names are printed.
+_FAILURES = 6
+#: Kinds of checks that the first lines always mention. Another failed check is told by its reason.
+_IN_THE_FACTS = ("error", "rest", "stability", "game loop")
+#: Checks of the gain K.
+_OF_K = ("K_rel_error", "K_balanced_error", "K_entry_error")
+#: What to compare if no mistake is recognized.
+_UNEXPLAINED = (
+    "Compare signs, units and order of states and inputs, Q, R, delta, discount and dt "
+    "with those of the training"
+)
+#: Largest number of columns of the first line of a report.
+_FIRST_LINE = 80
+
+
+def verdict_report(
+    verdict: Verdict,
+    *,
+    limit_cost: float | None = None,
+    about: Sequence[str] = (),
+    source: str = "",
+) -> Report:
+    """Return a report of the verdict: first lines, checks, sections, and entries of P and K.
+
+    limit_cost: as for `holds`
+    about: lines below the heading, instead of `weights`
+    source: file of the critic, or "" if there is none
+    """
+    names = verdict.exact.names
+    P = verdict.critic.P
+    values = () if P is None else (P, verdict.exact.P)
+    entries = entry_rows(values, (verdict.critic.K, verdict.exact.K), names)
+    records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
+    for section in verdict.sections:
+        records = section.records or records
+    critic = f"Critic of {source}" if source else "Critic"
+    heading = [f"{critic} on {names.origin}, against the exact {verdict.solution}"]
+    heading += about or (verdict.weights,)
+    if verdict.reason:
+        where = "" if verdict.nonlinear is None else f", on the {verdict.game}"
+        heading.append(f"Reason{where}: {verdict.reason}")
+    if _is_unexplained(verdict):
+        heading.append(_UNEXPLAINED)
+    return Report(
+        "\n".join(_first_lines(verdict, limit_cost)),
+        [
+            tuple(heading),
+            checks_part(verdict.checks),
+            *(section.part for section in verdict.sections),
+            _farthest_entries(verdict, entries, names.states),
+        ],
+        data={
+            "state_units": list(names.state_units),
+            "input_units": list(names.input_units),
+            **verdict.data(limit_cost),
+        },
+        records=records,
+    )
+
+
+def _first_lines(verdict: Verdict, limit_cost: float | None) -> list[str]:
+    """Return the headline of the report, and a line for each further finding.
+
+    The headline contains the grade, the game, the box, the number of simulations of a critic that
+    is not quadratic, and the first finding; also the second if the line then has at most
+    `_FIRST_LINE` columns.
+    """
+    first, second, *others = _facts(verdict)
+    headline = f"{_grade_text(verdict, limit_cost)} {_scope(verdict)}: {first}"
+    if len(headline) + len(second) + 2 <= _FIRST_LINE:
+        headline += f", {second}"
+    else:
+        others = [second, *others]
+    if limit_cost is not None:
+        others = [f"decided by the cost limit {limit_cost:g} %", *others]
+    if verdict.nonlinear is None:
+        return [headline, *others]
+    return [*_nonlinear_lines(verdict, verdict.nonlinear, limit_cost), headline, *others]
+
+
+def _scope(verdict: Verdict) -> str:
+    """Return on which game and in which box, and with how many simulations."""
+    scope = f"on the {verdict.game}, {verdict.box.name}"
+    if verdict.nonlinear is not None:
+        scope = f"of the linear part on the {verdict.game}"
+    if verdict.flights is not None:
+        scope += f", {verdict.flights or 'no'} flight{'' if verdict.flights == 1 else 's'}"
+    return scope
+
+
+def _facts(verdict: Verdict) -> list[str]:
+    """Return at least two findings, the most important one first.
+
+    They are a failed check that no other finding mentions, the cost (of a simulated critic with
+    equilibrium and K), exactness and stability (first if not stabilizing), and the L2 gain.
+    """
+    failed = [check for check in verdict.checks if not check.ok]
+    facts = []
+    if failed and not any(check.kind in _IN_THE_FACTS for check in failed):
+        facts.append(failed[0].reason)
+    facts += [_cost_text(verdict)] if verdict.flights is None else _network_facts(verdict)
+    if not verdict.stabilizing:
+        facts.append("not stabilizing")
+    facts.append(_exactness(verdict, failed))
+    if verdict.stabilizing:
+        facts.append("stabilizing")
+    gain = next((check for check in verdict.checks if check.kind == "gain"), None)
+    if gain is not None and math.isfinite(gain.value):
+        facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
+    return facts
+
+
+def _nonlinear_lines(
+    verdict: Verdict, nonlinear: NonlinearComparison, limit_cost: float | None
+) -> list[str]:
+    """Return the headline of both games, and a line for each finding on the nonlinear game."""
+    flown = nonlinear.flown
+    about = "near the trim" if flown is None else f"in {flown.where}"
+    headline = (
+        f"{verdict_text(verdict.nonlinear_holds(limit_cost))} on the nonlinear game {about}, "
+        f"linear part {_grade_text(verdict, limit_cost)}"
+    )
+    findings = [nonlinear.sentence]
+    if flown is not None:
+        # The sentence on the flights is first if they decide that the critic fails.
+        findings = [nonlinear.sentence, flown.sentence]
+        if not flown.ok:
+            findings.reverse()
+    return [headline, *(f"Nonlinear game: {finding}" for finding in findings)]
+
+
+def _cost_text(verdict: Verdict) -> str:
+    """Return the cost of the critic relative to the optimum, as text."""
+    if math.isinf(verdict.cost_lost):
+        return "cost without bound"
+    text = f"{verdict.cost_lost:.2g} % above the optimum"
+    if verdict.cost_lost < ROUNDING:
+        text = "optimal cost"
+    return text if verdict.rests_at_trim else f"{text} about its equilibrium"
+
+
+def _network_facts(verdict: Verdict) -> list[str]:
+    """Return the cost, the equilibrium and the gain K of a simulated critic, as text.
+
+    An equilibrium off the trim comes first: the cost counts from it.
+    """
+    facts = [_cost_text(verdict)]
+    for check in verdict.checks:
+        if check.kind == "rest":
+            at_trim = "equilibrium at the trim" if check.ok else check.reason
+            facts.insert(int(verdict.rests_at_trim), at_trim)
+    wrong = [check for check in verdict.checks if check.name in _OF_K and not check.ok]
+    exact = f"K exact within {verdict.limit:g}"
+    return [*facts, wrong[0].reason.partition(":")[0] if wrong else exact]
+
+
+def grade_text(verdict: Verdict, limit_cost: float | None = None) -> str:
+    """Return the grade as text: PASS, NEAR or FAIL.
+
+    limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the text is
+        PASS or FAIL.
+    """
+    if not verdict.nonlinear_holds(limit_cost):
+        return verdict_text(False)
+    return _grade_text(verdict, limit_cost)
+
+
+def _grade_text(verdict: Verdict, limit_cost: float | None) -> str:
+    """Return the grade on the game of the first line as text."""
+    if limit_cost is None and verdict.linear_grade == "near":
+        return Cell("NEAR", "bad")
+    return verdict_text(verdict.linear_holds(limit_cost))
+
+
+def _exactness(verdict: Verdict, failed: Sequence[Check]) -> str:
+    said = () if verdict.flights is None else _OF_K
+    errors = (check for check in failed if check.kind == "error" and check.name not in said)
+    wrong = next(errors, None)
+    if wrong is not None:
+        if verdict.critic.network and verdict.reason:
+            return f"not exact: {verdict.reason}"
+        return f"not exact ({wrong.reason.partition(':')[0]})"
+    if verdict.searched:
+        return f"no error above {verdict.limit:g} found at {verdict.searched} states"
+    return f"exact within {verdict.limit:g}"
+
+
+def _is_unexplained(verdict: Verdict) -> bool:
+    """True if it helps to compare the game with that of the training; of a network, if K is
+    wrong.
+    """
+    if verdict.critic.network:
+        is_wrong = any(check.name in _OF_K and not check.ok for check in verdict.checks)
+        return is_wrong and verdict.grade == "fail" and not verdict.reason
+    return not (verdict.ok or verdict.reason)
+
+
+def _farthest_entries(
+    verdict: Verdict, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
+) -> Part:
+    """Return a table of the entries of P and K with the largest relative errors."""
+    largest = {
+        "P": float(np.abs(verdict.exact.P).max()) or 1.0,
+        "K": float(np.abs(verdict.exact.K).max()) or 1.0,
+    }
+    candidates = [
+        entry
+        for entry in entries
+        if entry[0] == "K" or states.index(entry[1]) <= states.index(entry[2])
+    ]
+    errors = [
+        abs(learned - exact) / largest[matrix] for matrix, _, _, learned, exact, _ in candidates
+    ]
+    sizes = np.nan_to_num(np.array(errors), nan=np.inf)
+    sizes[sizes < ROUNDING] = 0.0  # rounding would determine the largest
+    if not sizes.any():
+        return ()
+    most = _ENTRIES if verdict.ok else _ENTRIES_OF_A_FAILURE
+    rows = []
+    for index in sorted(np.argsort(-sizes, kind="stable")[:most]):
+        matrix, row, column, learned, exact, _ = candidates[index]
+        rows.append(
+            (
+                f"{matrix}({row}, {column})",
+                f"{learned:.8g}",
+                f"{exact:.8g}",
+                f"{learned - exact:+.2e}",
+            )
+        )
+    table = Table(("entry", "learned", "exact", "difference"), rows)
+    if len(candidates) <= most:
+        return (table,)
+    which = f"the {most} of {len(candidates)} entries with the largest errors"
+    return (table, f"{which}; -o FILE writes all")
+
+
+def checks_part(checks: Sequence[Check]) -> Part:
+    """Return a line for each failed check with its reason, and the number of passed checks.
+
+    An error in balanced units or of an entry is left out if that of the whole matrix is named.
+    """
+
+    def order(check: Check) -> tuple[bool, bool]:
+        return check.kind == "error", check.name not in ("P_rel_error", "K_rel_error")
+
+    failed = sorted((check for check in checks if not check.ok), key=order)
+    passed = len(checks) - len(failed)
+    for matrix in "PK":
+        if any(check.name == f"{matrix}_rel_error" for check in failed):
+            others = (f"{matrix}_balanced_error", f"{matrix}_entry_error")
+            failed = [check for check in failed if check.name not in others]
+    lines = [
+        f"FAIL {check.name}: {check.reason} (must be {check.relation} {check.limit:.3g})"
+        for check in failed[:_FAILURES]
+    ]
+    if len(failed) > _FAILURES:
+        lines.append(f"FAIL too: {', '.join(check.name for check in failed[_FAILURES:])}")
+    lines.append(f"{passed} check{'' if passed == 1 else 's'} passed")
+    return tuple(lines)
+
+
+def verdicts_report(
+    verdicts: Mapping[str, Verdict], origin: str, limit_cost: float | None = None
+) -> Report:
+    """Return a report with a table of several critics of one game.
+
+    verdicts: file -> verdict
+    origin: name of the plant
+    limit_cost: limit of the cost above the optimum, percent. With a limit, only the cost decides
+        each verdict. With None, all checks must pass.
+    """
+    header = (
+        "critic",
+        "verdict",
+        "error of P",
+        "error of K",
+        "largest error",
+        "stabilizing",
+        "linear cost, % above the optimum",
+        "L2 gain",
+    )
+    rows = []
+    for name, verdict in verdicts.items():
+        lost = 0.0 if verdict.cost_lost < ROUNDING else verdict.cost_lost
+        gain = verdict.value_of("l2_gain")
+        rows.append(
+            (
+                name,
+                grade_text(verdict, limit_cost),
+                _shown(verdict.P_rel_error),
+                _shown(verdict.K_rel_error),
+                _shown(verdict.largest_error),
+                "yes" if verdict.stabilizing else "no",
+                f"{lost:.3g}",
+                "" if math.isnan(gain) else f"{gain:.4g}",
+            )
+        )
+    passed = sum(verdict.holds(limit_cost) for verdict in verdicts.values())
+    ok = passed == len(verdicts)
+    parts: list[Part] = []
+    if limit_cost is not None:
+        parts.append(f"Decided by the cost limit {limit_cost:g} percent")
+    reasons = [f"{name}: {verdict.reason}" for name, verdict in verdicts.items() if verdict.reason]
+    return Report(
+        title=f"{verdict_text(ok)}: {passed} of {len(verdicts)} critics pass, on {origin}",
+        parts=(*parts, Table(header, rows), tuple(reasons)),
+        data={
+            "schema": "hfa.critic-checks/1",
+            "ok": ok,
+            "critics": {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
+        },
+        records=Table(header, rows),
+    )
+
+
+def _shown(value: float) -> str:
+    """Return a number as text with three digits, or "" for nan."""
+    return "" if math.isnan(value) else f"{value:.3g}"
