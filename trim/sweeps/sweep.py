@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.model import Model
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model, recognized
 from hfa_aircraft.signals import StatesAndInputs, record
 from hfa_support.errors import BadInputError, NoSolutionError, imported, refuse_unknown
 from hfa_support.progress import Progress
@@ -19,6 +20,7 @@ from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack
 from hfa_support.reporting.text import (
+    ROUNDING,
     RowsMade,
     Table,
     beside_unit,
@@ -58,6 +60,8 @@ MOST_POINTS = 1_000_000
 NETCDF = ".nc"
 #: Width and height of the root locus, inches.
 _LOCUS_INCHES = (10.0, 5.2)
+#: Widths of its lines, points: of the first and the last of several, and of a single one.
+_THIN, _THICK, _USUAL = 0.7, 2.7, 1.5
 #: A mode is slow if its eigenvalue is always below this fraction of the fastest.
 _SLOW = 0.15
 #: Number of points above which only the first and last rows are printed.
@@ -283,6 +287,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def _draw(self, axes: Axes, columns: np.ndarray) -> None:
         """Draw the paths of some eigenvalues along the last variable, and mark their ends.
 
+        Of several paths of a mode, the first is the thinnest and the last the thickest.
+
         columns: mask of the eigenvalues, (n,)
         """
         names = list(dict.fromkeys(self.mode_names))
@@ -290,9 +296,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             name = self.mode_names[column]
             number = names.index(name)
             style = ("-", "--", "-.", ":")[number % 4]
-            for line in self._lines():
+            for line, width in zip(self._lines(), self._widths(), strict=True):
                 roots = self.eigenvalues[line, column]
-                (path,) = axes.plot(roots.real, roots.imag, style, color=f"C{number}")
+                (path,) = axes.plot(
+                    roots.real, roots.imag, style, color=f"C{number}", linewidth=width
+                )
             if column == self.mode_names.index(name):
                 path.set_label(name)
         unit = self.plan.units[-1]
@@ -311,6 +319,16 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 markersize=5,
                 label=beside_unit(f"{self.variables[-1]} {' or '.join(values)}", unit),
             )
+        if len(self._lines()) > 1:
+            for place, width, word in ((0, _THIN, "thin"), (-1, _THICK, "thick")):
+                first = self._lines()[place].start
+                others = zip(self.variables, self.values[first], self.plan.units, strict=True)
+                texts = [
+                    beside_unit(f"{name} {shown_value(value, unit, '.4g')}", unit)
+                    for name, value, unit in [*others][:-1]
+                ]
+                label = f"{word}: {', '.join(texts)}"
+                axes.plot([], [], color="black", linewidth=width, label=label)
         axes.axvline(0.0, color="gray", linewidth=0.8)
         axes.margins(0.05, 0.12)
         axes.locator_params(axis="x", nbins=6)
@@ -339,8 +357,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         }
 
     def report(self) -> Report:
-        """Return a report with the values and eigenvalues at each point, or the reason for a
-        missing trim.
+        """Return a report with the values, eigenvalues, alpha, inputs and limits reached at each
+        point, or the reason for a missing trim.
 
         For a long sweep, only the first and last lines are printed. A conjugate pair has one
         column. If the modes of two columns become a conjugate pair, each column contains one member
@@ -349,6 +367,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         count = len(self.reasons)
         failed = np.flatnonzero(~self.trimmed).tolist()
         parts: list[Any] = [self._table()]
+        if self.trimmed.any():
+            parts.append(self._trims())
         for i in failed[:_SHOWN]:
             parts.append(f"{', '.join(self._varied(i))}: {self.reasons[i]}")
         if len(failed) > _SHOWN:
@@ -368,19 +388,52 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     def _table(self) -> Table:
         """Return a table of swept values and eigenvalues, one row for each point."""
-        # If the sweep has more than `_LONGEST` points, the table contains only the first and last
-        # rows.
         modes = self.modes
-        varied = zip(self.variables, self.plan.units, strict=True)
-        header = (
-            *(f"{name} {shown_unit(unit)}" for name, unit in varied),
-            *(f"{mode.name} 1/{self.model.time_unit}" for mode in modes),
+        names = [f"{mode.name} 1/{self.model.time_unit}" for mode in modes]
+        return self._over_points(
+            names, lambda i: tuple(_mode_text(mode.eigenvalue[i]) for mode in modes)
         )
 
+    def _trims(self) -> Table:
+        """Return a table of alpha, of the inputs that are not 0 at all points, and of the free
+        states and the inputs that are at a limit."""
+        model, condition = self.model, self.plan.condition
+        moved = np.any(np.nan_to_num(np.abs(self.inputs)) >= ROUNDING, axis=0)
+        inputs = [name for name, is_moved in zip(model.inputs, moved, strict=True) if is_moved]
+        alpha = recognized(model.states).get("alpha", "")
+        names = [each for each in (alpha, *inputs) if each and each not in self.variables]
+        values = {name: self[name] for name in names}
+        units = {name: model.unit(name) for name in names}
+        free = tuple(name for name in condition.free if name in model.states)
+        limited = (*free, *model.inputs)
+        limits = Limits.of(model, limited, condition.limits)
+        places = model.state_places(free)
+        at_trims = np.hstack([self.states[:, places], self.inputs])
+        ends = {"lowest": limits.at_lowest(at_trims), "highest": limits.at_highest(at_trims)}
+
         def row(i: int) -> tuple[str, ...]:
-            if self.reasons[i]:
-                return *self._varied(i), *("-" for _ in modes)
-            return *self._varied(i), *(_mode_text(mode.eigenvalue[i]) for mode in modes)
+            numbers = [shown_value(values[name][i], units[name], ".4g") for name in names]
+            at = [f"{limited[k]} {end}" for end in ends for k in np.flatnonzero(ends[end][i])]
+            return *numbers, ", ".join(at) or "none"
+
+        header = [f"{name} {shown_unit(unit)}".removesuffix(" 1") for name, unit in units.items()]
+        return self._over_points([*header, "at limit"], row)
+
+    def _over_points(self, names: Sequence[str], cells: Callable[[int], tuple[str, ...]]) -> Table:
+        """Return a table with a row of the swept values and of some cells for each point.
+
+        If the sweep has more than `_LONGEST` points, the table contains only the first and last
+        rows.
+
+        names: names of the cells
+        cells: function from the number of a point with a trim to its cells
+        """
+        varied = zip(self.variables, self.plan.units, strict=True)
+        header = (*(f"{name} {shown_unit(unit)}" for name, unit in varied), *names)
+
+        def row(i: int) -> tuple[str, ...]:
+            made = tuple("-" for _ in names) if self.reasons[i] else cells(i)
+            return *self._varied(i), *made
 
         count = len(self.reasons)
         if count <= _LONGEST:
@@ -515,6 +568,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             columns[f"{mode.name} damping"] = mode.damping[:, 0]
             columns[f"{mode.name} frequency"] = mode.frequency[:, 0]
         return columns
+
+    def _widths(self) -> np.ndarray:
+        """Return the width of each line along the last variable, points."""
+        count = len(self._lines())
+        return np.linspace(_THIN, _THICK, count) if count > 1 else np.array([_USUAL])
 
     def _lines(self) -> list[slice]:
         """Return a slice of the points for each line along the last variable."""

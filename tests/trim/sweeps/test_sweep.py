@@ -11,9 +11,19 @@ import pytest
 import xarray
 from cli import assert_refused, hfa
 from matplotlib import pyplot
+from project import ROOT
 
 import hfa_model
-from hfa import BadInputError, Model, TrimCondition, aircraft as aircraft_of, linearize, sweep, trim
+from hfa import (
+    BadInputError,
+    Model,
+    TrimCondition,
+    aircraft as aircraft_of,
+    linearize,
+    load_model,
+    sweep,
+    trim,
+)
 from hfa.paper import level_flight
 from hfa_model import INPUTS, STATES, Parameters
 from trim import TrimError, load_condition, release, trim_points, usual_condition
@@ -277,7 +287,7 @@ def test_a_long_sweep_prints_its_ends(
     text = result.report().text(width=None)
     assert "trimmed at 378 of 401 points" in text
     assert "(361 more)" in text
-    assert len(re.findall(r"^ *5\.7\d* {2,}", text, re.MULTILINE)) == 40
+    assert len(re.findall(r"^ *5\.7\d* {2,}", text, re.MULTILINE)) == 80
     assert text.count("5.72958, 30: ") == 20
     assert "3 more points have no trim" in text
     records = result.records()
@@ -327,3 +337,22 @@ def test_points_trimmed_alone_are_counted(tmp_path: Path) -> None:
     assert all(f"{alone} of 52 points were trimmed one by one" in said for said in answers)
     answer = hfa(*free, "--hold", "speed=64:68:0.2")
     assert "21 of 21 points were trimmed one by one" in answer.err
+
+
+def test_a_sweep_prints_trim_values_and_limits_reached() -> None:
+    """Each row has alpha and the moved inputs of the single trim, and the limits it reaches: here
+    full thrust at the lower speed.
+    """
+    model = load_model(str(ROOT / "examples" / "uav.toml"))
+    full = model.inputs["thrust"].max
+    condition = release(usual_condition(model), free=("gamma",))
+    swept = sweep(model, {"speed": [30.0], "thrust": [0.5 * full, full]}, condition=condition)
+    text = swept.report().text(width=None).partition("alpha deg")[2]
+    rows = [line.split() for line in text.splitlines()[1:3]]
+    for row, at_limit, thrust in zip(
+        rows, ("none", "thrust highest"), (0.5 * full, full), strict=True
+    ):
+        point = trim(model, release(condition, hold={"speed": 30.0, "thrust": thrust}))
+        expected = np.degrees([point["alpha"], point["elevator"]])
+        np.testing.assert_allclose([float(each) for each in row[2:4]], expected, rtol=1e-3)
+        assert " ".join(row[4:]) == at_limit
