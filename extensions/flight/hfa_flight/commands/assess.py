@@ -124,20 +124,18 @@ class AssessRequest(Request, TrimOptions):
         count="?",
     )
     sample_time: float | None = option(
-        "sample time, s, of a gain K in place of a deployment file: u = -K x, with all linear "
-        "states and inputs",
+        "sample time, s, of a gain K (u = -K x) in place of a deployment file",
         "S",
         number,
     )
     law: str | None = option(
-        f"law in place of a file ({', '.join((NONE, EXACT, *LAWS))}): flights from each trim in "
-        "--noise or --turbulence, those of `hfa fly --law NAME --samples N`",
+        f"law in place of a file: {', '.join((NONE, EXACT, *LAWS))}",
         "NAME",
         one_of(NONE, EXACT, *LAWS),
     )
     samples: int | None = option(
-        "number of initial conditions at each trim, each flown with and without the disturbance "
-        f"pulse; 0 for none; default {SAMPLES}. Of --law, number of flights; default {OF_POLICY}",
+        "initial conditions at each trim, each flown with and without the disturbance pulse; "
+        f"default {SAMPLES}. With --law, flights; default {OF_POLICY}",
         "N",
         whole(0, _MOST_SAMPLES),
     )
@@ -183,6 +181,7 @@ class AssessRequest(Request, TrimOptions):
         "default 5 with [cost], else 0",
         "K",
         whole(0, _MOST_SAMPLES),
+        rare=True,
     )
 
 

@@ -18,7 +18,6 @@ START = np.array([2.0, 0.03, 0.1, -0.05])
 ACTION = {"elevator": {"box": [-1, 1], "map": "trim + 0.3 * a"}}
 
 
-@pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.slow
 def test_an_imitated_planner_flies_in_the_environment() -> None:
     """The example's policy of its rows costs less than half of no action."""
@@ -26,6 +25,7 @@ def test_an_imitated_planner_flies_in_the_environment() -> None:
     assert imitation < 0.5 * nothing
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")
 def test_the_checker_of_gymnasium_passes() -> None:
     """The environment passes the checker of Gymnasium."""
     from gymnasium.utils.env_checker import check_env
