@@ -135,7 +135,7 @@ class AssessRequest(Request, TrimOptions):
     )
     samples: int | None = option(
         "initial conditions at each trim, each flown with and without the disturbance pulse; "
-        f"default {SAMPLES}. With --law, flights; default {OF_POLICY}",
+        f"default {SAMPLES}, law {OF_POLICY}",
         "N",
         whole(0, _MOST_SAMPLES),
     )
@@ -154,7 +154,7 @@ class AssessRequest(Request, TrimOptions):
     )
     need: Mapping[str, float] = option(
         "requirement: delay to tolerate (s), smallest disk margin, largest linear cost (percent "
-        "above the optimum), or share of the flights that converge (default 1, all); repeatable",
+        "above the optimum), or share of flights that converge (default 1); repeatable",
         "delay|margin|cost|share=X",
         _need,
         named=True,
