@@ -3,7 +3,8 @@
     python examples/imitate_a_planner.py
 
 Flights of `hfa.predictive` give rows (observation, action). A linear policy is fitted to them by
-least squares, and flown in the same environment from other initial states, beside no action. The cost of an episode is the negative sum of its rewards.
+least squares, and flown in the same environment from other initial states, beside no action. The
+cost of an episode is the negative sum of its rewards.
 """
 
 from __future__ import annotations

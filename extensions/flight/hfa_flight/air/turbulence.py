@@ -403,7 +403,7 @@ class TurbulentAir(Gust):
             if missing_states(model, name):
                 reason = "the equations have no such motion"
             elif kind := other_kind(model, ADDED[name]):
-                reason = f"{ADDED[name]} is an {kind} of the model"
+                reason = f"{ADDED[name]} is one of the {kind}s of the model"
             reasons.setdefault(reason, []).append(name)
         return [f"turbulence without {', '.join(names)}: {why}" for why, names in reasons.items()]
 
