@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.ending import Outcome
-from hfa_aircraft.march.march import History, Loop, march
+from hfa_aircraft.march.march import History
 from hfa_flight.air.history import Deviations
 from hfa_flight.judge.endings import BALL, STILL, Endings, settled
 from hfa_flight.judge.reach import HORIZON, Reach
@@ -21,7 +21,6 @@ from hfa_flight.simulate.limit_cycle import LimitCycle, limit_cycle
 from hfa_flight.simulate.sampled_flights import (
     CompiledSamples,
     SampledFlight,
-    SampledRows,
     in_threads,
 )
 from hfa_support.errors import BadInputError
@@ -283,7 +282,6 @@ class PlacedFlights:
         self.endings = self._undecided(windows)
 
         def work(numbers: np.ndarray) -> None:
-            rows = self.first[numbers], self.trims[numbers], self.pushes[numbers]
             shown = progress if progress is not None and 0 in numbers else None
 
             def over(flown: History) -> np.ndarray:
@@ -291,9 +289,15 @@ class PlacedFlights:
                     shown(flown.first // window + 1, windows)
                 return self.endings.over(replace(flown, flights=numbers[flown.flights]))
 
-            with np.errstate(all="ignore"):
-                loop = SampledRows(samples, *rows, PUSHED)
-                flown, ends = march(loop, windows * window, over=over, window=window, keep=False)
+            flown, ends = samples.fly(
+                self.first[numbers],
+                self.trims[numbers],
+                windows * window,
+                pushes=self.pushes[numbers],
+                pulse=PUSHED,
+                over=over,
+                keep=False,
+            )
             self.states[numbers] = flown.states[:, 0]
             self.times[numbers] = ends // window * of_window
 
@@ -388,10 +392,23 @@ class PlacedFlights:
         return departure(flight_envelope(place.point.model, place.point), times, states, False)
 
     def _cycle(self, number: int, place: Place) -> LimitCycle | None:
-        """Return the limit cycle of a flight that continues from its end, or None."""
-        samples = self.flight.compiled(1, _CYCLE_SECONDS)
-        loop = SampledRows(samples, self.states[[number]], self.trims[[number]])
-        return measured_cycle(self.flight, loop, place.point)
+        """Return the limit cycle of a flight that continues from its end, or None.
+
+        The result is also None if a state is not finite.
+        """
+        point, flight = place.point, self.flight
+        X, memory, *_ = flight.slices
+        samples = flight.compiled(1, _CYCLE_SECONDS)
+        ticks = max(64, round(_CYCLE_SECONDS / flight.dt))
+        flown, _ = samples.fly(self.states[[number]], self.trims[[number]], ticks)
+        states = flown.states[0]
+        if not np.isfinite(states[:, X]).all():
+            return None
+        inputs = states[:, memory][:, : len(point.model.inputs)] - point.u
+        deviations = states[:, X] - point.x
+        empty = np.zeros((len(states), 0))
+        trace = Deviations(flown.times, deviations, empty, inputs, empty, deviations, {})
+        return limit_cycle(point.model, trace, 0.0)
 
     def _other_equilibria(
         self, steady: np.ndarray, place: Place
@@ -444,25 +461,6 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
     return bool(np.all(apart[place.decisive] <= BALL * place.box[place.decisive]))
 
 
-def measured_cycle(flight: SampledFlight, loop: Loop, point: OperatingPoint) -> LimitCycle | None:
-    """Return the limit cycle of a flight, or None if it has none or a state is not finite.
-
-    loop: the flight, for `march`
-    point: trim of the flight
-    """
-    X, memory, *_ = flight.slices
-    with np.errstate(all="ignore"):
-        flown, _ = march(loop, max(64, round(_CYCLE_SECONDS / flight.dt)))
-    states = flown.states[0]
-    if not np.isfinite(states[:, X]).all():
-        return None
-    inputs = states[:, memory][:, : len(point.model.inputs)] - np.array(point.inputs)
-    deviations = states[:, X] - np.array(point.states)
-    empty = np.zeros((len(states), 0))
-    trace = Deviations(flown.times, deviations, empty, inputs, empty, deviations, {})
-    return limit_cycle(point.model, trace, 0.0)
-
-
 def fly_places(
     flight: SampledFlight,
     places: list[Place],
@@ -512,8 +510,7 @@ def ends_from_trim(
     X, memory, *_ = flight.slices
     window = flight.samples_in_window
     ticks = window * max(1, round(seconds / (window * flight.dt)))
-    loop = SampledRows(samples, flight.start(trims[:, X], trims), trims)
-    with np.errstate(all="ignore"):
-        flown, _ = march(loop, ticks, over=settled(still), window=window, keep=False)
+    start = flight.start(trims[:, X], trims)
+    flown, _ = samples.fly(start, trims, ticks, over=settled(still), keep=False)
     final = flown.states[:, 0]
     return final[:, X], final[:, memory][:, : len(model.inputs)]

@@ -22,6 +22,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.network.row_network import RowNetwork
+from hfa_aircraft.march.march import History, Over, march
 from hfa_aircraft.march.steppers import Stepper, Unobserved
 from hfa_flight.air.delay import WHOLE, in_samples
 from hfa_flight.air.held_step import held_step
@@ -235,6 +236,27 @@ class CompiledSamples:
     entering: Callable[..., list[np.ndarray]]
     network: RowNetwork
     stepper: Stepper
+
+    def fly(
+        self,
+        states: np.ndarray,
+        trims: np.ndarray,
+        ticks: int,
+        *,
+        pushes: np.ndarray | None = None,
+        pulse: float = 0.0,
+        over: Over | None = None,
+        keep: bool = True,
+    ) -> tuple[History, np.ndarray]:
+        """Return the result of `march` for flights of at most `ticks` samples.
+
+        `over` decides after each window of `WINDOW` s. The other arguments are those of
+        `SampledRows`.
+        """
+        loop = SampledRows(self, states, trims, pushes, pulse)
+        window = self.flight.samples_in_window
+        with np.errstate(all="ignore"):  # a flight may diverge
+            return march(loop, ticks, over=over, window=window, keep=keep)
 
 
 class SampledRows:
