@@ -11,6 +11,9 @@ provenance and may be omitted.
 The blocks of one document are run in order, in one folder and one namespace. Blocks in other
 languages are not run. Blocks marked as ```console slow are run only if slow tests are selected.
 docs/pictures/NAME contains the pictures drawn by the commands in docs/NAME.md.
+
+A table may have columns with the heading `hfa COMMAND`: each cell has options that complete it, and
+the command is run.
 """
 
 from __future__ import annotations
@@ -178,6 +181,37 @@ def complaints_here(document: Path, *, slow: bool = False) -> list[str]:
     for name in ("examples", "studies"):
         Path(name).symlink_to(ROOT / name)
     return complaints(text_of(document), name=document.name, slow=slow)
+
+
+def commands_in_tables(document: str) -> list[str]:
+    """Return the commands of the tables whose columns have commands as headings."""
+    found = []
+    for table in re.findall(r"^\|.*\| `hfa .*\n\|[-|]+\n(?:\|.*\n)+", document, re.M):
+        heads, _, *rows = (
+            [cell.strip(" `") for cell in line.split("|")[1:-1]] for line in table.splitlines()
+        )
+        found += [
+            f"{head} {cell}"
+            for row in rows
+            for head, cell in zip(heads, row, strict=True)
+            if head.startswith("hfa ") and cell
+        ]
+    return found
+
+
+TABLED = [
+    pytest.param(command, marks=[pytest.mark.slow] * bool(re.search(r"jsbsim|=\d+:", command)))
+    for path in DOCUMENTS
+    for command in commands_in_tables(text_of(path))
+]
+
+
+@pytest.mark.parametrize("command", TABLED)
+def test_commands_in_tables_run(command: str, folder: Path) -> None:
+    """Each flight that a table shows has a trim, and so has each of a list of speeds."""
+    for name in ("examples", "studies"):
+        Path(name).symlink_to(ROOT / name)
+    assert _wrong_with(command, 0, "...") == ""
 
 
 def illustrate() -> None:
