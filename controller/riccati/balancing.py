@@ -19,11 +19,6 @@ def abscissa_of(matrix: np.ndarray) -> float:
     return float(np.linalg.eigvals(matrix).real.max())
 
 
-def is_hurwitz(matrix: np.ndarray) -> bool:
-    """Return whether every eigenvalue of the matrix has a negative real part."""
-    return abscissa_of(matrix) < 0.0
-
-
 class Stability(NamedTuple):
     """Abscissa of a loop, 1/s, which is stable below 0; in discrete time spectral radius and 1.
 

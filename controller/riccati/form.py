@@ -12,7 +12,6 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import largest, units_of
-from controller.riccati.delta_search import Answer
 from controller.riccati.double_double import exact, product_of_doubles
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import Check
@@ -51,6 +50,19 @@ HIDDEN = (
     "within 1e-10 of its size, (A, Q) is not detectable: the undamped {} has no cost; give it"
     " weight in Q"
 )
+
+
+class Answer(NamedTuple):
+    """Answer to the question whether the game has a solution at one δ.
+
+    exists: whether it has one
+    reason: why not
+    excess: number that passes through 0 at the smallest δ, or nan if none is known
+    """
+
+    exists: bool
+    reason: str = ""
+    excess: float = math.nan
 
 
 class Turn(NamedTuple):

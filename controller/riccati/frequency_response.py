@@ -66,7 +66,10 @@ def loop_gain(loop: System, *, is_discrete: bool) -> GainBounds:
         return GainBounds(math.inf, math.inf)
     # The gain at infinite frequency, z = -1, makes the search inaccurate. It is the smaller one of
     # those at z = 1 and -1 if z and A change their sign where necessary.
-    ends = [np.linalg.norm(loop.C @ responses_at(loop.A, loop.B, z), 2) for z in (1.0, -1.0)]
+    one = np.eye(len(loop.A))
+    ends = [
+        np.linalg.norm(loop.C @ np.linalg.solve(z * one - loop.A, loop.B), 2) for z in (1.0, -1.0)
+    ]
     sign = 1.0 if ends[0] >= ends[1] else -1.0
     return gain_bounds(*in_continuous_time(loop._replace(A=sign * loop.A)))
 
@@ -159,11 +162,6 @@ def _resonances(poles: np.ndarray) -> np.ndarray:
     upper = poles[poles.imag >= 0.0]
     least_damped = upper[np.argsort(-upper.real / np.abs(upper))[:STARTS]]
     return np.concatenate([[0.0], np.abs(least_damped), least_damped.imag])
-
-
-def responses_at(loop: np.ndarray, B: np.ndarray, point: complex) -> np.ndarray:
-    """Return (s I - loop)⁻¹ B, (n, m), at one point s or z."""
-    return np.linalg.solve(point * np.eye(len(loop)) - loop, B)
 
 
 def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:

@@ -4,26 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from controller.game.zero_sum import Game
 from controller.riccati.axis_distance import hamiltonian_axis_distance
 from controller.riccati.balancing import (
     abscissa_of,
     hamiltonian,
-    is_hurwitz,
     largest,
     largest_or_1,
 )
-from controller.riccati.delta_search import Answer
 from controller.riccati.double_double import Pair, exact, product_of_doubles
 from controller.riccati.form import (
     INDEFINITENESS,
     LAST,
     RESIDUAL,
+    Answer,
     Form,
     doubled,
 )
@@ -66,16 +64,6 @@ class NormalForm(Form):
 
     is_discrete = False
     of_matrix = ""
-
-    @classmethod
-    @lru_cache(maxsize=8)
-    def of(cls, game: Game) -> Self:
-        """Return the balanced form of a game, cached for each game.
-
-        Raises BadInputError for a game in discrete time.
-        """
-        game.refuse_steps("this computation")
-        return super().of(game)
 
     def without_cross_weights(self) -> Self:
         """Return the game with the input v + R⁻¹ N'y, from twice the digits."""
@@ -199,7 +187,7 @@ class NormalForm(Form):
 
     @property
     def _costs_nothing(self) -> bool:
-        return not self.Q.any() and is_hurwitz(self.A)
+        return not self.Q.any() and abscissa_of(self.A) < 0.0
 
     def by_doubling(self) -> np.ndarray:
         """Return X, (n, n), by the structure-preserving doubling algorithm.

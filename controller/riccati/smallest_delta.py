@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 from controller.game.zero_sum import Game
 from controller.riccati.certificate import certified_solution, form_of
-from controller.riccati.delta_search import smallest_delta
-from controller.riccati.form import Form
+from controller.riccati.form import Answer, Form
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -17,6 +17,13 @@ TOLERANCE = 1e-6
 #: The search is made in states in which the eigenvalues of the X without disturbance, the smallest
 #: X of all, are between this and its inverse.
 LEVEL = 4.0
+#: Largest and smallest δ of the search, as multiples of the first one.
+MOST = 1e12
+LEAST = 1e-12
+#: Relative distances from the smallest δ at which a clearly positive excess is searched for,
+CLEAR_STEPS = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
+#: and the excess that is clearly positive, because it is not rounding.
+ROUNDED = 2e-12
 #: If delta exceeds delta_min by a smaller fraction, the poor conditioning of P may be the reason
 #: why a test fails.
 CLOSE = 0.01
@@ -124,10 +131,63 @@ def smallest_delta_of(form: Form, progress: Progress | None = None) -> DeltaMin:
         return DeltaMin(0.0, 0.0)
     turn = lqr.form.levelling(lqr.X, LEVEL)
     level = lqr.form.turned(turn) if turn else lqr.form
-    value, refused, _ = smallest_delta(
-        lambda delta: level.with_delta(delta).existence(), 2.0 * bound, TOLERANCE, progress
-    )
-    return DeltaMin(value, refused)
+    return _smallest_delta(lambda delta: level.with_delta(delta).existence(), 2.0 * bound, progress)
+
+
+def _smallest_delta(
+    existence_at: Callable[[float], Answer], begin: float, progress: Progress | None
+) -> DeltaMin:
+    """Return bounds of the smallest δ with a solution, by bisection of log δ.
+
+    existence_at: function δ -> existence. The set of δ with a solution is an interval (δ_min, inf].
+    begin: a δ that should have a solution
+
+    Raises NoSolutionError if no δ up to `MOST` times `begin` has a solution.
+    """
+    high = begin
+    while not (accepted := existence_at(high)).exists:
+        high *= 4.0
+        if high > begin * MOST:
+            raise NoSolutionError(
+                f"the game has no solution for any delta up to {high / 4.0:.4g}: {accepted.reason};"
+                " check the scaling of A, B, E, Q and R"
+            )
+    low = high / 4.0
+    while (found := existence_at(low)).exists:
+        accepted = found
+        high, low = low, low / 4.0
+        if low < begin * LEAST:
+            return DeltaMin(0.0, 0.0)
+    while high > low * (1.0 + TOLERANCE):
+        middle = math.sqrt(low * high)
+        found = existence_at(middle)
+        if found.exists:
+            high, accepted = middle, found
+        else:
+            low = middle
+        if progress is not None:
+            progress(min(1.0, TOLERANCE / math.log(high / low)), 1.0)
+    if accepted.excess < 0.0:
+        high = _zero_of_excess(existence_at, high)
+    return DeltaMin(high, low)
+
+
+def _zero_of_excess(existence_at: Callable[[float], Answer], smallest: float) -> float:
+    """Return the δ >= smallest above which the excess is positive, by bisection of log δ.
+
+    The sign of the excess is more accurate than the rounding that `existence_at` permits, unless it
+    is rounding at every δ, as in a game whose P is singular. Then `smallest` is returned.
+    """
+    low = smallest
+    clear = (smallest * (1.0 + step) for step in CLEAR_STEPS)
+    high = next((delta for delta in clear if existence_at(delta).excess > ROUNDED), smallest)
+    while high > low * (1.0 + TOLERANCE):
+        middle = math.sqrt(low * high)
+        if existence_at(middle).excess < 0.0:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 def why_refused(form: Form, failure: str, progress: Progress | None = None) -> str:

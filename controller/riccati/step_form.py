@@ -13,13 +13,13 @@ import numpy as np
 
 from controller.game.zero_sum import least_scaled_eigenvalue
 from controller.riccati.balancing import largest, largest_or_1
-from controller.riccati.delta_search import Answer
 from controller.riccati.double_double import exact, product_of_doubles
 from controller.riccati.form import (
     INDEFINITENESS,
     LAST,
     RESIDUAL,
     UNPAID,
+    Answer,
     Form,
     doubled,
 )
