@@ -13,6 +13,7 @@ import shlex
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -204,5 +205,5 @@ def with_options(parser: Parser, command: Command) -> Parser:
     parser.example = command.example
     called, _, name = parser.prog.partition(" ")
     if called == "hfa":  # otherwise the program has one command, such as python my_command.py
-        parser.words = words_after(name)
+        parser.words = partial(words_after, name)
     return parser

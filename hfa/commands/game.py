@@ -11,13 +11,13 @@ import numpy as np
 
 from controller.learning.law_names import DEFAULT_LAW
 from hfa.learning import LearningOptions
-from hfa.options.argument_types import each_of, quantity, whole
+from hfa.options.argument_types import quantity, whole
 from hfa.options.command import Request, command, picture_option
 from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, game_at, given_game, given_weights
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.plants import loaded_model
-from hfa.options.ranges import array_of, scheduled_range
+from hfa.options.ranges import array_of, value_range
 from hfa.options.show import show
 from hfa.options.tracking import reference_of, reference_option, with_tracking
 from hfa.options.trims import (
@@ -28,7 +28,7 @@ from hfa.options.trims import (
     at_option,
     at_value,
     dihedral_option,
-    held_texts,
+    held_values,
     trim_source,
     trim_with,
 )
@@ -114,12 +114,12 @@ def _solve_table(request: SolveRequest) -> int:
         _OF_ONE_TRIM,
         f"applies to one trim; remove this option, or give one {name}",
     )
-    values = at_value(request, model, scheduled_range)
+    values = at_value(request, model, value_range)
     assert values is not None  # several values are given
     breakpoints = array_of(name, values, _MOST_BREAKPOINTS)
     if np.any(np.diff(breakpoints) <= 0.0):
         raise BadInputError(f"{name} does not increase; give the values in increasing order")
-    hold = each_of("--hold", model, held_texts(request), quantity)
+    hold = held_values(request, model, quantity)
     weights = given_weights(request)
     trims: list[GivenTrim] = []
     games: list[NamedGame] = []

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options.argument_types import each_of, quantity
+from hfa.options.argument_types import quantity
 from hfa.options.command import Request, command, output_option, picture_option
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.plants import loaded_model
-from hfa.options.ranges import Range, array_of, is_one_value, scheduled_range, value_range
+from hfa.options.ranges import Range, array_of, is_one_value, value_range
 from hfa.options.show import provenance, show, show_text
 from hfa.options.trims import (
     AT_SEVERAL,
@@ -26,8 +26,7 @@ from hfa.options.trims import (
     at_value,
     common_condition,
     dihedral_option,
-    held_texts,
-    named_condition,
+    held_values,
     trim_source,
 )
 from hfa.options.workers import WorkerOptions
@@ -129,16 +128,15 @@ def _plan(request: SweepRequest, stored: bool) -> tuple[SweepPlan, dict[str, Any
     """
     model = loaded_model(request)
     by = model.schedule
-    at = at_value(request, model, scheduled_range)
-    hold = each_of("--hold", model, held_texts(request), value_range)
+    at = at_value(request, model, value_range)
+    hold = held_values(request, model, value_range)
     constants = {
         name: values[0]
         for name, values in hold.items()
         if is_one_value(values) and name not in model.parameters
     }
     listing = request.conditions
-    usual = named_condition(request, model)
-    condition, start = common_condition(request, usual, at, {**hold, **constants})
+    condition, start = common_condition(request, model, at, {**hold, **constants})
     ranges: dict[str, Range] = {} if at is None else {by: at}
     ranges |= {name: values for name, values in hold.items() if name not in constants}
     if listing is not None:

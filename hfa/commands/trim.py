@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import hfa_model
 from hfa.commands.sweep import listed_points
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import each_of, one_of
+from hfa.options.argument_types import one_of
 from hfa.options.command import Request, command, output_option, picture_option
 from hfa.options.option import option
 from hfa.options.plants import aircraft_source, loaded_model
-from hfa.options.ranges import array_of, scheduled_range, value_range
+from hfa.options.ranges import array_of, value_range
 from hfa.options.show import show, show_text
 from hfa.options.trims import (
     AT_SEVERAL,
@@ -25,7 +25,7 @@ from hfa.options.trims import (
     at_option,
     at_value,
     dihedral_option,
-    held_texts,
+    held_values,
     refuse_doubles,
     trim_with,
 )
@@ -124,10 +124,10 @@ def _each_trim(request: TrimRequest) -> Sequence[GivenTrim | BadInputError]:
     Raises BadInputError for more than `_MOST_SHEETS`.
     """
     model = loaded_model(request)
-    hold = each_of("--hold", model, held_texts(request), value_range)
+    hold = held_values(request, model, value_range)
     if request.conditions is not None:
         return _each_listed(request, model, request.conditions, hold)
-    at = at_value(request, model, scheduled_range, required=True)
+    at = at_value(request, model, value_range, required=True)
     refuse_doubles(model, (), at, hold)
     ranges = hold if at is None else {model.schedule: at, **hold}
     columns = [array_of(name, each, _MOST_SHEETS).tolist() for name, each in ranges.items()]
@@ -154,7 +154,7 @@ def _each_listed(
     option.
     """
     listed = listed_points(file, usual_condition(model))
-    at = at_value(request, model, scheduled_range, required=False)
+    at = at_value(request, model, value_range, required=False)
     common = hold if at is None else {model.schedule: at, **hold}
     for name, values in common.items():
         if name in listed or len(values) > 1:
@@ -246,7 +246,7 @@ def _together(sheets: Sequence[Report], rows: Sequence[Sheet | dict[str, str]]) 
 
 def _common_source(request: TrimRequest, trims: list[GivenTrim]) -> dict[str, Any]:
     """Return the entries of the provenance on several trims of one aircraft."""
-    first, *others = (each.held_parameters for each in trims)
+    first, *others = (each.parameters for each in trims)
     held = {
         name: value
         for name, value in first.items()

@@ -157,8 +157,8 @@ def linear_state(model: Model, name: str, text: str) -> float:
     return among(model.linear, model, name, text)
 
 
-def breakpoint_value(model: Model, text: str) -> float:
-    """Return the value of the model's scheduling variable at one trim, in internal units.
+def single_quantity(model: Model, name: str, text: str) -> float:
+    """Return the value of the scheduling variable at one trim, in internal units.
 
     Raises BadInputError for text that is not a number. For a list or a range, the message names
     `hfa sweep`, the command for several values.
@@ -167,7 +167,7 @@ def breakpoint_value(model: Model, text: str) -> float:
         raise BadInputError(
             f"is {shortened(text)!r}; give one number (`hfa sweep` accepts lists and ranges)"
         )
-    return quantity(model, model.schedule, text)
+    return quantity(model, name, text)
 
 
 def span(model: Model, name: str, text: str) -> tuple[float, float]:

@@ -29,8 +29,8 @@ class Parser(argparse.ArgumentParser):
         self.options: dict[str, Option] = {}
         #: Last line of the help.
         self.example = ""
-        #: Second word of the command -> summary, for the help.
-        self.words: Mapping[str, str] = {}
+        #: Function that returns second word of the command -> summary, for the help.
+        self.words: Callable[[], Mapping[str, str]] = dict
         self._words: dict[str, list[str]] = {}
 
     def declare(self, options: Mapping[str, Option]) -> None:
@@ -48,9 +48,9 @@ class Parser(argparse.ArgumentParser):
             how: dict[str, Any] = {"help": ""}
             if names[0].startswith("-"):
                 how |= {"dest": name, "default": argparse.SUPPRESS}
+                how |= {"required": option.required}
             if option.named:
-                how |= {"action": _Named, "kind": kind}
-                how |= {"metavar": option.form}
+                how |= {"action": _Named, "kind": kind, "metavar": option.form}
             elif option.form:
                 how |= {"type": kind, "metavar": option.form}
                 if option.repeated:
@@ -70,12 +70,18 @@ class Parser(argparse.ArgumentParser):
         self.usage = f"{self.prog}{words} [options]"
 
     def format_help(self, more: bool = False) -> str:
-        """Return the help text of the command.
+        """Return the help of the command: usage, description, options, subcommands and example.
 
         more: whether rare options are explained, or only listed by name
         """
-
-        return help_text(self, more)
+        texts = [_options_text(self, more)]
+        if words := self.words():
+            lines = [f"  {self.prog} {word:<10}{about}\n" for word, about in words.items()]
+            texts.append("".join(lines))
+        if self.example:
+            gap = " " if len(self.example) <= 70 else "\n"
+            texts.append(f"example:{gap}{self.example}\n")
+        return "\n".join(texts)
 
     def parse_words(self, words: list[str]) -> dict[str, Any]:
         """Return the values of the options in a command line, field of the request -> value.
@@ -96,19 +102,6 @@ class Parser(argparse.ArgumentParser):
         parsed, strays = self.parse_known_intermixed_args(words)
         if strays:
             self.error(f"unrecognized arguments: {' '.join(map(shortened, strays))}")
-        typed = self.typed(parsed)
-        missing = [
-            option.flags[-1]
-            for name, option in self.options.items()
-            if option.required and name not in typed
-        ]
-        if missing:
-            self.error(f"the following arguments are required: {', '.join(missing)}")
-        return typed
-
-    @staticmethod
-    def typed(parsed: argparse.Namespace) -> dict[str, Any]:
-        """Return the values of the given options, field of the request -> value."""
         return {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in vars(parsed).items()
@@ -203,22 +196,6 @@ def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     program: name of the command, such as "hfa trim"
     """
     return f"unknown {what}{advice(name, known) or f' (see `{program} --help`)'}"
-
-
-def help_text(parser: Parser, more: bool) -> str:
-    """Return the help of a command: usage, description, options, subcommands and example.
-
-    parser: parser of the command
-    more: whether rare options are explained, or only listed by name
-    """
-    texts = [_options_text(parser, more)]
-    if parser.words:
-        lines = [f"  {parser.prog} {word:<10}{about}\n" for word, about in parser.words.items()]
-        texts.append("".join(lines))
-    if parser.example:
-        gap = " " if len(parser.example) <= 70 else "\n"
-        texts.append(f"example:{gap}{parser.example}\n")
-    return "\n".join(texts)
 
 
 def _options_text(parser: Parser, more: bool) -> str:

@@ -55,14 +55,6 @@ def value_range(model: Model, name: str, text: str) -> Range:
     return Steps(start * unit, float(spacing), count)
 
 
-def scheduled_range(model: Model, text: str) -> Range:
-    """Return the values of the model's scheduling variable, in internal units, from its text.
-
-    text: `start:stop:step`, `a,b,c` or one number
-    """
-    return value_range(model, model.schedule, text)
-
-
 def is_one_value(values: Range) -> bool:
     """Return whether the values of an option are a single one."""
     return isinstance(values, tuple) and len(values) == 1

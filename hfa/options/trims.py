@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from hfa.options.argument_types import breakpoint_value, each_of, option_errors, quantity, span
+from hfa.options.argument_types import each_of, option_errors, quantity, single_quantity, span
 from hfa.options.option import PAPER, option
 from hfa.options.plants import AircraftOptions, aircraft_source, is_own, loaded_model
 from hfa_aircraft.model import Model
@@ -70,48 +70,46 @@ class TrimOptions(AircraftOptions):
     )
 
 
-def held_texts(request: TrimOptions) -> Mapping[str, str]:
-    """Return name -> text of --hold, and of --isa, which sets the parameter isa.
+def held_values(
+    request: TrimOptions, model: Model, kind: Callable[[Model, str, str], T]
+) -> dict[str, T]:
+    """Return name -> value of --hold, and of --isa, which sets the parameter isa.
 
-    Raises BadInputError if both give the parameter.
+    kind: function (model, name, text) -> value
+
+    Raises BadInputError if both give the parameter, and as `kind` does.
     """
-    if request.isa is None:
-        return request.hold
-    if ISA in request.hold:
-        raise BadInputError(f"--isa and --hold {ISA} are the same; give one of them")
-    return {**request.hold, ISA: request.isa}
+    texts = request.hold
+    if request.isa is not None:
+        if ISA in texts:
+            raise BadInputError(f"--isa and --hold {ISA} are the same; give one of them")
+        texts = {**texts, ISA: request.isa}
+    return each_of("--hold", model, texts, kind)
 
 
 class GivenTrim(NamedTuple):
     """The trim that the options of a request define.
 
     model: the aircraft, with the parameters that the options set
-    common: condition without the value of the scheduling variable
+    condition: condition of the trim, with the value of the scheduling variable
+    common: condition without this value, of the aircraft without these parameters
     at: value of the scheduling variable, or None for that of the condition
     hold: variable or parameter -> value of --hold
+    parameters: parameter -> value, for the parameters that the options set
     start: point at which the search begins, or None
     is_started: whether --start is given
     source: entries of the provenance
     """
 
     model: Model
+    condition: TrimCondition
     common: TrimCondition
     at: float | None
     hold: Mapping[str, float]
+    parameters: Mapping[str, float]
     start: OperatingPoint | None
     is_started: bool
     source: Mapping[str, Any]
-
-    @property
-    def condition(self) -> TrimCondition:
-        """Condition of the trim, with the value of the scheduling variable."""
-        is_parameter = self.model.schedule in self.model.parameters
-        return self.common.at(None if is_parameter else self.at)
-
-    @property
-    def held_parameters(self) -> dict[str, float]:
-        """Parameter -> value, for the parameters that options set."""
-        return parameters_in(self.model, {**self.hold, self.model.schedule: self.at})
 
 
 def given_trim(request: TrimOptions, *, required: bool = False) -> GivenTrim:
@@ -122,8 +120,8 @@ def given_trim(request: TrimOptions, *, required: bool = False) -> GivenTrim:
     Raises BadInputError for an unknown name, an invalid value, or options that contradict.
     """
     model = loaded_model(request)
-    at = at_value(request, model, breakpoint_value, required=required)
-    return trim_with(request, model, at, each_of("--hold", model, held_texts(request), quantity))
+    at = at_value(request, model, single_quantity, required=required)
+    return trim_with(request, model, at, held_values(request, model, quantity))
 
 
 def trim_with(
@@ -135,11 +133,19 @@ def trim_with(
     at: value of the scheduling variable, or None
     hold: variable or parameter -> value
     """
-    held = parameters_in(model, {**hold, model.schedule: at})
-    common, start = common_condition(request, named_condition(request, model), at, hold)
-    source = trim_source(request, common, at, hold)
-    is_started = request.start is not None
-    return GivenTrim(model.with_parameters(**held), common, at, hold, start, is_started, source)
+    parameters = _parameters_in(model, {**hold, model.schedule: at})
+    common, start = common_condition(request, model, at, hold)
+    return GivenTrim(
+        model=model.with_parameters(**parameters),
+        condition=common.at(None if model.schedule in model.parameters else at),
+        common=common,
+        at=at,
+        hold=hold,
+        parameters=parameters,
+        start=start,
+        is_started=request.start is not None,
+        source=trim_source(request, common, at, hold),
+    )
 
 
 def at_name(model: Model) -> str:
@@ -148,11 +154,15 @@ def at_name(model: Model) -> str:
 
 
 def at_value(
-    request: TrimOptions, model: Model, kind: Callable[[Model, str], T], *, required: bool = False
+    request: TrimOptions,
+    model: Model,
+    kind: Callable[[Model, str, str], T],
+    *,
+    required: bool = False,
 ) -> T | None:
     """Return the value of --at or --dihedral, or None.
 
-    kind: function (model, text) -> value
+    kind: function (model, name, text) -> value
     required: whether the option is mandatory for the paper's aircraft
 
     Raises BadInputError if the model has no such option, and as `kind` does.
@@ -172,11 +182,11 @@ def at_value(
         raise BadInputError(f"no value of {model.schedule} is given; add --{model.schedule} DEG")
     for text in given:
         with option_errors(f"--{at_name(model)}"):
-            return kind(model, text)
+            return kind(model, model.schedule, text)
     return None
 
 
-def named_condition(request: TrimOptions, model: Model) -> TrimCondition:
+def _named_condition(request: TrimOptions, model: Model) -> TrimCondition:
     """Return the condition of --condition, or the default of the model.
 
     Raises BadInputError for a list of conditions.
@@ -194,20 +204,18 @@ def named_condition(request: TrimOptions, model: Model) -> TrimCondition:
 
 
 def common_condition(
-    request: TrimOptions, usual: TrimCondition, at: object, hold: Mapping[str, Any]
+    request: TrimOptions, model: Model, at: object, hold: Mapping[str, Any]
 ) -> tuple[TrimCondition, OperatingPoint | None]:
-    """Return a condition changed by --hold, --free, --limit and --start, and the point of --start.
+    """Return the condition of the options without the value of the scheduling variable, and the
+    point of --start.
 
-    The value of the scheduling variable is not changed.
-
-    usual: the condition
     at: value or values of the scheduling variable, or None
     hold: variable or parameter -> value or values of --hold, of which only single values of
         variables are imposed
 
     Raises BadInputError if a variable is given twice, and as `release` does.
     """
-    model = usual.model
+    usual = _named_condition(request, model)
     free = [_freed(model, text) for text in request.free]
     refuse_doubles(model, free, at, hold)
     held = {name: value for name, value in hold.items() if name not in model.parameters}
@@ -262,7 +270,7 @@ def _start_of(request: TrimOptions, model: Model) -> OperatingPoint | dict[str, 
     return values
 
 
-def parameters_in(model: Model, values: Mapping[str, Any]) -> dict[str, float]:
+def _parameters_in(model: Model, values: Mapping[str, Any]) -> dict[str, float]:
     """Return the parameters of a model among values that are single numbers, name -> value."""
     return {name: values[name] for name in model.parameters if isinstance(values.get(name), float)}
 
@@ -277,7 +285,7 @@ def trim_source(
     hold: variable or parameter -> value or values of --hold
     """
     model = common.model
-    held = parameters_in(model, {**hold, model.schedule: at})
+    held = _parameters_in(model, {**hold, model.schedule: at})
     source = aircraft_source(request, model, held)
     if is_own(model):
         return source | {"condition": {**common.changes, "parameters": held}}

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options.argument_types import each_of, option_errors, output_file, quantity, some_of
+from hfa.options.argument_types import option_errors, output_file, quantity, some_of
 from hfa.options.command import Request, command
 from hfa.options.option import option
 from hfa.options.output import ProgressLine, print_flushed
 from hfa.options.plants import loaded_model, parameter_set
-from hfa.options.ranges import array_of, scheduled_range
+from hfa.options.ranges import array_of, value_range
 from hfa.options.show import provenance, stated
 from hfa.options.trims import (
     AT_SEVERAL,
@@ -24,8 +24,7 @@ from hfa.options.trims import (
     at_value,
     common_condition,
     dihedral_option,
-    held_texts,
-    named_condition,
+    held_values,
     trim_source,
 )
 from hfa.page.claims import load_claims
@@ -111,20 +110,20 @@ def report(request: ReportRequest) -> int:
     if place is not None:
         plotly_script()  # refused before anything is computed if Plotly is missing
     model = loaded_model(request)
-    hold = each_of("--hold", model, held_texts(request), quantity)
+    hold = held_values(request, model, quantity)
     if "dihedral" in (*request.free, *hold):
         raise BadInputError(
             "dihedral is held or free, but --dihedral and --sweep define the angles of a report; "
             "remove --hold dihedral or --free dihedral"
         )
-    angles = at_value(request, model, scheduled_range)
+    angles = at_value(request, model, value_range)
     asked = array_of("--dihedral", angles or ASKED, MOST_ASKED)
     swept = SWEEP
     if request.sweep is not None:
         with option_errors("--sweep"):
-            values = scheduled_range(model, request.sweep)
+            values = value_range(model, model.schedule, request.sweep)
         swept = array_of("--sweep", values, MOST_SWEPT)
-    condition, start = common_condition(request, named_condition(request, model), angles, hold)
+    condition, start = common_condition(request, model, angles, hold)
     job = main_job(
         parameter_set(request),
         request.dynamics or "published",

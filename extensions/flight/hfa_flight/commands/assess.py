@@ -24,7 +24,7 @@ from hfa.options.command import Request, command, picture_option
 from hfa.options.option import is_given, option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.plants import aircraft_help, loaded_model
-from hfa.options.ranges import array_of, scheduled_range
+from hfa.options.ranges import array_of, value_range
 from hfa.options.show import show
 from hfa.options.trims import (
     AT_SEVERAL,
@@ -35,7 +35,7 @@ from hfa.options.trims import (
     at_option,
     at_value,
     dihedral_option,
-    held_texts,
+    held_values,
     trim_source,
     trim_with,
 )
@@ -208,8 +208,8 @@ class _Given(NamedTuple):
 def _given(request: AssessRequest) -> _Given:
     """Return the trims, noise and turbulence of the options."""
     model = loaded_model(request)
-    hold = each_of("--hold", model, held_texts(request), quantity)
-    at = at_value(request, model, scheduled_range)
+    hold = held_values(request, model, quantity)
+    at = at_value(request, model, value_range)
     values = [None] if at is None else array_of("--at", at, _MOST_POINTS).tolist()
     trims = [trim_with(request, model, value, hold) for value in values]
     turbulence = at_held_altitude(request.turbulence, hold)

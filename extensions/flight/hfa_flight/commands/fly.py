@@ -399,7 +399,7 @@ def member_plan(request: FlyRequest, given: GivenTrim) -> MonteCarlo:
     _refuse_contradictions(request)
     spread = None
     if request.draws is not None:
-        spread = parameter_spread(request, given.common.model, given.held_parameters)
+        spread = parameter_spread(request, given.common.model, given.parameters)
     planned = _planned(request, given, trimmed(given))
     share = request.need.get(SHARE, ALL)
     return MonteCarlo(request.members, request.seed, *planned, spread, share)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import each_of, quantity
+from hfa.options.argument_types import quantity
 from hfa.options.games import given_weights
 from hfa.options.option import is_given, options_of, refuse
 from hfa.options.plants import loaded_model
@@ -19,7 +19,7 @@ from hfa.options.trims import (
     GivenTrim,
     at_name,
     at_value,
-    held_texts,
+    held_values,
     refuse_doubles,
     trim_with,
 )
@@ -81,7 +81,7 @@ def checked_trim(request: CheckRequest, kind: str) -> CheckedTrim:
     """
     model = loaded_model(request)
     ends = at_value(request, model, interval_of) or ()
-    hold = each_of("--hold", model, held_texts(request), quantity)
+    hold = held_values(request, model, quantity)
     at = None
     if kind == "schedule":
         refuse_doubles(model, request.free, ends or None, hold)

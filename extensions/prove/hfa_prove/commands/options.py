@@ -13,7 +13,7 @@ from hfa_support.schema import Number
 not_negative = partial(number, declared=Number(0.0))
 
 
-def interval_of(model: Model, text: str) -> tuple[float, ...]:
+def interval_of(_model: Model, _name: str, text: str) -> tuple[float, ...]:
     """Return the ends LOW and HIGH of the scheduling variable, or one value, in the unit typed.
 
     Raises BadInputError unless there is one number, or LOW < HIGH.

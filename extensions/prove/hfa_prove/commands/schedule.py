@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa.options.argument_types import each_of, input_file, positive, quantity
+from hfa.options.argument_types import input_file, positive, quantity
 from hfa.options.command import Request, command
 from hfa.options.games import WeightOptions, given_weights
 from hfa.options.option import option, refuse
@@ -19,7 +19,7 @@ from hfa.options.trims import (
     at_option,
     at_value,
     dihedral_option,
-    held_texts,
+    held_values,
     refuse_doubles,
     trim_source,
     trim_with,
@@ -78,7 +78,7 @@ def schedule(request: ScheduleRequest) -> int:
 
     model = loaded_model(request)
     low, high = _ends(request, model)
-    hold = each_of("--hold", model, held_texts(request), quantity)
+    hold = held_values(request, model, quantity)
     refuse_doubles(model, request.free, (low, high), hold)
     given = trim_with(request, model, None, hold)
     source = trim_source(request, given.common, (low, high), hold)
