@@ -34,7 +34,7 @@ from hfa_flight.plan.optimize import optimize as optimize
 from hfa_flight.plan.predictive import predictive as predictive
 from hfa_flight.plan.state_dependent import state_dependent as state_dependent
 from hfa_flight.policies.deployment.deployment import Deployment as Deployment
-from hfa_flight.policies.kalman import filter as filter
+from hfa_flight.policies.filter import filter as filter
 from hfa_flight.samples.flights_in_air import FlightsInAir as FlightsInAir
 from hfa_flight.simulate.flight import Flight as Flight, fly as fly
 from hfa_identify.estimation import identify as identify

@@ -72,6 +72,11 @@ BREACHES = {
     },
     "Simulations:": {
         f"{FLIGHT}/simulate/closed_loop.py": "hfa_flight.simulate.simulation",
+        f"{FLIGHT}/simulate/flight_figure.py": "hfa_flight.simulate.flight",
+    },
+    "Filters:": {
+        f"{FLIGHT}/policies/filtered_policy.py": "hfa_flight.policies.given",
+        f"{FLIGHT}/policies/kalman.py": "hfa_flight.policies.filtered_policy",
     },
     "Proofs:": {
         f"{PROVE}/search/family.py": "hfa_prove.commands.options",

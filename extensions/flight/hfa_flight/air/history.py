@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hfa_aircraft.model import Model
 from hfa_flight.air.names import UPDRAFT
+from hfa_support.errors import refuse_unknown
 from hfa_support.reporting.report import Reported
 
 
@@ -37,3 +39,24 @@ class Deviations(Reported):
     def updrafts(self) -> np.ndarray:
         """Updraft at each time, (N,), positive up, in the model's units, or 0 in still air."""
         return self.winds.get(UPDRAFT, np.zeros(len(self.times)))
+
+
+def series(
+    model: Model, states: np.ndarray, inputs: np.ndarray, name: str, p: np.ndarray
+) -> np.ndarray:
+    """Return the values, (N,), of a state, an input or an output of a model during a flight.
+
+    states, inputs: absolute, (N, n) and (N, m)
+    p: parameters of the simulated model
+
+    Raises BadInputError if the name is unknown.
+    """
+    refuse_unknown("unknown variable", name, (*model.states, *model.inputs, *model.outputs))
+    if name in model.states:
+        return np.asarray(states[:, list(model.states).index(name)])
+    if name in model.inputs:
+        return np.asarray(inputs[:, list(model.inputs).index(name)])
+    count = len(states)
+    parameters = np.tile(p[:, None], (1, count))
+    function = model.functions((name,)).map(count)
+    return np.array(function(states.T, inputs.T, parameters)[1]).ravel()

@@ -206,7 +206,7 @@ def _filtered(
     request: ExportRequest, given: GivenTrim, linear: LinearModel, policy: Policy
 ) -> FilteredPolicy:
     """Return a policy behind the filter of --noise and --turbulence."""
-    from hfa_flight.policies.kalman import filter
+    from hfa_flight.policies.filter import filter
 
     noise = noise_of(request.noise, given.model)
     air = at_held_altitude(request.turbulence, given.hold)

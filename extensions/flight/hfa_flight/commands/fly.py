@@ -148,7 +148,6 @@ def fly(request: FlyRequest) -> int:
         return _fly_members(request)
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
     from hfa_flight.simulate.flight import fly
-    from hfa_flight.simulate.flight_report import flight_figure
     from trim.linear.linearize import linearize
 
     only_many = "applies only to --samples or --draws; remove this option"
@@ -202,7 +201,7 @@ def fly(request: FlyRequest) -> int:
         request,
         report,
         given.source,
-        figure=lambda: flight_figure(result, report.title),
+        figure=lambda: result.figure(report.title),
         only_in_files={"history": result.history()},
         notes=result.warnings,
     )
@@ -336,8 +335,8 @@ def _filtered(policy: Policy, scenario: Scenario, point: OperatingPoint) -> Poli
 
     Raises BadInputError without noise.
     """
+    from hfa_flight.policies.filter import filter
     from hfa_flight.policies.filtered_policy import own_sample_time
-    from hfa_flight.policies.kalman import filter
 
     noise = noise_of_filter(scenario.uncertainty.noise)
     dt = own_sample_time(policy, scenario.tick)

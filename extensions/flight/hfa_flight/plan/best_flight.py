@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.signals import StatesAndInputs
+from hfa_flight.air.history import series
 from hfa_flight.plan.collocation import Proposal
 from hfa_flight.plan.flights import SimulatedFlight
 from hfa_flight.plan.picture import drawn
@@ -175,6 +176,10 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     def inputs(self) -> Matrix:
         """Absolute inputs, (N, m), with the columns `input_names`."""
         return with_names(self.flown.inputs, (), self.input_names)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return the absolute values, (N,), of a state, an input or an output during the flight."""
+        return series(self.model, self.flown.states, self.flown.inputs, name, self.model.p)
 
     @property
     def envelope(self) -> Mapping[str, Vector]:

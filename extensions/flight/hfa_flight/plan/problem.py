@@ -18,7 +18,6 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.simulate.envelope import control_limits, flight_envelope
-from hfa_flight.simulate.flight_report import series
 from hfa_support.errors import BadInputError, is_finite, numbers_in, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
 from trim.linear.linear_model import LinearModel
@@ -312,12 +311,6 @@ class OfProblem:
     def weights_text(self) -> str:
         """Return Q and R as text, marked where they are the default."""
         return self.problem.weights_text()
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        """Return the values of a state, an input or an output during the flight, (N,), not as
-        deviations.
-        """
-        return series(self, name, self.model.p)
 
     @property
     def Q(self) -> Matrix:

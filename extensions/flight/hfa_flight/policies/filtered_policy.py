@@ -19,7 +19,7 @@ from hfa_flight.air.held_step import held_step, parts_of_a_sample
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
-from hfa_flight.policies.kalman import KalmanFilter, filter
+from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown
@@ -70,6 +70,33 @@ class FilteredPolicy(SampledPolicy):
     filter: KalmanFilter
     law: Policy
     _memory: _Memory = field(init=False)
+
+    @classmethod
+    def behind(cls, known: KalmanFilter, law: Policy) -> Self:
+        """Return the policy of a filter's estimate.
+
+        Raises BadInputError for a policy without feedback, with a memory of its own, or with
+        another sample time.
+        """
+        if isinstance(law, FilteredPolicy):
+            raise BadInputError(
+                "the policy has a filter already; give the policy without its filter"
+            )
+        if isinstance(law, OpenLoop):
+            raise BadInputError("a policy without feedback needs no filter; give a policy")
+        if law.start.size:
+            raise BadInputError(f"the policy {law.name} has a memory; give one without a memory")
+        own = own_sample_time(law, known.dt)
+        if isinstance(law, SampledPolicy):
+            law = replace(law.in_air(known.winds), tick=known.dt)
+        if not math.isclose(own, known.dt, rel_tol=1e-6):
+            raise BadInputError(
+                f"the filter has samples of {known.dt:g} s, the policy {law.name} of {own:g} s; "
+                f"give the filter dt={own:g}"
+            )
+        identity = {"filter": known.contents(), **law.identity}
+        name = f"{law.name} behind a filter"
+        return cls(name, known.point, known.dt, known, law, identity=identity)
 
     def __post_init__(self) -> None:
         """Begin at the trim."""
@@ -245,37 +272,6 @@ class FilteredPolicy(SampledPolicy):
         return fields
 
 
-def filtered_policy(known: KalmanFilter, law: Any) -> FilteredPolicy:
-    """Return the policy of a filter's estimate.
-
-    law: policy in any form that `hfa.fly` accepts
-
-    Raises BadInputError for a policy without feedback, with a memory of its own, or with another
-    sample time.
-    """
-    from hfa_flight.policies.given import policy_and_scenario
-
-    if isinstance(law, FilteredPolicy):
-        raise BadInputError("the policy has a filter already; give the policy without its filter")
-    scenario = Scenario(tick=known.dt, step=known.dt, duration=known.dt)
-    behind = law if isinstance(law, Policy) else policy_and_scenario(law, known.point, scenario)[0]
-    if isinstance(behind, OpenLoop):
-        raise BadInputError("a policy without feedback needs no filter; give a policy")
-    if behind.start.size:
-        raise BadInputError(f"the policy {behind.name} has a memory; give one without a memory")
-    own = own_sample_time(behind, known.dt)
-    if isinstance(behind, SampledPolicy):
-        behind = replace(behind.in_air(known.winds), tick=known.dt)
-    if not math.isclose(own, known.dt, rel_tol=1e-6):
-        raise BadInputError(
-            f"the filter has samples of {known.dt:g} s, the policy {behind.name} of {own:g} s; "
-            f"give the filter dt={own:g}"
-        )
-    identity = {"filter": known.contents(), **behind.identity}
-    name = f"{behind.name} behind a filter"
-    return FilteredPolicy(name, known.point, known.dt, known, behind, identity=identity)
-
-
 def own_sample_time(policy: Policy, otherwise: float) -> float:
     """Return the sample time of a policy, s, or `otherwise` for one without samples."""
     if isinstance(policy, SampledPolicy):
@@ -313,7 +309,7 @@ def command_of(policy: Policy, t: ca.SX, z: ca.SX, held: Any) -> ca.SX:
 def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy:
     """Return the policy of a deployment about a trim, behind the filter of its file if it has one.
 
-    Raises the errors of `flown_deployment` and of `hfa_flight.policies.kalman.filter`.
+    Raises the errors of `flown_deployment` and of `KalmanFilter.of`.
     """
     deployment = Deployment.of(given)
     entries = deployment.filter
@@ -323,5 +319,6 @@ def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy
     if entries is None:
         return policy
     with prefix_errors(deployment.origin):
-        known = filter(point.linearize(), entries["noise"], entries.get("turbulence"), policy.tick)
-        return filtered_policy(known, policy)
+        noise, turbulence = entries["noise"], entries.get("turbulence")
+        known = KalmanFilter.of(point.linearize(), noise, turbulence, policy.tick, {})
+        return FilteredPolicy.behind(known, policy)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -23,9 +22,6 @@ from trim.linear.kinks import linearization_at
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_of
 from trim.point.operating_point import OperatingPoint
-
-if TYPE_CHECKING:
-    from hfa_flight.policies.filtered_policy import FilteredPolicy
 
 #: Default drift of a state in one second: share of its sensor noise, or without a sensor of a
 #: hundredth of its nominal value.
@@ -99,6 +95,100 @@ class KalmanFilter(Result):
     W: np.ndarray
     strongest: np.ndarray
 
+    @classmethod
+    def of(
+        cls,
+        linear: LinearModel,
+        noise: Mapping[str, float],
+        turbulence: Turbulence | str | None,
+        dt: float,
+        drift: Mapping[str, float],
+    ) -> Self:
+        """Return the filter of an aircraft near a trim. The arguments are those of `hfa.filter`."""
+        point = linear.point
+        if tuple(linear.states) != tuple(point.model.linear):
+            raise BadInputError(
+                f"the linear model has the states {', '.join(linear.states)}; give the linear "
+                f"model of all linear states ({', '.join(point.model.linear)})"
+            )
+        if not noise:
+            raise BadInputError("noise names no sensor; give the noise of at least one state")
+        refuse_unless_positive("dt", dt, " s")
+        for about, given in (("noise", noise), ("drift", drift)):
+            for name, value in given.items():
+                refuse_unknown(f"{about} names the unknown state", name, linear.states)
+                refuse_unless_positive(f"the {about} of {name}", value)
+        if isinstance(turbulence, str):
+            turbulence = turbulence_of(turbulence)
+        sensors = {name: float(noise[name]) for name in linear.states if name in noise}
+        drifts = {
+            name: drift.get(
+                name, DRIFT * sensors.get(name, _UNMEASURED * point.model.states[name].nominal)
+            )
+            for name in linear.states
+        }
+        plant = _plant(linear, sensors, drifts, turbulence, dt)
+        return cls._solved(plant, point, dt, sensors, drifts, turbulence)
+
+    @classmethod
+    def _solved(
+        cls,
+        plant: _Plant,
+        point: OperatingPoint,
+        dt: float,
+        noise: Mapping[str, float],
+        drift: Mapping[str, float],
+        turbulence: Turbulence | None,
+    ) -> Self:
+        """Return the filter, computed in balanced units."""
+        from scipy.linalg import expm, solve_discrete_are
+
+        n, m = plant.B.shape
+        sigma = np.array(list(noise.values()))
+        A = plant.A * plant.scale / plant.scale[:, None]
+        C = plant.C * plant.scale / sigma[:, None]
+        unobservable = _unobservable(plant, A, C, tuple(drift), tuple(noise))
+        both = np.outer(plant.scale, plant.scale)
+        held = expm(dt * np.block([[plant.A, plant.B], [np.zeros((m, n + m))]]))
+        air = _accumulated(A, plant.noise / both, dt)
+        Q = air + _accumulated(A, np.diag((plant.drift / plant.scale) ** 2), dt)
+        Phi = expm(dt * A)
+        try:
+            P = solve_discrete_are(Phi.T, C.T, Q, np.eye(len(C)))
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise NoSolutionError(
+                f"the Riccati equation of the filter has no solution: {error}"
+            ) from error
+        P = 0.5 * (P + P.T)
+        L = np.linalg.solve(C @ P @ C.T + np.eye(len(C)), C @ P).T
+        left = Phi @ (P - L @ C @ P) @ Phi.T + Q - P
+        residual = float(np.abs(left).max() / np.abs(P).max())
+        if not residual <= _RESIDUAL:
+            raise NoSolutionError(
+                f"the Riccati equation of the filter is solved only to {residual:.1e}; leave out "
+                "states that no sensor observes"
+            )
+        return cls(
+            point=point,
+            dt=dt,
+            noise=noise,
+            drift=drift,
+            turbulence=turbulence,
+            Phi=held[:n, :n],
+            Gamma=held[:n, n:],
+            C=plant.C,
+            Q=Q * both,
+            R=np.diag(sigma**2),
+            air=air * both,
+            P=P * both,
+            L=L * plant.scale[:, None] / sigma,
+            residual=residual,
+            unobservable=unobservable,
+            winds=plant.winds,
+            W=plant.W,
+            strongest=plant.strongest,
+        )
+
     @property
     def sensors(self) -> tuple[str, ...]:
         """Names of the measured states, in the order of y."""
@@ -130,17 +220,6 @@ class KalmanFilter(Result):
         """State -> standard deviation of the error of its estimate x̂."""
         P = self.P - self.L @ self.C @ self.P
         return dict(zip(self.states, np.sqrt(np.diag(P)).tolist(), strict=False))
-
-    def policy(self, law: Any) -> FilteredPolicy:
-        """Return the policy U = law(estimate), sampled and saturated at the control limits.
-
-        The result is a policy: `policy(t, y) -> U`, `reset()`, and an argument of `hfa.fly`.
-
-        law: a gain K, a critic, a solution, a deployment or another policy that `hfa.fly` accepts
-        """
-        from hfa_flight.policies.filtered_policy import filtered_policy
-
-        return filtered_policy(self, law)
 
     def loop(self, K: np.ndarray) -> _Loop:
         """Return the loop of a gain u = -K x̂ and this filter.
@@ -226,66 +305,6 @@ class _Loop(NamedTuple):
         return np.asarray(np.sqrt(total / max(samples - begin, 1)))
 
 
-def filter(  # the field's word
-    linear: LinearModel,
-    noise: Mapping[str, float],
-    turbulence: Turbulence | str | None = None,
-    dt: float = 0.01,
-    *,
-    drift: Mapping[str, float] = MappingProxyType({}),
-) -> KalmanFilter:
-    """Return the stationary Kalman filter of an aircraft near a trim.
-
-      x⁺ = Φ x + Γ u + w,  y = C x + n,  P = Φ (P - P C'(C P C' + R)⁻¹ C P) Φ' + Q
-
-    x contains the states of the Dryden or von Karman filters of the turbulence.
-
-    linear: linear model at the trim
-    noise: measured state -> standard deviation of its noise in a sample, in its unit, white from
-      sample to sample. A linear state without noise has no sensor
-    turbulence: turbulence as in `hfa fly`, such as "moderate:40000", or None for still air
-    dt: sample time, s
-    drift: linear state -> standard deviation of its unmodeled drift in one second. Default: .1
-      times its noise; without a sensor .001 times its nominal value
-
-    Raises BadInputError for a wrong argument, and for a mode that does not decay and that the
-    sensors do not observe. Raises NoSolutionError if the Riccati equation is not solved.
-
-    Source: Anderson, Moore, *Optimal Filtering*, 1979, Chapters 3 and 4.
-
-    >>> import hfa
-    >>> model = hfa.aircraft()
-    >>> linear = hfa.linearize(model, hfa.trim(model))
-    >>> noise = {"speed": .3, "pitch": .002, "pitch_rate": .003, "dihedral": .002}
-    >>> hfa.filter(linear, noise, "light:20000").radius < 1.0
-    True
-    """
-    point = linear.point
-    if tuple(linear.states) != tuple(point.model.linear):
-        raise BadInputError(
-            f"the linear model has the states {', '.join(linear.states)}; give the linear model "
-            f"of all linear states ({', '.join(point.model.linear)})"
-        )
-    if not noise:
-        raise BadInputError("noise names no sensor; give the noise of at least one state")
-    refuse_unless_positive("dt", dt, " s")
-    for about, given in (("noise", noise), ("drift", drift)):
-        for name, value in given.items():
-            refuse_unknown(f"{about} names the unknown state", name, linear.states)
-            refuse_unless_positive(f"the {about} of {name}", value)
-    if isinstance(turbulence, str):
-        turbulence = turbulence_of(turbulence)
-    sensors = {name: float(noise[name]) for name in linear.states if name in noise}
-    drifts = {
-        name: drift.get(
-            name, DRIFT * sensors.get(name, _UNMEASURED * point.model.states[name].nominal)
-        )
-        for name in linear.states
-    }
-    plant = _plant(linear, sensors, drifts, turbulence, dt)
-    return _solved(plant, point, dt, sensors, drifts, turbulence)
-
-
 def _plant(
     linear: LinearModel,
     noise: Mapping[str, float],
@@ -335,64 +354,6 @@ def _used(A: np.ndarray, seen: np.ndarray) -> np.ndarray:
     for _ in range(len(A)):
         used |= (A[used] != 0.0).any(axis=0)
     return np.flatnonzero(used)
-
-
-def _solved(
-    plant: _Plant,
-    point: OperatingPoint,
-    dt: float,
-    noise: Mapping[str, float],
-    drift: Mapping[str, float],
-    turbulence: Turbulence | None,
-) -> KalmanFilter:
-    """Return the filter, computed in balanced units."""
-    from scipy.linalg import expm, solve_discrete_are
-
-    n, m = plant.B.shape
-    sigma = np.array(list(noise.values()))
-    A = plant.A * plant.scale / plant.scale[:, None]
-    C = plant.C * plant.scale / sigma[:, None]
-    unobservable = _unobservable(plant, A, C, tuple(drift), tuple(noise))
-    both = np.outer(plant.scale, plant.scale)
-    held = expm(dt * np.block([[plant.A, plant.B], [np.zeros((m, n + m))]]))
-    air = _accumulated(A, plant.noise / both, dt)
-    Q = air + _accumulated(A, np.diag((plant.drift / plant.scale) ** 2), dt)
-    Phi = expm(dt * A)
-    try:
-        P = solve_discrete_are(Phi.T, C.T, Q, np.eye(len(C)))
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise NoSolutionError(
-            f"the Riccati equation of the filter has no solution: {error}"
-        ) from error
-    P = 0.5 * (P + P.T)
-    L = np.linalg.solve(C @ P @ C.T + np.eye(len(C)), C @ P).T
-    left = Phi @ (P - L @ C @ P) @ Phi.T + Q - P
-    residual = float(np.abs(left).max() / np.abs(P).max())
-    if not residual <= _RESIDUAL:
-        raise NoSolutionError(
-            f"the Riccati equation of the filter is solved only to {residual:.1e}; leave out "
-            "states that no sensor observes"
-        )
-    return KalmanFilter(
-        point=point,
-        dt=dt,
-        noise=noise,
-        drift=drift,
-        turbulence=turbulence,
-        Phi=held[:n, :n],
-        Gamma=held[:n, n:],
-        C=plant.C,
-        Q=Q * both,
-        R=np.diag(sigma**2),
-        air=air * both,
-        P=P * both,
-        L=L * plant.scale[:, None] / sigma,
-        residual=residual,
-        unobservable=unobservable,
-        winds=plant.winds,
-        W=plant.W,
-        strongest=plant.strongest,
-    )
 
 
 def _accumulated(A: np.ndarray, noise: np.ndarray, dt: float) -> np.ndarray:

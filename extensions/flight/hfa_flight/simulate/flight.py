@@ -16,7 +16,7 @@ from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFig
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.history import Deviations
+from hfa_flight.air.history import Deviations, series
 from hfa_flight.air.names import (
     ALPHA,
     ANGLE_OF_ATTACK,
@@ -41,6 +41,7 @@ from hfa_flight.simulate.envelope import (
     outside,
     refuse_start,
 )
+from hfa_flight.simulate.flight_figure import DrawnFlight, flight_figure
 from hfa_flight.simulate.limit_cycle import (
     Decay,
     LimitCycle,
@@ -366,10 +367,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
         Raises BadInputError if the name is unknown.
         """
-        from hfa_flight.simulate.flight_report import series
-
         flown = getattr(self.loop.plant, "model", self.model)
-        return series(self, name, flown.p)
+        return series(self.model, self.states, self.inputs, name, flown.p)
 
     def _ipython_key_completions_(self) -> tuple[str, ...]:
         return self.point.keys()
@@ -557,16 +556,19 @@ class Flight(StatesAndInputs, Result, Reported):
             return draw_curves(self.model, across, {name: self[name] for name in names})
         from matplotlib import pyplot
 
-        from hfa_flight.simulate.flight_report import flight_figure
-
         figure = pyplot.figure(layout="constrained")
-        return np.array(flight_figure(self, self.title(), figure).axes)
+        return np.array(flight_figure(self._drawn, self.title(), figure).axes)
 
-    def figure(self) -> Figure:
-        """Return a new figure of the states and inputs over time."""
-        from hfa_flight.simulate.flight_report import flight_figure
+    def figure(self, title: str = "") -> Figure:
+        """Return a new figure of the states and inputs over time.
 
-        return flight_figure(self, self.title())
+        title: heading, by default that of the report
+        """
+        return flight_figure(self._drawn, title or self.title())
+
+    @property
+    def _drawn(self) -> DrawnFlight:
+        return DrawnFlight(self.point, self.envelope, self.flight, self.predicted)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a `pandas.DataFrame` of states and inputs, absolute, indexed by time in s."""

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.history import Deviations
 from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, has_angle_of_attack
 from hfa_flight.simulate.envelope import limits_text
-from hfa_support.errors import refuse_unknown
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import beside_unit, shown_unit, shown_values
+from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from hfa_flight.simulate.flight import Flight
 
 #: Position of a legend on the upper edge of its axes, where it covers no curve.
 _ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
@@ -28,32 +28,47 @@ _STILL = 1e-9
 _LIMIT = "limit"
 
 
-def flight_figure(result: Flight, title: str, figure: Figure | None = None) -> Figure:
+class DrawnFlight(NamedTuple):
+    """Flight that a figure shows, in deviations from a trim.
+
+    point: the trim
+    envelope: limits of the states
+    flown: the flight
+    predicted: flight of the linear model, or None
+    """
+
+    point: OperatingPoint
+    envelope: Limits
+    flown: Deviations
+    predicted: Deviations | None
+
+
+def flight_figure(flight: DrawnFlight, title: str, figure: Figure | None = None) -> Figure:
     """Draw a flight over time on an empty figure, by default a new one, and return it.
 
     There is a panel for each state that moves, a panel for the inputs of each unit, and a panel for
     the updraft if it is not zero.
     """
     figure = figure or new_figure(10.0, 2.1)
-    model = result.model
+    model, flown = flight.point.model, flight.flown
     input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
-    has_updraft = bool(np.any(result.flight.updrafts))
-    moving = [index for index in range(len(model.states)) if _moves(result, index)]
+    has_updraft = bool(np.any(flown.updrafts))
+    moving = [index for index in range(len(model.states)) if _moves(flight, index)]
     count = len(moving) + len(input_units) + int(has_updraft)
     rows = -(-count // 2)
     figure.set_size_inches(10.0, 2.1 * rows)
     panels = figure.subplots(rows, 2, sharex=True, squeeze=False).ravel()
     for index, axes in zip(moving, panels, strict=False):
-        _draw_state(axes, result, index)
+        _draw_state(axes, flight, index)
     for unit, axes in zip(input_units, panels[len(moving) :], strict=False):
-        _draw_inputs(axes, result, unit)
+        _draw_inputs(axes, flight, unit)
     constant = [name for index, name in enumerate(model.states) if index not in moving]
     if constant:
         title += f"\nconstant: {', '.join(constant)}"
     if has_updraft:
         air = panels[count - 1]
         unit = in_gusts(model).unit(UPDRAFT)
-        air.plot(result.flight.times, shown_values(result.flight.updrafts, unit), color="C2")
+        air.plot(flown.times, shown_values(flown.updrafts, unit), color="C2")
         _finish(air, f"updraft, {shown_unit(unit)}")
     handles, labels = panels[0].get_legend_handles_labels()
     lines = [line for axes in panels for line in axes.get_lines()]
@@ -72,13 +87,13 @@ def flight_figure(result: Flight, title: str, figure: Figure | None = None) -> F
     return figure
 
 
-def _moves(result: Flight, index: int) -> bool:
+def _moves(flight: DrawnFlight, index: int) -> bool:
     """Return whether a state or its reference changes during the flight by more than rounding."""
-    model = result.model
+    model = flight.point.model
     name = tuple(model.states)[index]
-    values = result.states[:, index]
+    values = flight.flown.states[:, index]
     if name in model.linear:
-        values = np.append(values, values - result.flight.errors[:, model.linear.index(name)])
+        values = np.append(values, values - flight.flown.errors[:, model.linear.index(name)])
     return bool(np.ptp(values) > _STILL * model.states[name].nominal)
 
 
@@ -91,29 +106,30 @@ def _widened(axes: Axes, nominal: float, unit: str) -> None:
         axes.set_ylim(middle - least / 2, middle + least / 2)
 
 
-def _draw_state(axes: Axes, result: Flight, index: int) -> None:
+def _draw_state(axes: Axes, flight: DrawnFlight, index: int) -> None:
     """Draw one state over time in a panel, as absolute values."""
-    model = result.model
+    model, trim = flight.point.model, flight.point.states[index]
     name = tuple(model.states)[index]
     unit = model.unit(name)
-    flown = result.states[:, index]
+    times = flight.flown.times
+    flown = flight.flown.states[:, index] + trim
 
     def draw(times: np.ndarray, values: np.ndarray, style: str, label: str, **more: Any) -> Any:
         return axes.plot(times, shown_values(values, unit), style, label=label, **more)
 
     if name in model.linear:
-        reference = flown - result.flight.errors[:, model.linear.index(name)]
-        draw(result.time, reference, ":", "reference", color="black", linewidth=1.0)
-    if result.predicted is not None:
-        predicted = result.predicted.states[:, index] + result.point.states[index]
-        draw(result.predicted.times, predicted, "--", "linear", color="C1")
-    draw(result.time, flown, "-", "nonlinear", color="C0", linewidth=1.2)
+        reference = flown - flight.flown.errors[:, model.linear.index(name)]
+        draw(times, reference, ":", "reference", color="black", linewidth=1.0)
+    if flight.predicted is not None:
+        predicted = flight.predicted.states[:, index] + trim
+        draw(flight.predicted.times, predicted, "--", "linear", color="C1")
+    draw(times, flown, "-", "nonlinear", color="C0", linewidth=1.2)
     limited, label = flown, name
-    if name == ALPHA and result.flight.winds and has_angle_of_attack(model):
-        limited, label = result.angles_of_attack, "alpha over ground"
-        relative = draw(result.time, limited, "-", ANGLE_OF_ATTACK, color="C2", linewidth=1.2)
+    if name == ALPHA and flight.flown.winds and has_angle_of_attack(model):
+        limited, label = flight.flown.limited[:, index] + trim, "alpha over ground"
+        relative = draw(times, limited, "-", ANGLE_OF_ATTACK, color="C2", linewidth=1.2)
         axes.legend(relative, [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
-    limits = (float(result.envelope.lowest[index]), float(result.envelope.highest[index]))
+    limits = (float(flight.envelope.lowest[index]), float(flight.envelope.highest[index]))
     _limit_lines(axes, limited, limits, unit)
     if np.isfinite(limits).any():
         axes.set_title(f"envelope: {_limits_with_unit(limits, unit)}", **_SMALL)
@@ -121,13 +137,15 @@ def _draw_state(axes: Axes, result: Flight, index: int) -> None:
     _finish(axes, beside_unit(label, unit, ", "))
 
 
-def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
+def _draw_inputs(axes: Axes, flight: DrawnFlight, unit: str) -> None:
     """Draw all inputs that have one unit, and their limits, over time in a panel."""
-    inputs = {name: each for name, each in result.model.inputs.items() if each.unit == unit}
+    model, times = flight.point.model, flight.flown.times
+    inputs = {name: each for name, each in model.inputs.items() if each.unit == unit}
+    columns = dict(zip(model.inputs, (flight.flown.inputs + flight.point.u).T, strict=True))
     for name, signal in inputs.items():
-        values, limits = result[name], (signal.min, signal.max)
+        values, limits = columns[name], (signal.min, signal.max)
         shown = _limits_with_unit(limits, unit) if np.isfinite(limits).any() else "no limits"
-        axes.plot(result.time, shown_values(values, unit), label=f"{name}: {shown}", linewidth=1.0)
+        axes.plot(times, shown_values(values, unit), label=f"{name}: {shown}", linewidth=1.0)
         _limit_lines(axes, values, limits, unit)
     _widened(axes, max(signal.nominal for signal in inputs.values()), unit)
     if len(inputs) == 1:
@@ -161,23 +179,3 @@ def _finish(axes: Axes, label: str) -> None:
     axes.tick_params(labelsize=7)
     axes.ticklabel_format(useOffset=False)
     axes.grid(alpha=0.3)
-
-
-def series(flight: Any, name: str, p: np.ndarray) -> np.ndarray:
-    """Return the absolute values, (N,), of a state, an input or an output of the model.
-
-    flight: `Flight`, or another object with `model`, `states` and `inputs`
-    p: parameters of the simulated model
-
-    Raises BadInputError if the name is unknown.
-    """
-    model = flight.model
-    refuse_unknown("unknown variable", name, (*model.states, *model.inputs, *model.outputs))
-    if name in model.states:
-        return np.asarray(flight.states[:, list(model.states).index(name)])
-    if name in model.inputs:
-        return np.asarray(flight.inputs[:, list(model.inputs).index(name)])
-    count = len(flight.states)
-    parameters = np.tile(p[:, None], (1, count))
-    function = model.functions((name,)).map(count)
-    return np.array(function(flight.states.T, flight.inputs.T, parameters)[1]).ravel()

@@ -1,0 +1,71 @@
+"""`hfa.filter`: the Kalman filter of an aircraft, and policies of its estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from hfa_flight.air.scenario import Scenario
+from hfa_flight.air.turbulence import Turbulence
+from hfa_flight.policies.filtered_policy import FilteredPolicy
+from hfa_flight.policies.given import policy_and_scenario
+from hfa_flight.policies.kalman import KalmanFilter
+from hfa_flight.policies.policy import Policy
+from trim.linear.linear_model import LinearModel
+
+
+class Filter(KalmanFilter):
+    """Stationary Kalman filter that policies may stand behind."""
+
+    def policy(self, law: Any) -> FilteredPolicy:
+        """Return the policy U = law(estimate), sampled and saturated at the control limits.
+
+        The result is a policy: `policy(t, y) -> U`, `reset()`, and an argument of `hfa.fly`.
+
+        law: a gain K, a critic, a solution, a deployment or another policy that `hfa.fly` accepts
+
+        Raises BadInputError for a policy without feedback, with a memory of its own, or with
+        another sample time.
+        """
+        sampled = Scenario(tick=self.dt, step=self.dt, duration=self.dt)
+        if not isinstance(law, Policy):
+            law, _ = policy_and_scenario(law, self.point, sampled)
+        return FilteredPolicy.behind(self, law)
+
+
+def filter(  # the field's word
+    linear: LinearModel,
+    noise: Mapping[str, float],
+    turbulence: Turbulence | str | None = None,
+    dt: float = 0.01,
+    *,
+    drift: Mapping[str, float] = MappingProxyType({}),
+) -> Filter:
+    """Return the stationary Kalman filter of an aircraft near a trim.
+
+      x⁺ = Φ x + Γ u + w,  y = C x + n,  P = Φ (P - P C'(C P C' + R)⁻¹ C P) Φ' + Q
+
+    x contains the states of the Dryden or von Karman filters of the turbulence.
+
+    linear: linear model at the trim
+    noise: measured state -> standard deviation of its noise in a sample, in its unit, white from
+      sample to sample. A linear state without noise has no sensor
+    turbulence: turbulence as in `hfa fly`, such as "moderate:40000", or None for still air
+    dt: sample time, s
+    drift: linear state -> standard deviation of its unmodeled drift in one second. Default: .1
+      times its noise; without a sensor .001 times its nominal value
+
+    Raises BadInputError for a wrong argument, and for a mode that does not decay and that the
+    sensors do not observe. Raises NoSolutionError if the Riccati equation is not solved.
+
+    Source: Anderson, Moore, *Optimal Filtering*, 1979, Chapters 3 and 4.
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> linear = hfa.linearize(model, hfa.trim(model))
+    >>> noise = {"speed": .3, "pitch": .002, "pitch_rate": .003, "dihedral": .002}
+    >>> hfa.filter(linear, noise, "light:20000").radius < 1.0
+    True
+    """
+    return Filter.of(linear, noise, turbulence, dt, drift)
