@@ -41,8 +41,8 @@ OPTIONS: dict[str, Any] = {
 #: Number of intervals from which IPOPT needs a third fewer iterations with an adaptive barrier.
 _LARGE = 100
 #: Number of initial conditions from which the equations are compiled. This takes as long as 4
-#: solutions for the HFA and 25 for a c172p, and it saves 10 and 60 % of each.
-_MACHINE_CODE_STARTS = 20
+#: solutions for the HFA and 25 for a c172p, once: the code is kept. It halves each for the HFA.
+_MACHINE_CODE_STARTS = 5
 #: Least roughness of an interval in an adapted mesh, relative to the largest.
 _EVEN = 1e-3
 #: Weight of the inputs' kinks, and power of the roughness that determines the lengths of intervals.
