@@ -64,6 +64,8 @@ _LOCUS_INCHES = (10.0, 5.2)
 _THIN, _THICK, _USUAL = 0.7, 2.7, 1.5
 #: A mode is slow if its eigenvalue is always below this fraction of the fastest.
 _SLOW = 0.15
+#: Column of the variables at a limit.
+_AT_LIMIT = "at limit"
 #: Number of points above which only the first and last rows are printed.
 _LONGEST = 200
 #: Number of rows printed at each end, and of reasons for failures.
@@ -395,29 +397,39 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         )
 
     def _trims(self) -> Table:
-        """Return a table of alpha, of the inputs that are not 0 at all points, and of the free
-        states and the inputs that are at a limit."""
-        model, condition = self.model, self.plan.condition
+        """Return a table of alpha, of the inputs that are not 0 at all points, and of the variables
+        at a limit."""
+        model = self.model
         moved = np.any(np.nan_to_num(np.abs(self.inputs)) >= ROUNDING, axis=0)
         inputs = [name for name, is_moved in zip(model.inputs, moved, strict=True) if is_moved]
         alpha = recognized(model.states).get("alpha", "")
         names = [each for each in (alpha, *inputs) if each and each not in self.variables]
         values = {name: self[name] for name in names}
         units = {name: model.unit(name) for name in names}
-        free = tuple(name for name in condition.free if name in model.states)
-        limited = (*free, *model.inputs)
-        limits = Limits.of(model, limited, condition.limits)
-        places = model.state_places(free)
-        at_trims = np.hstack([self.states[:, places], self.inputs])
-        ends = {"lowest": limits.at_lowest(at_trims), "highest": limits.at_highest(at_trims)}
+        at_limit = self._at_limit()
 
         def row(i: int) -> tuple[str, ...]:
             numbers = [shown_value(values[name][i], units[name], ".4g") for name in names]
-            at = [f"{limited[k]} {end}" for end in ends for k in np.flatnonzero(ends[end][i])]
-            return *numbers, ", ".join(at) or "none"
+            return *numbers, at_limit(i)
 
         header = [f"{name} {shown_unit(unit)}".removesuffix(" 1") for name, unit in units.items()]
-        return self._over_points([*header, "at limit"], row)
+        return self._over_points([*header, _AT_LIMIT], row)
+
+    def _at_limit(self) -> Callable[[int], str]:
+        """Return the function from the number of a point with a trim to its free states and its
+        inputs at a limit as text, "thrust highest", or "none"."""
+        model, condition = self.model, self.plan.condition
+        free = tuple(name for name in condition.free if name in model.states)
+        limited = (*free, *model.inputs)
+        limits = Limits.of(model, limited, condition.limits)
+        at_trims = np.hstack([self.states[:, model.state_places(free)], self.inputs])
+        ends = {"lowest": limits.at_lowest(at_trims), "highest": limits.at_highest(at_trims)}
+
+        def words(i: int) -> str:
+            at = [f"{limited[k]} {end}" for end in ends for k in np.flatnonzero(ends[end][i])]
+            return ", ".join(at) or "none"
+
+        return words
 
     def _over_points(self, names: Sequence[str], cells: Callable[[int], tuple[str, ...]]) -> Table:
         """Return a table with a row of the swept values and of some cells for each point.
@@ -450,13 +462,13 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def records(self) -> Table:
         """Return a table in full precision with one row for each point.
 
-        A row contains the swept values, status, reason, operating point, eigenvalues, and the
-        entries of A and B.
+        A row contains the swept values, status, reason, variables at a limit, operating point,
+        eigenvalues, and the entries of A and B.
         """
         model = self.model
         varied = zip(self.variables, self.plan.units, strict=True)
         header = [f"{name} [{unit}]" for name, unit in varied]
-        header += ["status", "reason"]
+        header += ["status", "reason", _AT_LIMIT]
         header += [f"state {name} [{signal.unit}]" for name, signal in model.states.items()]
         header += [f"input {name} [{signal.unit}]" for name, signal in model.inputs.items()]
         for number in range(1, len(model.linear) + 1):
@@ -470,9 +482,15 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                     f"{matrix}({row_name}, {column}) [{model.entry_unit(row_name, column)}]"
                     for column in names
                 ]
+        at_limit = self._at_limit()
 
         def row(i: int) -> tuple[Any, ...]:
-            status = Status.FAILED if self.reasons[i] else Status.TRIMMED
+            reason = self.reasons[i]
+            outcome = (
+                (str(Status.FAILED), reason, "")
+                if reason
+                else (str(Status.TRIMMED), "", at_limit(i))
+            )
             numbers = (
                 self.states[i],
                 self.inputs[i],
@@ -480,7 +498,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 self.A[i].ravel(),
                 self.B[i].ravel(),
             )
-            return *self.values[i], str(status), self.reasons[i], *np.concatenate(numbers)
+            return *self.values[i], *outcome, *np.concatenate(numbers)
 
         return Table(tuple(header), RowsMade(len(self.reasons), row))
 

@@ -65,6 +65,45 @@ def test_paths_controls_and_modes_stand_in_the_first_lines() -> None:
         assert f"{mode.name} {mode.frequency:.3g} rad/s, damping {mode.damping:.3g}" in third
 
 
+def twin(*engines: str) -> Model:
+    """Return an aircraft with two engines of 100 N, with switches engine1 and engine2."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        left, right = (getattr(u, name) for name in engines)
+        left, right = 100.0 * left * p.engine1, 100.0 * right * p.engine2
+        return {
+            "speed": left + right - 2.0 * x.speed,
+            "alpha": -x.alpha,
+            "yaw_rate": u.rudder + left - right - x.yaw_rate,
+        }, {}
+
+    states = {"speed": Signal("m/s"), "alpha": Signal("rad"), "yaw_rate": Signal("rad/s")}
+    inputs = {name: Signal(min=0.0, max=1.0) for name in engines} | {"rudder": Signal("rad")}
+    switches = {name: Signal(start=1.0) for name in ("engine1", "engine2")}
+    trim = {"speed": 30.0, "yaw_rate": 0.0}
+    return Model("twin", states, inputs, equations, parameters=switches, trim=trim)
+
+
+@pytest.mark.parametrize(
+    ("model", "held", "words", "right"),
+    [
+        (twin("throttle1", "throttle2"), {"throttle1": 0.0}, "engine 1 out (throttle1)", 60.0),
+        (twin("thrust_left", "thrust_right"), {"thrust_right": 0.0}, "engine right out", 0.0),
+        (twin("a", "b").with_parameters(engine2=0.0), {"b": 0.5}, "engine 2 out (engine2)", 0.0),
+        (twin("throttle1", "throttle2"), {"throttle1": 0.2}, "", 40.0),
+    ],
+)
+def test_an_engine_out_of_an_own_aircraft_is_in_the_first_line(
+    model: Model, held: dict[str, float], words: str, right: float
+) -> None:
+    """The other engine then has the thrust of both, 60 N, and the rudder holds the nose."""
+    point = hfa.trim(model, hold=held)
+    title = " ".join(point.report().title.split())
+    assert words in title
+    assert ("engine" in title) == bool(words)
+    assert point["rudder"] == pytest.approx(2.0 * right - 60.0)
+
+
 SLED = """
 import casadi as ca
 from hfa import Model, Signal
