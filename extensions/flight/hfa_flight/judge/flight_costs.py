@@ -237,7 +237,7 @@ def flight_costs(
     both = [
         (one.cost, other.cost)
         for one, other in zip(flown, linear, strict=True)
-        if one.cost is not None and other.cost is not None and not (one.lost or other.lost)
+        if not (one.lost or other.lost)
     ]
     held, lqr_held = ([each for each in some if not each.lost] for some in (flown, linear))
     offset_rate = None

@@ -23,6 +23,7 @@ from hfa_flight.plan.report_lines import (
 from hfa_flight.plan.search import MESHES_AGREE, Found
 from hfa_flight.plan.smooth import has_kinks
 from hfa_flight.simulate.returned import RULE
+from hfa_flight.simulate.row import FlightRow
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
@@ -32,58 +33,6 @@ from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-@dataclass(frozen=True, eq=False)
-class PolicyFlight(Result):
-    """Flight of a policy, compared with the best flight found from the same initial condition.
-
-    policy: name of the policy.
-    converges: whether the flight converges to the trim.
-    cost: cost of the flight, or None if the flight does not converge.
-    over_best: cost of the flight divided by the cost of the best flight found, or None if the
-        flight does not converge or no best flight was found.
-    departure: first departure from the envelope (state, time, value, limit), or None if the flight
-        stays within.
-    saturated: names of saturated inputs.
-    seconds: duration of the simulation, s.
-    resolved: whether cost and departure hardly change with half the integration step.
-    """
-
-    policy: str
-    converges: bool
-    cost: float | None
-    over_best: float | None
-    departure: Any
-    saturated: Sequence[str]
-    seconds: float
-    resolved: bool = True
-
-    @property
-    def lost(self) -> bool:
-        """True if the flight left the envelope or does not converge to the trim."""
-        return self.departure is not None or not self.converges
-
-    @staticmethod
-    def of(flown: SimulatedFlight, best: float | None) -> PolicyFlight:
-        """Return the record of a policy's simulated flight and its cost relative to the best
-        flight.
-
-        best: cost of the best flight from the same initial condition, or None if none was found
-        """
-        cost = flown.cost if flown.converges else None
-        ratio = None if cost is None or best is None else cost / best
-        is_resolved = flown.integration is None or flown.integration.is_resolved
-        return PolicyFlight(
-            policy=flown.name,
-            converges=flown.converges,
-            cost=cost,
-            over_best=ratio,
-            departure=flown.departure,
-            saturated=list(flown.saturated),
-            seconds=float(flown.times[-1]),
-            resolved=is_resolved,
-        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -142,7 +91,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     @property
     def source(self) -> str:
         """Name of the flight that is reported: the best flight found, or a policy."""
-        return self.flown.name
+        return self.flown.policy
 
     @property
     def initial_deviations(self) -> np.ndarray:
@@ -214,12 +163,12 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return self.found.seconds
 
     @property
-    def policies(self) -> Sequence[PolicyFlight]:
+    def policies(self) -> Sequence[FlightRow]:
         """Flights of other policies from the initial condition of the best flight.
 
         The first policy is the saturated linear policy.
         """
-        return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
+        return [flown.row(self.cost) for flown in self.compared]
 
     @property
     def compared(self) -> tuple[SimulatedFlight, ...]:
@@ -254,13 +203,13 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         name = "best flight found" if self.reason is None else "cheapest simulated flight"
         rows = [(name, f"{self.cost:.6g}", "1", "converges")]
         lines = [_saturated(name, self.saturated)]
-        for flown, policy in zip(self.compared, self.policies, strict=True):
-            cost = "-" if policy.cost is None else f"{policy.cost:.6g}"
-            ratio = "-" if policy.over_best is None else f"{policy.over_best:.4g}"
-            rows.append((policy.policy, cost, ratio, flown.ending))
-            if flown.lost:
-                lines.append(f"{policy.policy}: {flown.outcome()}")
-            lines.append(_saturated(policy.policy, policy.saturated))
+        for row in self.policies:
+            cost = f"{row.cost:.6g}" if row.converges else "-"
+            ratio = "-" if row.over_best is None else f"{row.over_best:.4g}"
+            rows.append((row.policy, cost, ratio, row.ending))
+            if row.lost:
+                lines.append(f"{row.policy}: {row.outcome()}")
+            lines.append(_saturated(row.policy, row.saturated))
         table = Table(("flight", "cost", "ratio", "outcome"), rows)
         parts = (
             self._checked(),
@@ -276,10 +225,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     def title(self) -> str:
         """Return the first lines of the report: cost, ratios of the policies, initial condition."""
         most = "" if self.reason is None else "at most "
-        outcomes = [
-            (each.policy, each.over_best, flown.loss)
-            for each, flown in zip(self.policies, self.compared, strict=True)
-        ]
+        outcomes = [(each.policy, each.over_best, each.loss) for each in self.policies]
         begin = f"Best flight: cost {most}{self.cost:.6g}"
         whose = f"{self.model.title} {self.point.at_scheduled}".strip()
         lines = [
@@ -334,7 +280,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         flights = [(self.flown, f"best flight found: {self.cost:.5g}")]
         for flown in self.compared:
             cost = f"{flown.cost:.5g}" if flown.converges else flown.ending
-            flights.append((flown, f"{flown.name}: {cost}"))
+            flights.append((flown, f"{flown.policy}: {cost}"))
         return flights
 
     def records(self) -> Table:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -14,8 +13,8 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.symbols import symbols_for
 from hfa_aircraft.march.cost import Cost
-from hfa_aircraft.march.ending import FAR, EndRule, Outcome
-from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
+from hfa_aircraft.march.ending import FAR, EndRule
+from hfa_aircraft.march.refinement import Figures, ReportedFigure, resolved
 from hfa_flight.air.history import Deviations
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.plan.collocation import Proposal
@@ -23,8 +22,9 @@ from hfa_flight.plan.problem import FlightProblem
 from hfa_flight.plan.tracking import STEPS, TrackingPolicy, held_size, tracking_rows
 from hfa_flight.policies.policy import FunctionPolicy, Policy
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.simulate.envelope import Departure, departure
+from hfa_flight.simulate.envelope import departure
 from hfa_flight.simulate.returned import has_returned
+from hfa_flight.simulate.row import FlightRow
 from hfa_flight.simulate.simulation import CompiledLoop
 
 #: Largest integration step, s.
@@ -42,63 +42,26 @@ _SETTLES = 6.0
 _LONGEST = 300.0
 
 
-class SimulatedFlight(NamedTuple):
-    """Simulated flight with its cost.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SimulatedFlight(FlightRow):
+    """Row of a simulated flight with its time history.
 
-    name: name of the policy
     times: s, (N,)
     states: absolute states, (N, n)
     inputs: absolute inputs, (N, m)
-    tail: linear cost z'Pz after the end of the flight
-    cost: cost of the flight plus tail, or inf if the flight does not converge to the trim
-    departure: first departure from the envelope, or None if the flight stays within
-    saturated: names of the inputs that reach a limit
-    integration: change of the cost and of the departure with half the integration step
     """
 
-    name: str
     times: np.ndarray
     states: np.ndarray
     inputs: np.ndarray
-    tail: float
-    cost: float
-    departure: Departure | None
-    saturated: tuple[str, ...]
-    integration: IntegrationError | None = None
 
-    @property
-    def converges(self) -> bool:
-        """True if the flight converges to the trim, even if it left the envelope."""
-        return math.isfinite(self.cost)
+    def row(self, best: float | None) -> FlightRow:
+        """Return the row of the flight without its history.
 
-    @property
-    def lost(self) -> bool:
-        """True if the flight left the envelope or does not converge to the trim."""
-        return bool(self.loss)
-
-    @property
-    def loss(self) -> str:
-        """How the flight is lost, or "" if it converges inside the envelope."""
-        if self.departure is not None:
-            return "leaves the envelope"
-        return "" if self.converges else self._convergence
-
-    @property
-    def ending(self) -> str:
-        """Short form of the outcome, such as "leaves the envelope, not at the trim after 9 s"."""
-        leaves = "" if self.departure is None else "leaves the envelope, "
-        return leaves + self._convergence
-
-    @property
-    def _convergence(self) -> str:
-        if self.converges:
-            return Outcome.CONVERGED
-        return f"not at the trim after {self.times[-1]:.3g} s"
-
-    def outcome(self) -> str:
-        """Return the outcome in words, with the state and limit of a departure."""
-        left = "" if self.departure is None else f"{self.departure.text()}; "
-        return left + self._convergence
+        best: cost of the best flight from the same initial condition, or None if none was found
+        """
+        kept = {each.name: getattr(self, each.name) for each in fields(FlightRow)}
+        return FlightRow(**{**kept, "best": best})
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +224,7 @@ class Flights:
         if loop.loop.policy.is_called:
             return flown(1)
         flight, error = resolved(flown, self._figures, scenario.step)
-        return flight._replace(integration=error)
+        return replace(flight, integration=error)
 
     def _figures(self, flight: SimulatedFlight) -> Figures:
         """Return the figures that must not depend on the integration step."""
@@ -289,17 +252,23 @@ class Flights:
         states = rows.states + trim
         left = departure(problem.envelope, rows.times, states, moving_air=False)
         with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
-            tail = float(z[-1] @ problem.P @ z[-1])
-            cost = float(rows.cost[-1]) + tail
+            cost = float(rows.cost[-1]) + float(z[-1] @ problem.P @ z[-1])
         if not has_returned(problem.model, z[-1:], problem.P, rows.cost[-1:]).all():
             cost = math.inf
         lowest, highest = problem.input_limits
         slack = _AT_LIMIT * problem.sizes[1]
         at_limit = ((v <= lowest + slack) | (v >= highest - slack)).any(axis=0)
         saturated = tuple(np.array(problem.inputs)[at_limit].tolist())
-        inputs = rows.inputs + np.array(problem.point.inputs)
-        flown = rows.times, states, inputs
-        return SimulatedFlight(policy.name, *flown, tail, cost, left, saturated)
+        return SimulatedFlight(
+            policy=policy.name,
+            cost=cost,
+            departure=left,
+            saturated=saturated,
+            seconds=float(rows.times[-1]),
+            times=rows.times,
+            states=states,
+            inputs=rows.inputs + problem.point.u,
+        )
 
 
 def settling_time(policy: Policy) -> float:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from hfa_flight.needs import is_enough, need_text
-from hfa_flight.plan.best_flight import PolicyFlight
 from hfa_flight.plan.interruption import interruption
 from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.report_lines import limits_table, line_with_ratios
 from hfa_flight.plan.search import AFTER, MESHES_AGREE, BestFlights
 from hfa_flight.simulate.returned import RULE
+from hfa_flight.simulate.row import FlightRow
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -42,7 +42,7 @@ class StartFlights(Result):
     reason: str | None
     spread: float | None
     linear_cost: float
-    policies: Sequence[PolicyFlight]
+    policies: Sequence[FlightRow]
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,13 +195,13 @@ class StartsTable(OfProblem, Result, Reported):
         policies = [each.policy for each in self.policies]
         rows = []
         for each in self.flights:
-            costs = [policy.cost for policy in each.policies] or [None] * len(policies)
+            costs = [row.cost if row.converges else None for row in each.policies]
             found = (each.cost, each.linear_cost, *costs)
             rows.append((*(each.start[name] for name in states), *found))
         return Table((*states, "best", "linear_model", *policies), rows)
 
 
-def _summary(column: Sequence[PolicyFlight]) -> PolicySummary:
+def _summary(column: Sequence[FlightRow]) -> PolicySummary:
     ratios = [each.over_best for each in column if each.over_best is not None]
     lost = sum(each.lost for each in column)
     left = sum(each.departure is not None for each in column)
@@ -273,5 +273,5 @@ def flights_from(
     if linear is None:
         linear = search.flights.linear(start, seconds)
     flown = [linear, *(search.flights.fly(loop, start, seconds) for loop in loops)]
-    policies = [PolicyFlight.of(each, cost) for each in flown]
+    policies = [each.row(cost) for each in flown]
     return StartFlights(by_name, cost, reason, spread, linear_cost, policies)

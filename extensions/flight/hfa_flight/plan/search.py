@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -285,7 +285,7 @@ class BestFlights:
             reason = f"two meshes differ by {100 * change:.2g} %{alternating}"
             if change <= MESHES_AGREE:
                 flown, followed = self._simulated(best, seconds, _TIGHTER)
-                simulated.append(flown._replace(name=REFUSED))
+                simulated.append(replace(flown, policy=REFUSED))
                 reason = refutation(flown, followed)
                 if not reason:
                     confirmed.append((flown, followed, meshes))
@@ -306,7 +306,7 @@ class BestFlights:
             return min(confirmed, key=lambda each: each[0].cost)
         if agreed is not None:
             flown, followed = self._simulated(agreed[0], seconds, _TIGHTEST)
-            simulated.append(flown._replace(name=REFUSED))
+            simulated.append(replace(flown, policy=REFUSED))
             if not refutation(flown, followed):
                 return flown, followed, agreed[1]
         raise NoSolutionError(reason)

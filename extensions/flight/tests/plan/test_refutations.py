@@ -4,6 +4,7 @@ in the steps of a predictive policy.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -57,7 +58,7 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch: pytest.MonkeyPatch) -
     """If IPOPT finds nothing (planted), the converging flight of the saturated LQR is reported."""
     monkeypatch.setattr(ca, "nlpsol", Failing)
     best = best_of_cart({"position": 5.0})
-    assert best.source == best.found.linear.name
+    assert best.source == best.found.linear.policy
     assert best.reason.startswith("IPOPT finds no flight within the limits")
     assert best.cost == best.found.linear.cost
 
@@ -74,7 +75,7 @@ def test_limits_are_narrowed_only_where_a_flight_exceeds_them(gtm: hfa.BestFligh
     states = flown.states.copy()
     place = gtm.problem.followed_places[1]
     states[row, place] = gtm.problem.point.x[place] + 1.1 * gtm.problem.state_limits[1][1]
-    excess = search._exceeded(proposal, flown._replace(states=states))[:, 0]
+    excess = search._exceeded(proposal, replace(flown, states=states))[:, 0]
     interval = int(np.searchsorted(proposal.ends, flown.times[row], side="right")) - 1
     assert np.flatnonzero(excess).tolist() == [interval - 1, interval]
     assert (excess[[interval - 1, interval]] > 0.1).all()

@@ -1,0 +1,94 @@
+"""Row of a flight with a cost: how it ends, what it costs, and what it reaches."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from hfa_aircraft.march.ending import Outcome
+from hfa_aircraft.march.refinement import IntegrationError
+from hfa_flight.simulate.envelope import Departure
+from hfa_support.reporting.results import Result
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightRow(Result):
+    """Flight of a policy from an initial condition to a trim, without its time history.
+
+    policy: name of the policy.
+    cost: cost of the flight and of the linear policy after it, or inf if the flight has not
+        returned to the trim.
+    departure: first departure from the envelope (state, time, value, limit), or None if the flight
+        stays within.
+    saturated: names of the inputs that reach a limit.
+    seconds: duration of the simulation, s.
+    integration: change of the cost and of the departure with half the integration step, or None
+        for a policy that is simulated once.
+    best: cost of the best flight from the same initial condition, or None if none was found.
+    """
+
+    policy: str
+    cost: float
+    departure: Departure | None
+    saturated: tuple[str, ...]
+    seconds: float
+    integration: IntegrationError | None = None
+    best: float | None = None
+
+    @property
+    def converges(self) -> bool:
+        """True if the flight returns to the trim, even if it left the envelope."""
+        return math.isfinite(self.cost)
+
+    @property
+    def over_best(self) -> float | None:
+        """Cost relative to that of the best flight, or None without one of them."""
+        return self.cost / self.best if self.converges and self.best is not None else None
+
+    @property
+    def resolved(self) -> bool:
+        """True if cost and departure hardly change with half the integration step."""
+        return self.integration is None or self.integration.is_resolved
+
+    @property
+    def lost(self) -> bool:
+        """True if the flight left the envelope or does not return to the trim."""
+        return bool(self.loss)
+
+    @property
+    def loss(self) -> str:
+        """How the flight is lost, or "" if it returns inside the envelope."""
+        if self.departure is not None:
+            return "leaves the envelope"
+        return "" if self.converges else self._convergence
+
+    @property
+    def ending(self) -> str:
+        """Short form of the outcome, such as "leaves the envelope, not at the trim after 9 s"."""
+        leaves = "" if self.departure is None else "leaves the envelope, "
+        return leaves + self._convergence
+
+    @property
+    def _convergence(self) -> str:
+        return (
+            Outcome.CONVERGED if self.converges else f"not at the trim after {self.seconds:.3g} s"
+        )
+
+    def outcome(self) -> str:
+        """Return the outcome in words, with the state and limit of a departure."""
+        left = "" if self.departure is None else f"{self.departure.text()}; "
+        return left + self._convergence
+
+    def contents(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "policy": self.policy,
+            "converges": self.converges,
+            "cost": self.cost if self.converges else None,
+            "over_best": self.over_best,
+            "departure": self.departure,
+            "saturated": self.saturated,
+            "seconds": self.seconds,
+            "resolved": self.resolved,
+        }
