@@ -100,34 +100,32 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
 
 
 def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict[str, Any]:
-    """Return a table or mapping of a file, with each entry checked.
+    """Return a table of a file, with each entry checked.
 
-    A mapping declares one kind for all names (the key `str`); a table declares each name, of which
-    those that end in `*` are required, and with the key `...` further names are not checked.
+    declared: {str: declaration} or {name: declaration}, as in the docstring of this module
     """
     if not isinstance(value, dict):
         wanted = f"a table [{entry}]" if entry else "a table"
         raise BadInputError(f"{where}: {entry or 'file'} is {shown(value)}; give {wanted}")
     prefix = f"{entry}." if entry else ""
-    named = {name: kind for name, kind in declared.items() if isinstance(name, str)}
-    kinds = {name.removesuffix("*"): kind for name, kind in named.items()}
-    is_open = str in declared or ... in declared
-    for name in value:
-        if name not in kinds and not is_open:
+    of_other_names = declared.get(str)
+    takes_other_names = str in declared or ... in declared
+    of_names = {
+        name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)
+    }
+    entries = {}
+    for name, each in value.items():
+        if not (name in of_names or takes_other_names):
             unknown = shortened(ascii(name)[1:-1])
             raise BadInputError(
-                f"{where}: unknown entry {prefix}{unknown}; {choice_of(name, kinds)}"
+                f"{where}: unknown entry {prefix}{unknown}; {choice_of(name, of_names)}"
             )
-    of_others = declared.get(str)  # None: not checked
-    entries = {
-        name: checked(where, each, kinds.get(name, of_others), f"{prefix}{shortened(name)}")
-        for name, each in value.items()
-    }
-    for name, kind in named.items():
-        required = name.removesuffix("*")
-        if name.endswith("*") and required not in entries:
+        kind = of_names.get(name, of_other_names)
+        entries[name] = checked(where, each, kind, f"{prefix}{shortened(name)}")
+    for name, kind in of_names.items():
+        if f"{name}*" in declared and name not in entries:
             what = "the table" if isinstance(kind, dict) else "this entry"
-            raise BadInputError(f"{where}: {prefix}{required} is missing; add {what}")
+            raise BadInputError(f"{where}: {prefix}{name} is missing; add {what}")
     return entries
 
 

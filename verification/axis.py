@@ -14,7 +14,6 @@ from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, EndRule,
 from hfa_aircraft.march.march import Free, march
 from hfa_aircraft.march.steppers import Adaptive, Recurrence, Stepper
 from hfa_support.matrices import quadratic_forms
-from verification.critic_errors import Exact
 
 #: A simulation ends when the exact loop has decayed to exp(-`DECAY`).
 DECAY = 5.0
@@ -48,7 +47,7 @@ class Loop(Protocol):
         """
 
 
-def quadratic_at(exact: Exact, kind: str, z: ca.SX) -> ca.SX:
+def quadratic_at(exact: Solution, kind: str, z: ca.SX) -> ca.SX:
     """Return z'Pz ("value"), 2 P z ("gradient") or -K z ("policy") of an exact solution."""
     if kind == "value":
         return ca.bilin(ca.DM(exact.P), z, z)
@@ -145,7 +144,7 @@ class SimulatedLoop:
 def flow_loop(
     z: ca.SX,
     rates: ca.SX,
-    exact: Exact,
+    exact: Solution,
     time: float,
     b: np.ndarray,
     running: Callable[[np.ndarray], Expression] | None = None,

@@ -11,41 +11,19 @@ The scale of a linear problem is arbitrary. Therefore each bound is valid for ev
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
 from controller.riccati.certificate import form_of
-from hfa_aircraft.names import PlantNames
+from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.checks import Check, at_most
-from hfa_support.reporting.results import Matrix
 
 REACH = 10.0
 #: The error of an entry below this fraction of the largest is relative to this fraction.
 SMALL = 1e-5
-
-
-class Exact(Protocol):
-    """Exact solution of a game: value z'Pz and policies u = -K z, d = L z."""
-
-    @property
-    def P(self) -> Matrix:
-        """Matrix P of the value z'Pz, (n, n)."""
-
-    @property
-    def K(self) -> Matrix:
-        """Gain K of the policy u = -K z, (m, n)."""
-
-    @property
-    def disturbance_gain(self) -> np.ndarray:
-        """Gain L of the worst disturbance d = L z, (k, n)."""
-
-    @property
-    def names(self) -> PlantNames:
-        """Names and units of the game's states and inputs."""
 
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
@@ -104,7 +82,7 @@ def error_check(name: str, error: float, limit: float, what: str) -> Check:
 
 
 def critic_errors(
-    game: Game, critic: Critic, exact: Exact, limit: float, box: np.ndarray
+    game: Game, critic: Critic, exact: Solution, limit: float, box: np.ndarray
 ) -> list[Check]:
     """Return the checks of a critic's errors: of K, of P if known, and of V and the policy in a
     box.
@@ -125,7 +103,7 @@ def critic_errors(
 
 
 def matrix_errors(
-    game: Game, name: str, matrix: np.ndarray, solution: Exact, limit: float
+    game: Game, name: str, matrix: np.ndarray, solution: Solution, limit: float
 ) -> list[Check]:
     """Return three checks of the errors of a matrix P or K.
 
@@ -164,7 +142,7 @@ def matrix_errors(
 
 
 def box_errors(
-    game: Game, critic: Critic, exact: Exact, box: np.ndarray, limit: float
+    game: Game, critic: Critic, exact: Solution, box: np.ndarray, limit: float
 ) -> list[Check]:
     """Return the checks of a critic's errors in a box: of V, each ∂V/∂z_i, and each entry of u.
 
@@ -196,7 +174,7 @@ def box_errors(
 
 
 def disturbance_errors(
-    game: Game, critic: Critic, exact: Exact, box: np.ndarray, limit: float
+    game: Game, critic: Critic, exact: Solution, box: np.ndarray, limit: float
 ) -> list[Check]:
     """Return the check of d = ½ δ⁻²E'∂V/∂z, the worst disturbance in continuous time, in a box.
 
@@ -215,7 +193,7 @@ def disturbance_errors(
     return [error_check("disturbance_rel_error", worst, limit, "the worst disturbance in the box")]
 
 
-def value_matrix(critic: Critic, exact: Exact) -> np.ndarray:
+def value_matrix(critic: Critic, exact: Solution) -> np.ndarray:
     """Return the symmetric part of a critic's P, on which z'Pz depends; without P, the exact P."""
     return exact.P if critic.P is None else (critic.P + critic.P.T) / 2.0
 

@@ -11,12 +11,12 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.riccati.cost import FlightCost
+from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, Checked
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.results import Result, given
 from hfa_support.reporting.text import Table
 from verification.box import Box
-from verification.critic_errors import Exact
 from verification.nonlinear_game import NonlinearComparison
 
 #: Relative difference of an entry, or cost above the optimum in percent, that is rounding.
@@ -97,7 +97,7 @@ class Verdict(Checked, Result, Reported):
     schema = "hfa.critic-check/1"
 
     critic: Critic
-    exact: Exact
+    exact: Solution
     checks: tuple[Check, ...]
     limit: float
     reason: str

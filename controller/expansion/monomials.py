@@ -47,17 +47,17 @@ def in_coordinates(weights: np.ndarray, degree: int, T: np.ndarray) -> np.ndarra
     T: (n, n)
     """
     n = len(T)
-    indices = list(combinations_with_replacement(range(n), degree))
-    counts = monomial_scales(n, degree) ** 2  # numbers of permutations
-    entries = weights / counts
-    symmetric = np.zeros((*(n,) * degree, len(weights)))
-    for column, index in enumerate(indices):
-        for permuted in set(permutations(index)):
-            symmetric[permuted] = entries[:, column]
-    for axis in range(degree):
-        symmetric = np.moveaxis(np.tensordot(T, symmetric, axes=(0, axis)), 0, axis)
-    in_z = [symmetric[index] for index in indices]
-    return np.stack(in_z, axis=1) * counts
+    factors = list(combinations_with_replacement(range(n), degree))  # (a, b, c) of y_a y_b y_c
+    arrangements = monomial_scales(n, degree) ** 2  # number of permutations of (a, b, c)
+    entries = weights / arrangements
+    C = np.zeros((*(n,) * degree, len(weights)))  # C_abc of each polynomial
+    for monomial, indices in enumerate(factors):
+        for permuted in set(permutations(indices)):
+            C[permuted] = entries[:, monomial]
+    for axis in range(degree):  # y_a = sum of T_ai z_i
+        C = np.moveaxis(np.tensordot(T, C, axes=(0, axis)), 0, axis)
+    in_z = [C[indices] for indices in factors]
+    return np.stack(in_z, axis=1) * arrangements
 
 
 def polynomial(y: ca.SX, degree: int, weights: np.ndarray) -> ca.SX:
@@ -67,12 +67,13 @@ def polynomial(y: ca.SX, degree: int, weights: np.ndarray) -> ca.SX:
     degree: degree of the monomials ψ
     weights: W, (k, M), of the monomials scaled by `monomial_scales`
     """
+    # (a, b, c) -> y_a y_b y_c; a <= b <= c, so that each monomial is made once
     products: dict[tuple[int, ...], ca.SX] = {(): ca.SX(1.0)}
     for _ in range(degree):
         products = {
-            (*indices, last): product * y[last]
-            for indices, product in products.items()
-            for last in range(indices[-1] if indices else 0, y.numel())
+            (*factors, following): product * y[following]
+            for factors, product in products.items()
+            for following in range(factors[-1] if factors else 0, y.numel())
         }
     psi = ca.vertcat(*products.values()) * ca.DM(monomial_scales(y.numel(), degree))
     return ca.densify(ca.DM(weights) @ psi)

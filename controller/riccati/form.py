@@ -379,9 +379,7 @@ class Form(ABC):
         point of the boundary.
         """
 
-    def obstacle(
-        self, unreached: str = UNREACHED, hidden: str = HIDDEN, barely: float = BARELY
-    ) -> str:
+    def obstacle(self, barely: float = BARELY) -> str:
         """Return the mode because of which no delta has a solution, as one sentence, or "".
 
         The Riccati equation without disturbance has a stabilizing solution if and only if two
@@ -390,7 +388,6 @@ class Form(ABC):
         - [A' - λI; B'] for every eigenvalue λ of A that is not stable, else no input reaches a mode
         - [A - λI; Q] for every λ on the boundary of stability, else a mode has no cost
 
-        unreached, hidden: sentences about a mode that no input reaches, and about one without cost
         barely: fraction of the largest rate below which a mode is not reached, or costs nothing
 
         Source: Zhou, Doyle and Glover, Theorem 13.7.
@@ -402,10 +399,10 @@ class Form(ABC):
             if excess < -mode.rounding:
                 continue
             if dependence(A, mode.value, self.reach.T, size) <= barely:
-                return unreached.format(f"{mode}{self.of_matrix}")
+                return UNREACHED.format(f"{mode}{self.of_matrix}")
             is_undamped = excess <= mode.rounding
             if is_undamped and dependence(A.T, on_boundary, Q, size) <= barely:
-                return hidden.format(f"{mode}{self.of_matrix}")
+                return HIDDEN.format(f"{mode}{self.of_matrix}")
         return ""
 
 

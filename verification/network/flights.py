@@ -13,10 +13,10 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.riccati.cost import SIGNLESS
+from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, at_most
 from verification.axis import Loop
 from verification.box import starts_in
-from verification.critic_errors import Exact
 from verification.judged_game import JudgedGame
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def equilibrium_check(equilibrium: np.ndarray | None, b: np.ndarray, limit: floa
 def fly(
     judged: JudgedGame,
     critic: Critic,
-    exact: Exact,
+    exact: Solution,
     b: np.ndarray,
     flights: int,
     plant: NonlinearPlant | None = None,
@@ -117,7 +117,7 @@ def fly(
 
 
 def costs_above_optimum(
-    judged: JudgedGame, critic: Critic, exact: Exact, b: np.ndarray, flights: int
+    judged: JudgedGame, critic: Critic, exact: Solution, b: np.ndarray, flights: int
 ) -> np.ndarray:
     """Return the cost above V* from each initial condition, in percent of V*, (flights,).
 

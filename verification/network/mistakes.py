@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from controller.critic.critic import Critic
-from verification.critic_errors import Exact
+from controller.riccati.gare import Solution
 
 #: Number of random states in the box, half of them corners, and the same for a wide network.
 STATES = 8000
@@ -16,7 +16,7 @@ CLIPPED = 3
 REST = 0.01
 
 
-def mistake_of_policy(critic: Critic, exact: Exact, box: np.ndarray, limit: float) -> str:
+def mistake_of_policy(critic: Critic, exact: Solution, box: np.ndarray, limit: float) -> str:
     """Return a sentence on a constant or on clipped actions that explain the errors of u, or "".
 
     They explain the errors if those of the rest of the policy are at most `REST`. Errors are
@@ -54,7 +54,7 @@ def mistake_of_policy(critic: Critic, exact: Exact, box: np.ndarray, limit: floa
     return f"{'; '.join(facts)}; otherwise the policy is {otherwise}"
 
 
-def bias_text(critic: Critic, exact: Exact) -> str:
+def bias_text(critic: Critic, exact: Solution) -> str:
     """Return a sentence on the inputs at the origin, which are not 0."""
     u = critic.u(np.zeros(critic.K.shape[1]))
     units = exact.names.input_units

@@ -13,9 +13,10 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
+from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, at_most, below
 from verification.box import starts_in
-from verification.critic_errors import SMALL, Exact, error_check
+from verification.critic_errors import SMALL, error_check
 from verification.judged_game import JudgedGame
 from verification.network.flights import (
     DOUBLINGS,
@@ -82,7 +83,7 @@ class Comparison(NamedTuple):
     """
 
     critic: Critic
-    exact: Exact
+    exact: Solution
     weights: np.ndarray
     box: np.ndarray
     exact_at: Callable[[str, ca.SX], ca.SX]
@@ -153,7 +154,7 @@ def findings_of(
 
 # Search.
 def search_checks(
-    critic: Critic, exact: Exact, origin: float, found: tuple[Found, ...], limit: float
+    critic: Critic, exact: Solution, origin: float, found: tuple[Found, ...], limit: float
 ) -> list[Check]:
     """Return the checks of the errors that `search` found.
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from controller.critic.network.activations import ACTIVATIONS
 from controller.critic.network.onnx_graph import FEW_WEIGHTS, check_width, graph_functions
-from controller.critic.network.row_network import RowNetwork, row_network
+from controller.critic.network.row_network import Layer, RowNetwork, row_network
 from controller.critic.network.state_dict import (
     layers_of,
     refuse_others,
@@ -33,29 +33,6 @@ from hfa_support.files import regular_file
 _ORDERED = (".pt", ".pth", ".pkl", ".zip")
 #: Names of the two parts of an actor of Stable-Baselines3: hidden layers -> last layer.
 _ACTORS = {"policy_net": "action_net", "latent_pi": "actor.mu"}
-
-
-class Layer(NamedTuple):
-    """Layer y = weight x + bias.
-
-    name: name in the file, without ".weight".
-    weight: (k, n).
-    bias: (k,).
-    """
-
-    name: str
-    weight: np.ndarray
-    bias: np.ndarray
-
-    @property
-    def inputs(self) -> int:
-        """Number of inputs."""
-        return self.weight.shape[1]
-
-    @property
-    def outputs(self) -> int:
-        """Number of outputs."""
-        return len(self.weight)
 
 
 class NetworkFile(NamedTuple):
@@ -159,9 +136,9 @@ def network_of_tensors(
     for name, layers in networks.items():
         check_width(layers[0].inputs, states, inputs)
         refuse_others(unread, layers[0].inputs, layers[-1].outputs)
-        steps = _with_activations(layers, activation)
-        functions[name], of_rows = composed(steps)
-        chains.append(_chain(name, steps))
+        layers = _with_activations(layers, activation)
+        functions[name], of_rows = composed(layers)
+        chains.append(_chain(name, layers))
         if of_rows is not None:
             functions_of_rows[name] = of_rows
     return NetworkFile(functions, "; ".join(chains), precision, rows=functions_of_rows)
@@ -270,33 +247,27 @@ def _as_numbered(layers: list[Layer]) -> list[Layer]:
     return sorted(layers, key=_numbers)
 
 
-def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple[Layer, str]]:
-    """Return each layer with the name of its activation, or "" without an activation."""
-    between, last = _activations(layers, activation)
-    return list(zip(layers, [between] * (len(layers) - 1) + [last], strict=True))
-
-
-def composed(steps: list[tuple[Layer, str]]) -> tuple[ca.Function, RowNetwork | None]:
+def composed(layers: list[Layer]) -> tuple[ca.Function, RowNetwork | None]:
     """Return the function x (n,) -> output of the last layer (k,), and its version for many rows.
 
     The version for many rows is None unless `row_network` supports all activations.
-
-    steps: layers with the names of their activations, "" for none
     """
-    first, _ = steps[0]
-    h = x = ca.MX.sym("x", first.inputs)
-    for layer, activation in steps:
+    h = x = ca.MX.sym("x", layers[0].inputs)
+    for layer in layers:
         h = ca.DM(layer.weight) @ h + ca.DM(layer.bias)
-        if activation:
-            h = ACTIVATIONS[activation](h)
+        if layer.activation:
+            h = ACTIVATIONS[layer.activation](h)
     function = ca.Function("network", [x], [ca.densify(h)])
-    if sum(layer.weight.size for layer, _ in steps) < FEW_WEIGHTS:
+    if sum(layer.weight.size for layer in layers) < FEW_WEIGHTS:
         function = function.expand()
-    return function, row_network([(layer.weight, layer.bias, name) for layer, name in steps])
+    return function, row_network(layers)
 
 
-def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:
-    """Return the names of the activations between the layers and at the output, "" for none."""
+def _with_activations(layers: list[Layer], activation: str | None) -> list[Layer]:
+    """Return the layers with their activations.
+
+    activation: activation between the layers and, after a comma, of the output
+    """
     if activation is None and len(layers) > 1:
         raise BadInputError(
             'a state dict does not contain the activation; give activation="tanh" (or '
@@ -306,15 +277,18 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
     between, _, last = (activation or "").partition(",")
     for name in filter(None, (between, last)):
         refuse_unknown("unknown activation", name, ACTIVATIONS)
-    return between, last
+    hidden = [layer._replace(activation=between) for layer in layers[:-1]]
+    return [*hidden, layers[-1]._replace(activation=last)]
 
 
-def _chain(name: str, steps: list[tuple[Layer, str]]) -> str:
-    """Return the description of a network, such as "6 -> tanh 64 -> 1 (layers 0, 2)"."""
-    first, _ = steps[0]
-    words = [f"{activation} {layer.outputs}".strip() for layer, activation in steps]
-    chain = " -> ".join([str(first.inputs), *words])
-    names = ", ".join(layer.name for layer, _ in steps if layer.name)
-    if name:
-        chain = f"{name} {chain}"
+def chain_text(layers: list[Layer]) -> str:
+    """Return the description of a network, such as "6 -> tanh 64 -> 1"."""
+    words = [f"{layer.activation} {layer.outputs}".strip() for layer in layers]
+    return " -> ".join([str(layers[0].inputs), *words])
+
+
+def _chain(name: str, layers: list[Layer]) -> str:
+    """Return the description of a part of a file, such as "V 6 -> tanh 64 -> 1 (layers 0, 2)"."""
+    chain = f"{name} {chain_text(layers)}".strip()
+    names = ", ".join(layer.name for layer in layers if layer.name)
     return f"{chain} (layers {shortened(names, 80)})" if names else chain

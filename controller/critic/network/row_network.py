@@ -7,6 +7,7 @@ Other networks are computed in double precision.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,31 +40,53 @@ ROW_ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 
 
+class Layer(NamedTuple):
+    """Layer y = activation(weight x + bias).
+
+    name: name in the file, without ".weight".
+    weight: (k, n).
+    bias: (k,).
+    activation: name in `ACTIVATIONS`, or "" for none.
+    """
+
+    name: str
+    weight: np.ndarray
+    bias: np.ndarray
+    activation: str = ""
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return self.weight.shape[1]
+
+    @property
+    def outputs(self) -> int:
+        """Number of outputs."""
+        return len(self.weight)
+
+
 def precision_of(matrix: np.ndarray) -> type[np.floating]:
     """Return the precision for products with a matrix: single for at least `_WIDE` entries."""
     return np.float32 if matrix.size >= _WIDE else np.float64
 
 
-def row_network(layers: Sequence[tuple[np.ndarray, np.ndarray, str]]) -> RowNetwork | None:
+def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
     """Return the function x (N, n) -> (N, k) of a chain of layers.
 
     The result is None if an activation is not in `ROW_ACTIVATIONS`.
-
-    layers: (weight (k, n), bias (k,), activation) of each layer
     """
-    if any(activation not in ROW_ACTIVATIONS for _, _, activation in layers):
+    if any(layer.activation not in ROW_ACTIVATIONS for layer in layers):
         return None
-    kind = precision_of(max((weight for weight, _, _ in layers), key=np.size))
-    transposed = [
-        (np.ascontiguousarray(weight.T, dtype=kind), bias.astype(kind), activation)
-        for weight, bias, activation in layers
-    ]
+    kind = precision_of(max((layer.weight for layer in layers), key=np.size))
+    columns = [np.ascontiguousarray(layer.weight.T, dtype=kind) for layer in layers]
+    biases = [layer.bias.astype(kind) for layer in layers]
+    activations = [ROW_ACTIVATIONS[layer.activation] for layer in layers]
 
     def on_some(x: np.ndarray) -> np.ndarray:
-        for weight, bias, activation in transposed:
+        for weight, bias, activation in zip(columns, biases, activations, strict=True):
             x = x @ weight
             x += bias
-            x = ROW_ACTIVATIONS[activation](x)
+            x = activation(x)
         return x
 
     def on_rows(x: np.ndarray) -> np.ndarray:

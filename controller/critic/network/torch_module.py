@@ -4,27 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.critic.network.network_file import Layer, NetworkFile, composed
+from controller.critic.network.network_file import NetworkFile, chain_text, composed
 from controller.critic.network.onnx_graph import check_width
+from controller.critic.network.row_network import Layer
 from controller.critic.network.tensors import checked_tensors
 from hfa_support.errors import BadInputError, shortened, shown
 
 _ELSE = "export the network to ONNX (torch.onnx.export) and give the ONNX file"
-#: Class of an activation in torch.nn -> its name in `ACTIVATIONS` and its required settings.
-_ACTIVATIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
-    "ELU": ("elu", {"alpha": 1.0}),
-    "GELU": ("gelu", {"approximate": "none"}),
-    "LeakyReLU": ("leaky_relu", {"negative_slope": 0.01}),
-    "ReLU": ("relu", {}),
-    "SELU": ("selu", {}),
-    "SiLU": ("silu", {}),
-    "Sigmoid": ("sigmoid", {}),
-    "Softplus": ("softplus", {"beta": 1.0, "threshold": 20.0}),
-    "Tanh": ("tanh", {}),
+
+
+class _Activation(NamedTuple):
+    """Name of an activation in `ACTIVATIONS`, and the settings that it requires."""
+
+    name: str
+    settings: Mapping[str, Any] = {}
+
+
+#: Class in torch.nn -> the activation.
+_ACTIVATIONS = {
+    "ELU": _Activation("elu", {"alpha": 1.0}),
+    "GELU": _Activation("gelu", {"approximate": "none"}),
+    "LeakyReLU": _Activation("leaky_relu", {"negative_slope": 0.01}),
+    "ReLU": _Activation("relu"),
+    "SELU": _Activation("selu"),
+    "SiLU": _Activation("silu"),
+    "Sigmoid": _Activation("sigmoid"),
+    "Softplus": _Activation("softplus", {"beta": 1.0, "threshold": 20.0}),
+    "Tanh": _Activation("tanh"),
 }
 
 
@@ -56,25 +66,28 @@ def module_network(module: Any, kind: str, states: int, inputs: int) -> NetworkF
     Raises BadInputError for another module, for sizes that do not fit, and for a weight that is not
     finite.
     """
-    layers: list[Layer] = []
-    activations: list[str] = []  # after each layer, "" for none
-    precisions = set()
-    for name, part in _parts("", module):
+    parts = list(_parts("", module))
+    tensors = {}
+    for name, part in parts:
         if _class_of(part) == "Linear":
-            layer, precision = _linear(name, part)
-            layers.append(layer)
-            activations.append("")
-            precisions.add(precision)
-        elif activations[-1:] != [""]:
+            tensors[f"{name}.weight"] = _numbers(name, part.weight)
+            if part.bias is not None:
+                tensors[f"{name}.bias"] = _numbers(name, part.bias)
+    doubles, precision = checked_tensors(tensors)
+    layers: list[Layer] = []
+    for name, part in parts:
+        if _class_of(part) == "Linear":
+            weight = doubles[f"{name}.weight"]
+            layers.append(Layer(name, weight, doubles.get(f"{name}.bias", np.zeros(len(weight)))))
+        elif not layers or layers[-1].activation:
             raise BadInputError(
                 f"the network contains the activation {_class_of(part)}, which does not directly "
                 f"follow a linear layer; {_ELSE}"
             )
         else:
-            activations[-1] = _activation(part)
+            layers[-1] = layers[-1]._replace(activation=_activation(part))
     if not layers:
         raise BadInputError("the network contains no linear layer; give a feed-forward network")
-    steps = list(zip(layers, activations, strict=True))
     check_width(layers[0].inputs, states, inputs)
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:
@@ -82,12 +95,9 @@ def module_network(module: Any, kind: str, states: int, inputs: int) -> NetworkF
                 f"layer {layer.name} has {layer.inputs} inputs, but the preceding layer "
                 f"{before.name} has {before.outputs} outputs; make the two numbers equal"
             )
-    function, on_rows = composed(steps)
-    widths = [f"{activation} {layer.outputs}".strip() for layer, activation in steps]
-    chain = " -> ".join([str(layers[0].inputs), *widths])
-    precision = "float32" if "float32" in precisions else "float64"
+    function, on_rows = composed(layers)
     rows = {} if on_rows is None else {kind: on_rows}
-    return NetworkFile({kind: function}, chain, precision, rows=rows)
+    return NetworkFile({kind: function}, chain_text(layers), precision, rows=rows)
 
 
 def _class_of(module: Any) -> str:
@@ -113,16 +123,6 @@ def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
         )
 
 
-def _linear(name: str, module: Any) -> tuple[Layer, str]:
-    """Return the layer of a torch.nn.Linear module, and the precision of its weights."""
-    tensors = {"weight": _numbers(name, module.weight)}
-    if module.bias is not None:
-        tensors["bias"] = _numbers(name, module.bias)
-    doubles, precision = checked_tensors(tensors)
-    weight = doubles["weight"]
-    return Layer(name, weight, doubles.get("bias", np.zeros(len(weight)))), precision
-
-
 def _numbers(name: str, tensor: Any) -> np.ndarray:
     try:
         return np.asarray(tensor.detach().cpu().numpy())
@@ -136,8 +136,8 @@ def _numbers(name: str, tensor: Any) -> np.ndarray:
 def _activation(module: Any) -> str:
     """Return the name of an activation module."""
     kind = _class_of(module)
-    name, usual = _ACTIVATIONS[kind]
-    for setting, value in usual.items():
+    name, settings = _ACTIVATIONS[kind]
+    for setting, value in settings.items():
         if getattr(module, setting) != value:
             raise BadInputError(
                 f"{kind} has {setting} = {getattr(module, setting)}, but only {value} is "
