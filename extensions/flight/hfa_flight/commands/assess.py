@@ -263,16 +263,11 @@ def _samples(request: AssessRequest) -> int:
 
 
 def _scenario_at(request: AssessRequest, given: _Given, point: OperatingPoint) -> Scenario:
-    """Return the scenario with noise, gust and turbulence at a trim.
-
-    Raises BadInputError if the scenario does not fit the aircraft or no flights are requested.
-    """
-    from hfa_flight.judge.rough_flights import rough_scenario
-
+    """Return the scenario with noise, gust and turbulence at a trim."""
     uncertainty = Uncertainty(noise=given.noise, turbulence=given.turbulence)
     scenario = Scenario(uncertainty=uncertainty)
     gust = gust_at(request.gust, point, scenario.duration)
-    return rough_scenario(replace(scenario, gust=gust), point.model, _samples(request))
+    return replace(scenario, gust=gust)
 
 
 def _assumed_trim(request: AssessRequest, point: OperatingPoint) -> str:
@@ -381,8 +376,8 @@ def _assessment(request: AssessRequest, given: _Given, deployed: Deployed) -> As
     changes = changes_of(deployed, each_of("--vary", model, request.vary, _varied))
     box = each_of("--box", model, request.box, _half_width)
     points = tuple(trimmed(each) for each in given.trims)
-    is_rough = bool(given.noise) or given.turbulence is not None or request.gust is not None
-    scenarios = [_scenario_at(request, given, point) for point in points] if is_rough else []
+    in_air = bool(given.noise) or given.turbulence is not None or request.gust is not None
+    scenarios = [_scenario_at(request, given, point) for point in points] if in_air else []
     share = request.need.get(SHARE, ALL)
     assessor = Assessor(deployed, points, _samples(request), request.seed, box, share=share)
     result = assessment_of(

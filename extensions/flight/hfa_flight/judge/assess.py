@@ -14,7 +14,6 @@ from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.assessment import Assessment
 from hfa_flight.judge.assessor import Assessor
 from hfa_flight.judge.flight_costs import flight_costs
-from hfa_flight.judge.rough_flights import RoughFlights, rough_flights, rough_scenario
 from hfa_flight.judge.trims import trims_of
 from hfa_flight.judge.variations import changes_of, variations
 from hfa_flight.judge.weights import has_weights
@@ -22,7 +21,7 @@ from hfa_flight.needs import ALL, OF_POLICY, SAMPLES, SHARE, refuse_share
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.given import policy_and_scenario
-from hfa_flight.samples.flights_in_air import FlightsInAir, flights_in_air
+from hfa_flight.samples.flights_in_air import FlightsInAir, flights_in_air, flown_report
 from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.errors import (
@@ -33,10 +32,13 @@ from hfa_support.errors import (
     refuse_unless_whole,
 )
 from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report
 from trim.point.operating_point import OperatingPoint
 
 #: Default number of flights at each trim whose costs are compared.
 COMPARED = 5
+#: Largest number of flights in noise or moving air from each trim.
+_MOST_IN_AIR = 20
 
 
 @overload
@@ -110,7 +112,14 @@ def assess(
             if value is not None:
                 raise BadInputError(f"{name} applies only to a deployment; remove {name}")
         count = OF_POLICY if samples is None else samples
-        return _flown(deployment, trims_of(model, points), count, seed, share, scenario, progress)
+        if scenario is None or scenario.uncertainty == Uncertainty():
+            raise BadInputError(
+                "the flights of the policy are all the same; give scenario=Scenario(uncertainty="
+                "Uncertainty(noise={...}, turbulence=...))"
+            )
+        trims = trims_of(model, points)
+        plans = [_plan(deployment, trim, scenario, count, seed, share) for trim in trims]
+        return flights_in_air(plans, progress)
     samples = SAMPLES if samples is None else samples
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
@@ -118,8 +127,6 @@ def assess(
         refuse_unless_whole("best", best, 0)
     deployed = Deployed(Deployment.of(deployment), model)
     changes = changes_of(deployed, vary or {})
-    if scenario is not None:
-        scenario = rough_scenario(scenario, model, samples)
     for name, width in (box or {}).items():
         refuse_unknown("box names an unknown state", name, model.linear)
         refuse_unless_positive(f"box of {name}", width)
@@ -135,29 +142,38 @@ def assess(
     )
 
 
-def _flown(
-    policy: Any,
-    trims: Sequence[OperatingPoint],
-    samples: int,
-    seed: int,
-    share: float,
-    scenario: Scenario | None,
-    progress: Progress | None,
-) -> FlightsInAir:
-    """Return the flights of a policy from each trim. Raises BadInputError if all are the same."""
-    if scenario is None or scenario.uncertainty == Uncertainty():
+def _plan(
+    policy: Any, point: OperatingPoint, scenario: Scenario, samples: int, seed: int, share: float
+) -> MonteCarlo:
+    """Return the plan of the flights of a policy from a trim, in noise or moving air."""
+    if samples < 1:
         raise BadInputError(
-            "the flights of the policy are all the same; give scenario=Scenario(uncertainty="
-            "Uncertainty(noise={...}, turbulence=...))"
+            f"samples is {samples}, so there is no flight with noise, gust or turbulence; give at "
+            "least 1"
         )
-    plans = []
-    for point in trims:
-        flown, happens = policy_and_scenario(policy, point, scenario)
-        envelope = flight_envelope(point.model, point)
-        plans.append(
-            MonteCarlo(samples, seed, point.model, point, flown, happens, envelope, share=share)
+    flown, happens = policy_and_scenario(policy, point, scenario)
+    envelope = flight_envelope(point.model, point)
+    return MonteCarlo(samples, seed, point.model, point, flown, happens, envelope, share=share)
+
+
+def _in_air(
+    assessor: Assessor, point: OperatingPoint, scenario: Scenario, progress: Progress | None
+) -> Report:
+    """Return the report of the flights of a deployment from a trim, in noise or moving air.
+
+    There are as many flights as initial conditions, at most `_MOST_IN_AIR`, or one if nothing is
+    random.
+    """
+    is_random = scenario.uncertainty != Uncertainty()
+    disturbed_by = scenario.gust, scenario.air, scenario.errors, scenario.actuators
+    if not is_random and not any(disturbed_by):
+        raise BadInputError(
+            "the scenario has no noise, gust or turbulence; add noise, a gust or turbulence"
         )
-    return flights_in_air(plans, progress)
+    samples = min(assessor.samples, _MOST_IN_AIR if is_random else 1)
+    policy = assessor.deployed.deployment
+    plan = _plan(policy, point, scenario, samples, assessor.seed, assessor.share)
+    return flown_report(plan, 1, progress)
 
 
 def assessment_of(
@@ -177,20 +193,16 @@ def assessment_of(
     best: number of flights that are compared with the best flights, as in `assess`
     progress_of: function from the name of a step to the callback for its progress, or None
     """
-    rough: Sequence[RoughFlights | None] = [None] * len(assessor.points)
-    if scenarios:  # first, because they refuse a scenario that does not suit the aircraft
-        rough = rough_flights(
-            assessor.deployed,
-            assessor.points,
-            scenarios,
-            assessor.samples,
-            assessor.seed,
-            progress_of("fly in noise and moving air"),
-        )
+    progress = progress_of("fly in noise and moving air") if scenarios else None
+    in_air = [  # first, because they refuse a scenario that does not suit the aircraft
+        _in_air(assessor, point, happens, progress)
+        for point, happens in zip(assessor.points, scenarios, strict=bool(scenarios))
+    ]
     points = assessor.assessed(progress_of("fly"))
     progress = progress_of("optimize")
     points = [_with_costs(assessor, point, best, progress) for point in points]
-    points = [replace(at, rough=flown) for at, flown in zip(points, rough, strict=True)]
+    if scenarios:
+        points = [replace(at, in_air=flown) for at, flown in zip(points, in_air, strict=True)]
     changed = variations(assessor, changes, progress_of("fly changed aircraft"))
     return Assessment(assessor.deployed, tuple(points), needs, tuple(changed))
 

@@ -14,12 +14,12 @@ from hfa_flight.judge.cost_above_optimum import CostAboveOptimum
 from hfa_flight.judge.flight_costs import FlightCosts
 from hfa_flight.judge.outcomes import Outcomes, Place
 from hfa_flight.judge.reach import OwnMode, left_alone
-from hfa_flight.judge.rough_flights import RoughFlights
 from hfa_flight.needs import ALL, is_enough, is_refuted
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Delays, Margins
 from hfa_flight.simulate.envelope import flight_envelope
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, given
 from trim.point.operating_point import OperatingPoint
 
@@ -43,7 +43,8 @@ class AssessedPoint(Result):
     actions: effect of each action beside the exact gain's, or () if there is no exact gain.
     best: costs of flights beside those of the exact gain and of the best flights, or None if no
         costs were compared.
-    rough: flights with sensor noise or in moving air, or None if they were not requested.
+    in_air: report of flights with sensor noise or in moving air, as that of `hfa fly --samples`, or
+        None if they were not requested.
     remarks: reasons why parts of the assessment are missing, one sentence each.
     integration: integration error of some of the flights, or None without flights or on changed
         aircraft.
@@ -61,7 +62,7 @@ class AssessedPoint(Result):
     disturbed: Outcomes | None
     actions: tuple[ActionEffect, ...] = ()
     best: FlightCosts | None = None
-    rough: RoughFlights | None = None
+    in_air: Report | None = None
     remarks: tuple[str, ...] = ()
     integration: IntegrationError | None = None
     share: float = ALL
@@ -217,7 +218,8 @@ class AssessedPoint(Result):
                 "equilibrium_inputs": self.equilibrium_inputs,
                 "input_margins": self.input_margins,
             }
-            | given(best=self.best, rough=self.rough, integration=self.integration)
+            | given(best=self.best, integration=self.integration)
+            | ({} if self.in_air is None else {"in_air": self.in_air.data})
         )
 
 

@@ -142,7 +142,8 @@ class Assessment(Result, Reported):
         """Return the sentence of the verdict, followed by shorter forms of it."""
         if self.holds and not self.ok:
             failure = self.findings[0].text
-            return [failure, failure.partition(" (")[0], failure.partition(":")[0]]
+            shortest = failure.partition(":")[0].partition(";")[0]
+            return [failure, failure.partition(" (")[0], shortest]
         rate = f" at {1.0 / self.deployed.deployment.dt:.4g} Hz"
         failing = [point for point in self.points if not point.holds]
         where = where_text(failing or self.points, self.points)

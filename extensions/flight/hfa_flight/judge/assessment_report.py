@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from hfa_flight.judge.action_effects import ActionEffect
 from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
 from hfa_flight.judge.endings import BALL
 from hfa_flight.judge.findings import where_text
-from hfa_flight.judge.rough_flights import rough_table
 from hfa_flight.judge.variations import Variation, variation_table
 from hfa_flight.judge.weights import weights_at
 from hfa_flight.plan.problem import cost_text
@@ -39,13 +39,11 @@ def report_parts(
         parts.append(error.text())
     parts += _actions(points)
     trims = [where_text([point], points) for point in points]
-    rough = [point.rough for point in points if point.rough is not None]
-    if rough:
-        units = [deployed.model.unit(name) for name in rough[0].rms]
-        seconds, disturbed_by = rough[0].seconds, rough[0].disturbed_by
-        parts.append(f"flights of {seconds:g} s from the trim with {disturbed_by}:")
-        parts.append(rough_table(rough, trims, units))
-        parts += list(dict.fromkeys(each.air for each in rough if each.air))
+    parts += [
+        replace(point.in_air, title=f"{trim}: {point.in_air.title}")
+        for trim, point in zip(trims, points, strict=True)
+        if point.in_air is not None
+    ]
     if variations:
         parts.append(variation_table(variations, trims))
     return parts

@@ -12,7 +12,6 @@ import numpy as np
 from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
 from hfa_flight.judge.outcomes import Outcomes, departure_text
 from hfa_flight.judge.weights import weights_at
-from hfa_flight.needs import band_text, is_enough
 from hfa_support.reporting.text import beside_unit, short_number, shown_unit
 
 #: Costs that differ by less, in percent of the optimum, are equal.
@@ -139,7 +138,8 @@ def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) ->
     """Return the finding on the flights that leave the envelope."""
     if flown is None or not flown.lost:
         return []
-    text = f"{when}{_leaving(flown.lost, flown.starts, 'flights')}"
+    leave = "leaves" if flown.lost == 1 else "leave"
+    text = f"{when}{flown.lost} of {flown.starts} flights {leave} the envelope"
     if flown.departure is not None:
         text += f" (first: {departure_text(flown.departure)})"
     severity = Severity.WARNING if point.holds else Severity.FAILURE
@@ -289,29 +289,14 @@ def _kinks(point: AssessedPoint) -> list[_Found]:
     return [_Found(Severity.NOTE, f"{first}{more}", len(others))]
 
 
-def _calm_in_rough_air(point: AssessedPoint) -> list[_Found]:
-    """Return the finding on flights with noise or in moving air."""
-    rough = point.rough
-    if rough is None:
+def _in_air(point: AssessedPoint) -> list[_Found]:
+    """Return the finding on flights with noise or in moving air: the first line of their report."""
+    if point.in_air is None:
         return []
-    flights = f"flights with {rough.disturbed_by}"
-    count = rough.flights - rough.inside
-    lost = "lost: " if count else ""
-    band = f"; {lost}{band_text(count, rough.flights)}" if rough.flights > 1 else ""
-    if rough.departure is None:
-        text = f"every flight with {rough.disturbed_by} stays inside the envelope{band}"
+    _, _, text = point.in_air.title.partition("\n")[0].partition(": ")
+    if point.in_air.data["ok"]:
         return [_Found(Severity.NOTE, text)]
-    text = f"{_leaving(count, rough.flights, flights)} ({departure_text(rough.departure)}{band})"
-    is_tolerated = is_enough(rough.inside, rough.flights, point.share)
-    severity = Severity.WARNING if is_tolerated else Severity.FAILURE
-    return [_Found(severity, text, count / rough.flights)]
-
-
-def _left_out(point: AssessedPoint) -> list[_Found]:
-    """Return the finding on components of the moving air that the equations do not support."""
-    if point.rough is None or not point.rough.left_out:
-        return []
-    return [_Found(Severity.NOTE, "; ".join(point.rough.left_out))]
+    return [_Found(Severity.FAILURE, text, -point.in_air.data["within_limits"])]
 
 
 def _integration(point: AssessedPoint) -> list[_Found]:
@@ -323,17 +308,11 @@ def _integration(point: AssessedPoint) -> list[_Found]:
 
 #: Kinds of findings, in the order of the report.
 _KINDS: tuple[Callable[[AssessedPoint], list[_Found]], ...] = (
-    *(_no_equilibrium, _saturation, _beyond_limits, _calm_in_rough_air),
+    *(_no_equilibrium, _saturation, _beyond_limits, _in_air),
     lambda point: _leaving_flights(point, point.flights, ""),
     *(_limit_cycle, _own_mode, _instability, _convergence, _not_returned, _other_equilibrium),
     lambda point: _leaving_flights(point, point.disturbed, "with a disturbance pulse: "),
     _clipped_observations,
-    *(_delay, _steady_state_error, _linear_cost, _judged_states, _kinks, _left_out),
+    *(_delay, _steady_state_error, _linear_cost, _judged_states, _kinks),
     _integration,
 )
-
-
-def _leaving(count: int, total: int, flights: str) -> str:
-    """Return a phrase such as "1 of 2 flights leaves the envelope"."""
-    verb = "leaves" if count == 1 else "leave"
-    return f"{count} of {total} {flights} {verb} the envelope"

@@ -64,8 +64,8 @@ def member_report(
         parts += [gust.text(plan.model), *gust.left_out(plan.model)]
     if isinstance(plan.policy, FilteredPolicy):
         parts.append(plan.policy.filter.text())
-    alike = plan.scenario.uncertainty == Uncertainty() and plan.spread is None
-    return Report(title, parts, [_ALIKE] if alike else [], found)
+    notes = [_ALIKE] if _alike(plan) and plan.members > 1 else []
+    return Report(title, parts, notes, found)
 
 
 def _verdict(plan: MonteCarlo, found: Mapping[str, Any]) -> str:
@@ -78,16 +78,22 @@ def _verdict(plan: MonteCarlo, found: Mapping[str, Any]) -> str:
         f"{plan.scenario.duration:g} s {inside}{_air_text(plan.scenario)}{need_text(plan.share)}"
     )
     lost = members - within
+    band = "" if _alike(plan) else band_text(lost, members)
     if not lost:
-        return f"{line}; {band_text(lost, members)}"
+        return f"{line}; {band}" if band else line
     worst = max(found["left"], key=lambda name: found["left"][name])
     by = f" by {worst}" if found["left"][worst] else ""
-    return f"{line}; {lost} lost{by} ({band_text(lost, members)})"
+    return f"{line}; {lost} lost{by}" + (f" ({band})" if band else "")
+
+
+def _alike(plan: MonteCarlo) -> bool:
+    """Return whether all flights of a plan are the same."""
+    return plan.scenario.uncertainty == Uncertainty() and plan.spread is None
 
 
 def _air_text(scenario: Scenario) -> str:
-    """Return the noise and the turbulence of a scenario as text, such as " with noise"."""
-    words = ""
+    """Return the noise and the moving air of a scenario as text, such as " with noise"."""
+    words = " in a gust" * (scenario.gust is not None)
     turbulence = scenario.uncertainty.turbulence
     if turbulence is not None:
         level = f"{turbulence.level} " if isinstance(turbulence.level, str) else ""
