@@ -116,8 +116,8 @@ def _begin(
     imposed: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Return variable -> initial value of a trim search."""
-    native = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
-    return {name: value * factors.get(name, 1.0) for name, value in begin(native).items()}
+    declared = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
+    return {name: value * factors.get(name, 1.0) for name, value in begin(declared).items()}
 
 
 def _signal_in(system: _System, signal: Signal) -> Signal:
@@ -132,26 +132,32 @@ def _signal_in(system: _System, signal: Signal) -> Signal:
     )
 
 
-@dataclass(frozen=True)
-class _Conversion:
+#: Pair (name, factor) for each signal of a vector.
+_Factors = tuple[tuple[str, float], ...]
+
+
+class _Conversion(NamedTuple):
     """Factors from a model's declared units to those of the converted model.
 
-    vectors: pairs (name, factor) for the components of x, u, p and w, in this order
-    outputs: pair (name, factor) for each output
+    x, u, p, w, outputs: factors of the components of state, input, parameters and disturbances,
+      and of the outputs
     """
 
-    vectors: tuple[tuple[tuple[str, float], ...], ...]
-    outputs: tuple[tuple[str, float], ...]
+    x: _Factors
+    u: _Factors
+    p: _Factors
+    w: _Factors
+    outputs: _Factors
 
     @staticmethod
     def of(model: Model, system: _System) -> _Conversion:
         """Return the factors from the declared units of a model to those of a system."""
 
-        def factors(signals: Mapping[str, Signal]) -> tuple[tuple[str, float], ...]:
+        def factors(signals: Mapping[str, Signal]) -> _Factors:
             return tuple((name, system.factor(signal.unit)) for name, signal in signals.items())
 
-        vectors = tuple(factors(getattr(model, kind)) for kind in VECTORS.values())
-        return _Conversion(vectors, factors(model.outputs))
+        vectors = {name: factors(getattr(model, kind)) for name, kind in VECTORS.items()}
+        return _Conversion(**vectors, outputs=factors(model.outputs))
 
     def states(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return state -> converted value. A value may also be a pair of limits.
@@ -159,11 +165,13 @@ class _Conversion:
         values: state -> value in the declared units
         """
         converted = {}
-        for name, factor in self.vectors[0]:
+        for name, factor in self.x:
             if name in values:
                 value = values[name]
-                limits = isinstance(value, tuple)
-                converted[name] = tuple(end * factor for end in value) if limits else value * factor
+                is_limits = isinstance(value, tuple)
+                converted[name] = (
+                    tuple(end * factor for end in value) if is_limits else value * factor
+                )
         return converted
 
     def in_declared_units(self, kind: str, converted: Any) -> Any:
@@ -172,7 +180,7 @@ class _Conversion:
         kind: "x", "u", "p" or "w"
         converted: the vector in the converted units
         """
-        pairs = self.vectors[list(VECTORS).index(kind)]
+        pairs: _Factors = getattr(self, kind)
         names = tuple(name for name, _ in pairs)
         values = [value / factor for value, (_, factor) in zip(converted, pairs, strict=True)]
         return record(names)(*values)

@@ -111,24 +111,33 @@ def box_flights(
     while part >= _SMALLEST and not np.isfinite(exact.costs(part * starts, step)).all():
         part /= 2.0
     if part < _SMALLEST:
-        return BoxFlights(box.name, 0.0, 0.0 * b, 0, 0, math.inf, 0.0 * b, "", resolved=False)
+        return BoxFlights(
+            box=box.name,
+            part=0.0,
+            half_widths=0.0 * b,
+            flights=0,
+            lost=0,
+            excess=math.inf,
+            worst=0.0 * b,
+            integration="",
+            resolved=False,
+        )
 
     def simulate(parts: int) -> _Pair:
         return _Pair(*(each.costs(part * starts, step / parts) for each in (flown, exact)))
 
     costs, error = resolved(simulate, _figures, step)
-    lost = int(np.isinf(costs.judged).sum())
     excess = costs.judged / costs.exact - 1.0
     worst = int(np.argmax(excess))
     return BoxFlights(
-        box.name,
-        part,
-        part * b,
-        count,
-        lost,
-        float(excess[worst]),
-        part * starts[worst],
-        error.text(),
+        box=box.name,
+        part=part,
+        half_widths=part * b,
+        flights=count,
+        lost=int(np.isinf(costs.judged).sum()),
+        excess=float(excess[worst]),
+        worst=part * starts[worst],
+        integration=error.text(),
         resolved=error.is_resolved,
     )
 

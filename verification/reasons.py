@@ -304,6 +304,7 @@ def _of_weights(critic: Critic) -> Iterator[Mistake]:
     psi: Basis = critic.basis
     weights = critic.weights[: psi.quadratic_size]
     row, column = np.triu_indices(psi.states)
+    # Each may be the only mistake, or one of several; "" is none of its kind.
     orders = {
         "": np.arange(len(weights)),
         "are stored with the squares first": np.argsort(row != column, kind="stable"),

@@ -164,11 +164,13 @@ def _network_facts(verdict: Verdict) -> list[str]:
 
     An equilibrium off the trim comes first: the cost counts from it.
     """
-    facts = [_cost_text(verdict)]
-    for check in verdict.checks:
-        if check.kind == "rest":
-            at_trim = "equilibrium at the trim" if check.ok else check.reason
-            facts.insert(int(verdict.rests_at_trim), at_trim)
+    cost = [_cost_text(verdict)]
+    equilibrium = [
+        "equilibrium at the trim" if check.ok else check.reason
+        for check in verdict.checks
+        if check.kind == "rest"
+    ]
+    facts = [*cost, *equilibrium] if verdict.rests_at_trim else [*equilibrium, *cost]
     wrong = [check for check in verdict.checks if check.name in _OF_K and not check.ok]
     exact = f"K exact within {verdict.limit:g}"
     return [*facts, wrong[0].reason.partition(":")[0] if wrong else exact]

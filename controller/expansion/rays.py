@@ -30,13 +30,14 @@ class Rays:
         z = ca.SX.sym("z", n)
         u = [ca.SX.sym(f"u{order}", m) for order in range(1, highest + 1)]
         gradients = [ca.SX.sym(f"l{order}", n) for order in range(1, highest + 1)]
-        along = sum((t**order * part for order, part in enumerate(u, 1)), ca.SX.zeros(m))
-        derivative = rates(t * z, along)
-        f: list[ca.SX] = []
+        u_on_ray = sum((t**order * part for order, part in enumerate(u, 1)), ca.SX.zeros(m))
+        derivative = rates(t * z, u_on_ray)
+        f: list[ca.SX] = []  # f1, f2, ...: derivatives at t = 0 over 1!, 2!, ...
         self._functions = []
         for order in range(1, highest + 1):
             derivative = ca.jacobian(derivative, t)
             f.append(ca.substitute(derivative, t, 0) / math.factorial(order))
+            # the coefficient of λ'F: λ1'f_k + λ2'f_(k-1) + ... + λk'f1
             terms = zip(f, reversed(gradients[:order]), strict=True)
             product = sum((ca.dot(rate, gradient) for rate, gradient in terms), ca.SX(0))
             arguments = [z, *u[:order], *gradients[:order]]

@@ -179,7 +179,6 @@ class Game(ByValue, Reported):
 
     def report(self) -> Report:
         """Return a report with the matrices of the game, with named rows and columns."""
-
         return game_report(self)
 
     @property
@@ -208,7 +207,8 @@ class Game(ByValue, Reported):
         """The same game with the input v = u + F z, the matrices A - B F, Q - N R⁻¹ N', and N = 0.
 
         Both games have the same value, worst disturbance and closed loop. The gain of v is K - F.
-        Rounding does not make Q - N R⁻¹ N' indefinite: it is computed as a square.
+        With a root of the weights [X; U][X; U]', Q - N R⁻¹ N' is the square of X without its part
+        along the rows of U, which rounding does not make indefinite.
         """
         if not self.N.any():
             return self
@@ -218,10 +218,11 @@ class Game(ByValue, Reported):
         safe = np.where(sizes > 0.0, sizes, 1.0)
         values, vectors = np.linalg.eigh(weights / np.outer(safe, safe))
         root = sizes[:, None] * (vectors * np.sqrt(values.clip(0.0)))
-        _, sizes_of_u, basis = np.linalg.svd(root[n:] / safe[n:, None])
-        rank = len(self.R) if is_definite(self.R) else int(np.sum(sizes_of_u > SEMIDEFINITE**0.5))
-        root_beyond_u = root[:n] @ basis[rank:].T
-        Q = root_beyond_u @ root_beyond_u.T
+        X, U = root[:n], root[n:]
+        _, sizes_of_U, directions = np.linalg.svd(U / safe[n:, None])
+        rank = len(self.R) if is_definite(self.R) else int(np.sum(sizes_of_U > SEMIDEFINITE**0.5))
+        X_beyond_U = X @ directions[rank:].T
+        Q = X_beyond_U @ X_beyond_U.T
         return replace(self, A=self.A - self.B @ self.F, Q=(Q + Q.T) / 2.0, N=0.0 * self.N)
 
     @cached_property

@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.critic.critic_file import critic_in, critic_suffixes, is_network, stated_in
 from controller.critic.reading import Stated
-from controller.game.zero_sum import Game
 from hfa.options.argument_types import positive, whole
 from hfa.options.command import Request, command, picture_option
 from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
@@ -25,6 +23,7 @@ from hfa.options.trims import OF_THE_TRIM
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.progress import with_progress
+from hfa_support.reporting.report import Report
 from verification.critic.critic_check import verify as judge
 from verification.scope import FLIGHTS, LIMIT, Scope
 from verification.verdict import NEAR, Verdict
@@ -117,52 +116,6 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
     )
 
 
-def _given_game(request: VerifyRequest, paths: list[Path]) -> NamedGame:
-    """Return the game of the options, in which only the inputs of the policy move.
-
-    Without --inputs, --Q and --R, they are those of a single deployment file. An input that stays
-    at the trim needs no weight in --R.
-    """
-    stated = Stated()
-    if len(paths) == 1:
-        stated = stated_in(paths[0], lambda: loaded_model(request))
-    inputs = request.inputs or stated.inputs
-    weights = given_weights(request)
-    of_file = {name: value for name, value in stated.cost.items() if name not in weights}
-    weights |= of_file
-    if isinstance(weights.get("R"), Mapping) and request.plant is None:
-        all_inputs = tuple(loaded_model(request).inputs)
-        weights["R"] = _of_moved(weights["R"], all_inputs, inputs)
-    named = given_game(request, weights)
-    notes = list(named.warnings)
-    if of_file:
-        notes.append(f"used: {' and '.join(of_file)} of {paths[0]}")
-    if inputs and not request.inputs:
-        notes.append(f"{paths[0]} moves {', '.join(inputs)}; the other inputs stay at the trim")
-    sources = {**named.weights_from, **dict.fromkeys(of_file, "deployment")}
-    named = replace(named, warnings=tuple(notes), weights_from=sources)
-    if not inputs:
-        return named
-    with prefix_errors("--inputs"):
-        return named.select(inputs)
-
-
-def _of_moved(
-    R: Mapping[str, float], names: tuple[str, ...], moved: tuple[str, ...]
-) -> dict[str, float]:
-    """Return R with a weight, which is not used, for each input that stays at the trim.
-
-    Raises BadInputError if all inputs move and one has no weight.
-    """
-    without = [name for name in names if name not in R]
-    if without and not moved:
-        raise BadInputError(
-            f"--R has no weight for {', '.join(without)}; add them, or --inputs {','.join(R)} for "
-            "a policy that moves no others"
-        )
-    return {name: 1.0 for name in without if name not in moved} | dict(R)
-
-
 @command(VerifyRequest)
 def verify(request: VerifyRequest) -> int:
     """Compare a critic with the exact solution of the game.
@@ -174,82 +127,28 @@ def verify(request: VerifyRequest) -> int:
     if named.game.is_discrete:
         refuse(request, ("discount", "dt", "flights", "reference"), CONTINUOUS)
     reference = reference_of(request.reference, named)
-    game = _judged_game(request, named)
-    scope = Scope(
-        flights=_FEW_FLIGHTS if len(paths) > _MANY else FLIGHTS,
-    )
-    verdicts = {}
     progress = ProgressLine("compare")
     progress(0, len(paths))
+    verdicts = {}
     for path in with_progress(paths, progress):
         with named.asking_for_time():
-            verdicts[str(path)] = _check_file(
-                path, request, named, game, scope, alone=len(paths) == 1
-            )
-    cost = request.limit_cost
+            verdicts[str(path)] = _verdict(request, path, named, len(paths))
     judged = list(verdicts.values())
-    origin = named.game.names.origin
-    if len(verdicts) == 1:
-        ((source, verdict),) = verdicts.items()
-        lines = _about(request, named, verdict, source)
-        report = verdict.report(limit_cost=cost, about=lines, source=source)
-    else:
-        from verification.reports import verdicts_report
-
-        report = verdicts_report(verdicts, origin, cost)
-    report = report.with_data(named, named.weights)
+    report = _report(request, named, verdicts)
     if request.flights is not None:
         from hfa_flight.commands.section import with_flights
 
         report = with_flights(report, judged, named, request.flights)
     last = judged[-1]
     report = with_tracking(report, reference, named, last.exact.P, last.critic.K)
-    figure = partial(_figure, verdicts, origin)
+
+    def figure() -> Figure:
+        from verification.figures import verdicts_figure
+
+        return verdicts_figure(verdicts, named.game.names.origin)
+
     show(request, report, named.source, figure=figure, notes=named.warnings)
-    return 0 if all(verdict.holds(cost) for verdict in judged) else 1
-
-
-def _judged_game(request: VerifyRequest, named: NamedGame) -> Game:
-    """Return the game whose solution the critics approximate: with --discount, the sampled game."""
-    if request.discount is None:
-        return named.game
-    assert request.dt is not None  # required with --discount
-    return named.game.sampled(request.dt, request.discount)
-
-
-def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
-    """Return a figure that compares critics with the exact solution."""
-    from verification.figures import verdicts_figure
-
-    return verdicts_figure(verdicts, origin)
-
-
-def _about(request: VerifyRequest, named: NamedGame, verdict: Verdict, source: str) -> list[str]:
-    """Return the lines of the report on Q, R and delta of the game, and on further commands."""
-    lines = [named.weights_line()]
-    if request.limit_cost is None and verdict.grade == "near":
-        lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
-    is_network = verdict.flights is not None and not verdict.critic.has_weights
-    if named.linear is not None and is_network:
-        lines.append(f"With sample time, delay and input limits: {_assess_line(request, source)}")
-    return lines
-
-
-def _assess_line(request: VerifyRequest, source: str) -> str:
-    """Return the command line that assesses the policy of a network at the same trim."""
-    is_deployment = Path(source).suffix.lower() == _DEPLOYMENT
-    words = ["hfa assess", source if is_deployment else "DEPLOYMENT.toml"]
-    if request.aircraft is not None:
-        words.append(f"--aircraft {request.aircraft}")
-    if request.dihedral is not None:
-        words.append(f"--dihedral {request.dihedral}")
-    elif request.at is not None:
-        words.append(f"--at {request.at}")
-    if any(is_given(request, name) for name in OF_THE_TRIM):
-        words.append("with the same options of the trim")
-    if not is_deployment:
-        words.append(f"(DEPLOYMENT.toml names {source}, its observations and actions)")
-    return " ".join(words)
+    return 0 if all(verdict.holds(request.limit_cost) for verdict in judged) else 1
 
 
 def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
@@ -272,20 +171,61 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
         refuse(request, ("reference",), "applies only to continuous time; remove it or --discount")
 
 
-def _check_file(
-    path: Path,
-    request: VerifyRequest,
-    named: NamedGame,
-    game: Game,
-    scope: Scope,
-    *,
-    alone: bool,
-) -> Verdict:
+def _given_game(request: VerifyRequest, paths: list[Path]) -> NamedGame:
+    """Return the game of the options, in which only the inputs of the policy move.
+
+    A single deployment file gives Q, R and the moved inputs that no option gives.
+    """
+    stated = stated_in(paths[0], lambda: loaded_model(request)) if len(paths) == 1 else Stated()
+    moved = request.inputs or stated.inputs
+    weights = {**stated.cost, **given_weights(request)}
+    if isinstance(weights.get("R"), Mapping) and request.plant is None:
+        all_inputs = tuple(loaded_model(request).inputs)
+        weights["R"] = _of_moved(weights["R"], all_inputs, moved)
+    named = given_game(request, weights)
+    notes = list(named.warnings)
+    of_file = [name for name in stated.cost if getattr(request, name) is None]
+    if of_file:
+        notes.append(f"used: {' and '.join(of_file)} of {paths[0]}")
+    if moved and not request.inputs:
+        notes.append(f"{paths[0]} moves {', '.join(moved)}; the other inputs stay at the trim")
+    sources = {**named.weights_from, **dict.fromkeys(of_file, "deployment")}
+    named = replace(named, warnings=tuple(notes), weights_from=sources)
+    if not moved:
+        return named
+    with prefix_errors("--inputs"):
+        return named.select(moved)
+
+
+def _of_moved(
+    R: Mapping[str, float], names: tuple[str, ...], moved: tuple[str, ...]
+) -> dict[str, float]:
+    """Return R with a weight, which is not used, for each input that stays at the trim.
+
+    Raises BadInputError if all inputs move and one has no weight.
+    """
+    without = [name for name in names if name not in R]
+    if without and not moved:
+        raise BadInputError(
+            f"--R has no weight for {', '.join(without)}; add them, or --inputs {','.join(R)} for "
+            "a policy that moves no others"
+        )
+    return {name: 1.0 for name in without if name not in moved} | dict(R)
+
+
+def _verdict(request: VerifyRequest, path: Path, named: NamedGame, files: int) -> Verdict:
     """Return the verdict on the critic in a file.
 
-    alone: whether it is the only file; only then is it also judged on the nonlinear game
+    A single critic is also judged on the nonlinear game of the aircraft. With --discount, the game
+    is the sampled one.
+
+    files: number of files
     """
+    game = named.game
+    if request.discount is not None and request.dt is not None:
+        game = game.sampled(request.dt, request.discount)
     critic = critic_in(path, game, reading_of(request, named.linear))
+    scope = Scope(flights=FLIGHTS if files <= _MANY else _FEW_FLIGHTS)
     if not critic.is_quadratic and named.linear is not None:
         from verification.scope import nonlinear_plant
 
@@ -296,7 +236,43 @@ def _check_file(
             critic,
             limit=request.limit_error,
             scope=scope,
-            linear=named.linear if alone else None,
+            linear=named.linear if files == 1 else None,
             taylor=request.taylor,
             progress=ProgressLine("verify"),
         )
+
+
+def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Verdict]) -> Report:
+    """Return the report of the verdicts, file -> verdict."""
+    if len(verdicts) > 1:
+        from verification.reports import verdicts_report
+
+        report = verdicts_report(verdicts, named.game.names.origin, request.limit_cost)
+    else:
+        ((source, verdict),) = verdicts.items()
+        lines = [named.weights_line()]
+        if request.limit_cost is None and verdict.grade == "near":
+            lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
+        is_network = verdict.flights is not None and not verdict.critic.has_weights
+        if named.linear is not None and is_network:
+            assess = _assess_line(request, source)
+            lines.append(f"With sample time, delay and input limits: {assess}")
+        report = verdict.report(limit_cost=request.limit_cost, about=lines, source=source)
+    return report.with_data(named, named.weights)
+
+
+def _assess_line(request: VerifyRequest, source: str) -> str:
+    """Return the command line that assesses the policy of a network at the same trim."""
+    is_deployment = Path(source).suffix.lower() == _DEPLOYMENT
+    words = ["hfa assess", source if is_deployment else "DEPLOYMENT.toml"]
+    if request.aircraft is not None:
+        words.append(f"--aircraft {request.aircraft}")
+    if request.dihedral is not None:
+        words.append(f"--dihedral {request.dihedral}")
+    elif request.at is not None:
+        words.append(f"--at {request.at}")
+    if any(is_given(request, name) for name in OF_THE_TRIM):
+        words.append("with the same options of the trim")
+    if not is_deployment:
+        words.append(f"(DEPLOYMENT.toml names {source}, its observations and actions)")
+    return " ".join(words)

@@ -174,22 +174,13 @@ def _refuse_no_plant(request: GameOptions) -> None:
 
 def game_at(given: GivenTrim, weights: Mapping[str, Any]) -> NamedGame:
     """Return the game on the linear model of an aircraft at a trim."""
-    return game_on(trimmed(given).linearize(), weights, given.source)
-
-
-def game_on(
-    linear: LinearModel, weights: Mapping[str, Any], source: Mapping[str, Any]
-) -> NamedGame:
-    """Return the game on a linear model at a trim.
-
-    source: entries of the provenance
-    """
+    linear = trimmed(given).linearize()
     return NamedGame(
         weighted_game(weights, linear),
-        (*linear.point.warnings, *linear.kinks, *weight_notes(weights, linear)),
+        warnings=(*linear.point.warnings, *linear.kinks, *weight_notes(weights, linear)),
         linear=linear,
         weights_from=weight_sources(weights, _of_file(linear)),
-        source=source,
+        source=given.source,
     )
 
 
@@ -240,11 +231,6 @@ class NamedGame(Result):
     source: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def origins(self) -> dict[str, str] | None:
-        """Provenance of a plant read from a file, or None if the plant has none."""
-        return dict(self.plant_provenance) or None
-
-    @property
     def weights(self) -> dict[str, Any]:
         """Weights Q, R, and N unless it is 0, of the game, with their sources."""
         game = self.game
@@ -289,7 +275,7 @@ class NamedGame(Result):
             "input_units": self.game.names.input_units,
             "delta": self.game.delta,
             "warnings": self.warnings,
-        } | given(plant_provenance=self.origins)
+        } | given(plant_provenance=dict(self.plant_provenance) or None)
 
 
 def _is_solvable_in_steps(game: Game) -> bool:
