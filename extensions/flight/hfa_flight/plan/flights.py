@@ -22,7 +22,7 @@ from hfa_flight.plan.problem import FlightProblem
 from hfa_flight.plan.tracking import STEPS, TrackingPolicy, held_size, tracking_rows
 from hfa_flight.policies.policy import FunctionPolicy, Policy
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.simulate.envelope import departure
+from hfa_flight.simulate.envelope import departure, share_at_limits
 from hfa_flight.simulate.returned import has_returned
 from hfa_flight.simulate.row import FlightRow
 from hfa_flight.simulate.simulation import CompiledLoop
@@ -34,8 +34,6 @@ _STEP = 0.005
 _TICKS = 5000
 #: Largest product of the integration step and the fastest mode of the linear loop.
 _FASTEST = 0.1
-#: An input is saturated if its distance to a limit is less than this fraction of its nominal value.
-_AT_LIMIT = 1e-3
 #: Number of time constants of the policy's slowest mode after which a flight has converged, and
 #: longest flight that is extended for this reason, s.
 _SETTLES = 6.0
@@ -248,26 +246,23 @@ class Flights:
         assert rows.cost is not None  # the loops of this class have a cost
         trim = np.array(problem.point.states)
         z = rows.states[:, problem.places]
-        v = rows.inputs[:, problem.moved]
+        inputs = rows.inputs + problem.point.u
         states = rows.states + trim
         left = departure(problem.envelope, rows.times, states, moving_air=False)
         with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
             cost = float(rows.cost[-1]) + float(z[-1] @ problem.P @ z[-1])
         if not has_returned(problem.model, z[-1:], problem.P, rows.cost[-1:]).all():
             cost = math.inf
-        lowest, highest = problem.input_limits
-        slack = _AT_LIMIT * problem.sizes[1]
-        at_limit = ((v <= lowest + slack) | (v >= highest - slack)).any(axis=0)
-        saturated = tuple(np.array(problem.inputs)[at_limit].tolist())
+        shares = share_at_limits(problem.model, inputs)
         return SimulatedFlight(
             policy=policy.name,
             cost=cost,
             departure=left,
-            saturated=saturated,
+            saturated=tuple(name for name in problem.inputs if shares[name] > 0.0),
             seconds=float(rows.times[-1]),
             times=rows.times,
             states=states,
-            inputs=rows.inputs + problem.point.u,
+            inputs=inputs,
         )
 
 

@@ -23,7 +23,7 @@ from hfa_flight.air.scenario import Scenario, with_errors
 from hfa_flight.needs import ALL, refuse_share
 from hfa_flight.policies.policy import Policy
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
-from hfa_flight.simulate.envelope import control_limits, envelope_data, refuse_start
+from hfa_flight.simulate.envelope import envelope_data, refuse_start, share_at_limits
 from hfa_flight.simulate.flight import Flight, fly_within
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import BadInputError, refuse_unless_whole
@@ -33,8 +33,6 @@ from trim.point.operating_point import OperatingPoint
 
 #: Compiled loops of each thread. Threads must not share a loop, whose memory each call overwrites.
 _OF_THREAD = threading.local()
-#: An input closer to a limit, relative to its range, is at the limit.
-_AT_LIMIT = 1e-9
 #: Stored result of a member -> its meaning, and its axis or, for a single number, its unit.
 KEPT = {
     "left": ("number in the attribute left; -1: stayed inside", ""),
@@ -235,19 +233,12 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
         "peak_error": np.abs(errors).max(axis=0, initial=0.0),
         "peak_angle_of_attack": np.abs(angles).max(initial=0.0),
         "effort": _rms(inputs[begin:]),
-        "at_limit": _at_limits(control_limits(plan.model), inputs + trim),
+        "at_limit": list(share_at_limits(plan.model, inputs + trim).values()),
         "lowest_input": inputs.min(axis=0, initial=np.inf) + trim,
         "highest_input": inputs.max(axis=0, initial=-np.inf) + trim,
         "final": result.states[end],
         "memory": flight.memory[end],
     }
-
-
-def _at_limits(limits: Limits, inputs: np.ndarray) -> np.ndarray:
-    """Return the share of the rows of inputs (N, m) at or beyond a limit, (m,)."""
-    near = _AT_LIMIT * (limits.highest - limits.lowest)
-    at = (inputs <= limits.lowest + near) | (inputs >= limits.highest - near)
-    return np.asarray(at.sum(axis=0) / max(len(inputs), 1))
 
 
 def _rms(rows: np.ndarray) -> np.ndarray:

@@ -186,6 +186,17 @@ def control_limits(model: Model) -> Limits:
     return Limits.of(model, tuple(model.inputs))
 
 
+def share_at_limits(model: Model, inputs: np.ndarray) -> dict[str, float]:
+    """Return the share of the time during which each input is at or beyond a control limit.
+
+    inputs: (N, m), absolute
+    """
+    limits = control_limits(model)
+    reached = limits.at_lowest(inputs) | limits.at_highest(inputs)
+    shares = reached.sum(axis=0) / max(len(inputs), 1)
+    return dict(zip(model.inputs, shares.tolist(), strict=True))
+
+
 def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, ...]:
     """Return the largest excess of each input that exceeds a control limit during a flight.
 

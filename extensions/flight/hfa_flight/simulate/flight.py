@@ -33,13 +33,13 @@ from hfa_flight.simulate.envelope import (
     ControlExcess,
     Departure,
     control_excesses,
-    control_limits,
     departure,
     envelope_data,
     flight_envelope,
     limits_text,
     outside,
     refuse_start,
+    share_at_limits,
 )
 from hfa_flight.simulate.flight_figure import DrawnFlight, flight_figure
 from hfa_flight.simulate.limit_cycle import (
@@ -87,7 +87,7 @@ _STILL = 1e-6
 #: Attributes that the file of a flight contains, and those that it contains if they have a value.
 _STORED = (
     *("state_units", "input_units", "dynamics", "exceeded", "held", "scenario", "flown", "final"),
-    *("largest_deviation", "rms_error", "share_beyond_control_limits", "policy", "warnings"),
+    *("largest_deviation", "rms_error", "share_at_limits", "policy", "warnings"),
 )
 _STORED_IF_ANY = (
     *("decay", "integration", "largest_difference_from_linear"),
@@ -441,10 +441,9 @@ class Flight(StatesAndInputs, Result, Reported):
             return _by_name(self.model.linear, np.sqrt(np.mean(late**2, axis=0)))
 
     @property
-    def share_beyond_control_limits(self) -> Mapping[str, float]:
-        """Fraction of the time during which each input exceeds its control limits."""
-        beyond = ~control_limits(self.model).within(self.inputs)
-        return _by_name(self.model.inputs, beyond.mean(axis=0))
+    def share_at_limits(self) -> Mapping[str, float]:
+        """Fraction of the time during which each input is at or beyond a control limit."""
+        return share_at_limits(self.model, self.inputs)
 
     @property
     def policy(self) -> Mapping[str, Any]:
@@ -690,15 +689,15 @@ class Flight(StatesAndInputs, Result, Reported):
         return Table(tuple(header), rows)
 
     def _inputs(self) -> Table:
-        """Return a table of the inputs, one row each: range, and time beyond the control limits."""
-        shares = self.share_beyond_control_limits
+        """Return a table of the inputs, one row each: range, and time at the control limits."""
+        shares = self.share_at_limits
         rows = []
         for name, column in zip(self.model.inputs, self.inputs.T, strict=True):
             unit = self.model.unit(name)
             lowest = short_number(column.min(), unit)
             highest = short_number(column.max(), unit)
             rows.append((name, shown_unit(unit), lowest, highest, f"{100 * shares[name]:.3g} %"))
-        return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
+        return Table(("input", "unit", "lowest", "highest", "time at control limits"), rows)
 
     def history(self) -> dict[str, Any]:
         """Return the time history, absolute, with one row for each tick: name -> array.
