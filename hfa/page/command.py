@@ -30,7 +30,15 @@ from hfa.options.trims import (
 from hfa.page.claims import load_claims
 from hfa.page.flights import load_flights
 from hfa.page.job_report import critic_picture, main_report, page, plotly_script
-from hfa.page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
+from hfa.page.main_job import (
+    ASKED,
+    MOST_ASKED,
+    MOST_SWEPT,
+    SWEEP,
+    MainJob,
+    main_job,
+    slider_beside,
+)
 from hfa_aircraft.loading import load_model
 from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
@@ -39,7 +47,6 @@ from hfa_support.files import write_text
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import Report
-from trim.point.solve import trim
 
 if TYPE_CHECKING:
     from hfa_support.provenance import Provenance
@@ -82,7 +89,9 @@ class ReportRequest(Request, TrimOptions):
         "FILE",
         _claims,
     )
-    beside: Any = option("another aircraft whose trim and modes the page shows", "FILE", load_model)
+    beside: Any = option(
+        "another aircraft, whose trims and modes a second tab of the page shows", "FILE", load_model
+    )
     flights: Any = option(
         "best_flights.json of studies/best_flights/results, or the folder that "
         "contains the file; adds flights from the paper's x(0)",
@@ -135,7 +144,7 @@ def report(request: ReportRequest) -> int:
         start=start,
         progress=ProgressLine("report"),
     )
-    beside = None if request.beside is None else trim(request.beside)
+    beside = None if request.beside is None else slider_beside(request.beside)
     job = replace(job, flights=request.flights, beside=beside)
     source = trim_source(request, condition, angles, hold)
     whole = stated(request, main_report(job), source)

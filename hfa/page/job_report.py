@@ -10,6 +10,7 @@ import gzip
 import html
 import json
 import tomllib
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache, partial
 from importlib.resources import files
@@ -18,8 +19,8 @@ from typing import Any, NamedTuple
 from hfa.page.claims import claims_section
 from hfa.page.compared_with_print import printed_comparison_tables
 from hfa.page.flights import flights_section
-from hfa.page.main_job import Angle, MainJob
-from hfa.page.plots import front_view, locus_plot
+from hfa.page.main_job import MainJob, Position, Slider
+from hfa.page.plots import pictures_over
 from hfa_support.errors import missing_package
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
@@ -35,7 +36,7 @@ from trim.hfa.printed import (
 )
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
-from trim.point.operating_point import OperatingPoint
+from trim.reports.first_lines import subject
 from trim.reports.linear_report import linear_model_report, matrices, units_in_words
 from trim.reports.trim_report import trim_report
 from verification.figures import verdict_figure
@@ -60,10 +61,9 @@ _POLICY = (
 def main_report(job: MainJob) -> Report:
     """Return the report of all results on the page. The data of the report contain every number."""
     regeneration = job.regeneration.report()
-    swept = job.sweep.report()
+    swept = job.slider.sweep.report()
     angles = [angle_report(job, angle) for angle in job.angles]
     claims = claims_section(job.claims, job.regeneration)
-    plots = (front_view(job.aircraft, job.points), locus_plot(job.sweep))
     critics = []
     for report in angles:
         if "critic" in report.data:
@@ -73,8 +73,7 @@ def main_report(job: MainJob) -> Report:
     return Report(
         title="",
         parts=(
-            Report("Any dihedral angle", [plot for plot in plots if plot is not None]),
-            *(() if job.beside is None else (beside_section(job.beside),)),
+            *(Report(subject(slider.sweep.model), pictures_over(slider)) for slider in job.sliders),
             *angles,
             claims,
             Report("Every entry compared with the printed one", (job.regeneration.picture(),)),
@@ -91,9 +90,15 @@ def main_report(job: MainJob) -> Report:
             "angles": [report.data for report in angles],
             "claims": claims.data or None,
             "flights": None if job.flights is None else job.flights.data,
-            "beside": None if job.beside is None else job.beside.report().data,
+            "beside": None if job.beside is None else _first_trim(job.beside),
         },
     )
+
+
+def _first_trim(slider: Slider) -> Mapping[str, Any] | None:
+    """Return the data of the trim that is shown first, or None without it."""
+    model = slider.points[slider.first].model
+    return None if model is None else model.point.report().data
 
 
 def check_meanings() -> Table:
@@ -111,8 +116,8 @@ def verdicts(job: MainJob) -> Table:
         at = f"{angle.dihedral_deg:g} deg"
         rows.append((f"game at {at} certified", verdict_text(angle.solution is not None)))
         rows.append((f"learned critic at {at} exact", verdict_text(angle.ok)))
-    trimmed = int(job.sweep.trimmed.sum())
-    rows.append((f"trimmed of {len(job.points)} angles", Cell(str(trimmed))))
+    trimmed = int(job.slider.sweep.trimmed.sum())
+    rows.append((f"trimmed of {len(job.slider.points)} angles", Cell(str(trimmed))))
     return Table(("check", "verdict"), rows)
 
 
@@ -122,7 +127,7 @@ def stored_flights_section(job: MainJob) -> Report | None:
         return None
     linear = {
         point.dihedral_deg: (point.model.A, point.model.B)
-        for point in job.points
+        for point in job.slider.points
         if point.model is not None
     }
     return flights_section(job.flights, linear)
@@ -133,7 +138,7 @@ def critic_picture(degrees: float) -> str:
     return f"critic-{degrees:g}.png"
 
 
-def angle_report(job: MainJob, angle: Angle) -> Report:
+def angle_report(job: MainJob, angle: Position) -> Report:
     """Return the section on a requested angle: linear model, game solution and learned critic.
 
     - Without a linear model, the section contains only the reason.
@@ -177,16 +182,16 @@ class PointReports(NamedTuple):
     below: Report
 
 
-def point_reports(job: MainJob, angle: Angle) -> PointReports:
+def point_reports(position: Position) -> PointReports:
     """Return the reports shown at one position of the slider.
 
     If there is no trim, they contain only the reason.
     """
-    title = f"At dihedral {angle.dihedral_deg:.6g} deg"
-    model = angle.model
+    title = f"At {position.condition.model.schedule} {position.label}"
+    model = position.model
     if model is None:
-        return PointReports(Report(title, (f"No trim: {angle.reason}",)), Report(""))
-    trim = trim_report(model.point, angle.condition)
+        return PointReports(Report(title, (f"No trim: {position.reason}",)), Report(""))
+    trim = trim_report(model.point, position.condition)
     modes = modes_table(model.modes, model.point.model.time_unit, participation=False)
     pair = Report(f"A and B, in {units_in_words(model)}", matrices(model))
     return PointReports(
@@ -195,15 +200,7 @@ def point_reports(job: MainJob, angle: Angle) -> PointReports:
     )
 
 
-def beside_section(point: OperatingPoint) -> Report:
-    """Return the section on the trim of another aircraft: its sheet with modes, A and B."""
-    return Report(
-        f"Another aircraft: {point.model.name}",
-        (point.report(), linear_model_report(point.linearize())),
-    )
-
-
-def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
+def _model_report(job: MainJob, angle: Position, model: LinearModel) -> Report:
     """Return the report of the linear model at an angle."""
     bands = (
         entry_bands(job.parameters, angle.condition, model) if has_bands(job.parameters) else None
@@ -218,33 +215,49 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
 
 
 def page(job: MainJob, report: Report, origin: Provenance) -> str:
-    """Return the page as HTML: verdict, aircraft with slider, table of verdicts, and sections.
-
-    The sections are folded until the user opens them.
+    """Return the page as HTML: a tab for each aircraft, with its slider; on that of the paper's
+    aircraft the verdict, a table of verdicts, and sections, which are folded until the user opens
+    them.
 
     origin: provenance, shown as the last section
     """
     names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
-    # The first part of a job's report is the aircraft at any angle.
-    with_slider, *parts = (part for part in report.parts if isinstance(part, Report))
+    # The first parts of a job's report are the pictures of the sliders.
+    parts = [part for part in report.parts if isinstance(part, Report)]
+    drawn, parts = parts[: len(job.sliders)], parts[len(job.sliders) :]
     parts.append(Report("Provenance", (f"{origin.command}\n{origin.text()}",)))
-    links = [_link("any-angle", with_slider.title)]
-    sections = []
-    for number, part in enumerate(parts):
-        links.append(_link(f"part-{number}", part.title))
-        sections.append(_folded(f"part-{number}", part))
-    contents = "".join(links)
-    folded_sections = "\n".join(sections)
+    sections = [(f"part-{number}", part) for number, part in enumerate(parts)]
+    links = "".join(_link(name, part.title) for name, part in sections)
+    links_of_tabs = "".join(
+        _link(slider.key, pictures.title)
+        for slider, pictures in zip(job.sliders, drawn, strict=True)
+    )
+    tabs = f'<nav aria-label="Aircraft" class="tabs"><ul>{links_of_tabs}</ul></nav>'
+    contents = f'<nav aria-label="Contents"><ul>{links}</ul></nav>'
+    flown = stored_flights_section(job)
+    checks = Report("Verdicts", (verdicts(job),)).html(3)
+    articles = [
+        f"<p>{verdict_sentence(job)}</p>{contents}",
+        any_value(job.slider, drawn[0], f'<section class="verdicts">{checks}</section>'),
+        f"<section>{'' if flown is None else flown.html(3)}</section>",
+        f'<p class="paper">The paper: {_PAPER}.</p>',
+        *(_folded(name, part) for name, part in sections),
+    ]
+    tabbed = [(job.slider, "\n".join(articles))]
+    tabbed += [
+        (each, any_value(each, seen)) for each, seen in zip(job.sliders[1:], drawn[1:], strict=True)
+    ]
+    shown = "\n".join(
+        f'<article id="{slider.key}">{content}</article>' for slider, content in tabbed
+    )
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{_POLICY}">
 <meta name="pictures" content="{names}"><style>{_file("page.css")}</style></head><body><main>
 <h1>{TITLE}</h1>
-<p>{verdict_sentence(job)}</p>
-<nav aria-label="Contents"><ul>{contents}</ul></nav>
-{any_angle(job, with_slider)}
-{folded_sections}
+{tabs if job.beside else ""}
+{shown}
 </main>{plotly_script()}<script type="module">{_file("page.js")}</script></body></html>
 """
 
@@ -257,7 +270,7 @@ def verdict_sentence(job: MainJob) -> str:
     sentences = [f"hfa: {_toned(job.ok, 'PASS', 'FAIL')}."]
     sentences.append(
         f"Both pairs of matrices (A, B) that the paper prints are {regenerated} from one set of "
-        f"parameters ({html.escape(job.sweep.model.name)} dynamics)."
+        f"parameters ({html.escape(job.slider.sweep.model.name)} dynamics)."
     )
     at = f" at {asked} deg" if job.angles else ""
     sentences.append(
@@ -279,38 +292,32 @@ def _folded(section: str, part: Report) -> str:
     )
 
 
-def any_angle(job: MainJob, drawn: Report) -> str:
-    """Return the upper part of the page as HTML.
+def any_value(slider: Slider, drawn: Report, verdicts: str = "") -> str:
+    """Return the part of the page that follows a slider, as HTML: the aircraft beside its modes, the
+    root locus, the sheet and the linear model.
 
-    The upper part contains the slider over the sweep, the aircraft beside its modes at the chosen
-    angle and the verdicts, the root locus, the sheet and the linear model at the chosen angle, and the
-    costs of flights.
+    drawn: the pictures that follow the slider
+    verdicts: HTML below the modes
     """
-    labels = [f"{point.dihedral_deg:g} deg" for point in job.points]
-    asked = [angle.dihedral_deg for angle in job.angles]
-    first = next((i for i, point in enumerate(job.points) if point.dihedral_deg in asked), 0)
     beside, below = [], []
-    for i, (label, point) in enumerate(zip(labels, job.points, strict=True)):
-        hidden = "" if i == first else " hidden"
-        place = f'data-angle="{label}"{hidden}'
-        shown = point_reports(job, point)
+    for number, point in enumerate(slider.points):
+        hidden = "" if number == slider.first else " hidden"
+        place = f'data-value="{point.label}"{hidden}'
+        shown = point_reports(point)
         beside.append(f'<section class="point" {place}>{shown.beside.html(3)}</section>')
         below.append(f'<section class="point below" {place}>{shown.below.html(3)}</section>')
     pictures = [picture.html() for picture in drawn.pictures()]
     aircraft = "".join(pictures[:1])
     locus = "".join(pictures[1:])
-    checks = Report("Verdicts", (verdicts(job),)).html(3)
-    flown = stored_flights_section(job)
-    flights = "" if flown is None else flown.html(3)
-    return f"""<div id="any-angle"><h2>{drawn.title}</h2>
-<p class="slider"><label for="dihedral">Dihedral angle</label>
-<input type="range" id="dihedral" min="0" max="{len(labels) - 1}" value="{first}" aria-valuetext="{labels[first]}">
-<output for="dihedral" id="angle">{labels[first]}</output> <span class="noscript">The slider needs scripts.</span></p>
-<div class="first"><div>{aircraft}</div><div>{"".join(beside)}<section class="verdicts">{checks}</section></div></div>
+    label = slider.points[slider.first].label
+    name = html.escape(slider.sweep.variables[-1])
+    return f"""<div><h2>{html.escape(drawn.title)}</h2>
+<p class="slider"><label for="{slider.key}-{name}">{name}</label>
+<input type="range" id="{slider.key}-{name}" min="0" max="{len(slider.points) - 1}" value="{slider.first}" aria-valuetext="{label}">
+<output for="{slider.key}-{name}">{label}</output> <span class="noscript">The slider needs scripts.</span></p>
+<div class="first"><div>{aircraft}</div><div>{"".join(beside)}{verdicts}</div></div>
 {locus}
-{"".join(below)}
-<section>{flights}</section>
-<p class="paper">The paper: {_PAPER}.</p></div>"""
+{"".join(below)}</div>"""
 
 
 def _file(name: str) -> str:

@@ -21,13 +21,13 @@ from hfa_model import choice
 from hfa_model.parameters import ParameterSet
 from hfa_model.published import published_models
 from hfa_model.variants import variant_named
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
-from hfa_support.reporting.text import in_degrees
+from hfa_support.reporting.text import beside_unit, in_degrees, shown_value
 from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
-from trim.point.condition import TrimCondition
+from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.sweeps.sweep import Sweep, sweep
@@ -37,6 +37,10 @@ from verification.verdict import Verdict
 
 #: Dihedral angles of the sweep, rad, from the paper's range to slightly beyond it.
 SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))
+#: Key of the paper's aircraft.
+HFA = "hfa"
+#: Values of the scheduling variable of another aircraft, relative to that of its default trim.
+BESIDE = np.linspace(0.75, 1.5, 31)
 #: Angles shown in detail by default: the printed ones.
 ASKED = tuple(sorted(model.dihedral for model in published_models()))
 #: Largest numbers of angles. More would make the file too large (3 MB of data) or take minutes.
@@ -45,13 +49,13 @@ MOST_ASKED = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Angle:
-    """Results at a dihedral angle: trim and linear model.
+class Position:
+    """Results at a value of the scheduling variable: trim and linear model.
 
-    At a requested angle, the results also include the exact solution of the paper's game, and the
-    verdict on a critic learned with the default law.
+    At a requested dihedral angle, the results also include the exact solution of the paper's game,
+    and the verdict on a critic learned with the default law.
 
-    dihedral: rad
+    value: value of the variable, rad for an angle
     condition: condition of the trim
     model: linear model, or None without a trim
     solution: exact solution of the game, or None if not computed
@@ -59,7 +63,7 @@ class Angle:
     reason: why model, solution or check could not be computed, or ""
     """
 
-    dihedral: float
+    value: float
     condition: TrimCondition
     model: LinearModel | None = None
     solution: Solution | None = None
@@ -67,9 +71,15 @@ class Angle:
     reason: str = ""
 
     @property
+    def label(self) -> str:
+        """The value in words, "5 deg"."""
+        unit = self.condition.model.unit(self.condition.model.schedule)
+        return beside_unit(shown_value(self.value, unit), unit)
+
+    @property
     def dihedral_deg(self) -> float:
-        """The dihedral angle in degrees."""
-        return in_degrees(self.dihedral)
+        """The value of an angle in degrees."""
+        return in_degrees(self.value)
 
     @property
     def ok(self) -> bool:
@@ -79,29 +89,81 @@ class Angle:
         return self.check is not None and self.check.ok
 
 
-def trimmed_angle(
+@dataclass(frozen=True, eq=False)
+class Slider:
+    """Trims and linear models of an aircraft over its scheduling variable.
+
+    key: name of the aircraft in the page
+    sweep: sweep of the variable
+    points: trim and linear model at each of its values
+    first: number of the point that is shown first
+    """
+
+    key: str
+    sweep: Sweep
+    points: tuple[Position, ...]
+    first: int
+
+    def picture(self, name: str) -> str:
+        """Return the name of the file of a picture."""
+        return name if self.key == HFA else f"{self.key}_{name}"
+
+
+def slider_over(
+    key: str,
+    model: Model,
+    values: np.ndarray,
+    first: float,
+    outputs: tuple[str, ...] | None = None,
+    flight: TrimCondition | None = None,
+    start: OperatingPoint | None = None,
+) -> Slider:
+    """Return the trims and linear models of an aircraft over its scheduling variable.
+
+    key: name of the aircraft in the page
+    values: values of the variable, rad for an angle
+    first: the value that is shown first
+    outputs: names of the outputs of the linear models, or None for all
+    flight: condition of the trims, apart from the variable; by default the usual one
+    start: initial point of the search for these trims, or None
+    """
+    flight = usual_condition(model) if flight is None else flight
+    over = sweep(model, {model.schedule: values}, condition=flight, start=start)
+    points = tuple(_position(model, value, outputs, flight, start) for value in values.tolist())
+    return Slider(key, over, points, values.tolist().index(first))
+
+
+def slider_beside(model: Model) -> Slider:
+    """Return the trims and linear models of another aircraft about its default trim.
+
+    Raises BadInputError for an aircraft without a scheduling variable.
+    """
+    if not model.schedule:
+        raise BadInputError(
+            f"{model.name} declares no schedule, the variable of the page's slider; declare it"
+        )
+    usual = trim(model)[model.schedule]
+    values = usual * BESIDE if usual else np.linspace(*model.limits[model.schedule], len(BESIDE))
+    return slider_over("beside", model, np.union1d(values, usual), usual)
+
+
+def _position(
     aircraft: Model,
-    dihedral: float,
+    value: float,
     outputs: tuple[str, ...] | None,
     flight: TrimCondition,
     start: OperatingPoint | None,
-) -> Angle:
-    """Return the trim and the linear model at a dihedral angle, or the reason why there is no trim.
-
-    dihedral: rad
-    outputs: names of the outputs of the linear model, or None for all
-    flight: condition of the trim, apart from the dihedral angle
-    start: initial point of the search, or None
-    """
-    condition = flight.at(dihedral, {"dihedral": dihedral})
+) -> Position:
+    """Return the trim and the linear model at a value, or the reason why there is no trim."""
+    condition = flight.at(value, {aircraft.schedule: value})
     try:
         point = trim(aircraft, condition, start)
     except NoSolutionError as error:
-        return Angle(dihedral, condition, reason=str(error))
-    return Angle(dihedral, condition, linearize(aircraft, point, outputs=outputs))
+        return Position(value, condition, reason=str(error))
+    return Position(value, condition, linearize(aircraft, point, outputs=outputs))
 
 
-def with_game(angle: Angle) -> Angle:
+def with_game(angle: Position) -> Position:
     """Return the results at an angle, with the game's solution and the verdict on a learned critic.
 
     Without a trim, the results are returned unchanged. If the game has no solution or learning
@@ -125,22 +187,24 @@ class MainJob:
 
     parameters: parameters of the aircraft, with their sources
     regeneration: comparison with both printed pairs (A, B)
-    sweep: sweep of the dihedral angle
-    points: trim and linear model at each angle of the sweep
+    slider: trims and linear models over the dihedral angle
     angles: requested angles, with games and critics
     claims, flights: stored results of studies, or None
-    beside: trim of another aircraft, or None
+    beside: trims and linear models of another aircraft, or None
     """
 
-    aircraft: Model
     parameters: ParameterSet
     regeneration: Regeneration
-    sweep: Sweep
-    points: tuple[Angle, ...]
-    angles: tuple[Angle, ...]
+    slider: Slider
+    angles: tuple[Position, ...]
     claims: Claims | None = None
     flights: StoredFlights | None = None
-    beside: OperatingPoint | None = None
+    beside: Slider | None = None
+
+    @property
+    def sliders(self) -> tuple[Slider, ...]:
+        """The sliders of all aircraft, that of the paper's first."""
+        return (self.slider,) if self.beside is None else (self.slider, self.beside)
 
     @property
     def learned(self) -> bool:
@@ -188,11 +252,10 @@ def main_job(
     regeneration = regenerate_all(aircraft)
     progress(0.05, 1.0, "sweep")
     swept = np.union1d(swept, asked)
-    over = sweep(aircraft, {"dihedral": swept}, condition=flight, start=start)
-    points = tuple(trimmed_angle(aircraft, float(angle), outputs, flight, start) for angle in swept)
+    slider = slider_over(HFA, aircraft, swept, min(asked), outputs, flight, start)
     in_full = []
-    for count, angle in enumerate(point for point in points if point.dihedral in asked):
-        progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle.dihedral_deg:.6g} deg")
+    for count, angle in enumerate(point for point in slider.points if point.value in asked):
+        progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle.label}")
         in_full.append(with_game(angle))
     progress(1.0, 1.0)
-    return MainJob(aircraft, parameters, regeneration, over, points, tuple(in_full), claims)
+    return MainJob(parameters, regeneration, slider, tuple(in_full), claims)

@@ -1,7 +1,8 @@
 """Interactive plots of the page: Plotly figures as JSON, drawn by Plotly's script.
 
-- `front_view` draws the aircraft from the front, with panels, lift and weight at one scale.
-- `locus_plot` draws the root locus over the dihedral angle. Hovering over a root shows angle,
+- The flexible aircraft is drawn from the front, with panels, lift and weight at one scale; of
+  another one, the variables are drawn between their limits.
+- The root locus is drawn over the scheduling variable. Hovering over a root shows its value,
   frequency and damping.
 """
 
@@ -16,11 +17,12 @@ from typing import Any, TypeAlias
 import numpy as np
 
 import hfa_model
-from hfa.page.main_job import Angle
+from hfa.page.main_job import Slider
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import in_units_of, unit_of
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.text import beside_unit, shown_unit, shown_value, shown_values
 from trim.hfa.front_view import (
     HINGE_COLOR,
     LIFT_COLOR,
@@ -31,6 +33,7 @@ from trim.hfa.front_view import (
     trim_figure,
 )
 from trim.point.operating_point import OperatingPoint
+from trim.reports.point_figure import point_figure, with_range
 from trim.sweeps.sweep import Sweep
 
 #: A Plotly figure: data, layout and, with a slider, frames.
@@ -64,7 +67,7 @@ _FIXED: tuple[dict[str, Any], ...] = (
     {"name": "sizes", "mode": "text", "showlegend": False},
 )
 _HOVER = (
-    "dihedral %{customdata[0]:.4g} deg<br>frequency %{customdata[1]:.4f} rad/s<br>damping"
+    "frequency %{customdata[1]:.4f} rad/s<br>damping"
     " %{customdata[2]:.4f}<br>eigenvalue %{x:.4f}, %{y:.4f} 1/s"
 )
 
@@ -141,15 +144,57 @@ def _figure(
     return {"data": list(traces), "layout": layout, "frames": frames}
 
 
-def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | None:
-    """Return the front view of the aircraft at all trims, or None if no point has a trim.
+def pictures_over(slider: Slider) -> list[InteractivePlot]:
+    """Return the pictures of an aircraft that follow its slider: the aircraft from the front, or
+    its variables between their limits, and the root locus; none without a trim.
+    """
+    models = [position.model for position in slider.points]
+    trims = [None if model is None else model.point for model in models]
+    if not any(trims):
+        return []
+    draw = _front_view if hfa_model.is_hfa(slider.sweep.model) else _limits_view
+    return [draw(slider.picture("trim.png"), trims), _locus_plot(slider)]
+
+
+def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> InteractivePlot:
+    """Return the variables of each trim in percent of their ranges, as `point_figure` draws."""
+    trimmed = next(point for point in trims if point is not None)
+    names = [margin.name for margin in with_range(trimmed)]
+
+    def shares(point: OperatingPoint | None) -> list[dict[str, Any]]:
+        ranged = {} if point is None else {each.name: each for each in with_range(point)}
+        drawn = [ranged[name] for name in names if name in ranged]
+        texts = [
+            beside_unit(shown_value(each.value, each.unit, ".4g"), each.unit) for each in drawn
+        ]
+        return [
+            {
+                "type": "scatter",
+                "hoverinfo": "skip",
+                "x": [
+                    100 * (each.value - each.lowest) / (each.highest - each.lowest)
+                    for each in drawn
+                ],
+                "y": [each.name for each in drawn],
+                "text": texts,
+            }
+        ]
+
+    fixed = {"mode": "markers+text", "textposition": "top center", "marker": {"size": 10}}
+    x = _axis("share of the range between the limits, %", range=[-5, 105])
+    y = _axis("", type="category", categoryarray=names, automargin=True)
+    figure = _figure([fixed], [shares(point) for point in trims], x, y, legend=False)
+    text = "Variables of the trim between their limits"
+    return InteractivePlot(name, text, lambda: point_figure(trimmed), (figure,))
+
+
+def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> InteractivePlot:
+    """Return the front view of the aircraft at all trims, of which there is one at least.
 
     The picture has one frame for each point. The scale of the forces is equal in all frames.
     """
-    trims = [None if angle.model is None else angle.model.point for angle in points]
     trimmed = [point for point in trims if point is not None]
-    if not trimmed:
-        return None
+    aircraft = trimmed[0].model
     span = hfa_model.parameters_of(aircraft).panel_span
     length = unit_of(aircraft, "ft")
     panels = [panel for point in trimmed for panel in panels_from_the_front(aircraft, point)]
@@ -173,7 +218,7 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
         f"where it lifts the tips; {scale_text(aircraft, scale)}"
     )
     figure = _figure(_FIXED, moving, x, y, legend=False)
-    return InteractivePlot("trim.png", text, lambda: trim_figure(aircraft, trimmed[0]), (figure,))
+    return InteractivePlot(name, text, lambda: trim_figure(aircraft, trimmed[0]), (figure,))
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
@@ -225,25 +270,26 @@ def _line(positions: Any) -> dict[str, Any]:
     return {"type": "scatter", "x": x, "y": y, "hoverinfo": "skip"}
 
 
-def locus_plot(swept: Sweep) -> InteractivePlot | None:
-    """Return the root locus of a sweep over the dihedral angle, or None if no point has a trim.
+def _locus_plot(slider: Slider) -> InteractivePlot:
+    """Return the root locus of an aircraft over its scheduling variable.
 
     If some modes are much slower than others, a second figure shows only the slow modes.
     """
-    if not swept.mode_names:
-        return None
+    swept = slider.sweep
     slow = swept.slow
     figures = [_locus(swept, np.ones(len(swept.mode_names), dtype=bool))]
-    text = "Eigenvalues over the dihedral angle"
+    text = f"Eigenvalues over {swept.variables[-1]}"
     if slow.any() and not slow.all():
         figures.append(_locus(swept, slow))
         text += ": all modes, and the slow ones alone"
-    return InteractivePlot("root_locus.png", text, swept.figure, tuple(figures))
+    return InteractivePlot(slider.picture("root_locus.png"), text, swept.figure, tuple(figures))
 
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
-    """Return a root locus, a line for each mode, with marks at the slider's angle."""
-    angles = np.degrees(swept.values[:, -1])
+    """Return a root locus, a line for each mode, with marks at the slider's value."""
+    unit = swept.plan.units[-1]
+    values = shown_values(swept.values[:, -1], unit)
+    words = f"{swept.variables[-1]} %{{customdata[0]:.4g}} {shown_unit(unit)}<br>{_HOVER}"
     roots = swept.eigenvalues[:, shown]
     names = [swept.mode_names[column] for column in np.flatnonzero(shown).tolist()]
     modes = list(dict.fromkeys(swept.mode_names))
@@ -251,7 +297,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
     for column, name in enumerate(names):
         color = COLORS[modes.index(name) % len(COLORS)]
         traces.append(
-            _roots(angles, roots[:, column])
+            _roots(values, roots[:, column], words)
             | {
                 "name": name,
                 "legendgroup": name,
@@ -261,10 +307,10 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
                 "marker": {"size": 4},
             }
         )
-    moving = [[_roots(angle, row)] for angle, row in zip(angles, roots, strict=True)]
+    moving = [[_roots(value, row, words)] for value, row in zip(values, roots, strict=True)]
     traces.append(
         {
-            "name": "chosen angle",
+            "name": f"chosen {swept.variables[-1]}",
             "mode": "markers",
             "marker": {"symbol": "x", "size": 9, "color": COLORS[1]},
         }
@@ -274,14 +320,14 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
     return _figure(traces, moving, x, y)
 
 
-def _roots(angles: Any, roots: np.ndarray) -> dict[str, Any]:
-    """Return a Plotly trace of eigenvalues. The hover text shows angle, frequency and damping."""
+def _roots(values: Any, roots: np.ndarray, words: str) -> dict[str, Any]:
+    """Return a Plotly trace of eigenvalues. The hover text shows value, frequency and damping."""
     size = np.abs(roots)
     with np.errstate(invalid="ignore", divide="ignore"):
-        hover = np.broadcast_arrays(angles, size, np.where(size > 0, -roots.real / size, 0.0))
+        hover = np.broadcast_arrays(values, size, np.where(size > 0, -roots.real / size, 0.0))
     numbers = {
         "x": np.round(roots.real, 6),
         "y": np.round(roots.imag, 6),
         "customdata": np.round(np.stack(hover, 1), 6),
     }
-    return {"type": "scatter", **numbers, "hovertemplate": _HOVER}
+    return {"type": "scatter", **numbers, "hovertemplate": words}

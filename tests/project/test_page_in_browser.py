@@ -30,15 +30,18 @@ BUTTONS = [
     "Download plot as a PNG",
 ]
 
-_ROWS = """return [...document.querySelectorAll('section.point:not([hidden]) table')]
+_ROWS = """return [...document.querySelectorAll('article:not([hidden]) section.point:not([hidden]) table')]
     .filter((table) => table.querySelector('th')?.textContent === arguments[0])
     .flatMap((table) => [...table.querySelectorAll('tbody tr')])
     .map((row) => [...row.children].map((cell) => cell.textContent))"""
+_TITLES = """return [...document.querySelectorAll('article:not([hidden]) section.point h3')]
+    .filter((title) => title.offsetParent).map((title) => title.textContent)
+    .filter((title) => title.startsWith('At '))"""
 _DRAWN = (
     "return document.querySelector('#plot-trim-1 .scatterlayer path.js-line').getAttribute('d')"
 )
 #: Largest distance in px between a mark and its value on the axis.
-_OFF_AXIS = """return Math.max(...[...document.querySelectorAll('.plot')].map((box) => {
+_OFF_AXIS = """return Math.max(...[...document.querySelectorAll('article:not([hidden]) .plot:not(#plot-beside_trim-1)')].map((box) => {
     const middle = (drawn) => {
       const { top, bottom } = drawn.getBoundingClientRect();
       return (top + bottom) / 2;
@@ -78,15 +81,15 @@ def settles(driver: Any, condition: str) -> bool:
 
 
 def chosen(driver: Any) -> str:
-    return driver.execute_script("return document.getElementById('angle').value")
+    return driver.execute_script("return document.querySelector('#hfa .slider output').value")
 
 
 def move_to(driver: Any, angle: str) -> None:
     """Move the slider of the page to an angle in deg."""
     driver.execute_script(
-        """const slider = document.getElementById('dihedral');
-        slider.value = [...document.querySelectorAll('section.point')]
-          .findIndex((section) => section.dataset.angle === arguments[0]);
+        """const slider = document.getElementById('hfa-dihedral');
+        slider.value = [...document.querySelectorAll('#hfa section.point')]
+          .findIndex((section) => section.dataset.value === arguments[0]);
         slider.dispatchEvent(new Event('input'))""",
         f"{angle} deg",
     )
@@ -112,6 +115,8 @@ def test_the_page_shows_numbers_in_a_browser(
             "12:15:0.5",
             "--claims",
             str(ROOT / "studies" / "section5" / "results"),
+            "--beside",
+            str(ROOT / "examples" / "uav.toml"),
         )
         assert hfa(*words).code == DONE
         driver.get((tmp_path / "page.html").as_uri())
@@ -137,10 +142,10 @@ def test_the_page_shows_numbers_in_a_browser(
             move_to(driver, "15")
         with subtests.test("the keyboard moves the slider, and its two sections are shown"):
             assert chosen(driver) == "15 deg"
-            driver.find_element("id", "dihedral").send_keys("\ue012")  # arrow left
+            driver.find_element("id", "hfa-dihedral").send_keys("\ue012")  # arrow left
             assert chosen(driver) == "14.5 deg"
             shown = driver.execute_script(
-                "return document.querySelectorAll('section.point:not([hidden])').length"
+                "return document.querySelectorAll('#hfa section.point:not([hidden])').length"
             )
             assert shown == 2
         with subtests.test("matrices, modes, trim and drawing are those of the chosen angle"):
@@ -154,10 +159,10 @@ def test_the_page_shows_numbers_in_a_browser(
         ):
             set_page_width(driver, 1400)
             assert driver.execute_script("return document.documentElement.scrollHeight") <= 8 * 900
-            links = driver.find_elements("css selector", "nav a")
+            links = driver.find_elements("css selector", "#hfa nav a")
             assert len(links) >= 5
-            links[1].click()
-            assert settles(driver, "document.querySelector('main > details').open")
+            links[0].click()
+            assert settles(driver, "document.querySelector('article > details').open")
             gone = "document.querySelector('.slider').getBoundingClientRect().bottom <= 2"
             assert settles(driver, gone), "the slider stays within its section"
             driver.execute_script(
@@ -167,6 +172,20 @@ def test_the_page_shows_numbers_in_a_browser(
             for width in (1600, 400):
                 set_page_width(driver, width)
                 assert settles(driver, f"document.documentElement.scrollWidth <= {width}"), width
+        with subtests.test("the second tab shows the other aircraft, over its speed"):
+            driver.find_element("css selector", ".tabs a[href='#beside']").click()
+            assert settles(driver, "document.getElementById('hfa').hidden")
+            driver.find_element("id", "beside-speed").send_keys("\ue012")
+            (title,) = driver.execute_script(_TITLES)
+            speed = re.fullmatch(r"At speed (\d\d\.?\d*) m/s", title)[1]
+            assert 30.0 < float(speed) < 35.0
+            words = ("--aircraft", str(ROOT / "examples" / "uav.toml"), "--hold", f"speed={speed}")
+            trim = json.loads(hfa("trim", *words, "--json").out)
+            shown = {row[0]: row[1] for row in driver.execute_script(_ROWS, "trim")}
+            thrust = trim["operating_point"]["inputs"]["thrust"]
+            assert float(shown["thrust"]) == pytest.approx(thrust, rel=1e-5)
+            assert driver.execute_script(_OFF_AXIS) <= 2.0
+            driver.find_element("css selector", ".tabs a[href='#hfa']").click()
         with subtests.test("prints to A4"):
             set_page_width(driver, 688, medium="print")  # paper width of 182 mm between the margins
             wide = "return [...document.querySelectorAll('table')].filter((t) => t.offsetParent)"

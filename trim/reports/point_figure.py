@@ -43,10 +43,10 @@ def point_figure(point: OperatingPoint) -> Figure:
 
 
 def _height(point: OperatingPoint) -> float:
-    return 1.2 + 0.3 * len(_with_range(point))
+    return 1.2 + 0.3 * len(with_range(point))
 
 
-def _with_range(point: OperatingPoint) -> list[Margin]:
+def with_range(point: OperatingPoint) -> list[Margin]:
     """Return the variables with two different limits, from the bottom of the figure."""
     if point.problem is None:
         raise BadInputError(
@@ -64,7 +64,7 @@ def _with_range(point: OperatingPoint) -> list[Margin]:
 
 
 def _draw_variables(axes: Axes, point: OperatingPoint) -> None:
-    limited = _with_range(point)
+    limited = with_range(point)
     shares = [100 * (each.value - each.lowest) / (each.highest - each.lowest) for each in limited]
     rows = range(len(limited))
     axes.hlines(rows, 0.0, 100.0, color="0.85", linewidth=5, zorder=1)

@@ -85,6 +85,8 @@ def test_the_folder_contains_page_pictures_and_numbers(written_report: tuple[Res
         "regeneration.png",
         "root_locus.png",
         "trim.png",
+        "beside_trim.png",
+        "beside_root_locus.png",
         "critic-15.png",
     }
     assert {path.name for path in folder.iterdir()} == names
@@ -143,7 +145,8 @@ def test_another_aircraft_is_beside(written_report: tuple[Result, Path]) -> None
     sheet = json.loads(hfa("trim", "--aircraft", UAV, "--json").out)
     beside = json.loads(result.out)["beside"]
     assert beside["operating_point"]["states"] == sheet["operating_point"]["states"]
-    assert "Another aircraft: Aerosonde" in page_of(folder / "report.html")
+    page = page_of(folder / "report.html")
+    assert '<article id="beside"><div><h2>Aerosonde (derivatives)</h2>' in page
 
 
 @pytest.mark.slow
