@@ -38,8 +38,9 @@ _MOST_NOTES = 5
 _FOR_PROGRAMMERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code.
+def main(argv: Sequence[str] | None = None, find: Find | None = None) -> int:
+    """Run one command and return its exit code. Errors are printed in one line, and warnings as
+    notes.
 
     - 0: the command succeeded.
     - 1: a check failed or no solution exists.
@@ -47,17 +48,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     - 130: the run was interrupted by Ctrl-C; 143: it was terminated.
 
     argv: command line without the program name, or None for the command line of this process
+    find: function that returns the command, or None for that named first in the command line
     """
-    return reported(list(sys.argv[1:] if argv is None else argv), _named_command)
-
-
-def reported(words: list[str], find: Find) -> int:
-    """Run a command and return its exit code. Errors are printed in one line, and warnings as
-    notes.
-
-    words: command line without the program name
-    find: function that returns (command, program name, option words)
-    """
+    words = list(sys.argv[1:] if argv is None else argv)
     # Threads slow down operations on matrices of six rows. This must be set before NumPy is loaded.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if isinstance(sys.stdout, io.TextIOWrapper):
@@ -70,7 +63,7 @@ def reported(words: list[str], find: Find) -> int:
         # Warnings of the project are notes, regardless of PYTHONWARNINGS.
         warnings.simplefilter("always", UserWarning)
         try:
-            code = _run(words, find)
+            code = _run(words, find or _named_command)
             if sys.stdout is not None:
                 sys.stdout.flush()  # a failure is reported below
         except BrokenPipeError:  # when --help or buffered text is written

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from hfa.main import reported
+from hfa.main import main
 
 if TYPE_CHECKING:
     from hfa.options.command import Command
@@ -18,5 +17,4 @@ def run_alone(command: Command, program: str, argv: Sequence[str] | None = None)
     program: name of the program in messages
     argv: command line without the program name, or None for the command line of this process
     """
-    words = list(sys.argv[1:] if argv is None else argv)
-    return reported(words, lambda words: (command, program, words))
+    return main(argv, lambda words: (command, program, words))

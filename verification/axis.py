@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Protocol
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -32,19 +33,17 @@ _FARTHEST_REST = 100.0
 Expression = Callable[[ca.SX], ca.SX]
 
 
-class Loop(Protocol):
-    """Closed loop of a plant and a policy, for simulation."""
+class End(NamedTuple):
+    """End of a simulation that converges.
 
-    @property
-    def equilibrium(self) -> np.ndarray | None:
-        """Equilibrium of the loop near z = 0, (n,), or None if none is found."""
+    z: state minus the equilibrium, (n,)
+    cost: cost until then
+    discount: discount of the cost after the end
+    """
 
-    def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float, float] | None:
-        """Simulate the loop from the initial state `start` (n,).
-
-        Returns the end state minus the equilibrium, (n,), the cost, and the discount of the cost
-        after the end, or None if the loop does not converge.
-        """
+    z: np.ndarray
+    cost: float
+    discount: float
 
 
 def quadratic_at(exact: Solution, kind: str, z: ca.SX) -> ca.SX:
@@ -77,7 +76,8 @@ def cost_of(
     return cost
 
 
-class SimulatedLoop:
+@dataclass(frozen=True, eq=False)
+class Loop:
     """Closed loop of z and of its cost, which converges if V* = z'Pz decreases to `OF_VALUE`.
 
     stepper: integration of [z; cost], in discrete time of [z; cost; discount αᵏ]
@@ -90,55 +90,44 @@ class SimulatedLoop:
         also decrease to `OF_EXACT` times that of the exact loop
     """
 
-    def __init__(
-        self,
-        stepper: Stepper,
-        steps: int,
-        first: tuple[float, ...],
-        P: np.ndarray,
-        equilibrium: np.ndarray | None,
-        largest: float,
-        by_exact: np.ndarray | None = None,
-    ) -> None:
-        self.equilibrium = equilibrium
-        self._stepper = stepper
-        self._steps = steps
-        self._first = first
-        self._P = P
-        self._by_exact = by_exact
-        self._rule = EndRule(np.finfo(float).max, lambda x: self._values(x) <= largest)
+    stepper: Stepper
+    steps: int
+    first: tuple[float, ...]
+    P: np.ndarray
+    equilibrium: np.ndarray | None
+    largest: float
+    by_exact: np.ndarray | None = None
 
-    def simulate(self, start: np.ndarray) -> tuple[np.ndarray, float, float] | None:
+    def simulate(self, start: np.ndarray) -> End | None:
         """Simulate the loop from the initial state `start` (n,).
 
-        Returns the end state minus the equilibrium, the cost and the discount of the cost after the
-        end, or None if the loop has no equilibrium, diverges or does not converge, or if the
+        The result is None if the loop has no equilibrium, diverges or does not converge, or if the
         integration fails.
         """
         if self.equilibrium is None:
             return None
         n = len(start)
-        loop = Free(self._stepper, np.append(start, self._first)[None])
+        rule = EndRule(np.finfo(float).max, lambda x: self._values(x) <= self.largest)
+        loop = Free(self.stepper, np.append(start, self.first)[None])
         with np.errstate(all="ignore"):
-            ticks = math.ceil(self._steps / self._stepper.steps)
-            flown, ends = march(loop, ticks, over=self._rule.over)
-        final = flown.states[0, min(ends[0], self._steps)]
-        if self._rule.is_over(final[None])[0]:
+            ticks = math.ceil(self.steps / self.stepper.steps)
+            flown, ends = march(loop, ticks, over=rule.over)
+        final = flown.states[0, min(ends[0], self.steps)]
+        if rule.is_over(final[None])[0]:
             return None
         z = final[:n] - self.equilibrium
         begin = start - self.equilibrium
         value, initial = self._values(np.vstack([z, begin]))
         converges = has_decayed(value, initial, OF_VALUE)
-        if self._by_exact is not None:
-            exact = self._values((self._by_exact @ begin)[None])[0]
+        if self.by_exact is not None:
+            exact = self._values((self.by_exact @ begin)[None])[0]
             converges |= has_decayed(value, exact, OF_EXACT)
         discount = float(final[n + 1]) if len(final) > n + 1 else 1.0
-        return (z, float(final[n]), discount) if converges else None
+        return End(z, float(final[n]), discount) if converges else None
 
     def _values(self, states: np.ndarray) -> np.ndarray:
         """Return V* of each of the states (N, n and more), (N,)."""
-        z = states[:, : len(self._P)]
-        return quadratic_forms(z, self._P)
+        return quadratic_forms(states[:, : len(self.P)], self.P)
 
 
 def flow_loop(
@@ -150,7 +139,7 @@ def flow_loop(
     running: Callable[[np.ndarray], Expression] | None = None,
     *,
     is_slow: bool = False,
-) -> SimulatedLoop:
+) -> Loop:
     """Return the closed loop z' = rates(z), cost' = running(z), integrated with LSODA.
 
     exact: exact solution, whose P measures convergence
@@ -170,7 +159,7 @@ def flow_loop(
     largest = FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b)
     most_steps = FEW_STEPS if is_slow or not isinstance(rates, ca.SX) else STEPS
     stepper = Adaptive(rate, time, largest=largest, most_steps=most_steps)
-    return SimulatedLoop(stepper, 1, (0.0,), exact.P, equilibrium, largest)
+    return Loop(stepper, steps=1, first=(0.0,), P=exact.P, equilibrium=equilibrium, largest=largest)
 
 
 def step_loop(
@@ -181,7 +170,7 @@ def step_loop(
     steps: int,
     b: np.ndarray,
     running: Callable[[np.ndarray], Expression] | None = None,
-) -> SimulatedLoop:
+) -> Loop:
     """Return the closed loop x⁺ = after(x) with cost Σ αᵏ running(x_k).
 
     exact: exact solution, with P and the discount factor α
@@ -201,14 +190,14 @@ def step_loop(
     total, weight = state[n] + state[n + 1] * cost, exact.game.discount * state[n + 1]
     later = ca.Function("later", [state], [ca.vertcat(x_after, total, weight)])
     stepper = Recurrence(later, 1 if isinstance(x, ca.MX) else min(steps, _PER_TICK))
-    return SimulatedLoop(
+    return Loop(
         stepper,
-        steps,
-        (0.0, 1.0),
-        exact.P,
-        equilibrium,
-        FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b),
-        np.linalg.matrix_power(by_exact, steps),
+        steps=steps,
+        first=(0.0, 1.0),
+        P=exact.P,
+        equilibrium=equilibrium,
+        largest=FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b),
+        by_exact=np.linalg.matrix_power(by_exact, steps),
     )
 
 

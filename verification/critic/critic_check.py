@@ -33,7 +33,6 @@ from verification.scope import LIMIT, Scope
 from verification.verdict import Details, Section, Verdict, explained
 
 if TYPE_CHECKING:
-    from verification.network.search import Findings
     from verification.nonlinear_game import NonlinearComparison
 
 #: What is given as a critic.
@@ -114,7 +113,9 @@ def verify(
     loop = judged.linear_loop(given, all(check.ok for check in errors))
     found = None
     if nonlinear is None and not given.is_quadratic:
-        found = _searched(judged, given, box.half_widths, limit, scope)
+        from verification.network.search import findings_of
+
+        found = findings_of(judged, given, box.half_widths, limit, scope)
 
     checks = [*errors, *loop.checks]
     if given.P is not None and given.finite:
@@ -135,16 +136,16 @@ def verify(
     if not reason and not all(check.ok for check in errors):
         reason = _reason(judged, part, box.half_widths, limit)
     return Verdict(
-        given,
-        judged.exact,
-        explained(checks, reason),
-        limit,
-        reason,
-        loop.cost_lost if found is None else found.flown.cost_lost_flown_percent,
-        judged.name,
-        judged.solution,
-        weights_line(judged.game),
-        box,
+        critic=given,
+        exact=judged.exact,
+        checks=explained(checks, reason),
+        limit=limit,
+        reason=reason,
+        cost_lost=loop.cost_lost if found is None else found.flown.cost_lost_flown_percent,
+        game=judged.name,
+        solution=judged.solution,
+        weights=weights_line(judged.game),
+        box=box,
         flights=None if found is None else found.flown.flights,
         searched=0 if found is None else found.states,
         sections=tuple(sections),
@@ -173,15 +174,6 @@ def _given_box(box: Box, game: Game) -> Box:
         given = shown(widths.tolist())
         raise BadInputError(f"verify: scope.box is {given}; give {count} positive half-widths")
     return box._replace(half_widths=widths)
-
-
-def _searched(
-    judged: JudgedGame, critic: Critic, box: np.ndarray, limit: float, scope: Scope
-) -> Findings:
-    """Return the errors that are searched for, and the simulations of the critic."""
-    from verification.network.search import findings_of
-
-    return findings_of(judged, critic, box, limit, scope)
 
 
 def _nonlinear(

@@ -136,8 +136,7 @@ def costs_above_optimum(
         end = loop.simulate(start)
         if end is None:
             return np.full(flights, math.inf)
-        z, paid, discount = end
-        cost = paid + discount * (z @ remaining @ z)
+        cost = end.cost + end.discount * (end.z @ remaining @ end.z)
         losses.append(max(100.0 * float(cost / (start @ exact.P @ start)), 0.0))
     return np.array(losses)
 
