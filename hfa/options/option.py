@@ -90,8 +90,8 @@ def _text(_: str, text: str) -> str:
 def options_of(request: type) -> dict[str, Option]:
     """Return the options of a class of requests, field -> option.
 
-    The order is that of the help: common options of the aircraft and the command, of the output, of
-    other groups, and rare ones. An option without `names` is named after its field.
+    The order is that of the help: required options, common ones of the aircraft and the command, of
+    the output, of other groups, and rare ones. An option without `names` is named after its field.
     """
     found: dict[str, Option] = {}
     for each in fields(request):
@@ -99,8 +99,9 @@ def options_of(request: type) -> dict[str, Option]:
             called = "--" + each.name.strip("_").replace("_", "-")
             found[each.name] = replace(declared, names=declared.names or called)
 
-    def place(name: str) -> tuple[bool, bool, bool]:
-        return found[name].rare, bool(found[name].group), name in _OUTPUT
+    def place(name: str) -> tuple[bool, bool, bool, bool]:
+        of = found[name]
+        return of.rare, bool(of.group), not of.required, name in _OUTPUT
 
     return {name: found[name] for name in sorted(found, key=place)}
 
