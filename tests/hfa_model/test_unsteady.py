@@ -1,6 +1,4 @@
-"""The unsteady dynamics compared with `newton` (all effects at 0), with a derivation from energies,
-with the functions of Theodorsen, Wagner and Küssner, and with the steady limit.
-"""
+"""The unsteady dynamics compared with a derivation from energies, with the functions of Theodorsen, Wagner and Küssner, and with the steady limit."""
 
 from __future__ import annotations
 
@@ -11,20 +9,19 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from lagrangian import STILL, winds_of
+from lagrangian import winds_of
 from numpy.testing import assert_allclose
-from random_points import WINDS, random_points, rates, wind_of
+from random_points import WINDS, random_points
 from scipy import special
 from standard_air import density
 from unsteady_energy import GUST, MOTION, derived_unsteady
 
 from hfa import linearize, trim
-from hfa_model import STATES, UNSTEADY, Input, Parameters, State
+from hfa_model import STATES, UNSTEADY
 from trim import usual_condition
 
 DEGREES = np.pi / 180
 LAG_STATES = tuple(UNSTEADY.states)[len(STATES) :]
-EFFECTS = tuple(UNSTEADY.parameters)[len(Parameters._fields) :][:6]
 Lag = tuple[tuple[float, float], tuple[float, float]]
 
 
@@ -39,25 +36,6 @@ def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarr
     return list(zip(np.hstack([states, lags]), inputs, winds, strict=True))
 
 
-def test_without_effects_rates_equal_newton(parameters: Parameters) -> None:
-    """With all effects at 0, the rates equal those of `newton`."""
-    plain = UNSTEADY.with_parameters(**parameters._asdict(), **dict.fromkeys(EFFECTS, 0.0))
-    as_record = plain.layout.record
-    for x, u, w in points(10, 3):
-        vectors = [
-            as_record(*vector)
-            for vector in zip(
-                "xupw", (values.tolist() for values in (x, u, plain.p, w)), strict=True
-            )
-        ]
-        computed = plain.equations(*vectors)[0]
-        winds = wind_of(w.tolist())
-        expected = rates(State(*x[:7].tolist()), Input(*u.tolist()), parameters, "newton", winds)
-        assert_allclose(
-            [float(computed[name]) for name in STATES], expected, rtol=1e-12, atol=1e-11
-        )
-
-
 def by_name(*vectors: Any) -> tuple[Any, ...]:
     return tuple(
         UNSTEADY.layout.record(*vector)
@@ -66,69 +44,34 @@ def by_name(*vectors: Any) -> tuple[Any, ...]:
 
 
 @cache
-def by_energies() -> ca.Function:
-    """Return the function (x, u, p, w, x₀') -> (x', [dE/dt, power]) from the second derivation.
-
-    x' are the rates with the wind w. dE/dt and the power of the loads are those without wind for
-    the given rates x₀'.
-    """
+def rates_of(equations: Callable[..., dict[str, Any]]) -> ca.Function:
+    """Return the function (x, u, p, w) -> x' of these equations."""
     vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(WINDS))]
-    x, u, p, w = by_name(*vectors)
-    derived = derived_unsteady(x, u, density(x.altitude), p, winds_of(w))
-    derived_rates = ca.vertcat(*derived.rates, *(derived.lag_rates[name] for name in LAG_STATES))
-    thin = ca.SX.sym("density")
-    energetic = derived_unsteady(x, u, thin, p, STILL)  # the density is constant along the path
-    moving = ca.SX.sym("moving", vectors[0].numel())
-    balance = ca.vertcat(ca.jtimes(energetic.energy, vectors[0], moving), energetic.power)
-    return ca.Function(
-        "other",
-        [*vectors, moving],
-        [derived_rates, ca.substitute(balance, thin, density(x.altitude))],
-    )
+    found = equations(*by_name(*vectors))
+    return ca.Function("rates", vectors, [ca.vertcat(*(found[name] for name in UNSTEADY.states))])
 
 
-def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
-    """Return the largest relative error of a rate, and of the power, in the product's equations.
+def by_energies(x: Any, u: Any, p: Any, w: Any) -> dict[str, Any]:
+    """Return the rates by name from the second derivation."""
+    seven, lags = derived_unsteady(x, u, density(x.altitude), p, winds_of(w))
+    return {**seven._asdict(), **lags}
 
-    The reference is `by_energies` at random points.
 
-    effects: (N, 6), values of the effects, used in turn; by default all 1
+def test_rates_equal_those_from_energies() -> None:
+    """The rates equal those of the Euler-Lagrange equations, which include the carried air.
+
+    The test uses no effect, all effects, each effect alone, and random fractions of all effects.
     """
-    vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(WINDS))]
-    rates_by_name = UNSTEADY.equations(*by_name(*vectors))[0]
-    mine = ca.Function(
-        "mine", vectors, [ca.vertcat(*(rates_by_name[name] for name in UNSTEADY.states))]
-    )
-    computed = []
-    for number, (x, u, w) in enumerate(points(12, 5)):
+    mine, other = rates_of(lambda *at: UNSTEADY.equations(*at)[0]), rates_of(by_energies)
+    fractions = np.random.default_rng(1).uniform(0, 1, (6, 6))
+    effects = np.vstack([np.zeros(6), np.ones(6), np.eye(6), fractions])
+    for effect, (x, u, w) in zip(effects, points(len(effects), 5), strict=True):
         p = UNSTEADY.p.copy()
-        if effects is not None:
-            p[18:24] = effects[number % len(effects)]
-        derived_rates, balance = by_energies()(x, u, p, w, mine(x, u, p, 0 * w))
-        (rates, others), (growth, power) = (
-            (np.array(mine(x, u, p, w)), np.array(derived_rates)),
-            np.array(balance).ravel(),
+        p[18:24] = effect
+        expected = np.array(other(x, u, p, w))
+        assert (
+            np.abs((np.array(mine(x, u, p, w)) - expected) / (1 + np.abs(expected))).max() < 1e-11
         )
-        computed.append(
-            (
-                np.abs((rates - others) / (1 + np.abs(others))).max(),
-                abs(growth - power) / (1e3 + abs(power)),
-            )
-        )
-    most = np.max(computed, axis=0)
-    return float(most[0]), float(most[1])
-
-
-def test_rates_and_power_equal_those_from_energies() -> None:
-    """The rates equal those of the Euler-Lagrange equations, and dE/dt equals the power of the
-    loads.
-
-    The equations include the carried air. The test uses all effects, each effect alone, and random
-    fractions of all effects.
-    """
-    assert max(worst()) < 1e-11
-    some = np.vstack([np.eye(6), np.random.default_rng(1).uniform(0, 1, (6, 6))])
-    assert max(worst(some)) < 1e-11
 
 
 @cache

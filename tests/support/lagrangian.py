@@ -44,19 +44,16 @@ class Flow(NamedTuple):
 class Wind(NamedTuple):
     """Velocity of the air at a panel, ft/s: upward, from ahead, and toward the wing tip."""
 
-    updraft: Any = 0.0
-    headwind: Any = 0.0
+    updraft: Any
+    headwind: Any
     outward: Any = 0.0
 
 
 class Winds(NamedTuple):
     """Winds at the center panel and at each outer panel."""
 
-    center: Wind = Wind()
-    outer: Wind = Wind()
-
-
-STILL = Winds()
+    center: Wind
+    outer: Wind
 
 
 def winds_of(w: Any) -> Winds:
@@ -114,7 +111,7 @@ def lagrangian_rates(
     u: Input,
     density: Any,
     p: Parameters,
-    winds: Any = STILL,
+    winds: Any,
 ) -> State:
     """Return dX/dt of the aircraft by the Euler-Lagrange equations, as CasADi expressions.
 
@@ -154,18 +151,6 @@ def euler_lagrange(
     # The inertia is symmetric and positive definite. L D L' is more accurate than a symbolic QR.
     acceleration = ca.ldl_solve(force - bias, *ca.ldl(inertia))
     return _as_state_rates(x, r, v, acceleration, p)
-
-
-def mechanical_energy(x: State, p: Parameters) -> ca.SX:
-    """Return the mechanical energy T + U of a state, ft lbf.
-
-    The energy is constant in free motion without air and without hinge dampers.
-    """
-    r = ca.SX.sym("r", 4)
-    v = ca.SX.sym("v", 4)
-    panels = panels_at(r, v, p)
-    energy = sum(kinetic_energy(panel, r, v, p) + _potential_energy(panel, p) for panel in panels)
-    return at_state(energy + p.hinge_stiffness * r[3] ** 2, x, r, v, p)
 
 
 def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:

@@ -15,7 +15,7 @@ subtracted here, together with Theodorsen's -m u (b/2) ω_y.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,7 +27,6 @@ from lagrangian import (
     euler_lagrange,
     flow_of,
     kinetic_energy,
-    mechanical_energy,
     panel_loads,
     panels_at,
     virtual_work,
@@ -40,23 +39,10 @@ MOTION = ((0.165, 0.335), (0.0455, 0.3))
 GUST = ((0.5, 0.5), (0.13, 1.0))
 
 
-class Derived(NamedTuple):
-    """Rates by name, and the energy balance, of the second derivation.
-
-    rates: rates of the seven states
-    lag_rates: rates of the lag states
-    energy: energy of aircraft and carried air, ft lbf
-    power: power of all loads that the energy does not include, ft lbf/s
-    """
-
-    rates: State
-    lag_rates: dict[str, ca.SX]
-    energy: ca.SX
-    power: ca.SX
-
-
-def derived_unsteady(x: Any, u: Any, density: Any, p: Any, winds: Winds) -> Derived:
-    """Return rates, energy and power from the second derivation.
+def derived_unsteady(
+    x: Any, u: Any, density: Any, p: Any, winds: Winds
+) -> tuple[State, dict[str, ca.SX]]:
+    """Return the rates of the seven states, and of the lag states by name, from the second derivation.
 
     The arguments are named states and inputs (SX), as in `hfa_model.unsteady.UNSTEADY`. The drag
     depends on the airspeed.
@@ -115,13 +101,8 @@ def derived_unsteady(x: Any, u: Any, density: Any, p: Any, winds: Winds) -> Deri
     lag_rates["downwash"] = ca.norm_2(center) / p.boom_length * (target - x.downwash)
     kinetic = sum(kinetic_energy(panel, r, v, p) for panel in panels) + carried
     seven = euler_lagrange(x, kinetic, force, panels, r, v, p)
-    carried, power, *lags = (
-        at_state(quantity, x, r, v, p)
-        for quantity in (carried, ca.dot(force, v), *lag_rates.values())
-    )
-    return Derived(
-        seven, dict(zip(lag_rates, lags, strict=True)), mechanical_energy(x, p) + carried, power
-    )
+    lags = {name: at_state(rate, x, r, v, p) for name, rate in lag_rates.items()}
+    return seven, lags
 
 
 def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, Any, Any], ...]:

@@ -8,7 +8,6 @@ from jsbsim_reference import AXES, GRAVITY, RADIUS, responses
 from small_aircraft import CONTROL, LIFT, REST, force, glider, needs_jsbsim, written
 
 from hfa import BadInputError, linearize, load_model, trim
-from hfa_aircraft.rigid.atmosphere import air_at, density_altitude
 
 WIND = {"wind_north": 30.0, "wind_east": -20.0, "wind_down": 4.0}
 JET = {"kcas": 250.0, "altitude": 5000.0}
@@ -103,14 +102,9 @@ def test_warm_air_is_that_of_jsbsim(name):
     Mach number and density altitude.
 
     With `atmosphere/delta-T` 27 °R, JSBSim has at 5000 ft the pressure of 4752.54 ft in the standard
-    atmosphere, the temperature 527.843 °R and the density altitude 6421.04 ft.
+    atmosphere and the temperature 527.843473790188 °R, which is warmer by 14.509964093413366 K.
     """
-    true_altitude, altitude = 5000.0, 4752.541346072101
-    warmer = (527.843473790188 - float(air_at(altitude).temperature)) / 1.8
-    dense = density_altitude(air_at(altitude, warmer=warmer).density)
-    assert float(dense) == pytest.approx(6421.044794907826, rel=1e-9)
-    for height in (-900.0, 20000.0, 45000.0, 80000.0):
-        assert float(density_altitude(air_at(height).density)) == pytest.approx(height, rel=1e-9)
+    true_altitude, altitude, warmer = 5000.0, 4752.541346072101, 14.509964093413366
     gravity = GRAVITY * (RADIUS / (RADIUS + true_altitude)) ** 2
     model = load_model(f"jsbsim:{name}").with_parameters(gravity=gravity, isa=warmer)
     point = trim(model, speed=500.0, altitude=altitude)
