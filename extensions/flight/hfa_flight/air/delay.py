@@ -1,4 +1,4 @@
-"""A delay in samples."""
+"""Delays in samples, and durations in steps."""
 
 from __future__ import annotations
 
@@ -36,3 +36,8 @@ def in_samples(delay: float, dt: float) -> Delay:
         return Delay(nearest, 0.0)
     whole = math.floor(samples)
     return Delay(whole, delay - whole * dt)
+
+
+def steps_of(seconds: float, step: float) -> int:
+    """Return the least number of steps, at least 1, that last as long as a time, up to `WHOLE`."""
+    return max(1, math.ceil(seconds / step - WHOLE))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -12,6 +11,7 @@ import numpy as np
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
+from hfa_flight.air.delay import steps_of
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_support.matrices import spectral_radius
 from trim.point.operating_point import OperatingPoint
@@ -44,7 +44,7 @@ def parts_of_a_sample(
     fastest = max(fastest_mode(point, np.zeros(len(point.model.linear))) for point in points)
     for point, half_widths in zip(points, boxes, strict=len(boxes) > 0):
         fastest = max(fastest, fastest_mode(point, half_widths))
-    parts = max(1, math.ceil(dt * fastest / longest), math.ceil(dt / _SECONDS - 1e-9))
+    parts = max(steps_of(dt * fastest, longest), steps_of(dt, _SECONDS))
     return min(parts, _MOST_PARTS)
 
 

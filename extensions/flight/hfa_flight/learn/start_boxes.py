@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,12 +10,12 @@ import numpy as np
 
 from hfa_aircraft.march.ending import is_within
 from hfa_aircraft.model import Model
+from hfa_flight.air.delay import steps_of
 from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.simulate.envelope import flight_envelope
-from hfa_flight.simulate.sampled_flights import SampledFlight
+from hfa_flight.simulate.sampled_flights import CompiledSamples, SampledFlight, Ticks
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
-from hfa_support.native.row_code import row_code
 from trim.linear.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
@@ -78,26 +77,26 @@ def surviving_boxes(
     corners = np.array([*itertools.product((-1.0, 1.0), repeat=k)]) if k <= _CORNERS else sides
     dt = max(flight.dt, _SAMPLE_TIMES[0])  # a constant action needs no shorter samples
     flight = replace(flight, dt=dt, parts=parts_of_a_sample(points, dt, [*boxes]))
-    tick = row_code(flight.tick())
+    held = CompiledSamples(
+        flight,
+        entering=lambda states, _: [states],
+        network=lambda rows: np.tile(action, (len(rows), 1)),
+        stepper=Ticks(flight.tick(), dt, is_long=True),
+    )
     found = []
     for point, box in zip(points, boxes, strict=True):
-        held = _stay(flight, tick, point, box, sides, action)
-        alone = np.minimum(held[:k], held[k:])
-        joint = _stay(flight, tick, point, alone * box, np.vstack([corners, inside]), action)
+        shares = _stay(held, point, box, sides)
+        alone = np.minimum(shares[:k], shares[k:])
+        joint = _stay(held, point, alone * box, np.vstack([corners, inside]))
         found.append(_MARGIN * joint.min() * alone * box)
     return np.array(found)
 
 
 def _stay(
-    flight: SampledFlight,
-    tick: object,
-    point: OperatingPoint,
-    box: np.ndarray,
-    directions: np.ndarray,
-    action: np.ndarray,
+    samples: CompiledSamples, point: OperatingPoint, box: np.ndarray, directions: np.ndarray
 ) -> np.ndarray:
     """Return the largest share of each direction (D, k) up to which flights stay, (D,)."""
-    model = point.model
+    model, flight = point.model, samples.flight
     rows = model.state_places(model.linear)
     count = len(directions) * len(_SHARES)
     starts = np.tile(np.array(point.states), (count, 1))
@@ -105,17 +104,12 @@ def _stay(
         np.tile(_SHARES, len(directions)), box
     )
     trims = np.tile(flight.deployed.trim_vector(point), (count, 1))
-    raw, trim, push = flight.held_slices
-    held = np.zeros((count, push.stop))
-    held[:, raw], held[:, trim] = action, trims
+    ticks = steps_of(_SURVIVED, flight.dt)
+    flown, _ = samples.fly(flight.start(starts, trims), trims, ticks)
+    lowest, highest = flight.extremes(flown.states)
     envelope = flight_envelope(model, point)
-    state = flight.start(starts, trims)
-    stays = is_within(starts, envelope.least, envelope.most)
-    with np.errstate(all="ignore"):
-        for _ in range(math.ceil(_SURVIVED / flight.dt - 1e-9)):
-            state = np.array(tick(state, held)[0])  # type: ignore[operator]  # a compiled function
-            for extreme in flight.extremes(state):
-                stays &= is_within(extreme, envelope.least, envelope.most)
+    within = is_within(lowest, envelope.least, envelope.most)
+    stays = (within & is_within(highest, envelope.least, envelope.most)).all(axis=1)
     shares = stays.reshape(len(directions), len(_SHARES))
     all_smaller = np.logical_and.accumulate(shares[:, ::-1], axis=1)[:, ::-1]
     return np.where(all_smaller.any(axis=1), _SHARES[all_smaller.argmax(axis=1)], _SHARES[-1])

@@ -15,6 +15,7 @@ from controller.critic.symbols import symbols_for
 from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.march.ending import FAR, EndRule
 from hfa_aircraft.march.refinement import Figures, ReportedFigure, resolved
+from hfa_flight.air.delay import steps_of
 from hfa_flight.air.history import Deviations
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.plan.collocation import Proposal
@@ -159,7 +160,7 @@ class Flights:
         """Return a scenario without disturbance. Its duration is `seconds`, rounded up to whole
         ticks.
         """
-        ticks = max(1, math.ceil(seconds / self.tick - 1e-9))
+        ticks = steps_of(seconds, self.tick)
         start = np.zeros(len(self.problem.model.states))
         return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
 
@@ -207,8 +208,8 @@ class Flights:
         initial = np.zeros(len(problem.model.states))
         initial[problem.places] = start
         scenario = loop.loop.scenario
-        ticks = max(1, math.ceil(seconds / scenario.tick - 1e-9))
-        scenario = replace(scenario, duration=ticks * scenario.tick, initial=initial)
+        duration = scenario.tick * steps_of(seconds, scenario.tick)
+        scenario = replace(scenario, duration=duration, initial=initial)
         rule = EndRule(FAR * np.array([state.nominal for state in problem.model.states.values()]))
 
         def flown(parts: int) -> SimulatedFlight:

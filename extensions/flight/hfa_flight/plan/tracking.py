@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.march.march import saturated
+from hfa_flight.air.delay import steps_of
 from hfa_flight.plan.collocation import Proposal
 from hfa_flight.plan.problem import FlightProblem
 from hfa_flight.plan.smooth import smooth_slopes
@@ -67,7 +68,7 @@ def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np
     tick: duration of a tick, s
     """
     seconds = float(proposal.lengths.sum())
-    ticks = int(np.ceil(seconds / tick - 1e-9))
+    ticks = steps_of(seconds, tick)
     z, v = proposal.at(tick / STEPS * np.arange(ticks * STEPS + 1))
     both = np.hstack([z[:, : len(problem.states)], v])
     knots = STEPS * np.arange(ticks)[:, None] + np.arange(STEPS + 1)

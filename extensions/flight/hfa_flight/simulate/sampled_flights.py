@@ -24,7 +24,7 @@ import numpy as np
 from controller.critic.network.row_network import RowNetwork
 from hfa_aircraft.march.march import History, Over, march
 from hfa_aircraft.march.steppers import Stepper, Unobserved
-from hfa_flight.air.delay import WHOLE, in_samples
+from hfa_flight.air.delay import in_samples, steps_of
 from hfa_flight.air.held_step import held_step
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
@@ -136,13 +136,13 @@ class SampledFlight:
         p = trim[n + m :]
         acting = U if self.whole == 0 else memory[(self.whole - 1) * m : self.whole * m]
         after = X
+        longest = self.dt / self.parts
         if self.early:
-            early_parts = max(1, math.ceil(self.parts * self.early / self.dt - WHOLE))
-            early = held_step(model, self.early, early_parts, self.winds)
+            early = held_step(model, self.early, steps_of(self.early, longest), self.winds)
             after, on_the_way = early(after, before, push, p)
         late = self.dt - self.early
-        late_parts = max(1, math.ceil(self.parts * late / self.dt - WHOLE))
-        after, extremes = held_step(model, late, late_parts, self.winds)(after, acting, push, p)
+        moved = held_step(model, late, steps_of(late, longest), self.winds)
+        after, extremes = moved(after, acting, push, p)
         if self.early:
             lowest = ca.fmin(on_the_way[:n], extremes[:n])
             extremes = ca.vertcat(lowest, ca.fmax(on_the_way[n:], extremes[n:]))

@@ -14,6 +14,7 @@ import numpy as np
 from hfa_aircraft.march.march import History, march
 from hfa_aircraft.march.steppers import Stepper
 from hfa_flight.air.actuators import LONGEST_STEP
+from hfa_flight.air.delay import steps_of
 from hfa_flight.air.history import Deviations
 from hfa_flight.air.names import ALPHA
 from hfa_flight.air.scenario import Scenario
@@ -277,7 +278,7 @@ def _is_lost(flight: Deviations) -> np.ndarray:
 def _parts_of_a_step(loop: ClosedLoop) -> int:
     """Return the Runge-Kutta substeps per step that the policy's fastest mode requires."""
     step = loop.scenario.step
-    parts = max(1, math.ceil(loop.policy.fastest * step / LONGEST_STEP - 1e-9))
+    parts = steps_of(loop.policy.fastest * step, LONGEST_STEP)
     if parts > _MOST_PARTS:
         raise BadInputError(
             f"the policy has a mode of {loop.policy.fastest:.4g} 1/s, but a step of {step:g} s"

@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.air.delay import in_samples
+from hfa_flight.air.delay import in_samples, steps_of
 from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployed import Deployed
@@ -166,7 +166,7 @@ def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: Operatin
     parts = parts_of_a_sample([point], dt)
     is_fine = scenario.moving_air or scenario.actuators is not None
     longest = min(dt / parts, _FINE if is_fine else _LONGEST)
-    steps = max(1, math.ceil(policy.tick / longest - 1e-9))
+    steps = steps_of(policy.tick, longest)
     count = max(1, round(scenario.duration / policy.tick))
     return replace(
         scenario, duration=count * policy.tick, tick=policy.tick, step=policy.tick / steps
