@@ -73,8 +73,8 @@ def mean_at_kinks(
         for column in columns.tolist():
             slopes, words = _beside(model, z, p[points], jacobian[points, :, column], column)
             jacobian[points, :, column] = slopes
-            for row, said in words.items():
-                notes.setdefault(int(points[row]), []).extend(said)
+            for row, note in words:
+                notes.setdefault(int(points[row]), []).append(note)
     n = len(model.states)
     said_at = {point: tuple(notes[point]) for point in sorted(notes)}
     return MeanSlopes(jacobian[:, :, :n], jacobian[:, :, n:], said_at)
@@ -185,11 +185,11 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
 
 
 def _switching(rates: ca.Function, vectors: list[ca.SX]) -> list[ca.SX]:
-    """Return the expressions at whose zeros an operation of the rates switches.
+    """Return the expressions of states and inputs at whose zeros the rates switch.
 
     These operations are |.|, sign, min, max, comparison and rounding.
 
-    vectors: the symbols of the arguments
+    vectors: the symbols of states, inputs and parameters
     """
     switches = []
     memory = [ca.SX(0) for _ in range(rates.sz_w())]
@@ -212,14 +212,15 @@ def _switching(rates: ca.Function, vectors: list[ca.SX]) -> list[ca.SX]:
                 switches.append(ca.sin(ca.pi * operands[0]))
             make = ca.SX.unary if len(operands) == 1 else ca.SX.binary
             memory[target] = make(operation, *operands)
-    return [switch for switch in switches if not switch.is_constant()]
+    x, u, _ = vectors
+    return [switch for switch in switches if ca.depends_on(switch, ca.vertcat(x, u))]
 
 
 def _beside(
     model: Model, z: np.ndarray, p: np.ndarray, slopes: np.ndarray, column: int
-) -> tuple[np.ndarray, dict[int, list[str]]]:
-    """Return the slopes of the rates at N points along one state or input, (N, n), and the notes of
-    points at a kink.
+) -> tuple[np.ndarray, list[tuple[int, str]]]:
+    """Return the slopes of the rates at N points along one state or input, (N, n), and notes on
+    kinks, (index of a point, sentence).
 
     z: (N, n + m), states and inputs
     p: (N, k), parameters
@@ -239,9 +240,10 @@ def _beside(
     jumps = gap > _JUMP * usual + _LEAST_JUMP * rate_scales
     mean = np.where(kinks, (below + above) / 2.0, slopes)
     matrix = "A" if column < len(model.states) else "B"
-    notes: dict[int, list[str]] = {}
+    states = model.state_names
+    notes = []
     for point, row in np.argwhere(kinks | jumps).tolist():
-        state = model.state_names[row]
+        state = states[row]
         entry = f"{matrix}({state}, {name})"
         if jumps[point, row]:
             slope = mean[point, row] + 0.0  # without -0
@@ -255,7 +257,7 @@ def _beside(
                 f"kink: {entry} is {slope_below:.5g} below and {slope_above:.5g} above "
                 "the trim; their mean is used"
             )
-        notes.setdefault(point, []).append(note)
+        notes.append((point, note))
     return mean, notes
 
 

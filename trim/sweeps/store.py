@@ -16,8 +16,9 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from hfa_support.rows.store import RowJob, array_of_rows, fill_store
+from trim.linear.modes import fastest_first
 from trim.point.system import TrimSystem
-from trim.sweeps.points import STATUS
+from trim.sweeps.points import STATUS, TRIMMED
 from trim.sweeps.sweep import run_points, slow_note, trimmed_words
 from trim.sweeps.sweep_arrays import ARRAYS, labels_of
 from trim.sweeps.sweep_plan import SweepPlan
@@ -111,8 +112,17 @@ def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
 
     options: keyword arguments of `fill_store`
     """
-    job = RowJob("sweep", _POINT, _template(plan), run_points, plan.task)
+    job = RowJob("sweep", _POINT, _template(plan), _stored_points, plan.task)
     return fill_store(job, path, **options)
+
+
+def _stored_points(*task: Any) -> dict[str, Any]:
+    """Return the results of `run_points` and the eigenvalues of A, fastest first."""
+    rows = run_points(*task)
+    trimmed = rows["status"] == TRIMMED
+    eigenvalues = np.full(rows["states"].shape, np.nan, dtype=complex)
+    eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(rows["A"][trimmed]))
+    return rows | {"eigenvalues": eigenvalues}
 
 
 def reported_sweep(

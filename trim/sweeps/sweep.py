@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,7 +31,7 @@ from hfa_support.reporting.text import (
 )
 from trim.linear.kinks import mean_at_kinks
 from trim.linear.linear_model import LinearModel
-from trim.linear.modes import fastest_first, modes_of
+from trim.linear.modes import modes_of
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.diagnosis import beyond_limits
 from trim.point.operating_point import OperatingPoint
@@ -84,9 +85,9 @@ def run_points(
 ) -> dict[str, Any]:
     """Return the results of a sweep for N of its points, name -> array.
 
-    The names are those of `Points`, of the variables, and "values", "eigenvalues" and "kinks", the
-    number of kinks. Two entries are mappings from the number of a point: `failures` contains the
-    reason for a missing trim, and `kinked` the notes on kinks.
+    The names are those of `Points`, of the variables, and "values" and "kinks", the number of
+    kinks. Two entries are mappings from the number of a point: `failures` contains the reason for a
+    missing trim, and `kinked` the notes on kinks.
 
     variables: names of the columns of values
     values: (N, number of variables)
@@ -106,14 +107,10 @@ def run_points(
     kink_counts = np.zeros(len(values), dtype=int)
     for point, notes in found.notes.items():
         kink_counts[point] = len(notes)
-    trimmed = points.status == TRIMMED
-    eigenvalues = np.full(points.states.shape, np.nan, dtype=complex)
-    eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(points.A[trimmed]))
     return {
         **points._asdict(),
         **dict(zip(variables, values.T, strict=True)),
         "values": values,
-        "eigenvalues": eigenvalues,
         "kinks": kink_counts,
         "kinked": found.notes,
     }
@@ -178,9 +175,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     inputs: (N, m), U0.
     A: (N, k, k), for the k linear states of the model.
     B: (N, k, m).
-    eigenvalues: (N, k), 1/s; each column contains one mode.
-    mode_names: (k,), name of each column's mode at the first trimmed point, or empty if none is
-        trimmed.
     kinks: number of a point -> notes on entries of A and B at a kink.
     one_by_one: number of points that were trimmed one by one.
     """
@@ -194,8 +188,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     inputs: Matrix
     A: Stack
     B: Stack
-    eigenvalues: RootTable
-    mode_names: tuple[str, ...]
     kinks: dict[int, tuple[str, ...]] = field(default_factory=dict)
     one_by_one: int = 0
 
@@ -218,6 +210,25 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def trimmed(self) -> np.ndarray:
         """Mask of the points with a trim, (N,)."""
         return np.array([reason == "" for reason in self.reasons])
+
+    @cached_property
+    def eigenvalues(self) -> RootTable:
+        """Eigenvalues of A, (N, k), 1/s; each column contains one mode; nan if not trimmed."""
+        trimmed = self.trimmed
+        found = np.full(self.A.shape[:2], np.nan, dtype=complex)
+        if trimmed.any():
+            neighbours = _neighbours(self.plan.sizes, trimmed)
+            linear = self.model.linear
+            found[trimmed] = track_modes(self.A[trimmed], linear, self.model, neighbours)
+        return found
+
+    @cached_property
+    def mode_names(self) -> tuple[str, ...]:
+        """Name of each column's mode at the first trimmed point, (k,), or () if none is trimmed."""
+        if not self.trimmed.any():
+            return ()
+        first = int(np.argmax(self.trimmed))
+        return _names_of(self.eigenvalues[first], self.A[first], self.model)
 
     @property
     def modes(self) -> ByName[SweptMode]:
@@ -691,15 +702,6 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
     rows = run_points(*plan.task(0, plan.count), progress)
     trimmed = rows["status"] == TRIMMED
     linear = model.state_places(model.linear)
-    A = rows["A"][:, linear][:, :, linear]
-    B = rows["B"][:, linear]
-    eigenvalues = np.full((plan.count, len(linear)), np.nan, dtype=complex)
-    mode_names: tuple[str, ...] = ()
-    if trimmed.any():
-        neighbours = _neighbours(plan.sizes, trimmed)
-        eigenvalues[trimmed] = track_modes(A[trimmed], model.linear, model, neighbours)
-        first = int(np.argmax(trimmed))
-        mode_names = _names_of(eigenvalues[first], A[first], model)
     # Points beyond the limits have states and inputs, but nan in A and B.
     is_trimmed = trimmed[:, None]
     return Sweep(
@@ -708,10 +710,8 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
         reasons=_reasons(plan, rows),
         states=with_names(np.where(is_trimmed, rows["states"], np.nan), (), model.state_names),
         inputs=with_names(np.where(is_trimmed, rows["inputs"], np.nan), (), model.input_names),
-        A=A,
-        B=B,
-        eigenvalues=eigenvalues,
-        mode_names=mode_names,
+        A=rows["A"][:, linear][:, :, linear],
+        B=rows["B"][:, linear],
         kinks=rows["kinked"],
         one_by_one=int(rows["one_by_one"].sum()),
     )
