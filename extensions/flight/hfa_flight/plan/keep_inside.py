@@ -11,8 +11,8 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario
-from hfa_flight.plan.commands_under_way import CommandsUnderWay
 from hfa_flight.plan.held_model import STILL
+from hfa_flight.plan.measured import Measured
 from hfa_flight.plan.one_sample_filter import OneSampleFilter
 from hfa_flight.plan.problem import FlightProblem, flight_problem
 from hfa_flight.plan.scaled import ScaledProblem
@@ -66,12 +66,12 @@ class KeptInside(Policy):
         own = self.policy
         policy_held = own.sampler() or (lambda k, _: own.held_inputs(k, k * self.tick))
         command = BoundFunction(self._command())
-        under_way = CommandsUnderWay(filtered.model)
+        known = Measured(filtered.model)
         trim = np.array(problem.point.states)
         self.changed[0] = 0
 
         def sample(tick: int, measured: np.ndarray) -> np.ndarray:
-            z = under_way.moved(problem.followed_of(trim + measured), self.delay, STILL)
+            z = known.when_acting(problem.followed_of(trim + measured), self.delay, STILL)
             acted = measured.copy()
             if self.delay:
                 acted[problem.followed_places] = z * problem.sizes[0]
@@ -80,7 +80,7 @@ class KeptInside(Policy):
             v = u[problem.moved] / problem.sizes[1]
             inside = filtered(z, v)
             acts = bool(np.abs(inside - v).max() > _ROUNDING)
-            under_way.append(inside)
+            known.command(inside, self.delay)
             self.changed[0] += acts
             if acts:
                 u = problem.inputs_of(inside) - np.array(problem.point.inputs)

@@ -17,10 +17,10 @@ from hfa_flight.air.scenario import Scenario
 from hfa_flight.plan.end_law import EndLaw
 from hfa_flight.plan.hold import hold_of
 from hfa_flight.plan.holds import HOLDS, grid_of
+from hfa_flight.plan.measured import wrong_samples_note
 from hfa_flight.plan.planner import Planner
 from hfa_flight.plan.problem import FlightProblem, flight_problem
 from hfa_flight.plan.receding import RecedingHorizon, Samples
-from hfa_flight.plan.sample_gate import wrong_samples_note
 from hfa_flight.plan.scaled import ScaledProblem
 from hfa_flight.policies.laws import compared
 from hfa_flight.policies.sampled_policy import SampledPolicy

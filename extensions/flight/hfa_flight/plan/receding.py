@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hfa_flight.plan.commands_under_way import CommandsUnderWay
 from hfa_flight.plan.end_law import EndLaw
+from hfa_flight.plan.measured import Measured
 from hfa_flight.plan.planner import Plan, Planner
-from hfa_flight.plan.sample_gate import SampleGate
 from hfa_flight.plan.target import CheapestEquilibrium, Target
 
 #: Largest numbers of steps of the quadratic program at the first sample, and at each later one. A
@@ -98,22 +97,20 @@ class RecedingHorizon:
         self.end = end
         self._equilibrium = CheapestEquilibrium(planner.model)
         self.budget = budget
-        self._commands = CommandsUnderWay(planner.model)
+        self._measured = Measured(planner.model)
         #: Cost below which a flight is at its target.
         self.nothing = _NOTHING * planner.trim.value(np.pad(planner.scaled.box, (0, n - k)))
-        self._gate = SampleGate(planner.scaled, self._commands, planner.grid.dt)
         self.reset()
 
     def reset(self) -> None:
         """Begin a flight: forget its plans, commands, winds and times."""
         self._memory = _Memory(self.planner.trim)
-        self._commands.clear()
-        self._gate.clear()
+        self._measured.clear()
 
     @property
     def wrong(self) -> int:
         """Number of samples since the last reset in whose place the prediction was used."""
-        return self._gate.wrong
+        return self._measured.wrong
 
     @property
     def samples(self) -> Samples:
@@ -127,7 +124,7 @@ class RecedingHorizon:
         delay: time after which inputs act, s
         """
         self.reset()
-        self._begin_plan(self._commands.moved(z, delay, self._memory.target.w))
+        self._begin_plan(self._measured.when_acting(z, delay, self._memory.target.w))
         self._memory.waits = True
 
     def rehearse(self) -> None:
@@ -152,19 +149,16 @@ class RecedingHorizon:
         memory = self._memory
         used: np.ndarray | None = z
         if w is None:
-            used = self._gate.used(z)
+            used = self._measured.checked(z, delay, memory.target.w)
         else:
             memory.target = self._equilibrium.near(memory.target, w)
-        if used is None:  # nothing is known about the states yet
-            v = np.zeros(self.planner.scaled.sizes[2])
-            self._commands.append(v)
-            return v
         planned, first = memory.samples.planned, memory.samples.first
-        with np.errstate(over="ignore", invalid="ignore"):  # the flight may be lost
-            moved = self._commands.moved(used, delay, memory.target.w)
-            v = self._input(moved, began + self.budget)
-        self._commands.append(v)
-        self._gate.predict(used, z, delay, memory.target.w)
+        v = np.zeros(self.planner.scaled.sizes[2])  # while nothing is known about the states
+        if used is not None:
+            with np.errstate(over="ignore", invalid="ignore"):  # the flight may be lost
+                acted = self._measured.when_acting(used, delay, memory.target.w)
+                v = self._input(acted, began + self.budget)
+        self._measured.command(v, delay)
         if memory.samples.planned > planned and first is not None:
             memory.samples.seconds.append(time.thread_time() - began)
         return v

@@ -17,12 +17,11 @@ from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
-from hfa_flight.plan.commands_under_way import CommandsUnderWay
 from hfa_flight.plan.held_model import STILL
 from hfa_flight.plan.holds import sample_time
+from hfa_flight.plan.measured import Measured, wrong_samples_note
 from hfa_flight.plan.one_sample_filter import OneSampleFilter
 from hfa_flight.plan.problem import FlightProblem, flight_problem
-from hfa_flight.plan.sample_gate import SampleGate, wrong_samples_note
 from hfa_flight.plan.scaled import ScaledProblem
 from hfa_flight.plan.smooth import smooth_slopes
 from hfa_flight.policies.laws import compared
@@ -133,8 +132,7 @@ class RiccatiLaw:
         self._limit_weight = limit_weight
         nodes, shares = np.polynomial.legendre.leggauss(_POINTS)
         self._ray = 0.5 * (1.0 + nodes), 0.5 * shares
-        self._commands = CommandsUnderWay(self.filter.model)
-        self._gate = SampleGate(scaled, self._commands, dt)
+        self._measured = Measured(self.filter.model)
         self.reset()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -148,12 +146,11 @@ class RiccatiLaw:
     @property
     def wrong(self) -> int:
         """Number of samples since the last reset in whose place the prediction was used."""
-        return self._gate.wrong
+        return self._measured.wrong
 
     def reset(self) -> None:
         """Begin a flight."""
-        self._commands.clear()
-        self._gate.clear()
+        self._measured.clear()
         self.unsolved = 0
 
     def __call__(self, z: np.ndarray, delay: float) -> np.ndarray:
@@ -162,17 +159,14 @@ class RiccatiLaw:
         z: measured states, (n,)
         delay: time after which the inputs act, s
         """
-        used = self._gate.used(z)
-        if used is None:  # nothing is known about the states yet
-            v = np.zeros(self._scaled.sizes[2])
-            self._commands.append(v)
-            return v
-        acted = self._commands.moved(used, delay, STILL)
-        K = self.gain_at(acted)
-        v = np.clip(-K @ acted[: K.shape[1]], *self._scaled.input_limits)
-        v = self.filter(acted, v)
-        self._commands.append(v)
-        self._gate.predict(used, z, delay, STILL)
+        used = self._measured.checked(z, delay, STILL)
+        v = np.zeros(self._scaled.sizes[2])  # while nothing is known about the states
+        if used is not None:
+            acted = self._measured.when_acting(used, delay, STILL)
+            K = self.gain_at(acted)
+            v = np.clip(-K @ acted[: K.shape[1]], *self._scaled.input_limits)
+            v = self.filter(acted, v)
+        self._measured.command(v, delay)
         return v
 
     def gain_at(self, z: np.ndarray) -> np.ndarray:
