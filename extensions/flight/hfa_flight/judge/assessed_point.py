@@ -168,16 +168,6 @@ class AssessedPoint(Result):
         return dict(zip(self.point.model.inputs, self.equilibrium.inputs.tolist(), strict=True))
 
     @property
-    def counts(self) -> tuple[str, str, str]:
-        """Numbers of flights that converge, leave the envelope, and converge after a pulse."""
-        if self.flights is None or self.disturbed is None:
-            return "-", "-", "-"
-        converging, after_pulse = (
-            f"{outcome.returned} of {outcome.starts}" for outcome in (self.flights, self.disturbed)
-        )
-        return converging, f"{self.flights.lost}", after_pulse
-
-    @property
     def input_margins(self) -> list[dict[str, float]]:
         """Return gain_low, gain_high, phase_deg and disk of each commanded input.
 

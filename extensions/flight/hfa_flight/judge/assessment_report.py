@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from hfa_flight.judge.action_effects import ActionEffect
 from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
 from hfa_flight.judge.endings import BALL
 from hfa_flight.judge.findings import where_text
-from hfa_flight.judge.variations import Variation, variation_table
+from hfa_flight.judge.variations import Variation
 from hfa_flight.judge.weights import weights_at
 from hfa_flight.plan.problem import cost_text
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.simulate.returned import RULE
+from hfa_support.reporting.rows import Group, Row, Sheet, matrix_of
 from hfa_support.reporting.text import Table, shown_unit
 
 _CONVERGES = (
@@ -33,19 +33,19 @@ def report_parts(
         parts += [_weights_text(deployed, points[0]), f"{_CONVERGES} {RULE}"]
     elif any(point.flights is not None for point in points):
         parts.append(_CONVERGES)
-    parts += [loop_table(points), flights_table(points)]
+    parts.append(_figures("sampled loop", points, loop_rows))
+    parts.append(_figures("flights", points, flight_rows))
     error = points[0].integration
     if error is not None and error.is_resolved:
         parts.append(error.text())
     parts += _actions(points)
-    trims = [where_text([point], points) for point in points]
     parts += [
-        replace(point.in_air, title=f"{trim}: {point.in_air.title}")
-        for trim, point in zip(trims, points, strict=True)
+        replace(point.in_air, title=f"{where_text([point], points)}: {point.in_air.title}")
+        for point in points
         if point.in_air is not None
     ]
     if variations:
-        parts.append(variation_table(variations, trims))
+        parts.append(_variation_table(variations))
     return parts
 
 
@@ -57,62 +57,101 @@ def _weights_text(deployed: Deployed, point: AssessedPoint) -> str:
     return f"cost: {text}" if has_cost else f"cost: {text}; the deployment has no [cost]"
 
 
-def loop_table(points: Sequence[AssessedPoint]) -> Table:
-    """Return the table of the sampled loop at each trim."""
-    header = (
-        *(_trim_header(points), "holds", "radius", "unstable at ms", "margin"),
-        *("cost %", "mean %", "sampled %"),
-    )
+def loop_rows(point: AssessedPoint) -> list[Row]:
+    """Return the figures of the sampled loop at a trim, without those that do not exist."""
+    limit = None if point.delays is None else point.delays.limit
+    margin = None if point.margins is None else point.margins.disk.disk
+    rows = [
+        Row("holds", "yes" if point.holds else "no"),
+        Row("radius", point.radius, note="spectral radius of the sampled loop", digits=5),
+        Row("unstable at", limit, "s", "smallest unstable delay in whole samples"),
+        Row("margin", margin, note="disk margin, all inputs at once", digits=3),
+    ]
+    if point.cost is not None:
+        rows += [
+            Row("cost", point.cost.worst, "%", "worst, linear, above the optimum"),
+            Row("mean", point.cost.mean, "%", "the same on average"),
+            Row("sampled", point.cost.sampled_worst, "%", "worst of the sampled loop with delay"),
+        ]
+    return [row for row in rows if _exists(row.value)]
+
+
+def _exists(value: Any) -> bool:
+    return value is not None and not (isinstance(value, float) and not math.isfinite(value))
+
+
+def flight_rows(point: AssessedPoint) -> list[Row]:
+    """Return the figures of the flights at a trim, with the medians of their cost ratios."""
     rows = []
-    for point in points:
-        limit = None if point.delays is None else point.delays.limit
-        cells = [_trim_cell(point), "yes" if point.holds else "no"]
-        cells.append("-" if math.isnan(point.radius) else f"{point.radius:.5f}")
-        cells.append("-" if limit is None else f"{1e3 * limit:.4g}")
-        cells.append("-" if point.margins is None else f"{point.margins.disk.disk:.3f}")
-        for lost in ("worst", "mean", "sampled_worst"):
-            number = math.nan if point.cost is None else getattr(point.cost, lost)
-            cells.append(f"{number:.4g}" if math.isfinite(number) else "-")
-        rows.append(tuple(cells))
-    return Table(header, rows)
+    if point.flights is not None and point.disturbed is not None:
+        rows += [
+            Row("flown", point.flights.starts),
+            Row("converge", point.flights.returned),
+            Row("leave", point.flights.lost),
+            Row("disturbed", point.disturbed.returned, note="converge after a disturbance pulse"),
+        ]
+    if point.best is not None:
+        ratios = {
+            "over best": point.best.policy_over_best,
+            "over LQR": point.best.policy_over_lqr,
+            "LQR over best": point.best.lqr_over_best,
+        }
+        rows += [
+            Row(name, ratio.median, note="median ratio of costs")
+            for name, ratio in ratios.items()
+            if ratio is not None
+        ]
+    return rows
 
 
-def flights_table(points: Sequence[AssessedPoint]) -> Table:
-    """Return the table of the flights at each trim, with the medians of the cost ratios."""
-    header = (
-        *(_trim_header(points), "converge", "leave", "disturbed"),
-        *("over best", "over LQR", "LQR over best"),
-    )
-    rows = []
-    for point in points:
-        cells = [_trim_cell(point), *point.counts]
-        costs = point.best
-        for name in ("policy_over_best", "policy_over_lqr", "lqr_over_best"):
-            ratios = None if costs is None else getattr(costs, name)
-            cells.append("-" if ratios is None else f"{ratios.median:.4g}")
-        rows.append(tuple(cells))
-    return Table(header, rows)
+def _at(point: AssessedPoint) -> Row:
+    """Return the value of the scheduling variable at a trim as a row."""
+    model = point.point.model
+    for value in scheduled_value(point.point).values():
+        return Row(model.schedule, value, shown_unit(model.schedule_unit))
+    return Row("trim", "-")
 
 
-def _trim_header(points: Sequence[AssessedPoint]) -> str:
-    model = points[0].point.model
-    return f"{model.schedule} {shown_unit(model.schedule_unit)}" if model.schedule else "trim"
+def _figures(
+    title: str, points: Sequence[AssessedPoint], rows_of: Callable[[AssessedPoint], list[Row]]
+) -> Group | Table:
+    """Return the rows of one trim, or a table with a row for each of several trims."""
+    if len(points) == 1:
+        return Group(title, tuple(rows_of(points[0])))
+    return _table([[_at(point), *rows_of(point)] for point in points])
 
 
-def _trim_cell(point: AssessedPoint) -> str:
-    value = next(iter(scheduled_value(point.point).values()), None)
-    return "-" if value is None else f"{value:.4g}"
+def _table(sheets: Sequence[Sequence[Row]]) -> Table:
+    """Return a table with the figures of each sheet in a row."""
+    columns = {row.name: row.printed_unit for sheet in sheets for row in sheet}
+    cells = [{row.name: row.cells()[1] for row in sheet} for sheet in sheets]
+    header = tuple(f"{name} {unit}".rstrip() for name, unit in columns.items())
+    return Table(header, [tuple(row.get(name, "-") for name in columns) for row in cells])
 
 
-def _actions(points: Sequence[AssessedPoint]) -> list[Any]:
-    """Return the table of the actions' effects, with its caption."""
+def _variation_table(variations: Sequence[Variation]) -> Table:
+    """Return the table of changed aircraft, with a row for each change and trim."""
+    kept = ("holds", "radius", "converge", "leave", "disturbed")
+    sheets = []
+    for each in variations:
+        rows = [*loop_rows(each.assessed), *flight_rows(each.assessed)]
+        figures = [row for row in rows if row.name in kept]
+        sheets.append([_at(each.assessed), Row("changed aircraft", each.text), *figures])
+    return _table(sheets)
+
+
+def _actions(points: Sequence[AssessedPoint]) -> list[Group]:
+    """Return the effects of the actions at the trim at which one is most reversed."""
     with_actions = [point for point in points if point.actions]
     if not with_actions:
         return []
     worst = min(with_actions, key=_most_reversed)
-    where = where_text([worst], points)
-    caption = f"actions {where}: lowering of the sum of the eigenvalues, 1/s"
-    return [caption, actions_table(worst.actions)]
+    rows = tuple(
+        Row(each.action, each.effect, "1/s", f"exact gain {each.exact_effect:+.3g}", digits=3)
+        for each in worst.actions
+    )
+    effect = "Effect of an action: by how much it lowers the sum of the loop's eigenvalues."
+    return [Group(f"actions {where_text([worst], points)}", rows, (effect,))]
 
 
 def _most_reversed(point: AssessedPoint) -> float:
@@ -121,26 +160,7 @@ def _most_reversed(point: AssessedPoint) -> float:
     return min(effect / exact if exact else 0.0 for effect, exact in effects)
 
 
-def actions_table(actions: Sequence[ActionEffect]) -> Table:
-    """Return a table of the effects of the actions beside those of the exact gain."""
-    rows = [(each.action, f"{each.effect:+.3g}", f"{each.exact_effect:+.3g}") for each in actions]
-    return Table(("action", "of the policy", "of the exact gain"), rows)
-
-
 def records_table(points: Sequence[AssessedPoint]) -> Table:
-    """Return the table of results with all digits, one row for each trim."""
-    model = points[0].point.model
-    key = model.schedule_key if model.schedule else "trim"
-    header = (
-        *(key, "holds", "spectral_radius", "delay_limit [s]", "disk_margin"),
-        *("converged", "left_envelope", "flights"),
-    )
-    rows = []
-    for number, point in enumerate(points):
-        value = next(iter(scheduled_value(point.point).values()), float(number))
-        data = point.as_data()
-        flown = point.flights
-        counts = (0, 0, 0) if flown is None else (flown.returned, flown.lost, flown.starts)
-        names = ("holds", "spectral_radius", "delay_limit", "disk_margin")
-        rows.append((value, *(data[name] for name in names), *counts))
-    return Table(header, rows)
+    """Return the table of the figures with all digits, one row for each trim."""
+    rows = ((_at(point), *loop_rows(point), *flight_rows(point)) for point in points)
+    return matrix_of([Sheet.of([("", each, ())]) for each in rows])

@@ -15,7 +15,6 @@ from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
-from hfa_support.reporting.text import Table
 from trim.point.operating_point import OperatingPoint
 
 #: Number of evenly spaced values of a range, including its ends.
@@ -173,20 +172,3 @@ def frozen_at(deployed: Deployed, point: OperatingPoint) -> Deployed:
         about = entry.get("about", "trim")
         observation[name] = {**entry, "about": value if about == "trim" else about}
     return Deployed(own.changed(observation=observation), deployed.model)
-
-
-def variation_table(found: Sequence[Variation], trims: Sequence[str]) -> Table:
-    """Return the table of changed aircraft, with one row for each change and trim.
-
-    trims: description of each trim
-    """
-    rows = []
-    per_trim = len(found) // len(trims)
-    for number, variation in enumerate(found):
-        point = variation.assessed
-        cells = [trims[number // per_trim], variation.text, "yes" if point.holds else "no"]
-        cells.append("-" if np.isnan(point.radius) else f"{point.radius:.5f}")
-        cells += point.counts
-        rows.append(tuple(cells))
-    header = ("trim", "changed aircraft", "holds", "radius", "converge", "leave", "disturbed")
-    return Table(header, rows)
