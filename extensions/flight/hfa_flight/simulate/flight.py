@@ -67,6 +67,7 @@ from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 from trim.tables import draw_curves
@@ -631,13 +632,11 @@ class Flight(StatesAndInputs, Result, Reported):
                 f"recognized in {self.flown:g} s."
             )
         if self.cost is not None:
-            parts.append(
-                f"Cost of this flight of {self.flown:g} s with Q and R: {self.cost:.6g}, "
-                "without the cost after its end."
-            )
-        if self.cost_to_go is not None:
-            has = "has returned" if self.returned else "has not returned"
-            parts.append(f"Cost-to-go at the end: {self.cost_to_go:.4g}; the flight {has}. {RULE}")
+            rows = [Row("up to the end", self.cost, note="with Q and R", digits=6)]
+            if self.cost_to_go is not None:
+                has = "the flight has returned" if self.returned else "the flight has not returned"
+                rows.append(Row("to go at the end", self.cost_to_go, note=has))
+            parts.append(Group("cost", tuple(rows), (RULE,) if self.cost_to_go is not None else ()))
         if self.integration is not None and self.integration.is_resolved:
             parts.append(self.integration.text())
         parts += self.loop.policy.notes()
