@@ -109,7 +109,9 @@ class Group(NamedTuple):
         return Table(header[:width], [row[:width] for row in cells])
 
     def text(self, color: bool = False, width: int | None = WIDTH) -> str:
-        """Return the rows and the sentences as text. Notes are wrapped in their own column."""
+        """Return the rows and the sentences as text. Notes are wrapped in a column of their own, or
+        stand below their rows where a narrow one has no room for them.
+        """
         below = [wrapped(printable(line), width) for line in self.lines]
         return "\n".join([*self._row_lines(color, width), *below])
 
@@ -123,17 +125,18 @@ class Group(NamedTuple):
             max(map(len, column)) for column in zip(*shown, strict=True)
         )
         begin = name_width + value_width + unit_width + 3 * len(_GAP)
-        room = None if width is None else max(width - begin, _LEAST_NOTE)
         for row, (name, value, unit) in zip((None, *self.rows), shown, strict=True):
             line = _GAP.join(
                 (name.ljust(name_width), value.rjust(value_width), unit.ljust(unit_width))
             )
-            note = printable(row.note, lines=False) if row is not None else ""
-            notes = textwrap.wrap(note, room) if room is not None and note else [note]
+            note = "" if row is None else printable(row.note, lines=False)
+            is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE)
+            indent = begin if is_beside else len(_GAP)
+            notes = [note] if width is None else textwrap.wrap(note, width - indent)
             tone = TONES.get(row.tone) if row is not None and color else None
-            for number, part in enumerate(notes):
-                start = line if number == 0 else " " * (begin - len(_GAP))
-                yield (start + _GAP + (f"\033[{tone}m{part}\033[0m" if tone else part)).rstrip()
+            toned = [f"\033[{tone}m{part}\033[0m" if tone else part for part in notes]
+            yield (line.ljust(begin) + toned.pop(0) if is_beside and toned else line).rstrip()
+            yield from (" " * indent + part for part in toned)
 
 
 class Sheet(ByName[Row]):
