@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +10,10 @@ import numpy as np
 
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from controller.riccati.axis_distance import distance_to_instability
-from controller.riccati.balancing import abscissa_of, stability
+from controller.riccati.balancing import stability
 from controller.riccati.certificate import form_of
 from controller.riccati.gare import Solution
+from controller.riccati.lyapunov import Lyapunov
 from controller.riccati.meaning import bounded_real_gain
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Result
@@ -22,7 +22,7 @@ from hfa_support.reporting.results import Result
 SIGNLESS = 1e-12
 #: Largest number of Newton steps for the loss. They converge quadratically, from below.
 MAX_STEPS = 100
-#: Relative change of the loss below which the Newton steps end.
+#: Relative change of the loss below which the Newton steps end, unless rounding changes it more.
 LOSS_TOLERANCE = 1e-10
 
 
@@ -145,8 +145,8 @@ def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None
 
     F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*.
 
-    Small losses therefore keep their digits. The result is also None if the iteration does not
-    converge.
+    Small losses therefore keep their digits. Newton steps from D = 0 increase D, until F is
+    unstable if there is no solution.
 
     In discrete time, the cost is that under w = L* z, the worst disturbance for the optimum:
 
@@ -165,8 +165,6 @@ def _loss_in_units(
     game: Game, exact: Solution, K: np.ndarray, units: np.ndarray
 ) -> np.ndarray | None:
     """Return the `loss_matrix` for states in balanced units, in which the equations are solved."""
-    from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
-
     change = (K - exact.K) * units
     charge = change.T @ exact.price @ change
     loop = game.A - game.B @ K + game.E @ exact.disturbance_gain
@@ -174,23 +172,17 @@ def _loss_in_units(
     if game.is_discrete:
         if not spectral_radius(start) < 1.0:
             return None
-        return np.asarray(solve_discrete_lyapunov(start.T, charge))
+        return Lyapunov.of_steps(start).solve(-charge)[0]
     E = game.E / units[:, None] / game.delta
     spread = E @ E.T
     D = np.zeros_like(start)
     for _ in range(MAX_STEPS):
         F = start + spread @ D
-        try:
-            with warnings.catch_warnings():
-                # SciPy warns of a singular Lyapunov equation.
-                warnings.simplefilter("error", RuntimeWarning)
-                if abscissa_of(F) >= 0.0:
-                    return None
-                following = solve_continuous_lyapunov(F.T, D @ spread @ D - charge)
-        except (ValueError, RuntimeWarning):  # overflow, or no solution
+        if not stability(F, is_discrete=False).is_stable:
             return None
-        following = (following + following.T) / 2.0
+        with np.errstate(over="ignore", invalid="ignore"):  # the next F is then not finite
+            following, _ = Lyapunov(F).solve(D @ spread @ D - charge)
         if np.abs(following - D).max() <= LOSS_TOLERANCE * np.abs(following).max():
             return following
         D = following
-    return None
+    return D

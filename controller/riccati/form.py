@@ -359,10 +359,6 @@ class Form(ABC):
     def existence(self) -> Answer:
         """Return whether the game has a value at this delta, and the reason if not."""
 
-    @abstractmethod
-    def delta_bound(self, X: np.ndarray) -> float:
-        """Return a delta near delta_min from the X without disturbance, or 0 if delta_min is 0."""
-
     @property
     @abstractmethod
     def without_input(self) -> tuple[np.ndarray, np.ndarray]:

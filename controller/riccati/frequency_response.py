@@ -58,7 +58,7 @@ def level_crossings(
 def loop_gain(loop: System, *, is_discrete: bool) -> GainBounds:
     """Return bounds of the L2 gain of a closed loop, inf for an unstable one.
 
-    Raises NoSolutionError as `system_gain` does.
+    Raises NoSolutionError as `gain_bounds` does.
     """
     if not is_discrete:
         return gain_bounds(*loop)
@@ -72,18 +72,6 @@ def loop_gain(loop: System, *, is_discrete: bool) -> GainBounds:
     ]
     sign = 1.0 if ends[0] >= ends[1] else -1.0
     return gain_bounds(*in_continuous_time(loop._replace(A=sign * loop.A)))
-
-
-def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
-    """Return the L2 gain of C (sI - A)⁻¹ B + D, the largest singular value over all frequencies.
-
-    - A is not Hurwitz: inf
-    - the gain is of the order of rounding: 0
-    - otherwise: an upper bound with the relative error `TOLERANCE`
-
-    Raises NoSolutionError if a pole is on the imaginary axis within rounding.
-    """
-    return gain_bounds(A, B, C, D).high
 
 
 class GainBounds(NamedTuple):
@@ -205,15 +193,6 @@ def _largest_gain(matrices: np.ndarray) -> float:
     return size * max(gain, largest_of(scaled[bounds > gain]))
 
 
-def square_root(matrix: np.ndarray) -> np.ndarray:
-    """Return the symmetric M^½ of a symmetric positive semidefinite matrix M.
-
-    Negative eigenvalues, due to rounding, are replaced by 0.
-    """
-    values, vectors = np.linalg.eigh(matrix)
-    return vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
-
-
 def scaled_root(M: np.ndarray) -> np.ndarray:
     """Return F (n, n) with F F' = M for a positive semidefinite M.
 
@@ -222,4 +201,6 @@ def scaled_root(M: np.ndarray) -> np.ndarray:
     """
     d = np.sqrt(np.diag(M).clip(0.0))
     safe = np.where(d > 0.0, d, 1.0)
-    return np.asarray(d[:, None] * square_root(M / np.outer(safe, safe)))
+    values, vectors = np.linalg.eigh(M / np.outer(safe, safe))
+    root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T  # values below 0 are rounding
+    return np.asarray(d[:, None] * root)

@@ -17,10 +17,9 @@ class Lyapunov:
     def __init__(self, F: np.ndarray) -> None:
         from scipy.linalg.lapack import dgees
 
-        self._T, _, real, _, self._U, _, failed = dgees(_unsorted, np.asarray_chkfinite(F))
+        self._T, _, _, _, self._U, _, failed = dgees(_unsorted, np.asarray_chkfinite(F))
         if failed:
             raise np.linalg.LinAlgError("the Schur form does not converge")
-        self.abscissa = float(real.max())
         self._into = np.eye(len(F))  # the right side is into'C into (`of_steps`)
 
     @classmethod

@@ -119,11 +119,11 @@ def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     u'Ru.
 
     In discrete time, signals are weighted by α^(k/2), as their squares are in the cost. The result
-    is inf if the loop is not stable (`system_gain`).
+    is inf if the loop is not stable.
 
     K: (m, n)
 
-    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError as `system_gain` does.
+    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError as `loop_gain` does.
     """
     form = form_of(game)
     K = np.linalg.solve(form.V, game.checked_gain(K) - form.F)

@@ -25,7 +25,6 @@ from controller.riccati.form import (
     Form,
     doubled,
 )
-from controller.riccati.frequency_response import square_root, system_gain
 from controller.riccati.lyapunov import Lyapunov
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import LARGEST
@@ -297,13 +296,6 @@ class NormalForm(Form):
         X1, X2 = np.split(basis, 2)
         smallest = float(np.linalg.eigvalsh(X1.T @ X2 + X2.T @ X1)[0])
         return Answer(smallest > -SIGN_ROUNDING, "P is indefinite", excess=smallest)
-
-    def delta_bound(self, X: np.ndarray) -> float:
-        """Return the L2 gain of the LQR policy of X, an upper bound of delta_min."""
-        K = self.B.T @ X
-        C = np.vstack([square_root(self.Q), K])
-        D = np.zeros((len(C), self.disturbance.shape[1]))
-        return system_gain(self.A - self.B @ K, self.disturbance, C, D)
 
     @property
     def without_input(self) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,8 @@ from typing import NamedTuple
 from controller.game.zero_sum import Game
 from controller.riccati.certificate import certified_solution, form_of
 from controller.riccati.form import Answer, Form
+from controller.riccati.frequency_response import loop_gain
+from controller.riccati.meaning import closed_loop
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -108,8 +110,8 @@ def smallest_delta_of(form: Form, progress: Progress | None = None) -> DeltaMin:
     """Return bounds of the smallest δ for which a game has a value, by bisection of log δ on
     `existence`.
 
-    The search begins at twice the `delta_bound` of the solution without disturbance. Both
-    bounds are 0 if the disturbance does not affect the cost.
+    The search begins at twice the L2 gain of the policy without disturbance, which is at least
+    delta_min. Both bounds are 0 if the disturbance does not affect the cost.
 
     form: form of the game
     progress: called during the search, or None
@@ -126,7 +128,8 @@ def smallest_delta_of(form: Form, progress: Progress | None = None) -> DeltaMin:
         raise NoSolutionError(
             f"the problem without disturbance (delta = inf) is not certified: {failure}"
         ) from failure
-    bound = lqr.form.delta_bound(lqr.X)
+    K, _ = lqr.form.gains(lqr.X)
+    bound = loop_gain(closed_loop(lqr.form, K), is_discrete=form.is_discrete).high
     if bound == 0.0:
         return DeltaMin(0.0, 0.0)
     turn = lqr.form.levelling(lqr.X, LEVEL)

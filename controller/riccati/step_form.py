@@ -230,11 +230,6 @@ class StepForm(Form):
         ]
         return Answer(False, failed[0]) if failed else Answer(True)
 
-    def delta_bound(self, X: np.ndarray) -> float:
-        """Return |E'X E|^½ of the X without disturbance, where the search for delta_min begins."""
-        E = self.disturbance
-        return math.sqrt(float(np.linalg.eigvalsh(E.T @ X @ E).max(initial=0.0).clip(0.0)))
-
     @property
     def without_input(self) -> tuple[np.ndarray, np.ndarray]:
         """A - B R⁺ N' and Q - N R⁺ N'."""

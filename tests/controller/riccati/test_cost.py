@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from game_samples import game_models
+from stored_games import stored
 
 from hfa import Game, from_gain, solve, verify
 
@@ -65,6 +66,16 @@ def test_gains_and_distances_are_of_both_policies(is_discrete: bool) -> None:
         assert distance == pytest.approx(least / np.linalg.norm(loop, 2), rel=1e-5)
         largest = np.linalg.svd(C @ np.linalg.inv(shifted), compute_uv=False).max()
         assert found[f"l2_gain{suffix}"] == pytest.approx(largest, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "worst"), [("weak", 12, 0.009803929418), ("cheap", 148, 0.9858833746)]
+)
+def test_costs_are_finite_where_rounding_hides_digits(kind: str, number: int, worst: float) -> None:
+    """A gain that is 1 % too large costs what the same equations give with 60 digits."""
+    game = stored(kind, number).game
+    cost = graded(game, 1.01 * solve(game).K)
+    assert cost["cost_lost_worst_percent"] == pytest.approx(worst, rel=1e-5)
 
 
 def test_a_gain_beyond_delta_has_infinite_cost() -> None:
