@@ -54,7 +54,7 @@ def test_flights_name_an_assumed_limit() -> None:
     left = hfa.fly(model, point, None, 20.0, initial={"beta": beyond, "yaw_rate": -3.0})
     assert left.departure is not None
     assert left.departure.assumed
-    assert "(assumed limit)" in left.report().title
+    assert "(assumed)" in left.report().title
 
 
 def test_an_output_takes_the_mark_of_the_state_that_limits_it() -> None:

@@ -15,7 +15,7 @@ from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.cost_above_optimum import CostAboveOptimum, cost_above_optimum
 from hfa_flight.judge.outcomes import Outcomes, Place, ends_from_trim, fly_places, refuse_edges
 from hfa_flight.judge.reach import HORIZON, Reach, reach_of, seconds_to_converge
-from hfa_flight.judge.recorded_flights import resolved_flight
+from hfa_flight.judge.resolved_flight import resolved_flight
 from hfa_flight.judge.weights import has_weights
 from hfa_flight.needs import ALL, SAMPLES
 from hfa_flight.plan.initial_box import start_box

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
-from hfa_flight.judge.outcomes import Outcomes, departure_text
+from hfa_flight.judge.outcomes import Outcomes
 from hfa_flight.judge.weights import weights_at
 from hfa_support.reporting.text import beside_unit, short_number, shown_unit
 
@@ -141,7 +141,7 @@ def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) ->
     leave = "leaves" if flown.lost == 1 else "leave"
     text = f"{when}{flown.lost} of {flown.starts} flights {leave} the envelope"
     if flown.departure is not None:
-        text += f" (first: {departure_text(flown.departure)})"
+        text += f" (first: {flown.departure.cause()})"
     severity = Severity.WARNING if point.holds else Severity.FAILURE
     return [_Found(severity, text, flown.lost / flown.starts)]
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.march.march import History
 from hfa_flight.air.history import Deviations
@@ -26,29 +24,7 @@ from hfa_flight.simulate.sampled_flights import (
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
-from hfa_support.reporting.text import beside_unit, short_number
 from trim.point.operating_point import OperatingPoint
-
-
-def departure_text(left: Departure) -> str:
-    """Return a departure as text, such as "altitude below 0 ft at 0.02 s"."""
-    when = f"at {left.time:.4g} s"
-    if not math.isfinite(left.value):
-        return f"{left.state} is not a number {when}"
-    side = "below" if left.value < left.limit else "above"
-    limit = beside_unit(short_number(left.limit, left.unit), left.unit)
-    return f"{left.state} {side} {limit}{' (assumed)' * left.assumed} {when}"
-
-
-def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
-    """Return the departure of a flight as text: the violated limit of a state, and the time.
-
-    states: (n,), states outside the envelope
-    time: s
-    """
-    left = departure(envelope, np.array([time]), states[None], False)
-    assert left is not None  # the states are outside
-    return departure_text(left)
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:

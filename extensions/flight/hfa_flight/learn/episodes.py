@@ -12,18 +12,19 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.ending import all_finite, is_within
 from hfa_aircraft.march.march import saturated
 from hfa_aircraft.model import Model
 from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.air.turbulence import AirFilter, Turbulence
-from hfa_flight.judge.outcomes import departure_at, refuse_edges
+from hfa_flight.judge.outcomes import refuse_edges
 from hfa_flight.judge.weights import cost_rate, cost_weights
 from hfa_flight.learn.start_boxes import surviving_boxes
 from hfa_flight.plan.initial_box import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.simulate.envelope import flight_envelope
+from hfa_flight.simulate.envelope import departure, flight_envelope
 from hfa_flight.simulate.sampled_flights import SampledFlight
 from hfa_support.errors import (
     BadInputError,
@@ -286,7 +287,7 @@ class Episodes:
         lowest, highest = self._flight.extremes(self._state[number, :-1])
         beyond = np.where(lowest < envelope.least, lowest, highest)
         if not envelope.within(beyond).all():
-            return departure_at(envelope, beyond, time)
+            return _departure_at(envelope, beyond, time)
         # The state keeps its values if the next values are not numbers.
         state, held = self._state[number], self._held[number]
         sizes = sum(self._flight.sizes), sum(self._flight.held_sizes)
@@ -294,7 +295,7 @@ class Episodes:
         after = np.array(later).ravel()[: self.states.shape[1]]
         if np.isfinite(after).all():
             return f"the command is not a number at {time:.4g} s"
-        return departure_at(envelope, after, time)
+        return _departure_at(envelope, after, time)
 
     def _compiled(self) -> Callable[[], Any]:
         """Return a function that advances all episodes by one sample, in place."""
@@ -360,6 +361,13 @@ def _ranges(
             model.with_parameters(**{name: value})
         ranges[name] = (lowest, highest)
     return ranges
+
+
+def _departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
+    """Return which limit is violated by states (n,) outside the envelope, and when."""
+    left = departure(envelope, np.array([time]), states[None], moving_air=False)
+    assert left is not None  # the states are outside
+    return left.cause()
 
 
 def _has_nan(actions: np.ndarray) -> bool:

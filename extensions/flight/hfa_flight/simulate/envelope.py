@@ -38,11 +38,16 @@ class Departure(NamedTuple):
 
     def text(self) -> str:
         """Return the departure as a sentence, with angles in degrees."""
+        return f"{'left the envelope' if np.isfinite(self.value) else 'diverged'}: {self.cause()}"
+
+    def cause(self) -> str:
+        """Return state, limit and time as text, such as "alpha above 20 deg at 1.9 s"."""
+        when = f"at {self.time:.4g} s"
         if not np.isfinite(self.value):
-            return f"diverged: {self.state} is not finite at {self.time:.4g} s"
-        beyond = _beyond(self.value, self.limit, self.unit)
-        beyond += " (assumed limit)" * self.assumed
-        return f"left the envelope: {self.state} first, at {self.time:.4g} s, {beyond}"
+            return f"{self.state} is not finite {when}"
+        side = "below" if self.value < self.limit else "above"
+        limit = beside_unit(short_number(self.limit, self.unit), self.unit)
+        return f"{self.state} {side} {limit}{' (assumed)' * self.assumed} {when}"
 
 
 class ControlExcess(NamedTuple):
@@ -60,12 +65,8 @@ class ControlExcess(NamedTuple):
 
     def text(self) -> str:
         """Return name, value and limit as text, with angles in degrees."""
-        return f"{self.input} {_beyond(self.value, self.limit, self.unit)}"
-
-
-def _beyond(value: float, limit: float, unit: str) -> str:
-    """Return text such as "21 deg beyond 20" for a value and its limit, with angles in degrees."""
-    return f"{beside_unit(short_number(value, unit), unit)} beyond {short_number(limit, unit)}"
+        value = beside_unit(short_number(self.value, self.unit), self.unit)
+        return f"{self.input} {value} beyond {short_number(self.limit, self.unit)}"
 
 
 def limits_text(lowest: float, highest: float, unit: str, assumed: bool = False) -> str:

@@ -125,7 +125,7 @@ def test_an_episode_ends_if_the_action_is_nan() -> None:
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
     action = {"elevator": {"box": [-1, 1], "map": "trim + 0.1 * log(a + 0.5)"}}
     for delay, said in (
-        (0.0, "speed is not a number at 0.04 s"),
+        (0.0, "speed is not finite at 0.04 s"),
         (0.02, "the command is not a number"),
     ):
         timing = {"dt": 0.02, "delay": delay}
