@@ -40,6 +40,7 @@ _SLOWEST_GEAR = 0.001
 #: Horsepower, ft lb/s.
 HP = 550.0
 KINDS = ("turbine_engine", "rocket_engine", "piston_engine", "turboprop_engine", "electric_engine")
+THRUSTERS = ("propeller", "direct", "nozzle")
 
 
 @dataclass(frozen=True)
@@ -157,17 +158,15 @@ class Effect:
     properties: dict[str, Any] = field(default_factory=dict)
 
 
-def read_engine(
-    number: int, mount: Element, opened: Any, tanks: Sequence[Tank]
-) -> EngineFile | Element:
+def read_engine(number: int, mount: Element, opened: Any, tanks: Sequence[Tank]) -> EngineFile:
     """Return the engine that an <engine> element describes.
-
-    If the engine or its thruster is not supported, the element of the unsupported part is returned.
 
     number: index of the engine
     mount: the <engine> element
     opened: function that returns the root of the file that an element names
     tanks: tanks of the aircraft
+
+    Raises BadInputError if the engine or its thruster is not supported.
     """
     thruster_mount = mount.need("thruster")
     engine = opened(mount)
@@ -175,13 +174,14 @@ def read_engine(
         engine = next((child for child in mount.children if child.name.endswith("_engine")), mount)
     thruster = opened(thruster_mount)
     if thruster is thruster_mount:
-        inline = ("propeller", "direct", "nozzle")
         children = thruster_mount.children
-        thruster = next((child for child in children if child.name in inline), thruster_mount)
-    if engine.take().name not in KINDS:
-        return engine
-    if thruster.take().name not in ("propeller", "direct", "nozzle"):
-        return thruster
+        thruster = next((child for child in children if child.name in THRUSTERS), thruster_mount)
+    for part, kinds in ((engine, KINDS), (thruster, THRUSTERS)):
+        if part.take().name not in kinds:
+            raise part.error(
+                f"<{shortened(part.name)}> is not supported; use {', '.join(KINDS)} with "
+                "propeller, direct or nozzle"
+            )
     point = thruster_mount.find("location")
     location = np.zeros(3) if point is None else point.vector("IN")
     numbers = [int(feed.number()) for feed in mount.all("feed")]
@@ -603,10 +603,3 @@ def _add_shafts(file: EngineFile, around: Surroundings) -> None:
             return state
 
         around.properties.compute(file.full_name(name), Writer(speed, file.mount.where))
-
-
-def refusal(element: Element) -> str:
-    """Return the message for an unsupported engine or thruster."""
-    engines = ", ".join(KINDS)
-    name = shortened(element.name)
-    return f"<{name}> is not supported; use {engines} with propeller, direct or nozzle"

@@ -12,8 +12,7 @@ from hfa_jsbsim.airframe import (
     read_point_masses,
     read_tanks,
 )
-from hfa_jsbsim.engines import EngineFile, read_engine, refusal
-from hfa_jsbsim.notes import Note
+from hfa_jsbsim.engines import EngineFile, read_engine
 from hfa_jsbsim.xml_file import Element, Folders
 from hfa_support.errors import BadInputError, shortened
 
@@ -31,7 +30,6 @@ LOADED = (
 class Choices:
     """Options for reading an aircraft.
 
-    partial: whether to omit unsupported motors, rotors and gas cells. Otherwise they are refused.
     filters: whether lags, washouts, integrators and other dynamic components have states. Otherwise
         their steady-state output is used.
     throttles: whether each engine has a separate throttle.
@@ -40,7 +38,6 @@ class Choices:
     inputs: properties that are inputs of the model, in addition to the pilot's commands.
     """
 
-    partial: bool = False
     filters: bool = False
     throttles: bool = False
     engines: bool = False
@@ -55,7 +52,6 @@ class Parts:
     empty: the empty aircraft.
     tanks, points, engines: tanks, point masses and engines.
     mass: mass with the tank contents and point masses in the files.
-    notes: notes for the user.
     """
 
     def __init__(self, path: Path, folders: Folders, choices: Choices) -> None:
@@ -67,14 +63,13 @@ class Parts:
         self.folders = folders
         self.choices = choices
         self.name = root.attributes.get("name", path.stem)
-        self.notes: list[Note] = []
         self.sections: list[Element] = []
         for child in root.children:
             is_first = self.section(child.name) is None  # JSBSim reads only the first
             if child.name in LOADED and (is_first or child.name == "system"):
                 self.sections.append(folders.merged(child.take()))
         gas = self.section("buoyant_forces")
-        if gas is not None and not choices.partial:
+        if gas is not None:
             raise gas.error("<buoyant_forces> is not supported; remove the gas cells")
         propulsion = self.section("propulsion")
         self.wings = read_metrics(self._needed("metrics"))
@@ -83,15 +78,11 @@ class Parts:
         self.empty = read_empty(balance)
         self.points = read_point_masses(balance)
         self.mass = mass_in_file(balance, self.tanks, self.points)
-        self.engines: list[EngineFile] = []
-        for number, mount in enumerate(propulsion.all("engine") if propulsion else ()):
-            engine = read_engine(number, mount, folders.opened, self.tanks)
-            if isinstance(engine, EngineFile):
-                self.engines.append(engine)
-            elif choices.partial:
-                self.notes.append(Note("omitted", refusal(engine), engine.where))
-            else:
-                raise engine.error(refusal(engine))
+        mounts = propulsion.all("engine") if propulsion else ()
+        self.engines: list[EngineFile] = [
+            read_engine(number, mount, folders.opened, self.tanks)
+            for number, mount in enumerate(mounts)
+        ]
 
     def section(self, name: str) -> Element | None:
         """Return the first section of this name, or None."""

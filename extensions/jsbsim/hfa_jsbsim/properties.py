@@ -189,10 +189,6 @@ class Properties:
         writers = self._writers.get(plain(name))
         return writers[-1] if writers else None
 
-    def names(self) -> tuple[str, ...]:
-        """Names of all properties that have writers."""
-        return tuple(self._writers)
-
     def read(self, name: str, where: str) -> Any:
         """Return the value of a property.
 

@@ -91,23 +91,21 @@ _MODES = {
 }
 
 
-def read_model(text: str, partial: bool = False) -> Model:
+def read_model(text: str) -> Model:
     """Return the `Model` of "jsbsim:NAME" or of an aircraft's XML file.
 
     Options may follow a question mark: "jsbsim:737?engines=states&throttles=each". With
     "inputs=fcs/a,fcs/b", these properties are inputs in addition to the pilot's commands.
-
-    partial: whether to omit unsupported motors, rotors and gas cells. Otherwise they are refused.
 
     Raises BadInputError for an unknown aircraft or option, and, with file and line, for an element
     that is not supported.
     """
     name, _, chosen = text.partition("?")
     path, folders = _find(name)
-    parts = Parts(path, folders, _choices(chosen, partial))
+    parts = Parts(path, folders, _choices(chosen))
     equations = Equations(parts)
     declaration = _Declaration(parts, equations)
-    notes = [*parts.notes, *equations.notes, *account(parts, equations)]
+    notes = [*equations.notes, *account(parts, equations)]
     return declaration.model(Source(text, folders.digest), notes)
 
 
@@ -119,9 +117,9 @@ _CHOICES = {
 }
 
 
-def _choices(text: str, partial: bool) -> Choices:
+def _choices(text: str) -> Choices:
     """Return the options in the text after a question mark."""
-    made: dict[str, Any] = {"partial": partial}
+    made: dict[str, Any] = {}
     for word in text.split("&") if text else []:
         name, _, value = word.partition("=")
         if name == "inputs" and value:
