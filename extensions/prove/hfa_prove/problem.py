@@ -64,19 +64,18 @@ def plant_at(point: OperatingPoint) -> Plant:
     )
 
 
-def given_plant(plant: Plant, option: str, before: str = "") -> dict[str, Given]:
+def given_plant(plant: Plant, before: str = "") -> dict[str, Given]:
     """Return path of an entry -> the user's value, for every entry on the user's plant or loop.
 
     The values of its trim are compared within `SAME_TRIM` nominal values.
 
-    option: the options that gave the plant, for messages
     before: beginning of every path, such as "plant."
     """
     widths = {name: SAME_TRIM * signal.nominal for name, signal in plant.model.signals.items()}
     given = {}
     for path, declared, value in plant.entries(before):
         if declared.subject == "trim":
-            given[path] = Given(value, option, within(widths))
+            given[path] = Given(value, within(widths))
         elif declared.subject:
-            given[path] = Given(value, option)
+            given[path] = Given(value)
     return given

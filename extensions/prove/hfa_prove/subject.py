@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_prove.fields import Stated
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import NoSolutionError
 
 
 def _same(stated: Any, own: Any) -> bool:
@@ -47,16 +47,12 @@ class Given(NamedTuple):
     """A value from the user's data that is compared with an entry of a statement.
 
     value: the value, in the form that is stored in a certificate
-    option: the options that gave the value, for messages
     same: (value in the certificate, user's value) -> whether the values agree, exact equality by
         default
-    option_of: name in an object of values -> the option that gave it, if it is not `option`
     """
 
     value: Any
-    option: str = ""
     same: Callable[[Any, Any], bool] = _same
-    option_of: Mapping[str, str] = {}
 
 
 def close_to(relative: float) -> Callable[[Any, Any], bool]:
@@ -100,22 +96,19 @@ def compare(statement: Stated, given: Mapping[str, Given]) -> list[str]:
 
     given: path of an entry -> the user's value
 
-    Raises NoSolutionError if an entry differs from the user's value. Raises BadInputError if the
-    user gave a value for an entry that the statement does not have.
+    Raises NoSolutionError if an entry differs from the user's value.
     """
     stated = {path: (declared, value) for path, declared, value in statement.entries()}
     for path, own in given.items():
         name = path.rpartition(".")[2]
-        if path not in stated:
-            raise BadInputError(
-                f"{own.option} gives {name}, which the certificate does not contain; remove {name}"
-            )
         value = stated[path][1]
         if not own.same(value, own.value):
             other = _first_other(name, value, own)
-            option = own.option_of.get(other, own.option)
             what = f"limit of {other}" if name == "limits" else other
-            raise NoSolutionError(f"{what} in the certificate differs from the value of {option}")
+            raise NoSolutionError(
+                f"{what} in the certificate differs from the value of the options; give the "
+                "options of the proof"
+            )
     not_given = [declared.subject for path, (declared, _) in stated.items() if path not in given]
     return [subject for subject in dict.fromkeys(not_given) if subject]
 

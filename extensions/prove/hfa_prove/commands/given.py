@@ -12,7 +12,7 @@ import numpy as np
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import quantity
 from hfa.options.games import given_weights
-from hfa.options.option import is_given, options_of, refuse
+from hfa.options.option import is_given, refuse
 from hfa.options.plants import loaded_model
 from hfa.options.trims import (
     OF_THE_TRIM,
@@ -40,18 +40,6 @@ from hfa_support.errors import BadInputError
 _OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", *OF_THE_TRIM)
 #: Options that define a policy or gains.
 _OF_THE_POLICY = ("weights", "policy", "basis", "network", "set", "N", "delta", "Q", "R")
-#: Subject of an entry (`Entry.subject`), or path of an entry without a subject -> options that give
-#: its value.
-_GIVEN_BY: Mapping[str, tuple[str, ...]] = {
-    "aircraft": ("aircraft", "dynamics"),
-    "parameters": ("parameters", "mass"),
-    "trim": ("at", "dihedral", *OF_THE_TRIM),
-    "limits": ("limit", "condition"),
-    "policy": _OF_THE_POLICY,
-    "gains": _OF_THE_POLICY,
-    "flight.range": ("at", "dihedral"),
-    "loop.disturbances": ("disturbance",),
-}
 #: Options that do not apply to the certificate of a schedule.
 _NOT_OF_SCHEDULES = ("policy", "basis", "network", "set", "disturbance", "start")
 
@@ -97,28 +85,6 @@ def _names_one(request: CheckRequest, names: tuple[str, ...]) -> bool:
     return any(is_given(request, name) for name in names)
 
 
-def _options(request: CheckRequest, *of: str) -> str:
-    """Return the given options of the first key of `_GIVEN_BY` that has any, joined by "and"."""
-    options = options_of(type(request))
-    for key in of:
-        typed = [name for name in _GIVEN_BY.get(key, ()) if is_given(request, name)]
-        if typed:
-            return " and ".join(options[name].flags[-1] for name in typed)
-    return "the default aircraft"
-
-
-def _option_of_each(request: CheckRequest, trim: CheckedTrim, subject: str) -> dict[str, str]:
-    """Return variable -> the option that gives its trim value, parameter or limits."""
-    if subject == "limits":
-        of_file = {} if request.condition is None else trim.given.common.limits
-        return dict.fromkeys(of_file, "--condition") | dict.fromkeys(request.limit, "--limit")
-    held = dict.fromkeys(trim.given.hold, "--hold")
-    if trim.ends:
-        model = trim.given.model
-        held[model.schedule] = f"--{at_name(model)}"
-    return held
-
-
 def given_for(
     statement: Any, request: CheckRequest, trim: CheckedTrim, own: GivenPolicy | None
 ) -> dict[str, Given]:
@@ -132,15 +98,7 @@ def given_for(
         "schedule": _of_schedule,
         "region": _of_region,
     }
-    given = of_kind[kind_of(statement)](statement, request, trim, own)
-    subjects = {path: declared.subject for path, declared, _ in statement.entries()}
-    named = {}
-    for path, value in given.items():
-        subject = subjects.get(path, "")
-        option = _options(request, path, subject, "aircraft", "trim", "limits")
-        option_of = _option_of_each(request, trim, subject)
-        named[path] = value._replace(option=option, option_of=option_of)
-    return named
+    return of_kind[kind_of(statement)](statement, request, trim, own)
 
 
 def _of_schedule(
@@ -190,11 +148,11 @@ def _of_region(
                 "the certificate is about a polynomial policy, not a network or a deployed policy; "
                 "give the file of the proved gain or critic as --weights"
             )
-        given = given_plant(own.problem(limits).loop, "", "loop.")
+        given = given_plant(own.problem(limits).loop, "loop.")
     else:
         if _names_one(request, _OF_THE_AIRCRAFT) or trim.ends:
             plant = plant_at(trimmed(trim.given))
-            given = given_plant(plant, "", "loop.")
+            given = given_plant(plant, "loop.")
             at_stated_trim = replace(plant, trim=loop.trim, held=loop.held)
             stated = limits_at(at_stated_trim, limits)
             given["loop.limits"] = Given(stated, same=_not_wider(tuple(plant.model.inputs)))
