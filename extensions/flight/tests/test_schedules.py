@@ -12,7 +12,8 @@ from scipy.io import savemat
 
 import hfa
 from hfa import BadInputError, Model, Signal
-from hfa_flight import load_gain_schedule
+from hfa_aircraft.waveform import constant
+from hfa_flight import GainSchedule, Scenario, load_gain_schedule
 
 FOOT, POUND = 0.3048, 4.4482216152605
 
@@ -92,3 +93,16 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
 def test_wrong_gain_files_are_refused(tmp_path: Path, content: Any, said: str) -> None:
     with pytest.raises(BadInputError, match=re.escape(said)):
         load_gain_schedule(gains_file(tmp_path, **content), TANK)
+
+
+def test_a_policy_with_a_reference_follows_no_other() -> None:
+    """Gains of a table and `hfa.track` have a reference; that of the scenario is refused."""
+    point = hfa.trim(TANK)
+    table = GainSchedule(np.array([0.0, 1.0]), np.ones((2, 1, 2)), TANK)
+    linear = hfa.linearize(TANK, point)
+    tracking = hfa.track(linear, hfa.solve(hfa.game(linear)), {"level": 0.1})
+    up = Scenario(reference=constant(np.array([0.1, 0.0])))
+    for policy in (table, tracking):
+        hfa.fly(TANK, point, policy, 0.1)
+        with pytest.raises(BadInputError, match="follows a reference of its own"):
+            hfa.fly(TANK, point, policy, 0.1, scenario=up)

@@ -244,6 +244,23 @@ class Scenario(Reported):
             noise=self.noise or no_signal,
         )
 
+    def following(self, reference: TimeVector, policy: str) -> Scenario:
+        """Return the scenario with the reference of a policy.
+
+        policy: name of the policy
+
+        Raises BadInputError if the scenario has another reference.
+        """
+        own = self.reference
+        if isinstance(own, Waveform) and not np.any([own.constant, own.slope]):
+            own = own if own.harmonics else None
+        if own not in (None, reference):
+            raise BadInputError(
+                f"the policy {policy} follows a reference of its own; remove the reference of the "
+                "scenario"
+            )
+        return replace(self, reference=reference)
+
     @property
     def ticks(self) -> int:
         """Number of ticks of the flight."""

@@ -302,7 +302,6 @@ def assess(request: AssessRequest) -> int:
     if request.filter:
         deployment = _filtered(deployment, given)
     deployed = Deployed(deployment, given.model)
-    _refuse_contradictions(request, deployed)
     result = _assessment(request, given, deployed)
     show(request, result.report(), given.source, figure=result.figure, notes=result.warnings)
     return 0 if result.ok else 1
@@ -350,20 +349,6 @@ def _flights_of_law(request: AssessRequest) -> FlyRequest:
         samples=OF_POLICY if request.samples is None else request.samples,
         **{name: getattr(request, name) for name in shared},
     )
-
-
-def _refuse_contradictions(request: AssessRequest, deployed: Deployed) -> None:
-    """Raise BadInputError for options that require a cost if the deployment has none."""
-    from hfa_flight.judge.weights import has_weights
-
-    if has_weights(deployed):
-        return
-    origin = deployed.deployment.origin
-    remedy = "give a deployment file with Q and R in [cost], or Q and R in the plant file"
-    if deployed.deployment.actor and "cost" in request.need:
-        raise BadInputError(f"--need cost: {origin} has no table [cost]; {remedy}")
-    if request.best:
-        raise BadInputError(f"--best: {origin} has no table [cost]; {remedy}")
 
 
 def _assessment(request: AssessRequest, given: _Given, deployed: Deployed) -> Assessment:

@@ -11,7 +11,7 @@ from hfa.options.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.judge.assessed_point import AssessedPoint
-from hfa_flight.judge.assessment import Assessment
+from hfa_flight.judge.assessment import NEEDS, Assessment
 from hfa_flight.judge.assessor import Assessor
 from hfa_flight.judge.flight_costs import flight_costs
 from hfa_flight.judge.trims import trims_of
@@ -103,6 +103,8 @@ def assess(
     >>> hfa.assess(hfa.aircraft(), deployment, [0.1], samples=0).points[0].holds
     True
     """
+    for name in needs or {}:
+        refuse_unknown("unknown requirement", name, NEEDS)
     share = (needs or {}).get(SHARE, ALL)
     refuse_share(share)
     if not isinstance(deployment, (Deployment, str, Path)):
@@ -193,6 +195,13 @@ def assessment_of(
     best: number of flights that are compared with the best flights, as in `assess`
     progress_of: function from the name of a step to the callback for its progress, or None
     """
+    deployed = assessor.deployed
+    if ("cost" in needs or best) and not has_weights(deployed):
+        asked = "best" if best else "a required cost"
+        raise BadInputError(
+            f"{asked}: {deployed.deployment.origin} has no table [cost]; give a deployment file "
+            "with Q and R in [cost], or Q and R in the plant file"
+        )
     progress = progress_of("fly in noise and moving air") if scenarios else None
     in_air = [  # first, because they refuse a scenario that does not suit the aircraft
         _in_air(assessor, point, happens, progress)
@@ -204,7 +213,7 @@ def assessment_of(
     if scenarios:
         points = [replace(at, in_air=flown) for at, flown in zip(points, in_air, strict=True)]
     changed = variations(assessor, changes, progress_of("fly changed aircraft"))
-    return Assessment(assessor.deployed, tuple(points), needs, tuple(changed))
+    return Assessment(deployed, tuple(points), needs, tuple(changed))
 
 
 def _with_costs(

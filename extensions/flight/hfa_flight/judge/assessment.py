@@ -15,11 +15,9 @@ from hfa_flight.judge.assessment_figure import drawn_assessment
 from hfa_flight.judge.assessment_report import records_table, report_parts
 from hfa_flight.judge.findings import Finding, Severity, findings_at_trims, where_text, worst_first
 from hfa_flight.judge.variations import Variation
-from hfa_flight.judge.weights import has_weights
 from hfa_flight.needs import SHARE
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.notes import notes_on_files
-from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.report import Report, Reported
@@ -80,25 +78,15 @@ class Assessment(Result, Reported):
 
     @property
     def unmet(self) -> list[str]:
-        """Requirements that are not satisfied, one sentence each.
-
-        Raises BadInputError for an unknown requirement, and if a cost is required and the
-        deployment has no weights.
-        """
+        """Requirements that are not satisfied, one sentence each."""
         sentences = []
         for name, need in self.needs.items():
-            refuse_unknown("unknown requirement", name, NEEDS)
             wrong = [point for point in self.points if not _meets(point, name, need)]
             if wrong:
                 where = f" at {len(wrong)} of {len(self.points)} trims"
                 if len(self.points) == 1:
                     where = ""
                 sentences.append(f"{NEEDS[name].format(need)}{where}")
-        if "cost" in self.needs and not has_weights(self.deployed):
-            raise BadInputError(
-                "--need cost requires weights; add [cost] with the Q and R of the training "
-                "to the deployment file"
-            )
         return sentences
 
     @property

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -87,7 +87,7 @@ def policy_and_scenario(
         return function_policy(given.origin, given.policy, point), scenario
     if isinstance(given, Tracking):
         policy = GainPolicy("tracking", given.K, given.inputs)
-        return policy, replace(scenario, reference=given.exact.reference)
+        return policy, scenario.following(given.exact.reference, policy.name)
     if isinstance(given, GainSchedule):
         condition = usual_condition(point.model).at
         return scheduled_gains("scheduled gains", given, point, condition).in_scenario(scenario)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Self
 
 import casadi as ca
@@ -112,8 +112,11 @@ class ScheduledGainPolicy(Policy):
         return self.path.inputs_at(t) - ca.mtimes(K, measurements.error)
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
-        """Return the policy, and the scenario with the trims along the commands as reference."""
-        return self, replace(scenario, reference=self.path)
+        """Return the policy, and the scenario with the trims along the commands as reference.
+
+        Raises BadInputError if the scenario has another reference.
+        """
+        return self, scenario.following(self.path, self.name)
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: name, units of the states, breakpoints and gains."""

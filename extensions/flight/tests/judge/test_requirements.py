@@ -53,8 +53,20 @@ def test_every_flight_must_converge_or_the_required_share() -> None:
         needs = {"share": share}
         again = hfa.assess(UNSTABLE, deployment(4.0), samples=24, best=0, needs=needs)
         assert (again.ok, again.points[0].holds) == (passes, passes)
-    with pytest.raises(hfa.BadInputError, match=r"share is 1\.2"):
-        hfa.assess(UNSTABLE, deployment(4.0), samples=0, needs={"share": 1.2})
+
+
+def test_wrong_requirements_are_refused_before_any_flight() -> None:
+    def flown(*_: object) -> None:
+        raise AssertionError("a flight was flown")
+
+    for asked, said in (
+        ({"needs": {"share": 1.2}}, r"share is 1\.2"),
+        ({"needs": {"speed": 1.0}}, "choose from delay, margin, cost"),
+        ({"needs": {"cost": 5.0}}, "required cost: .* has no table .cost"),
+        ({"best": 1}, "best: .* has no table .cost"),
+    ):
+        with pytest.raises(hfa.BadInputError, match=said):
+            hfa.assess(UNSTABLE, deployment(4.0), progress=flown, **asked)
 
 
 @pytest.mark.parametrize(("offset", "passes"), [(0.01, True), (0.2, False), (-0.2, False)])
