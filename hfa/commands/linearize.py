@@ -70,17 +70,12 @@ def linearize(request: LinearizeRequest) -> int:
     """Linearize exactly at a trim, and report matrices, modes and handling qualities. --bode adds
     transfer functions. Error bands and differences from printed matrices are added where known."""
     given = given_trim(request, required=True)
-    _refuse_unknown_names(request, given.model)
+    states = _states(request, given.model)
     point = trimmed_or_shown(request, given)
-    usual = given.model.linear
-    follow = request.residualize
-    states = request.states or tuple(name for name in usual if name not in follow)
-    if both := set(states) & set(follow):
-        raise BadInputError(
-            f"{min(both)} is in both --states and --residualize; remove {min(both)} from one option"
-        )
-    full = _with_winds(given.model, point, request.outputs or states, (*states, *follow))
-    model = full.select(states, request.inputs, residualize=follow)
+    full = _with_winds(
+        given.model, point, request.outputs or states, (*states, *request.residualize)
+    )
+    model = full.select(states, request.inputs, residualize=request.residualize)
     report = linear_model_report(model)
     if hfa_model.is_hfa(given.model):
         report = _of_the_hfa(request, given, model, report)
@@ -89,12 +84,12 @@ def linearize(request: LinearizeRequest) -> int:
         from trim.linear.frequency import with_transfers
 
         report = with_transfers(report, model.system)
-    # The printed matrices are in feet.
-    printed = printed_at(point) if _is_printed(model) and request.units != "si" else None
-    if printed is not None:
-        report = with_printed_matrices(report, model, printed)
-    notes = [*report.notes, reduction_note(model.matrices, full.select(usual).matrices, follow)]
-    notes = [note for note in notes if note]
+    if _is_printed(model) and request.units != "si":  # the printed matrices are in feet
+        printed = printed_at(point)
+        report = report if printed is None else with_printed_matrices(report, model, printed)
+    usual = full.select(given.model.linear)
+    omitted = reduction_note(model.matrices, usual.matrices, request.residualize)
+    notes = [note for note in (*report.notes, omitted) if note]
     report = replace(report, notes=notes).with_data(warnings=notes)
 
     def figure() -> Figure:
@@ -106,8 +101,12 @@ def linearize(request: LinearizeRequest) -> int:
     return 0
 
 
-def _refuse_unknown_names(request: LinearizeRequest, model: Model) -> None:
-    """Raise BadInputError if an option names a state, input or output that the model lacks."""
+def _states(request: LinearizeRequest, model: Model) -> tuple[str, ...]:
+    """Return the states of the linear model, by default those of the aircraft's.
+
+    Raises BadInputError if an option names a state, input or output that the aircraft lacks, and if
+    a state is kept and residualized.
+    """
     states = tuple(model.states)
     named = {
         "--states": (request.states, states),
@@ -118,6 +117,12 @@ def _refuse_unknown_names(request: LinearizeRequest, model: Model) -> None:
     for flag, (names, known) in named.items():
         for name in names or ():
             refuse_unknown(f"{flag} contains the unknown name", name, known)
+    both = set(request.states or ()) & set(request.residualize)
+    if both:
+        raise BadInputError(
+            f"{min(both)} is in both --states and --residualize; remove {min(both)} from one option"
+        )
+    return request.states or tuple(x for x in model.linear if x not in request.residualize)
 
 
 def _with_winds(
