@@ -40,25 +40,6 @@ class Feedforward:
         """Feedforward u_d = -R⁻¹B's, (m,), of the inputs."""
         return self.costate.through(-self.game.R_inverse_B_transposed)
 
-    @property
-    def disturbance(self) -> Waveform:
-        """Feedforward δ⁻²E's, (p,), of the worst disturbance."""
-        return self.costate.through(self.game.E.T / self.game.delta**2)
-
-    def cost_per_second(self, duration: float) -> float:
-        """Return the mean of -c' over a duration: what tracking costs where z follows the policies.
-
-        duration: s
-        """
-        from scipy.integrate import quad_vec
-
-        def rate(t: float) -> float:
-            s = self.costate.at(t)
-            return float(2.0 * s @ self.forcing.at(t) - s @ self.game.S @ s)
-
-        total, _ = quad_vec(rate, 0.0, duration, epsrel=1e-10)
-        return float(total) / duration
-
 
 def forcing(A: np.ndarray, reference: Waveform) -> Waveform:
     """Return r = A x_d - x_d', (n,), the effect of a reference x_d on the rate of the error z.

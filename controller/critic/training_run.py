@@ -102,18 +102,11 @@ class TrainingRun(Result, Reported):
         return units
 
     @property
-    def settled(self) -> bool:
-        """True if the data have full rank and `settling_residual` is at most `SETTLED`.
-
-        The critic of a settled run may still be wrong.
-        """
-        has_rank = self.excitation.rank >= self.excitation.size
-        return has_rank and self.settling_residual <= SETTLED
-
-    @property
     def outcome(self) -> str:
         """ "settled", or a sentence with the reason why the run has not settled.
 
+        A run has settled if the data have full rank and `settling_residual` is at most `SETTLED`;
+        its critic may still be wrong.
         The misfit of recorded drifts that are not linear in z, or noisy, follows "settled". The
         learned gain is that of their linear fit.
         """

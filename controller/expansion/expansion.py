@@ -90,11 +90,6 @@ class Expansion(Result, Reported):
         """Monomials of V, "quadratic", "cubic", "quartic" or "quintic"."""
         return named_basis(TO_DEGREE[self.order], self.states)
 
-    @property
-    def basis_name(self) -> str:
-        """Monomials of V, "quadratic", "cubic", "quartic" or "quintic"."""
-        return self.basis.name
-
     @cached_property
     def weights(self) -> Vector:
         """Weights W of V = W'ψ(z), (M,), of the monomials in `basis`."""
@@ -127,7 +122,7 @@ class Expansion(Result, Reported):
         """Return the entries of the file, name -> value."""
         return {
             "order": self.order,
-            "basis": self.basis_name,
+            "basis": self.basis.name,
             "W": self.weights,
             "policy_weights": self.policy_weights,
             "radii": self.radii,

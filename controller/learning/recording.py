@@ -53,11 +53,6 @@ class Stack(Reported):
         """Number of samples, N_h."""
         return int(self.states.shape[0])
 
-    def drift_fit(self) -> np.ndarray:
-        """Return the least-squares fit Â (n, n) of F = Â z."""
-        fit: np.ndarray = np.linalg.lstsq(self.states, self.drifts, rcond=None)[0].T
-        return fit
-
     def linear(self) -> tuple[Stack, float]:
         """Return the samples with their drifts replaced by Â z_j, and the relative misfit of this
         fit.
@@ -66,7 +61,8 @@ class Stack(Reported):
         drifts the misfit is of the order of rounding. Otherwise the misfit has the size of the
         noise or of a reference forcing.
         """
-        fitted = self.states @ self.drift_fit().T
+        A_transposed, *_ = np.linalg.lstsq(self.states, self.drifts, rcond=None)
+        fitted = self.states @ A_transposed
         size = float(np.linalg.norm(self.drifts))
         misfit = float(np.linalg.norm(self.drifts - fitted)) / size if size > 0.0 else 0.0
         return Stack(self.states, fitted), misfit
@@ -151,18 +147,13 @@ def natural_spread(game: Game) -> np.ndarray:
     return units * np.sqrt(np.where(variances > 0.0, variances, 1.0))
 
 
-def unit_rows(matrix: np.ndarray) -> np.ndarray:
-    """Return the matrix with each row divided by its Euclidean norm. Zero rows are unchanged."""
-    lengths = np.linalg.norm(matrix, axis=1, keepdims=True)
-    return matrix / np.where(lengths > 0.0, lengths, 1.0)
-
-
 def excitation(samples: np.ndarray) -> Excitation:
     """Return the rank and the condition of recorded samples.
 
-    samples: ψ(z_j), (N_h, M), whose rows are divided by their lengths
+    samples: ψ(z_j), (N_h, M), whose rows are divided by their lengths, unless these are 0
     """
-    rows = unit_rows(samples)
+    lengths = np.linalg.norm(samples, axis=1, keepdims=True)
+    rows = samples / np.where(lengths > 0.0, lengths, 1.0)
     values = np.zeros(rows.shape[1])
     computed = np.linalg.svd(rows, compute_uv=False)
     values[: len(computed)] = computed

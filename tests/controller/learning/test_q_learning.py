@@ -35,7 +35,7 @@ def test_q_learning_finds_the_exact_q_function(seed, margin):
     H = run.H
     assert np.abs(run.P - exact.P).max() <= 1e-9 * np.abs(exact.P).max()
     assert np.abs(H - exact.H).max() <= 1e-9 * np.abs(exact.H).max()
-    assert run.settled
+    assert run.outcome == "settled"
 
 
 def test_games_without_a_solution_are_refused():
