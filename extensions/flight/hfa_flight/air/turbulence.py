@@ -466,18 +466,9 @@ class AirFilter:
 
     @cached_property
     def step(self) -> tuple[np.ndarray, np.ndarray]:
-        """Transition matrix Φ and noise gain G of a tick, x⁺ = Φ x + G ξ, ξ ~ N(0, I).
-
-        Source: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395.
-        """
-        from scipy.linalg import expm
-
-        n = len(self.A)
-        noise = np.pi * self.B @ self.B.T
-        both = np.block([[-self.A, noise], [np.zeros((n, n)), self.A.T]]) * self.interval
-        grown = expm(both)
-        Phi = grown[n:, n:].T
-        return Phi, _root(Phi @ grown[:n, n:])
+        """Transition matrix Φ and noise gain G of a tick, x⁺ = Φ x + G ξ, ξ ~ N(0, I)."""
+        Phi, covariance = held_noise(self.A, np.pi * self.B @ self.B.T, self.interval)
+        return Phi, _root(covariance)
 
     def risen(self, time: float) -> float:
         """Return the smallest ratio of the intensity of u, v or w at a time to the stationary one.
@@ -507,6 +498,19 @@ class AirFilter:
             rows[number] = x
             x = Phi @ x + noise[number]
         return rows @ self.C.T
+
+
+def held_noise(A: np.ndarray, noise: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return e^(A dt) and the covariance ∫ e^(A t) noise e^(A' t) dt that white noise adds in dt.
+
+    Source: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395.
+    """
+    from scipy.linalg import expm
+
+    n = len(A)
+    grown = expm(np.block([[-A, noise], [np.zeros((n, n)), A.T]]) * dt)
+    Phi = grown[n:, n:].T
+    return Phi, Phi @ grown[:n, n:]
 
 
 _Filter = tuple[np.ndarray, np.ndarray, np.ndarray]

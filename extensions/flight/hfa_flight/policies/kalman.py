@@ -10,7 +10,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.turbulence import AirFilter, Turbulence, turbulence_of
+from hfa_flight.air.turbulence import AirFilter, Turbulence, held_noise, turbulence_of
+from hfa_flight.policies.deployment.sampled_loop import held
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -141,41 +142,41 @@ class KalmanFilter(Result):
         turbulence: Turbulence | None,
     ) -> Self:
         """Return the filter, computed in balanced units."""
-        from scipy.linalg import expm, solve_discrete_are
+        from scipy.linalg import solve_discrete_are
 
-        n, m = plant.B.shape
         sigma = np.array(list(noise.values()))
         A = plant.A * plant.scale / plant.scale[:, None]
         C = plant.C * plant.scale / sigma[:, None]
         unobservable = _unobservable(plant, A, C, tuple(drift), tuple(noise))
         both = np.outer(plant.scale, plant.scale)
-        held = expm(dt * np.block([[plant.A, plant.B], [np.zeros((m, n + m))]]))
-        air = _accumulated(A, plant.noise / both, dt)
-        Q = air + _accumulated(A, np.diag((plant.drift / plant.scale) ** 2), dt)
-        Phi = expm(dt * A)
+        moved, air = held_noise(A, plant.noise / both, dt)
+        _, drifted = held_noise(A, np.diag((plant.drift / plant.scale) ** 2), dt)
+        Q = air + drifted
+        Q = 0.5 * (Q + Q.T)
         try:
-            P = solve_discrete_are(Phi.T, C.T, Q, np.eye(len(C)))
+            P = solve_discrete_are(moved.T, C.T, Q, np.eye(len(C)))
         except (np.linalg.LinAlgError, ValueError) as error:
             raise NoSolutionError(
                 f"the Riccati equation of the filter has no solution: {error}"
             ) from error
         P = 0.5 * (P + P.T)
         L = np.linalg.solve(C @ P @ C.T + np.eye(len(C)), C @ P).T
-        left = Phi @ (P - L @ C @ P) @ Phi.T + Q - P
+        left = moved @ (P - L @ C @ P) @ moved.T + Q - P
         residual = float(np.abs(left).max() / np.abs(P).max())
         if not residual <= _RESIDUAL:
             raise NoSolutionError(
                 f"the Riccati equation of the filter is solved only to {residual:.1e}; leave out "
                 "states that no sensor observes"
             )
+        Phi, Gamma = held(plant.A, plant.B, dt)
         return cls(
             point=point,
             dt=dt,
             noise=noise,
             drift=drift,
             turbulence=turbulence,
-            Phi=held[:n, :n],
-            Gamma=held[:n, n:],
+            Phi=Phi,
+            Gamma=Gamma,
             C=plant.C,
             Q=Q * both,
             R=np.diag(sigma**2),
@@ -354,16 +355,6 @@ def _used(A: np.ndarray, seen: np.ndarray) -> np.ndarray:
     for _ in range(len(A)):
         used |= (A[used] != 0.0).any(axis=0)
     return np.flatnonzero(used)
-
-
-def _accumulated(A: np.ndarray, noise: np.ndarray, dt: float) -> np.ndarray:
-    """Return the covariance ∫ e^(A t) noise e^(A' t) dt of a sample (Van Loan 1978)."""
-    from scipy.linalg import expm
-
-    n = len(A)
-    grown = expm(dt * np.block([[-A, noise], [np.zeros((n, n)), A.T]]))
-    covariance = grown[n:, n:].T @ grown[:n, n:]
-    return np.asarray(0.5 * (covariance + covariance.T))
 
 
 def _unobservable(
