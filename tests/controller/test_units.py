@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stored_games import Units, drawn, in_units
+from stored_games import Units, in_units, stored
 
 import hfa
 from controller import minimum_delta
@@ -15,6 +15,11 @@ from hfa import Game, NoSolutionError
 
 #: Relative size of errors of numbers.
 CLOSE = 1e-7
+
+
+def drawn(kind: str, number: int) -> Game:
+    """Return a stored game without disturbance."""
+    return stored(kind, number).game.with_delta(math.inf)
 
 
 def game_of(kind: str, seed: int) -> Game:

@@ -1,8 +1,7 @@
-"""Games of ten kinds with answers of hundreds of digits.
+"""Games of ten kinds with answers of hundreds of digits, in the file beside this one.
 
-A game is drawn from its kind and number with exact arithmetic, equal on every machine. The file
-beside this one has its delta and its answers (`reference_riccati`). Both, as they were at commit
-b3dedbf27, made the file: `python tests/support/stored_games.py`.
+They were drawn, and solved by the matrix sign function of their pencils in FLINT's arithmetic, by
+`stored_games.py` and `reference_riccati.py` of commit b3dedbf27.
 """
 
 from __future__ import annotations
@@ -77,129 +76,35 @@ def stored(kind: str, number: int) -> Stored:
     """Return a stored game."""
     file = _file()
     index = KINDS.index(kind) * EACH + number
-    game = drawn(kind, number).with_delta(float(file["delta"][index]))
-    n, m = game.B.shape
+    game, n = _game(file, index), int(file["sizes"][index][0])
     first = int(file["first"][index])
     P, K = np.zeros((n, n)), np.zeros((0, n))
     exists = bool(file["exists"][index])
     if exists:
         upper = np.triu_indices(n)
         P[upper] = P.T[upper] = file["answers"][first : first + len(upper[0])]
-        K = file["answers"][first + len(upper[0]) :][: m * n].reshape(m, n)
+        K = file["answers"][first + len(upper[0]) :][: game.B.size].reshape(-1, n)
     return Stored(game, exists, P, K, float(file["change"][index]), float(file["delta_min"][index]))
 
 
-def drawn(kind: str, number: int) -> Game:
-    """Return a game without disturbance."""
-    return _KINDS[kind](np.random.default_rng((KINDS.index(kind), number)))
+@cache
+def _first_entries() -> np.ndarray:
+    """Return the place of the first entry of each game."""
+    n, m, k = _file()["sizes"].astype(int).T
+    return np.cumsum([0, *(n * (n + m + k) + (n + m) * n + m * m)])
 
 
-def _sixteenths(rng: np.random.Generator, *shape: int) -> np.ndarray:
-    return rng.integers(-48, 49, shape) / 16.0
-
-
-def _square(root: np.ndarray, finest: float = 2.0**-4) -> np.ndarray:
-    """Return root' root of multiples of `finest`, rounded once."""
-    whole = np.rint(root / finest).astype(object)
-    return (whole.T @ whole).astype(float) * finest**2
-
-
-def _ten(exponent: int) -> float:
-    return float(f"1e{exponent}")
-
-
-def _tens(rng: np.random.Generator, most: int, *shape: int) -> np.ndarray:
-    return np.vectorize(_ten)(rng.integers(-most, most + 1, shape))
-
-
-def _continuous(rng: np.random.Generator) -> Game:
-    n, m, k = (int(rng.integers(1, most)) for most in (6, 4, 4))
-    Q = _square(_sixteenths(rng, int(rng.integers(1, n + 1)), n))
-    R = _square(_sixteenths(rng, m, m)) + np.eye(m) / 16.0
-    return Game(_sixteenths(rng, n, n), _sixteenths(rng, n, m), _sixteenths(rng, n, k), Q, R)
-
-
-def _discrete(rng: np.random.Generator) -> Game:
-    game = _continuous(rng)
-    m = len(game.R)
-    R = rng.choice([1.0, 0.0]) * np.diag(rng.integers(0, 3, m) / 2.0)
-    A = np.eye(len(game.A)) + game.A / 64.0 if rng.random() < 0.5 else game.A / 4.0
-    return replace(game, A=A, R=R if rng.random() < 0.4 else game.R, dt=True)
-
-
-def _cross(rng: np.random.Generator) -> Game:
-    """Return a game with cross weights, in discrete time often with an R that is nearly singular."""
-    game = _discrete(rng) if rng.random() < 0.6 else _continuous(rng)
-    n, m = game.B.shape
-    fine = 2.0 ** -int(rng.integers(4, 24 if game.is_discrete else 16))
-    root = _sixteenths(rng, n + m, n + m)
-    if rng.random() < 0.7:
-        root[:, -1] = fine * root[:, -1] + (root[:, n] if m > 1 else 0.0)
-    W = _square(root, min(fine, 2.0**-4) * 2.0**-4)
-    return replace(game, Q=W[:n, :n], N=W[:n, n:], R=W[n:, n:])
-
-
-def _disturbance(rng: np.random.Generator) -> Game:
-    game = _discrete(rng) if rng.random() < 0.4 else _continuous(rng)
-    n = len(game.A)
-    column = np.eye(n)[:, : int(rng.integers(1, n + 1))]
-    E = (game.B, column, np.eye(n), game.E * np.array(_tens(rng, 3, game.E.shape[1])))
-    return replace(game, E=E[rng.integers(4)])
-
-
-def _discount(rng: np.random.Generator) -> Game:
-    return replace(_discrete(rng), discount=float(rng.choice([0.5, 0.9, 0.95, 0.99, 0.999])))
-
-
-def _cheap(rng: np.random.Generator) -> Game:
-    """Return a game with a cheap control, or with a small weight of the states."""
-    game = (_discrete, _continuous)[rng.integers(2)](rng)
-    small = 2.0 ** -int(rng.integers(6, 54))
-    if rng.random() < 0.5:
-        return replace(game, Q=game.Q * small)
-    if rng.random() < 0.5:
-        return replace(game, R=np.eye(len(game.R)) * small)
-    return replace(game, R=game.R * small)
-
-
-def _stiff(rng: np.random.Generator) -> Game:
-    """Return a game with fast and slow states."""
-    game = _continuous(rng)
-    n = len(game.A)
-    rates = np.diag(_tens(rng, 4, n) * rng.choice([-1.0, -1.0, 1.0], n))
-    A = rates + (game.A - np.diag(np.diag(game.A))) * _tens(rng, 2, n, n)
-    if rng.random() < 0.3:
-        return replace(game, A=np.eye(n) + A * _ten(-5), dt=True)
-    return replace(game, A=A)
-
-
-def _weak(rng: np.random.Generator) -> Game:
-    """Return a game with modes, turned by whole numbers, of which the inputs reach some barely."""
-    game = _continuous(rng)
-    n = len(game.A)
-    T = inverse = np.eye(n)
-    for _ in range(n - 1):
-        i, j = rng.permutation(n)[:2]
-        share = float(rng.integers(-2, 3))
-        shear = np.eye(n)
-        shear[i, j] = share
-        T = shear @ T
-        shear[i, j] = -share
-        inverse = inverse @ shear
-    modes = np.diag(rng.integers(-48, 49, n) / 16.0)
-    B = game.B
-    if rng.random() < 0.5:
-        B = T @ (B * _tens(rng, 6, n).clip(max=1.0)[:, None])
-    else:
-        B = B * _ten(-int(rng.integers(2, 9)))
-    A = T @ modes @ inverse
-    return replace(game, A=A / 4.0, B=B, dt=True) if rng.random() < 0.3 else replace(game, A=A, B=B)
-
-
-def _scaled(rng: np.random.Generator) -> Game:
-    """Return a game of another kind in other units."""
-    kind = (_continuous, _discrete, _cross, _disturbance, _discount)[rng.integers(5)]
-    return in_units(kind(rng), rng, 2.0, 27)[0]  # of which the weights are exact, as all else
+def _game(file: dict[str, np.ndarray], index: int) -> Game:
+    n, m, k = map(int, file["sizes"][index])
+    shapes = {"A": (n, n), "B": (n, m), "E": (n, k), "Q": (n, n), "R": (m, m), "N": (n, m)}
+    at = _first_entries()[index]
+    matrices = {}
+    for name, (rows, columns) in shapes.items():
+        matrices[name] = file["entries"][at : at + rows * columns].reshape(rows, columns)
+        at += rows * columns
+    dt = float(file["dt"][index])  # 0 in continuous time, -1 of steps of unknown length
+    time = {"dt": True if dt < 0.0 else dt or None, "discount": float(file["discount"][index])}
+    return Game(**matrices, delta=float(file["delta"][index]), **time)
 
 
 def in_units(game: Game, rng: np.random.Generator, base: float, most: int) -> tuple[Game, Units]:
@@ -232,35 +137,3 @@ class Units(NamedTuple):
     d: float
     t: float
     cost: float
-
-
-def _aircraft(rng: np.random.Generator) -> Game:
-    file = _file()
-    number = int(rng.integers(sum(name.startswith("A_") for name in file)))
-    A, B = file[f"A_{number}"], file[f"B_{number}"]
-    n, m = B.shape
-    Q, R = np.diag(_tens(rng, 2, n)), np.diag(_tens(rng, 2, m))
-    E = np.eye(n) if rng.random() < 0.5 else B
-    if rng.random() < 0.3:
-        return Game(np.eye(n) + A / 128.0, B / 128.0, E / 128.0, Q, R, dt=1.0 / 128.0)
-    return Game(A, B, E, Q, R)
-
-
-_KINDS = dict(
-    zip(
-        KINDS,
-        (
-            _continuous,
-            _discrete,
-            _cross,
-            _disturbance,
-            _discount,
-            _cheap,
-            _stiff,
-            _weak,
-            _scaled,
-            _aircraft,
-        ),
-        strict=True,
-    )
-)

@@ -7,14 +7,15 @@ import math
 
 import numpy as np
 import pytest
+from exact_riccati import exact_solution
 from game_samples import game_models
 from pages import printed_matrices
-from reference_riccati import reference_solution, relative_error
 from scipy.linalg import solve_continuous_lyapunov
 from tolerances import SAME_FORMULA
 
 from controller import minimum_delta
 from hfa import BadInputError, Game, NoSolutionError, from_value, solve
+from verification import relative_error
 
 I2 = np.eye(2)
 
@@ -23,10 +24,10 @@ I2 = np.eye(2)
 def test_P_and_K_of_the_paper_are_exact_to_1e12(name: str) -> None:
     """Every entry of P in units in which its diagonal is 1, and K."""
     game = game_models()[name]
-    reference = reference_solution(game)
-    units = 1.0 / np.sqrt(np.diag(reference.P))
-    assert np.abs((solve(game).P - reference.P) * np.outer(units, units)).max() < 1e-12
-    assert relative_error(solve(game).K, reference.K) < 1e-12
+    P, K = exact_solution(game)
+    units = 1.0 / np.sqrt(np.diag(P))
+    assert np.abs((solve(game).P - P) * np.outer(units, units)).max() < 1e-12
+    assert relative_error(solve(game).K, K) < 1e-12
 
 
 def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
@@ -129,19 +130,13 @@ def test_numbers_beyond_rounding_are_refused(name: str, factor: float) -> None:
     assert "\n" not in str(refusal.value)
 
 
-def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
-    """A solution exists at delta_min, but not at the lower end of the bracket, at most 1e-6 below.
-
-    So it is for a plant with one output of eight states, of which P is nearly singular.
-    """
-    rng = np.random.default_rng(110)
-    A, B, E, C = (rng.standard_normal(shape) for shape in ((8, 8), (8, 1), (8, 1), (1, 8)))
-    for each in (game, Game(A, B, E, C.T @ C, [[1e-2]])):
-        smallest = minimum_delta(each)
-        assert smallest.value / smallest.refused <= 1.000001  # as docs/promises.md states
-        assert reference_solution(each.with_delta(smallest.value * (1.0 + 1e-6))).exists
-        assert not reference_solution(each.with_delta(smallest.refused * (1.0 - 1e-6))).exists
-        assert smallest.margin(7.0) == pytest.approx(7.0 / smallest.value)
+def test_the_bracket_of_minimum_delta_is_narrow(game: Game) -> None:
+    """test_stored_games.py has the exact ones; below the bracket, the game is refused."""
+    smallest = minimum_delta(game)
+    assert smallest.value / smallest.refused <= 1.000001  # as docs/promises.md states
+    assert smallest.margin(7.0) == pytest.approx(7.0 / smallest.value)
+    with pytest.raises(NoSolutionError, match="below delta_min"):
+        solve(game.with_delta(0.999999 * smallest.refused))
 
 
 @pytest.mark.parametrize("q", [1.0, 1e-6, 1e-10, 1e-14])

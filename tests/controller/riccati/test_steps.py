@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_riccati import reference_solution
 
 import hfa
 from controller import bounded_real_gain, disk_margin
@@ -79,9 +78,12 @@ def test_regulators_with_a_closed_form(A: list, B: list, Q: list, R: list, P: li
 @pytest.mark.parametrize("share", [0.7, 1.0, 3.0])
 def test_two_inputs_that_only_act_together_need_a_weight(share: float) -> None:
     """With R = 0, many u = -K x are equally good, R = 1e-15 decides between them, 1e-16 does not."""
-    A, B = [[0.9, 0.2], [0.1, 0.7]], np.outer([0.1, 0.7], [1.0, share])
-    game = Game(A, B, Q=np.eye(2), R=1e-15 * np.eye(2), dt=True)
-    np.testing.assert_allclose(hfa.solve(game).K, reference_solution(game).K, rtol=1e-12)
+    A, push, both = [[0.9, 0.2], [0.1, 0.7]], np.array([[0.1], [0.7]]), np.array([[1.0], [share]])
+    game = Game(A, push @ both.T, Q=np.eye(2), R=1e-15 * np.eye(2), dt=True)
+    # The cheapest inputs of a push are proportional to their shares of it.
+    one = Game(A, push, Q=np.eye(2), R=[[1e-15 / (1.0 + share**2)]], dt=True)
+    shared = both / (1.0 + share**2) @ hfa.solve(one).K
+    np.testing.assert_allclose(hfa.solve(game).K, shared, rtol=1e-12)
     for least in (1e-16, 0.0):
         with pytest.raises(NoSolutionError, match="not certified"):
             hfa.solve(replace(game, R=least * np.eye(2)))
