@@ -86,8 +86,8 @@ Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 class Found(NamedTuple):
     """Best flight that was found and simulated.
 
-    flown: simulated flight
-    proposal: proposal that the flight confirms, or None for an upper bound of the least cost alone
+    flown: simulated flight, which follows the proposal or the cheaper linear optimum
+    proposal: proposal that a flight confirms, or None for an upper bound of the least cost alone
     seconds: horizon of the proposal, s
     meshes: number of intervals -> proposed cost, empty without a proposal
     guesses: name of an initial guess -> cost on the finest mesh used for this guess, empty without
@@ -172,10 +172,9 @@ class BestFlights:
             reason = str(error).removeprefix("no flight found: ")
             horizon = self.horizon(start)
             linear = self.converging_linear(start, horizon)
-            within = [flown for flown in (linear, *simulated) if not flown.lost]
-            if not within:
+            cheapest = _cheapest_inside([linear, *simulated])
+            if cheapest is None:
                 raise
-            cheapest = min(within, key=lambda flown: flown.cost)
             return Found(cheapest, None, horizon, {}, {}, linear, reason)
 
     def converging_linear(self, start: np.ndarray, horizon: float) -> SimulatedFlight:
@@ -261,6 +260,8 @@ class BestFlights:
             except NoSolutionError as error:
                 reason = str(error)
                 continue
+            # Near the trim, the linear policy may be cheaper by the errors of the meshes.
+            flown = _cheapest_inside([flown, linear]) or flown
             return Found(flown, best, seconds, meshes, guesses | {name: best.cost}, linear)
         raise NoSolutionError(f"no flight found: {reason}")
 
@@ -504,6 +505,12 @@ def difference_of_meshes(meshes: Mapping[int, float]) -> float:
     """
     finest = list(meshes.values())[-2:]
     return max(finest) / min(finest) - 1.0
+
+
+def _cheapest_inside(flights: list[SimulatedFlight]) -> SimulatedFlight | None:
+    """Return the cheapest of the flights that return inside the envelope, or None."""
+    inside = [each for each in flights if not each.lost]
+    return min(inside, key=lambda each: each.cost, default=None)
 
 
 def _cheapest_first(proposals: Mapping[str, Proposal]) -> list[str]:

@@ -81,7 +81,7 @@ def test_a_deployment_and_a_critic_are_compared(
     linear, *others = data["policies"]
     assert {each["policy"].partition(" of ")[0] for each in others} == {"critic", "policy"}
     for each in others:
-        assert each["over_best"] > linear["over_best"] > 0.999
+        assert each["over_best"] > linear["over_best"] >= 1.0
     assert data["start"] == pytest.approx({"angle": np.radians(20.0)}, rel=1e-4)
 
 
@@ -90,7 +90,7 @@ def test_optimize_counts_and_summarizes_initial_conditions(
 ) -> None:
     """Starts within 0.9 of the nearer limit; quantiles of the cost ratios of the flights.
 
-    The linear optimum is not cheaper than the best flight by more than 0.1 %.
+    No flight of the linear optimum is cheaper than the best flight.
     """
     np.savez("plant.npz", A=[[0.0, 1.0], [-2.0, -0.3]], B=[[0.0], [3.0]])
     np.savez("K.npz", K=[[0.2, 0.5]])
@@ -105,7 +105,7 @@ def test_optimize_counts_and_summarizes_initial_conditions(
         ratios = [each["over_best"] for each in flown if each["over_best"]]
         assert policy["median"] == pytest.approx(np.median(ratios))
         assert policy["worst"] == pytest.approx(max(ratios))
-        assert min(ratios) >= 0.999
+        assert min(ratios) >= 1.0
 
 
 def test_verify_flies_a_critic_of_some_inputs_with_the_others_at_the_trim(
