@@ -88,7 +88,7 @@ class AssessedPoint(Result):
             return None
         if reach.own:
             return max(reach.own, key=lambda mode: mode.growth)
-        converges = self.flights is None or self.flights.returned == self.flights.starts
+        converges = self.flights is None or self.flights.converged == self.flights.starts
         is_saturated = bool(reach.loop.clips)
         if is_saturated or (self.holds and converges):
             return None
@@ -117,7 +117,7 @@ class AssessedPoint(Result):
         They do if more do not return to the trim than the share permits, beyond the 95 % band.
         """
         flown = [each for each in (self.flights, self.disturbed) if each is not None]
-        enough = (is_enough(each.returned, each.starts, share) for each in flown)
+        enough = (is_enough(each.converged, each.starts, share) for each in flown)
         return all(enough) and not self.costs_refute(share)
 
     def costs_refute(self, share: float) -> bool:

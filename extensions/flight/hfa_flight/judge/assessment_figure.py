@@ -54,8 +54,8 @@ def drawn_assessment(points: Sequence[AssessedPoint], figure: Figure) -> Figure:
     places = np.arange(len(labels))
     outcomes = [point.flights for point in points]
     flown = [outcome for outcome in outcomes if outcome is not None]
-    converge = all(outcome.returned == outcome.starts for outcome in flown)
-    if converge or all(outcome.lost == outcome.starts for outcome in flown):
+    converge = all(outcome.converged == outcome.starts for outcome in flown)
+    if converge or all(outcome.left_envelope == outcome.starts for outcome in flown):
         _draw_margins(right, points, shades)
         if flown:
             end = "converges" if converge else "leaves the envelope"
@@ -84,8 +84,8 @@ def _draw_outcomes(axes: Axes, outcomes: Sequence[Outcomes | None]) -> None:
     flown = np.zeros(len(outcomes))
     for number, outcome in enumerate(outcomes):
         if outcome is not None:
-            converged[number] = 100.0 * outcome.returned / outcome.starts
-            left[number] = 100.0 * outcome.lost / outcome.starts
+            converged[number] = 100.0 * outcome.converged / outcome.starts
+            left[number] = 100.0 * outcome.left_envelope / outcome.starts
             flown[number] = 100.0
     neither = flown - converged - left
     axes.bar(places, converged, color="C0", width=0.6, label="converge")

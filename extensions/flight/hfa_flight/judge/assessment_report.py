@@ -86,9 +86,9 @@ def flight_rows(point: AssessedPoint) -> list[Row]:
     if point.flights is not None and point.disturbed is not None:
         rows += [
             Row("flown", point.flights.starts),
-            Row("converge", point.flights.returned),
-            Row("leave", point.flights.lost),
-            Row("disturbed", point.disturbed.returned, note="converge after a disturbance pulse"),
+            Row("converge", point.flights.converged),
+            Row("leave", point.flights.left_envelope),
+            Row("disturbed", point.disturbed.converged, note="converge after a disturbance pulse"),
         ]
     if point.best is not None:
         ratios = {

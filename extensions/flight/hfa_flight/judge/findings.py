@@ -136,22 +136,23 @@ def _instability(point: AssessedPoint) -> list[_Found]:
 
 def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) -> list[_Found]:
     """Return the finding on the flights that leave the envelope."""
-    if flown is None or not flown.lost:
+    if flown is None or not flown.left_envelope:
         return []
-    leave = "leaves" if flown.lost == 1 else "leave"
-    text = f"{when}{flown.lost} of {flown.starts} flights {leave} the envelope"
+    leave = "leaves" if flown.left_envelope == 1 else "leave"
+    text = f"{when}{flown.left_envelope} of {flown.starts} flights {leave} the envelope"
     if flown.departure is not None:
         text += f" (first: {flown.departure.cause()})"
     severity = Severity.WARNING if point.holds else Severity.FAILURE
-    return [_Found(severity, text, flown.lost / flown.starts)]
+    return [_Found(severity, text, flown.left_envelope / flown.starts)]
 
 
 def _limit_cycle(point: AssessedPoint) -> list[_Found]:
     for flown, when in ((point.flights, ""), (point.disturbed, "with a disturbance pulse: ")):
-        if flown is not None and flown.cycle is not None:
-            size = flown.cycle.amplitude / point.point.model.signals[flown.cycle.name].nominal
+        cycle = None if flown is None else flown.limit_cycle
+        if cycle is not None:
+            size = cycle.amplitude / point.point.model.signals[cycle.name].nominal
             severity = Severity.WARNING if point.holds else Severity.FAILURE
-            return [_Found(severity, f"{when}limit cycle: {flown.cycle.motion()}", size)]
+            return [_Found(severity, f"{when}limit cycle: {cycle.motion()}", size)]
     return []
 
 
@@ -159,12 +160,12 @@ def _convergence(point: AssessedPoint) -> list[_Found]:
     flown = point.flights
     if flown is None:
         return [_Found(Severity.NOTE, "no flight was simulated")]
-    staying = flown.starts - flown.lost - flown.returned
+    staying = flown.starts - flown.left_envelope - flown.converged
     if staying:
         text = f"{staying} of {flown.starts} flights do not converge within {flown.seconds:.3g} s"
         severity = Severity.WARNING if point.holds else Severity.FAILURE
         return [_Found(severity, text, staying / flown.starts)]
-    return [] if flown.lost else [_Found(Severity.NOTE, "every flight converges")]
+    return [] if flown.left_envelope else [_Found(Severity.NOTE, "every flight converges")]
 
 
 def _not_returned(point: AssessedPoint) -> list[_Found]:
@@ -183,14 +184,14 @@ def _not_returned(point: AssessedPoint) -> list[_Found]:
 
 def _other_equilibrium(point: AssessedPoint) -> list[_Found]:
     flown = point.flights
-    if flown is None or not flown.elsewhere:
+    if flown is None or not flown.converged_elsewhere:
         return []
-    where = ", ".join(f"{name} {value:.4g}" for name, value in flown.elsewhere_at.items())
-    text = f"{flown.elsewhere} of {flown.starts} flights converge to another equilibrium: {where}"
-    if flown.elsewhere_inputs:
-        rate = offset_rate(point, flown.elsewhere_at, flown.elsewhere_inputs)
-        text += f", which costs {rate:.2g} per second"
-    return [_Found(Severity.WARNING, text, flown.elsewhere / flown.starts)]
+    states, inputs = flown.other_equilibrium, flown.other_inputs
+    where = ", ".join(f"{name} {value:.4g}" for name, value in states.items())
+    count = f"{flown.converged_elsewhere} of {flown.starts}"
+    costs = f"which costs {offset_rate(point, states, inputs):.2g} per second"
+    text = f"{count} flights converge to another equilibrium: {where}, {costs}"
+    return [_Found(Severity.WARNING, text, flown.converged_elsewhere / flown.starts)]
 
 
 def _own_mode(point: AssessedPoint) -> list[_Found]:

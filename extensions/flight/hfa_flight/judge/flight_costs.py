@@ -6,7 +6,7 @@ import math
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -163,26 +163,6 @@ class FlightCosts(Result):
         if self.unresolved:
             sentences.append(f"{self.unresolved} flights are not resolved by the integration step")
         return sentences
-
-    def contents(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
-        return {
-            "starts": self.starts,
-            "searched": self.searched,
-            "found": self.found,
-            "refused": self.refused,
-            "not_converged": self.lost,
-            "seconds": self.seconds,
-            "policy_over_best": self.policy_over_best,
-            "lqr_over_best": self.lqr_over_best,
-            "policy_over_lqr": self.policy_over_lqr,
-            "lqr_not_converged": self.lqr_lost,
-            "both_converged": self.both,
-            "unresolved": self.unresolved,
-            "cost": self.cost,
-            "lqr_cost": self.lqr_cost,
-            "offset_rate": self.offset_rate,
-        }
 
 
 def _number(ratio: float) -> str:

@@ -120,54 +120,37 @@ class Outcomes(Result):
     """Outcomes of the flights about one trim.
 
     starts: number of flights.
-    returned: number of flights that converged. Such a flight is within the ball about the
+    converged: number of flights that converged. Such a flight is within the ball about the
         equilibrium at the end. If the loop is unstable, the distance must also not grow before the
         end.
-    lost: number of flights that left the limits of the model's states.
-    worst_start: linear state -> initial value of the worst flight.
+    left_envelope: number of flights that left the limits of the model's states.
+    worst_initial: linear state -> initial value of the worst flight.
     worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
         "converges".
-    slowest: longest time of convergence, s, or 0 if no flight converges.
-    cycle: limit cycle of a flight that does not converge, or about an unstable equilibrium, or
-        None.
-    elsewhere: number of flights that converge to another equilibrium.
-    elsewhere_at: linear state -> value at the first other equilibrium, or empty if there is none.
-    elsewhere_inputs: input -> value there, or empty.
+    slowest_convergence: longest time of convergence, s, or 0 if no flight converges.
+    limit_cycle: limit cycle of a flight that does not converge or is about an unstable equilibrium,
+        or None.
+    converged_elsewhere: number of flights that converge to another equilibrium.
+    other_equilibrium: linear state -> value at the first other equilibrium, or empty without one.
+    other_inputs: input -> value there, or empty.
     moving: number of flights that neither converge to an equilibrium nor leave the limits.
     seconds: duration of a flight, s.
     departure: departure of the flight that leaves the envelope first, or None if no flight leaves.
     """
 
     starts: int
-    returned: int
-    lost: int
-    worst_start: dict[str, float]
+    converged: int
+    left_envelope: int
+    worst_initial: dict[str, float]
     worst_outcome: str
-    slowest: float
-    cycle: LimitCycle | None
-    elsewhere: int
-    elsewhere_at: dict[str, float]
-    elsewhere_inputs: dict[str, float]
+    slowest_convergence: float
+    limit_cycle: LimitCycle | None
+    converged_elsewhere: int
+    other_equilibrium: dict[str, float]
+    other_inputs: dict[str, float]
     moving: int
     seconds: float
     departure: Departure | None
-
-    def contents(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
-        return {
-            "flights": self.starts,
-            "converged": self.returned,
-            "left_envelope": self.lost,
-            "worst_initial": self.worst_start,
-            "worst_outcome": self.worst_outcome,
-            "slowest_convergence": self.slowest,
-            "limit_cycle": self.cycle,
-            "converged_elsewhere": self.elsewhere,
-            "other_equilibrium": self.elsewhere_at,
-            "moving": self.moving,
-            "seconds": self.seconds,
-            "departure": self.departure,
-        }
 
 
 def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
@@ -347,15 +330,15 @@ class PlacedFlights:
         elsewhere, elsewhere_at, elsewhere_inputs = self._other_equilibria(settling, place)
         return Outcomes(
             starts=len(mine),
-            returned=len(returned),
-            lost=len(lost),
-            worst_start=dict(zip(model.linear, at_start.tolist(), strict=True)),
+            converged=len(returned),
+            left_envelope=len(lost),
+            worst_initial=dict(zip(model.linear, at_start.tolist(), strict=True)),
             worst_outcome=str(end),
-            slowest=float(self.times[returned].max(initial=0.0)),
-            cycle=cycle,
-            elsewhere=elsewhere,
-            elsewhere_at=elsewhere_at,
-            elsewhere_inputs=elsewhere_inputs,
+            slowest_convergence=float(self.times[returned].max(initial=0.0)),
+            limit_cycle=cycle,
+            converged_elsewhere=elsewhere,
+            other_equilibrium=elsewhere_at,
+            other_inputs=elsewhere_inputs,
             moving=len(neither) - elsewhere,
             seconds=self.seconds,
             departure=left,

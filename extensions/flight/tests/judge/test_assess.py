@@ -180,8 +180,8 @@ def test_the_first_departure_is_reported():
     deployment = Deployment(nothing, {"v": {}}, {"f": {}}, {"dt": 0.01})
     (found,) = assess(model, deployment, samples=20, box={"v": 1.0}, best=0).points
     for flights in (found.flights, found.disturbed):
-        assert flights.lost == 20
-        left, start = flights.departure, flights.worst_start["v"]
+        assert flights.left_envelope == 20
+        left, start = flights.departure, flights.worst_initial["v"]
         assert abs(start) > 0.5
         assert (left.state, left.limit) == ("v", math.copysign(2.0, left.value))
         if flights is found.flights:
@@ -241,10 +241,10 @@ def test_equilibria_a_full_turn_apart_are_one(raw):
     )
     flown = assess(strong, deployment, samples=6, box={"angle": 6.0}).points[0].flights
     if raw:
-        assert 0 < flown.elsewhere < 6
-        assert abs(flown.elsewhere_at["angle"]) == pytest.approx(2.0 * np.pi, rel=1e-6)
+        assert 0 < flown.converged_elsewhere < 6
+        assert abs(flown.other_equilibrium["angle"]) == pytest.approx(2.0 * np.pi, rel=1e-6)
     else:
-        assert (flown.returned, flown.elsewhere) == (6, 0)
+        assert (flown.converged, flown.converged_elsewhere) == (6, 0)
 
 
 def test_unmet_requirements_are_listed():

@@ -45,7 +45,7 @@ def test_every_flight_must_converge_or_the_required_share() -> None:
     found = hfa.assess(UNSTABLE, deployment(4.0), samples=24, best=0)
     (point,) = found.points
     assert point.radius < 1.0
-    shares = [flown.returned / flown.starts for flown in (point.flights, point.disturbed)]
+    shares = [flown.converged / flown.starts for flown in (point.flights, point.disturbed)]
     assert all(0.2 < share < 0.8 for share in shares)
     assert not found.ok
     least = min(shares)
@@ -74,7 +74,7 @@ def test_a_policy_passes_only_if_flights_return_to_the_trim(offset: float, passe
     """Every flight converges to the equilibrium; with a large steady-state error none returns."""
     found = hfa.assess(SLOW, deployment(1.0, offset), samples=6, best=0)
     (point,) = found.points
-    assert point.flights.returned == point.disturbed.returned == 6
+    assert point.flights.converged == point.disturbed.converged == 6
     assert (found.ok, point.holds) == (passes, passes)
     assert (point.best.lost == 0) is passes
     if not passes:
@@ -129,4 +129,4 @@ def test_a_flight_that_departs_again_has_not_converged() -> None:
     share = math.sqrt(0.05 * 2.04 / 0.02) * math.exp(-0.02 * found.place.seconds)
     spread = math.sqrt(share * (1.0 - share) / count)
     assert 0.1 < share < 0.9
-    assert found.flights.returned / count == pytest.approx(share, abs=3.0 * spread)
+    assert found.flights.converged / count == pytest.approx(share, abs=3.0 * spread)
