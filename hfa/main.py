@@ -114,9 +114,13 @@ def _run(words: list[str], find: Find) -> int:
         around.enter_context(inputs_kept())
         try:
             command, program, options = find(words)
-            request = _request(command, program, options)
+            values = with_options(Parser(prog=program), command).parse_words(options)
         except SystemExit:
-            return DONE  # argparse exits after
+            return DONE  # argparse exits after --help
+        from hfa_support.provenance import now
+
+        line = shlex.join([*program.split(), *options])
+        request: Request = command.request(**values, line=line, date=now())
         _refuse_to_overwrite(request)
         if request.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))
@@ -124,8 +128,8 @@ def _run(words: list[str], find: Find) -> int:
             return command.run(request)
         except BadInputError as error:
             name = error.options[0] if error.options else ""
-            flags = [each.flags for each in options_of(command.request).values()]
-            if name not in chain(*flags):
+            names = [each.names for each in options_of(command.request).values()]
+            if name not in chain(*names):
                 raise
             kept = list(options)
             if name in kept and name != "--set":
@@ -144,14 +148,6 @@ def _run(words: list[str], find: Find) -> int:
                 f"{program} requires the module {error.name}; type python -m pip install "
                 f"{' '.join(command.install)}"
             ) from error
-
-
-def _request(command: Command, program: str, words: list[str]) -> Request:
-    """Return the request of a command, with the values of the options in its command line."""
-    from hfa_support.provenance import now
-
-    values = with_options(Parser(prog=program), command).parse_words(words)
-    return command.request(**values, line=shlex.join([*program.split(), *words]), date=now())
 
 
 def _refuse_to_overwrite(request: Request) -> None:

@@ -70,7 +70,9 @@ def quantity(model: Model, name: str, text: str) -> float:
     value, factor = number_and_factor(model, name, text)
     if factor is not None:
         return factor * value
-    return math.radians(value) if _unit(model, name).startswith("rad") else value
+    known = {**model.rates, **model.airspeeds, **model.signals}
+    is_angle = name in known and known[name].unit.startswith("rad")
+    return math.radians(value) if is_angle else value
 
 
 def number_and_factor(model: Model, name: str, text: str) -> tuple[float, float | None]:
@@ -124,12 +126,6 @@ def each_of(
             raise BadInputError(f"{flag} {shortened(name)} is given twice; give one value")
         values[name] = value
     return values
-
-
-def _unit(model: Model, name: str) -> str:
-    """Return the unit of a signal, "1" for a name without a declared unit."""
-    known = {**model.rates, **model.airspeeds, **model.signals}
-    return known[name].unit if name in known else "1"
 
 
 def among(names: tuple[str, ...], model: Model, name: str, text: str) -> float:

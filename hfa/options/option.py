@@ -23,8 +23,8 @@ class Option:
     form: placeholder of the value in the help, or "" for a switch
     kind: function word -> value, or (name, text) -> value for a `named` option. The message of its
         BadInputError completes a sentence that begins with the option.
-    names: names separated by blanks, as in "-o --output", or one word without dashes for a
-      positional argument
+    names: names, for example ("-o", "--output"), of which messages use the last; or one word
+      without dashes for a positional argument
     named: whether the words are NAME=VALUE[,NAME=VALUE...]
     repeated: whether the option is repeatable and the field contains all values
     count: number of words, as argparse's nargs, or None for one word
@@ -39,7 +39,7 @@ class Option:
     about: str | Callable[[], str]
     form: str = ""
     kind: Callable[..., Any] = str
-    names: str = ""
+    names: tuple[str, ...] = ()
     named: bool = False
     repeated: bool = False
     count: str | None = None
@@ -49,20 +49,14 @@ class Option:
     group: str = ""
     package: str = ""
 
-    @property
-    def flags(self) -> list[str]:
-        """Names of the option, for example ["-o", "--output"].
-
-        Messages use the last name.
-        """
-        return self.names.split()
-
 
 def option(
     about: str | Callable[[], str],
     form: str = "",
     kind: Callable[..., Any] | None = None,
     default: Any = None,
+    *,
+    names: str = "",
     **more: Any,
 ) -> Any:
     """Return a field of a request, together with the command-line option that sets it.
@@ -70,11 +64,12 @@ def option(
     about, form: as in `Option`
     kind: as in `Option`; by default the word, or the text of a `named` option, is the value
     default: value without the option, ignored for switches and for `named` or `repeated` options
+    names: names separated by blanks, "-o --output"; by default that of the field
     more: further fields of `Option`
     """
     if kind is None:
         kind = _text if more.get("named") else str
-    declared = Option(about, form, kind, **more)
+    declared = Option(about, form, kind, tuple(names.split()), **more)
     metadata = {"option": declared}
     if declared.named:
         return field(default_factory=dict, metadata=metadata)
@@ -91,13 +86,13 @@ def options_of(request: type) -> dict[str, Option]:
     """Return the options of a class of requests, field -> option.
 
     The order is that of the help: required options, common ones of the aircraft and the command, of
-    the output, of other groups, and rare ones. An option without `names` is named after its field.
+    the output, of other groups, and rare ones.
     """
     found: dict[str, Option] = {}
     for each in fields(request):
         if declared := each.metadata.get("option"):
             called = "--" + each.name.strip("_").replace("_", "-")
-            found[each.name] = replace(declared, names=declared.names or called)
+            found[each.name] = replace(declared, names=declared.names or (called,))
 
     def place(name: str) -> tuple[bool, bool, bool, bool]:
         of = found[name]
@@ -122,7 +117,7 @@ def refuse(request: Any, names: Iterable[str], reason: str) -> None:
     """
     for name in names:
         if is_given(request, name):
-            raise BadInputError(f"{options_of(type(request))[name].flags[-1]} {reason}")
+            raise BadInputError(f"{options_of(type(request))[name].names[-1]} {reason}")
 
 
 def is_installed(package: str) -> bool:

@@ -41,7 +41,7 @@ class Parser(argparse.ArgumentParser):
         self.options.update(options)
         groups: dict[str, Any] = {"": self}
         for name, option in options.items():
-            names = option.flags
+            names = option.names
             kind = option.kind
             if option.package and not is_installed(option.package):
                 kind = partial(_refuse_without, option.package)

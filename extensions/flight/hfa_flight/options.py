@@ -179,7 +179,7 @@ def check_policy(request: PolicyOptions, prices: Sequence[str] = (), usual: str 
     options = options_of(type(request))
     for name, without_effect in _IN_PLACE.items():
         if is_given(request, name):
-            reason = f"has no effect with {options[name].flags[-1]}; remove this option"
+            reason = f"has no effect with {options[name].names[-1]}; remove this option"
             idle = [each for each in without_effect if each not in prices and each in options]
             refuse(request, idle, reason)
     law = flown_law(request, usual)
