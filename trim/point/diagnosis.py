@@ -24,7 +24,7 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
     """Return the reason why a condition has no trim, as one line of text.
 
     - If all equations balance within the limits of the unknowns, the line names the states and
-      outputs beyond their limits.
+      outputs beyond their limits, or says that the search for the least effort failed.
     - Otherwise the line names the two equations with the largest residuals and the number of other
       equations that do not balance, the active limits, and free variables without an independent
       effect.
@@ -35,7 +35,10 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
     z = problem.clip(found)
     off = _imbalances(problem, z)
     if not off:
-        return f"no trim within limits: {'; '.join(problem.system.watched.broken(problem.at(z).y))}"
+        broken = problem.system.watched.broken(problem.at(z).y)
+        if not broken:
+            return "the equations balance, but the search for the least effort does not converge"
+        return f"no trim within limits: {'; '.join(broken)}"
     can_balance = problem.balanced(found)
     binding = binding_limits(problem, found)
     notes = [f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"]

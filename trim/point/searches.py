@@ -238,6 +238,7 @@ def _effort_program(structure: Structure) -> ca.Function:
     options: dict[str, Any] = {
         "print_time": False,
         "show_eval_warnings": False,
+        "calc_lam_p": False,
         "ipopt": _IPOPT,
     }
     try:

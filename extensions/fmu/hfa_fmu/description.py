@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import platform
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from hfa_aircraft.names import identifiers
 from hfa_support.errors import BadInputError, shortened
 
 #: Operating system -> its folder in an FMU of FMI 2.0, its name in FMI 3.0, and the suffix.
@@ -61,6 +63,7 @@ class Description(NamedTuple):
     indicators: names of the event indicators
     states, rates, inputs, parameters, outputs: the variables that a model has; `rates` are the
         derivatives of `states`
+    names: name in the FMU -> name in the model, of the states, inputs, parameters and outputs
     offered: sentences on the variables that a model has and does not have
     """
 
@@ -75,6 +78,7 @@ class Description(NamedTuple):
     inputs: tuple[Variable, ...]
     parameters: tuple[Variable, ...]
     outputs: tuple[Variable, ...]
+    names: Mapping[str, str]
     offered: tuple[str, ...]
 
 
@@ -166,10 +170,14 @@ def _read(root: ElementTree.Element) -> Description:
     numbers = [each for each in of_parameters if each.is_real or each.is_boolean]
     not_real = [each.name for each in (*of_inputs, *of_outputs) if not each.is_real]
     not_real += [each.name for each in of_parameters if each not in numbers]
-    discrete = [each.name for each in of_inputs if each.is_real and each.is_discrete]
-    booleans = [each.name for each in numbers if each.is_boolean]
+    real_inputs = [each for each in of_inputs if each.is_real]
+    real_outputs = [each for each in of_outputs if each.is_real]
+    of_model = [*states, *(each.name for each in (*real_inputs, *numbers, *real_outputs))]
+    names_in_model = identifiers(of_model)
+    discrete = [names_in_model[each.name] for each in real_inputs if each.is_discrete]
+    booleans = [names_in_model[each.name] for each in numbers if each.is_boolean]
     said = (
-        ("parameters that --hold sets: {}", [each.name for each in numbers]),
+        ("parameters that --hold sets: {}", [names_in_model[each.name] for each in numbers]),
         ("Boolean parameters, 0 or 1: {}", booleans),
         ("left out: integers, texts, arrays, and inputs and outputs of truth values: {}", not_real),
         ("inputs that the FMU changes in steps are taken as continuous: {}", discrete),
@@ -183,9 +191,10 @@ def _read(root: ElementTree.Element) -> Description:
         tuple(shortened(name) for name in indicators),
         tuple(variables[name] for name in states),
         tuple(variables[name] for name in rates),
-        tuple(each for each in of_inputs if each.is_real),
+        tuple(real_inputs),
         tuple(numbers),
-        tuple(each for each in of_outputs if each.is_real),
+        tuple(real_outputs),
+        names_in_model,
         tuple(sentence.format(_listed(names)) for sentence, names in said if names),
     )
 

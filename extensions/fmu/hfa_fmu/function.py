@@ -6,7 +6,7 @@ expressions. What is NaN is no trim and no flight.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -37,12 +37,14 @@ class Evaluator:
         nominals: list[np.ndarray],
         count: int,
         events: tuple[str, ...] = (),
+        booleans: Sequence[bool] = (),
     ) -> None:
         """Make the evaluator.
 
         nominals: nominal values of x, u and p
         count: number of rates and outputs
         events: names of the event indicators
+        booleans: whether each of p is a truth value, which has no derivative
         """
         self.events = events
         self.nominals = np.concatenate(nominals)
@@ -53,6 +55,7 @@ class Evaluator:
         self._steady_at = b""
         self._nan = np.full(count, np.nan).tobytes()
         self._states, self.count = len(nominals[0]), count
+        self._booleans = self.of_dynamics + np.flatnonzero(booleans)
         self.instance = instance
 
     def values(self, v: np.ndarray, time: float = 0.0) -> np.ndarray:
@@ -120,9 +123,15 @@ class Evaluator:
     def write_along(
         self, v: memoryview, _: memoryview, direction: memoryview, result: memoryview
     ) -> None:
-        """Write the derivative along a direction, or NaN and the reason in `fault`."""
+        """Write the derivative along a direction, or NaN and the reason in `fault`. That by a truth
+        value is NaN without a reason, because no result needs it.
+        """
+        along = np.frombuffer(direction)
+        if along[self._booleans].any():
+            result[:] = self._nan
+            return
         try:
-            result[:] = self.along(np.frombuffer(v), np.frombuffer(direction)).tobytes()
+            result[:] = self.along(np.frombuffer(v), along).tobytes()
         except FmuError as error:
             self._fail(error, v)
             result[:] = self._nan

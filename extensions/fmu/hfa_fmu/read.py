@@ -31,7 +31,6 @@ import numpy as np
 
 from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
-from hfa_aircraft.names import identifiers
 from hfa_aircraft.signals import Signal
 from hfa_fmu.description import Description, Variable, described, library_of
 from hfa_fmu.function import STEP, Evaluator, casadi_function
@@ -143,20 +142,20 @@ def _model(
 ) -> Model:
     """Return the model of the variables of an FMU."""
     of = description
-    names = identifiers(each.name for each in (*of.states, *of.inputs, *of.parameters, *of.outputs))
     states, inputs, parameters, outputs = (
-        {names[each.name]: _signal(each) for each in group}
+        {of.names[each.name]: _signal(each) for each in group}
         for group in (of.states, of.inputs, of.parameters, of.outputs)
     )
     nominals = [
         np.array([each.nominal for each in group.values()])
         for group in (states, inputs, parameters)
     ]
-    evaluator = Evaluator(instance, nominals, len(states) + len(outputs), of.indicators)
+    booleans = [each.is_boolean for each in of.parameters]
+    evaluator = Evaluator(instance, nominals, len(states) + len(outputs), of.indicators, booleans)
     begun = _beside_events(evaluator, np.array(start), len(states))
     about = _about(evaluator, of, begun)
     of_events = _of_events(of.indicators, begun.tolist() != start)
-    about = replace(about, notes=(*about.notes, *of_events, *_told_apart(names)))
+    about = replace(about, notes=(*about.notes, *of_events, *_told_apart(of.names)))
     states = {
         name: signal._replace(start=value)
         for (name, signal), value in zip(states.items(), begun.tolist(), strict=False)

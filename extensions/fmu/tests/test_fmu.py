@@ -320,9 +320,9 @@ def test_differences_replace_derivatives_that_fail() -> None:
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_fixed_and_boolean_parameters_are_held(version: int) -> None:
-    """The damping is fixed; with the Boolean `moon`, gravity is 1.62 in place of 9.81."""
+    """The damping is fixed; with the Boolean `the.moon`, gravity is 1.62 in place of 9.81."""
     text = description(version, damping='causality="parameter" variability="fixed" initial="exact"')
-    moon = 'name="moon" valueReference="3" causality="parameter" variability="fixed"'
+    moon = 'name="the.moon" valueReference="3" causality="parameter" variability="fixed"'
     value = 'start="false"'
     lines = {
         2: f"<ScalarVariable {moon}><Boolean {value}/></ScalarVariable>",
@@ -331,14 +331,14 @@ def test_fixed_and_boolean_parameters_are_held(version: int) -> None:
     text = text.replace("</ModelVariables>", f"{lines[version]}</ModelVariables>")
     written = packed(text, "x86_64-linux" if version == 3 else "linux64", version)
     model = hfa.load_model(written)
-    assert list(model.parameters) == ["length", "damping", "moon"]
+    assert list(model.parameters) == ["length", "damping", "the_moon"]
     for moon_value, gravity in ((1, 1.62), (0, 9.81)):
-        A = hfa.trim(model.with_parameters(moon=moon_value, damping=0.7)).linearize().A
+        A = hfa.trim(model.with_parameters(the_moon=moon_value, damping=0.7)).linearize().A
         np.testing.assert_allclose(A[1], [-gravity / 2.0, -0.7], atol=1e-8)
-    said = " ".join(run("trim", "--aircraft", written, "--hold", "moon=1").out.split())
-    assert "parameters that --hold sets: length, damping, moon" in said
-    assert "Boolean parameters, 0 or 1: moon" in said
-    refused = run("trim", "--aircraft", written, "--hold", "moon=0.5")
+    said = " ".join(run("trim", "--aircraft", written, "--hold", "the_moon=1").out.split())
+    assert "parameters that --hold sets: length, damping, the_moon" in said
+    assert "Boolean parameters, 0 or 1: the_moon" in said
+    refused = run("trim", "--aircraft", written, "--hold", "the_moon=0.5")
     assert_refused(refused, 2, "a Boolean parameter is 0.5; hold it at 0 or 1")
 
 
