@@ -10,8 +10,7 @@ from .linear.modes import Mode as Mode, modes_of as modes_of
 from .linear.transfer import Transfer as Transfer
 from .point.condition import release as release, usual_condition as usual_condition
 from .point.solve import TrimError as TrimError
-from .reports.handling_qualities import handling_qualities_of as handling_qualities_of
-from .reports.levels import Airplane as Airplane, graded as graded, levels_of as levels_of
+from .reports.levels import Airplane as Airplane, graded as graded
 from .reports.linear_report import linear_model_report as linear_model_report
 from .reports.point_figure import draw_point as draw_point
 from .reports.trim_report import (

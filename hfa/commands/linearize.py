@@ -79,7 +79,7 @@ def linearize(request: LinearizeRequest) -> int:
     report = linear_model_report(model)
     if hfa_model.is_hfa(given.model):
         report = _of_the_hfa(request, given, model, report)
-    report = with_qualities(report, point.handling_qualities, model)
+    report = with_qualities(report, model)
     if request.bode:
         from trim.linear.frequency import with_transfers
 

@@ -38,7 +38,8 @@ from trim.point.condition import usual_condition
 from trim.point.solve import TrimError
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
 from trim.reports.point_figure import point_figure
-from trim.reports.trim_report import sheet_of, trim_report
+from trim.reports.trim_report import report_of, sheet_at, trim_report
+from trim.reports.trimmed import Trimmed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -107,9 +108,9 @@ def trim(request: TrimRequest) -> int:
         raise next(each for each in trims if isinstance(each, BadInputError))
     if len(trims) == 1 and request.conditions is None:
         point = trimmed_or_shown(request, valid[0])
-        sheet = _sheet(request, valid[0], point)
-        (picture,) = sheet.pictures()
-        show(request, sheet, valid[0].source, figure=lambda: picture.figure)
+        report, _ = _sheet(request, valid[0], point)
+        (picture,) = report.pictures()
+        show(request, report, valid[0].source, figure=lambda: picture.figure)
         return 0
     if request.picture is not None:
         raise BadInputError("--picture requires a single trim; -o FILE.html contains all pictures")
@@ -189,11 +190,12 @@ def _failed(given: GivenTrim, error: TrimError) -> Report:
     return report.with_data(reason=str(error))
 
 
-def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> Report:
-    """Return the sheet of a trim, with its picture."""
+def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> tuple[Report, Sheet]:
+    """Return the report of a trim, with its picture, and its sheet."""
     aircraft = given.model
-    airplane = _airplane(request)
-    report = trim_report(point, given.condition, full=request.full, airplane=airplane)
+    trimmed = Trimmed(point, given.condition)
+    sheet = sheet_at(trimmed, _airplane(request))
+    report = report_of(trimmed, sheet, request.full)
     if hfa_model.is_hfa(aircraft):
         from trim.hfa.other_dynamics import beside_other_dynamics
 
@@ -207,7 +209,7 @@ def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> Rep
         return trim_figure(aircraft, point)
 
     picture = Picture("trim.png", report.title.partition("\n")[0], figure)
-    return replace(report, parts=(*report.parts, picture))
+    return replace(report, parts=(*report.parts, picture)), sheet
 
 
 def _airplane(request: TrimRequest) -> Airplane | None:
@@ -232,7 +234,7 @@ def _sheet_or_failure(
         where = given.condition.in_words()
         failed = Report(f"{where}: {error}", data=data, failure=str(error))
         return failed, {"failure": str(error)}
-    return _sheet(request, given, point), sheet_of(point, _airplane(request))
+    return _sheet(request, given, point)
 
 
 def _together(sheets: Sequence[Report], rows: Sequence[Sheet | dict[str, str]]) -> Report:

@@ -117,8 +117,11 @@ def figures(units: Units) -> dict[str, float]:
     for name, value in values(data, "stability").items():
         unit = data["sheet"][name]["unit"]
         found[name] = value / length if unit == units.length else value
-    for each in point.handling_qualities:
-        found[each.name] = each.value
+    found |= {
+        name: value
+        for name, value in values(data, "modes and levels").items()
+        if "eigenvalue" not in name
+    }
     levels = {name: row["level"] for name, row in data["sheet"].items() if "level" in row}
     found |= {f"level of {name}": level for name, level in levels.items()}
     linear = point.linearize()

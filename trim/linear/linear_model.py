@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from hfa_aircraft.model import Model
-    from hfa_support.reporting.rows import Row
     from trim.linear.reduction import Matrices, Names
     from trim.linear.transfer import System
 
@@ -236,11 +235,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def modes(self) -> ByName[Mode]:
         """Modes of A, fastest first, which can be indexed by number or name: modes["phugoid"]."""
         return ByName(modes_of(self.A, self.states, self.model.modes))
-
-    @property
-    def handling_qualities(self) -> ByName[Row]:
-        """Handling qualities at the operating point, also if this model has fewer states."""
-        return self.point.handling_qualities
 
     @property
     def state_offsets(self) -> Vector:

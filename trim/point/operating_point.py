@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from hfa_support.reporting.named import ByName
-    from hfa_support.reporting.rows import Row, Sheet
+    from hfa_support.reporting.rows import Sheet
     from trim import LinearModel, Mode
     from trim.point.condition import TrimCondition
     from trim.point.margins import Margin
@@ -81,7 +81,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         residuals = problem.residuals(z)
         return cls(evaluation.x, evaluation.u, residuals, status, problem.model, started, problem)
 
-    def _problem_of(self, condition: TrimCondition) -> TrimProblem:
+    def problem_of(self, condition: TrimCondition) -> TrimProblem:
         """Return the trim problem of a condition, with this point as initial values.
 
         The problem that the point has solved is returned if it has this condition.
@@ -219,7 +219,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         """Return the margins for the limits of a condition, name -> `Margin` (`all_margins`)."""
         from trim.point.margins import all_margins
 
-        idle = self._problem_of(condition).idle
+        idle = self.problem_of(condition).idle
         return all_margins(self.model, condition, self.states, self.inputs, idle)
 
     @property
@@ -327,13 +327,6 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         import trim
 
         return trim.modes_at(self)
-
-    @cached_property
-    def handling_qualities(self) -> ByName[Row]:
-        """Frequencies, damping ratios and times of the modes (`trim.handling_qualities_of`)."""
-        import trim
-
-        return trim.handling_qualities_of(self)
 
     def linearize(self, **options: Any) -> LinearModel:
         """Return the linear model at the point.

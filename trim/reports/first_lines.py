@@ -213,14 +213,13 @@ def _number(model: Model, name: str, value: float) -> str:
     return beside_unit(digits(float(shown_value(value, unit, ".12g")), 5), unit)
 
 
-def control_lines(trimmed: Trimmed, margins: Mapping[str, Margin], ratio: Row | None) -> str:
+def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
     """Return alpha, each input that is not 0 with its limits, and L/D: "alpha 2.8 deg, elevator
     -1.37 of ±30 deg, throttle 40.1 of 200, L/D 22.4".
 
-    margins: margins of the point
     ratio: the row L/D, or None if the model has no forces
     """
-    model = trimmed.given.model
+    model, margins = trimmed.given.model, trimmed.margins
     words = []
     alpha = trimmed.roles.get("alpha")
     if alpha:

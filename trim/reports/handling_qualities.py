@@ -7,17 +7,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hfa_support.reporting.named import ByName
 from hfa_support.reporting.rows import Row
-from trim.point.operating_point import OperatingPoint
 from trim.reports.trimmed import Trimmed
 
 #: Names that models give to oscillating modes.
 _OSCILLATING = ("short period", "phugoid", "dutch roll")
 
 
-def handling_qualities_of(point: OperatingPoint) -> ByName[Row]:
-    """Return the handling qualities at a trim, as far as the model declares modes and outputs.
+def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
+    """Yield the handling qualities at a trim, as far as the model declares modes and outputs; none
+    with a `fault`.
 
     - `short period`, `phugoid` and `dutch roll`: natural frequency and damping ratio, for two real
       eigenvalues from their product and sum
@@ -32,16 +31,6 @@ def handling_qualities_of(point: OperatingPoint) -> ByName[Row]:
     step of the input that pitches the aircraft most. Lags follow, and all other states except alpha
     and pitch rate are held.
     """
-    trimmed = Trimmed(point)
-    found = ByName(() if trimmed.fault else handling_qualities(trimmed))
-    if "load_factor" not in point.model.outputs:
-        reason = "the model has no output load_factor; declare this output"
-        found.lacking = dict.fromkeys(("CAP", "n/alpha"), reason)
-    return found
-
-
-def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
-    """Yield the handling qualities of a trim without a `fault` (`handling_qualities_of`)."""
     for name in _OSCILLATING:
         oscillation = _oscillation(trimmed, name)
         if oscillation is None:

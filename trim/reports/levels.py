@@ -8,15 +8,12 @@ of the modes only: not of feel, control power, turbulence or failures.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
-from hfa_support.reporting.results import Result
 from hfa_support.reporting.rows import Row
 from hfa_support.units import conversion
-from trim.point.operating_point import OperatingPoint
-from trim.reports.handling_qualities import handling_qualities
 from trim.reports.trimmed import Trimmed
 
 #: Classes: I small and light; II medium, at a carrier or on land; III large; IV maneuverable.
@@ -24,9 +21,9 @@ CLASSES = ("I", "II-C", "II-L", "III", "IV")
 #: Categories: A rapid maneuvers; B gradual maneuvers, such as cruise; C terminal, such as landing.
 CATEGORIES = ("A", "B", "C")
 STANDARD = "MIL-F-8785C"
-#: Modes with a rule, and the paragraph on roll and spiral coupled in one oscillation.
+#: Modes with a rule, and the quality of roll and spiral coupled in one oscillation.
 _MODES = ("short period", "phugoid", "dutch roll", "roll", "spiral")
-_COUPLED = "3.3.1.4"
+_COUPLED = "damping times frequency"
 #: Number of a quality that is worse than level 3.
 NO_LEVEL = 4
 _AGILE = ("", "I", "II-C", "IV")
@@ -64,48 +61,6 @@ class Span(NamedTuple):
 Limits = Sequence[Span]
 
 
-@dataclass(frozen=True)
-class Graded(Result):
-    """Quality of a mode, with its level.
-
-    mode: name of the mode
-    quality: name of the quality, without that of the mode, or "" for a mode without a rule
-    value: value, in `unit`
-    unit: unit
-    level: 1 to 3, or 4 if it is worse than level 3; None without a rule
-    limits: smallest and largest value of the levels 1, 2 and 3
-    paragraph: paragraph of the standard
-    """
-
-    mode: str
-    quality: str
-    value: float
-    unit: str
-    level: int | None
-    limits: Limits
-    paragraph: str
-
-
-def levels_of(point: OperatingPoint, airplane: Airplane | None = None) -> tuple[Graded, ...]:
-    """Return the levels of the modes of a trim by MIL-F-8785C, () without a trim or a speed.
-
-    airplane: class and category; by default `usual_class` and category B
-    """
-    if not point.ok:
-        return ()
-    trimmed = Trimmed(point)
-    chosen, _ = chosen_airplane(trimmed, airplane)
-    return graded_modes(trimmed, chosen)
-
-
-def graded_modes(trimmed: Trimmed, airplane: Airplane) -> tuple[Graded, ...]:
-    """Return the levels of the modes of a trim, () without a speed or derivatives."""
-    if trimmed.fault or "speed" not in trimmed.roles:
-        return ()
-    qualities = {each.name: float(each) for each in handling_qualities(trimmed)}
-    return graded(qualities, [mode.name for mode in trimmed.modes], airplane)
-
-
 def chosen_airplane(trimmed: Trimmed, airplane: Airplane | None) -> tuple[Airplane, str]:
     """Return class and category, and the reason for a class that the user did not state, or ""."""
     given = airplane or Airplane()
@@ -141,45 +96,26 @@ def usual_class(trimmed: Trimmed) -> tuple[str, str]:
     return "III", f"weight above {_MEDIUM * factor:,.0f} {unit}"
 
 
-def rows_with_levels(rows: Sequence[Row], found: Sequence[Graded]) -> list[Row]:
-    """Return rows with the levels of the figures that the standard grades."""
-    graded_as = {f"{each.mode} {each.quality}": each for each in found if each.level is not None}
-    graded_as |= {each.quality: each for each in found if each.level is not None}
-    with_levels = []
-    for row in rows:
-        name = row.name.replace("time to half", "time to double")
-        level = graded_as.get(name)
-        if level is not None:
-            tone = TONES[level.level or NO_LEVEL]
-            row = replace(row, level=level.level, note=level_note(level), tone=tone)
-        with_levels.append(row)
-    return with_levels
+def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
+    """Return rows with the levels of those qualities of modes that the standard grades.
 
-
-def graded(
-    qualities: Mapping[str, float], modes: Sequence[str], airplane: Airplane
-) -> tuple[Graded, ...]:
-    """Return the levels of the modes, and modes without a rule.
-
-    qualities: name -> value, as `handling_qualities` names them
-    modes: names of the modes at the trim
+    rows: handling qualities
     airplane: class and category
     """
-    if "spiral time to half" in qualities:
-        qualities = {**qualities, "spiral time to double": math.inf}
-    found: list[Graded] = []
-    for mode in dict.fromkeys(name.partition(" (")[0] for name in modes):
-        rules = [rule for rule in _rules(mode, qualities, airplane) if rule.quality in qualities]
-        if not rules:
-            known = any(_rules(mode, qualities, airplane))
-            reason = " (real eigenvalues)" if known else ""
-            found.append(Graded(mode + reason, "", math.nan, "", None, (), ""))
-        for rule in rules:
-            value = qualities[rule.quality]
-            level = level_of(value, rule.limits)
-            short = rule.quality.removeprefix(f"{mode} ")
-            found.append(Graded(mode, short, value, rule.unit, level, rule.limits, rule.paragraph))
-    return tuple(found)
+    qualities = {row.name: float(row) for row in rows}
+    rules = {rule.quality: rule for mode in _MODES for rule in _rules(mode, qualities, airplane)}
+    return [_with_level(row, rules) for row in rows]
+
+
+def _with_level(row: Row, rules: Mapping[str, _Rule]) -> Row:
+    """Return a row with its level if there is a rule for it. A stable spiral never doubles."""
+    quality, value = row.name, float(row)
+    if quality == "spiral time to half":
+        quality, value = "spiral time to double", math.inf
+    if quality not in rules:
+        return row
+    level = level_of(value, rules[quality].limits)
+    return replace(row, level=level, note=_note(level, rules[quality]), tone=TONES[level])
 
 
 def level_of(value: float, limits: Limits) -> int:
@@ -191,10 +127,9 @@ def level_of(value: float, limits: Limits) -> int:
 
 
 class _Rule(NamedTuple):
-    """Rule for a quality: its name and unit, the paragraph of the standard, and the limits."""
+    """Rule for a quality: its name, the paragraph of the standard, and the limits."""
 
     quality: str
-    unit: str
     paragraph: str
     limits: Limits
 
@@ -219,11 +154,11 @@ def _rules(mode: str, qualities: Mapping[str, float], airplane: Airplane) -> Ite
         case "roll":
             agile = airplane.is_agile and airplane.category != "B"
             limits = _most(1.0, 1.4, 10.0) if agile else _most(1.4, 3.0, 10.0)
-            yield _Rule("roll time constant", "s", "3.3.1.2", limits)
+            yield _Rule("roll time constant", "3.3.1.2", limits)
             yield _of_roll_spiral(mode, airplane)
         case "spiral":
             first = 20.0 if airplane.category == "B" else 12.0
-            yield _Rule("spiral time to double", "s", "3.3.1.3", _least(first, 8.0, 4.0))
+            yield _Rule("spiral time to double", "3.3.1.3", _least(first, 8.0, 4.0))
             yield _of_roll_spiral(mode, airplane)
 
 
@@ -232,26 +167,26 @@ def _of_short_period(airplane: Airplane) -> Iterator[_Rule]:
     damping = [Span(0.35, 1.3), Span(0.25, 2.0), Span(0.15)]
     if airplane.category == "B":
         damping = [Span(0.30, 2.0), Span(0.20, 2.0), Span(0.15)]
-    yield _Rule("short period damping", "1", "3.2.2.1.2", damping)
+    yield _Rule("short period damping", "3.2.2.1.2", damping)
     paragraph = "3.2.2.1.1"
     least_1 = {"A": 0.28, "B": 0.085, "C": 0.16}[airplane.category]
     least_2 = {"A": 0.16, "B": 0.038, "C": 0.096}[airplane.category]
     cap = [Span(least_1, 3.6), Span(least_2, 10.0), Span(least_2)]
-    yield _Rule("CAP", "1/(s^2 g/rad)", paragraph, cap)
+    yield _Rule("CAP", paragraph, cap)
     if airplane.category == "A":
-        yield _Rule("short period frequency", "rad/s", paragraph, _least(1.0, 0.6, 0.0))
+        yield _Rule("short period frequency", paragraph, _least(1.0, 0.6, 0.0))
     if airplane.category == "C":
         frequency = _least(0.87, 0.6, 0.0) if airplane.is_agile else _least(0.7, 0.4, 0.0)
-        yield _Rule("short period frequency", "rad/s", paragraph, frequency)
+        yield _Rule("short period frequency", paragraph, frequency)
         load = _least(2.7, 1.8, -math.inf) if airplane.is_agile else _least(2.0, 1.0, -math.inf)
-        yield _Rule("n/alpha", "g/rad", paragraph, load)
+        yield _Rule("n/alpha", paragraph, load)
 
 
 def _of_phugoid(qualities: Mapping[str, float]) -> Iterator[_Rule]:
     """Yield the rule for the damping of the phugoid; level 3 is a time to double of 55 s."""
     frequency = qualities.get("phugoid frequency", math.inf)
     limits = _least(0.04, 0.0, -math.log(2.0) / (55.0 * frequency))
-    yield _Rule("phugoid damping", "1", "3.2.1.2", limits)
+    yield _Rule("phugoid damping", "3.2.1.2", limits)
 
 
 def _of_roll_spiral(mode: str, airplane: Airplane) -> _Rule:
@@ -259,7 +194,7 @@ def _of_roll_spiral(mode: str, airplane: Airplane) -> _Rule:
     limits = _least(0.5, 0.3, 0.15)
     if airplane.category == "A":
         limits = _least(math.inf, math.inf, math.inf)
-    return _Rule(f"{mode} damping times frequency", "rad/s", _COUPLED, limits)
+    return _Rule(f"{mode} {_COUPLED}", "3.3.1.4", limits)
 
 
 def _of_dutch_roll(qualities: Mapping[str, float], airplane: Airplane) -> Iterator[_Rule]:
@@ -279,9 +214,9 @@ def _of_dutch_roll(qualities: Mapping[str, float], airplane: Airplane) -> Iterat
     if airplane.class_ == "III":
         products = [min(product, 0.7 * omega) for product in products]
     paragraph = "3.3.1.1"
-    yield _Rule("dutch roll damping", "1", paragraph, _least(level_1.damping, 0.02, 0.0))
-    yield _Rule("dutch roll damping times frequency", "rad/s", paragraph, _least(*products))
-    yield _Rule("dutch roll frequency", "rad/s", paragraph, _least(level_1.frequency, 0.4, 0.4))
+    yield _Rule("dutch roll damping", paragraph, _least(level_1.damping, 0.02, 0.0))
+    yield _Rule("dutch roll damping times frequency", paragraph, _least(*products))
+    yield _Rule("dutch roll frequency", paragraph, _least(level_1.frequency, 0.4, 0.4))
 
 
 class _DutchRoll(NamedTuple):
@@ -301,29 +236,38 @@ def _level_1_of_dutch_roll(airplane: Airplane) -> _DutchRoll:
     return _DutchRoll(0.08, 0.15, 0.4)
 
 
-def level_note(found: Graded) -> str:
+def _note(level: int, rule: _Rule) -> str:
     """Return the note of a graded figure: "level 2: at least 0.04, 0, -0.0166 (3.2.1.2)"."""
-    level = "below level 3" if found.level == NO_LEVEL else f"level {found.level}"
-    return f"{level}: {_limits_text(found.limits)} ({found.paragraph})"
+    words = "below level 3" if level == NO_LEVEL else f"level {level}"
+    return f"{words}: {_limits_text(rule.limits)} ({rule.paragraph})"
 
 
-def level_lines(found: Sequence[Graded], airplane: Airplane, why: str) -> list[str]:
+def level_lines(
+    rows: Sequence[Row], modes: Iterable[str], airplane: Airplane, why: str
+) -> list[str]:
     """Return sentences on the class and the category, on modes without a rule and missing modes.
 
+    rows: handling qualities with their levels
+    modes: names of the modes at the trim
     why: reason for the class, or ""
     """
-    if not any(each.level is not None for each in found):
+    levels = [row.name for row in rows if row.level is not None]
+    if not levels:
         return [f"{STANDARD}: not in this model: no mode that it has a rule for"]
     reason = f" (by hfa's convention, {why}; --class changes it)" if why else ""
     said = [f"{STANDARD}: class {airplane.class_}{reason}, category {airplane.category}"]
     said[0] += " (by default; --category)" * bool(why)
-    without = [each.mode for each in found if each.level is None]
+    families = dict.fromkeys(name.partition(" (")[0] for name in modes)
+    without = [
+        f"{family} (real eigenvalues)" if family in _MODES else family
+        for family in families
+        if not any(name.startswith(f"{family} ") for name in levels)
+    ]
     if without:
         said.append(f"{STANDARD} has no rule for: {', '.join(without)}")
-    named = {each.mode.partition(" (")[0] for each in found}
-    if any(each.paragraph == _COUPLED for each in found):
-        named |= {"roll", "spiral"}
-    if absent := [mode for mode in _MODES if mode not in named]:
+    coupled = any(f"{mode} {_COUPLED}" in levels for mode in ("roll", "spiral"))
+    present = {*families, "roll", "spiral"} if coupled else {*families}
+    if absent := [mode for mode in _MODES if mode not in present]:
         said.append(f"{', '.join(absent)}: not in this model")
     return said
 

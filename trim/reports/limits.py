@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from hfa_support.reporting.rows import Row
@@ -19,10 +19,10 @@ _NEAREST = 3
 ASSUMED = "* assumed: no data of the aircraft state this limit"
 
 
-def variable_rows(trimmed: Trimmed, margins: Mapping[str, Margin]) -> list[Row]:
+def variable_rows(trimmed: Trimmed) -> list[Row]:
     """Return the states, relevant outputs and inputs with their status and limits."""
     rows = []
-    for name, margin in margins.items():
+    for name, margin in trimmed.margins.items():
         role = "imposed" if margin.role == "held" else margin.role
         note = ", ".join(filter(None, (role, _limits_text(margin, name in trimmed.model.inputs))))
         rows.append(Row(name, margin.value, margin.unit, note, digits=6))
@@ -50,13 +50,13 @@ def _limits_text(margin: Margin, is_input: bool) -> str:
     return f"{limits}, margin {short_number(margin.distance, margin.unit)}"
 
 
-def nearest_first(trimmed: Trimmed, margins: Mapping[str, Margin]) -> list[Margin]:
+def nearest_first(trimmed: Trimmed) -> list[Margin]:
     """Return the variables whose limits matter, the nearest limit first.
 
     These are free variables and held inputs. Those at their limit come first, then declared limits,
     then assumed ones. The angle of attack is also limited by that of the largest lift.
     """
-    inputs = trimmed.model.inputs
+    inputs, margins = trimmed.model.inputs, trimmed.margins
     limited = [
         margin
         for name, margin in margins.items()

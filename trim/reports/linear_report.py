@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.rows import Group, Row
+from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import WIDTH, Table, degrees, matrix_table, wrapped
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
 from trim.reports.first_lines import first_line, mode_lines, without_lines
+from trim.reports.handling_qualities import handling_qualities
 from trim.reports.trimmed import Trimmed
 
 #: Units of length.
@@ -156,16 +156,17 @@ def _blocks(model: LinearModel) -> list[Block]:
     return blocks
 
 
-def with_qualities(report: Report, qualities: Sequence[Row], linear: LinearModel) -> Report:
+def with_qualities(report: Report, linear: LinearModel) -> Report:
     """Return the report of a linear model with the handling qualities of the aircraft.
 
     The report is unchanged without handling qualities. If the linear model has fewer states than
     the aircraft, the heading says of how many the figures are.
     """
+    qualities = tuple(handling_qualities(Trimmed(linear.point)))
     if not qualities:
         return report
     whole = linear.model.linear
     of_all = f", all {len(whole)} states" * (len(linear.states) < len(whole))
-    group = Group(f"handling qualities{of_all}", tuple(qualities))
+    group = Group(f"handling qualities{of_all}", qualities)
     data = {row.name: row for row in qualities}
     return replace(report, parts=(*report.parts, group)).with_data(handling_qualities=data)

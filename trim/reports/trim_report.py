@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from typing import Any
 
 from hfa_aircraft.model import Model
@@ -15,7 +14,6 @@ from hfa_support.reporting.rows import Lacking, Row, Sheet
 from hfa_support.reporting.text import Table, degrees
 from trim.linear.modes import Mode, modes_table
 from trim.point.condition import TrimCondition
-from trim.point.margins import Margin, all_margins
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
 from trim.reports.configuration import configuration_rows, inertia_lines
@@ -31,9 +29,8 @@ from trim.reports.handling_qualities import handling_qualities
 from trim.reports.levels import (
     Airplane,
     chosen_airplane,
-    graded_modes,
+    graded,
     level_lines,
-    rows_with_levels,
 )
 from trim.reports.limits import ASSUMED, limit_rows, named_nearest, nearest_first, variable_rows
 from trim.reports.performance import performance_rows, stalled
@@ -60,29 +57,20 @@ def sheet_of(point: OperatingPoint, airplane: Airplane | None = None) -> Sheet:
     >>> round(sheet["static margin"].value, 4), sheet["static margin"].unit
     (0.4425, 'chord')
     """
-    trimmed = Trimmed(point)
-    return _sheet(trimmed, trimmed_margins(trimmed), airplane)
+    return sheet_at(Trimmed(point), airplane)
 
 
-def trimmed_margins(trimmed: Trimmed) -> dict[str, Margin]:
-    """Return the margins of all variables of a trim, name -> `Margin`."""
-    point = trimmed.given
-    idle = trimmed.problem.idle
-    return all_margins(point.model, trimmed.condition, point.states, point.inputs, idle)
-
-
-def _sheet(trimmed: Trimmed, margins: Mapping[str, Margin], airplane: Airplane | None) -> Sheet:
+def sheet_at(trimmed: Trimmed, airplane: Airplane | None) -> Sheet:
     """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
     point = trimmed.given
     configuration = configuration_rows(trimmed)
-    limited = nearest_first(trimmed, margins)
-    assumed = [ASSUMED] * any(each.nearer and each.assumed for each in margins.values())
+    assumed = [ASSUMED] * any(each.nearer and each.assumed for each in trimmed.margins.values())
     flight = [*flight_rows(trimmed), balance_row(point)]
     groups: list[tuple[str, Any, Any]] = [
         ("condition", flight, same_as_the_table(trimmed)),
         ("configuration", configuration, inertia_lines(trimmed, configuration)),
-        (VARIABLES, variable_rows(trimmed, margins), assumed),
-        ("limits", limit_rows(limited), ()),
+        (VARIABLES, variable_rows(trimmed), assumed),
+        ("limits", limit_rows(nearest_first(trimmed)), ()),
     ]
     if point.ok:
         describe = point.model.trimming.describe
@@ -103,8 +91,11 @@ def _modes(
     if trimmed.fault:
         return title, [], [f"no modes: {trimmed.fault}"]
     chosen, why = chosen_airplane(trimmed, airplane)
-    levels = graded_modes(trimmed, chosen)
-    qualities = rows_with_levels([*handling_qualities(trimmed)], levels)
+    qualities = [*handling_qualities(trimmed)]
+    lines = []
+    if "speed" in trimmed.roles:
+        qualities = graded(qualities, chosen)
+        lines = level_lines(qualities, [mode.name for mode in trimmed.modes], chosen, why)
     rows: list[Row | Lacking] = []
     for mode in trimmed.modes:
         unit, times = f"1/{trimmed.model.time_unit}", _times(trimmed, mode)
@@ -119,8 +110,7 @@ def _modes(
                 Row(f"{mode.name} damping", mode.damping),
             ]
         rows += of_mode
-    is_airplane = "speed" in trimmed.roles
-    return title, [*rows, *qualities], level_lines(levels, chosen, why) if is_airplane else []
+    return title, [*rows, *qualities], lines
 
 
 def _belongs(quality: str, family: str) -> bool:
@@ -163,20 +153,25 @@ def trim_report(
     if condition is None and point.problem is None:
         return saved_report(point)
     trimmed = Trimmed(point, condition)
-    margins = trimmed_margins(trimmed)
-    sheet = _sheet(trimmed, margins, airplane)
+    return report_of(trimmed, sheet_at(trimmed, airplane), full)
+
+
+def report_of(trimmed: Trimmed, sheet: Sheet, full: bool) -> Report:
+    """Return the report of a trim with its sheet (`trim_report`)."""
+    point = trimmed.given
     search, sentences = search_of(trimmed)
     equations = equations_of(trimmed.condition, point)
-    nearest = named_nearest(nearest_first(trimmed, margins))
+    nearest = named_nearest(nearest_first(trimmed))
     stalls = stalled(trimmed) if point.ok and {"speed", "alpha"} <= {*trimmed.roles} else []
     parts: list[Any] = [*sheet.shown(full)]
     if full or not all(entry["ok"] for entry in equations.values()):
         parts.append(equations_table(point, equations))
-    if full and trimmed_modes(trimmed):
-        parts.append(modes_table(trimmed.modes, point.model.time_unit))
+    modes = trimmed.modes if point.ok else ()
+    if full and modes:
+        parts.append(modes_table(modes, point.model.time_unit))
     parts += [tuple(sentences)] if sentences else []
     ratio = next((row for row in sheet if row.name == "L/D"), None)
-    controls = control_lines(trimmed, margins, ratio)
+    controls = control_lines(trimmed, ratio)
     title = "\n".join(filter(None, [title_of(trimmed), *stalls, controls]))
     notes = point.warnings if full else without_lines(point.warnings)
     data = {
@@ -186,13 +181,13 @@ def trim_report(
         "status": point.status,
         "sheet": sheet.contents(),
         "not_in_model": sheet.lacking,
-        "variables": margins,
+        "variables": trimmed.margins,
         "nearest_limits": [margin.name for margin in nearest],
         "binding": [each.name for each in nearest if each.at_limit and each.role != "held"],
         "equations": equations,
         "scaled_residuals": point.scaled_residuals,
         "balance_limit": BALANCE,
-        "modes": trimmed_modes(trimmed),
+        "modes": modes,
         "search": search,
         "warnings": point.warnings,
     } | given(
@@ -220,11 +215,6 @@ def _revision(model: Model) -> str:
     return f"parameters (SHA-256 {hashlib.sha256(values.encode()).hexdigest()[:12]})"
 
 
-def trimmed_modes(trimmed: Trimmed) -> tuple[Mode, ...]:
-    """Return the modes of a trim, () for a point that is none."""
-    return trimmed.modes if trimmed.given.ok else ()
-
-
 def modes_at(point: OperatingPoint) -> ByName[Mode]:
     """Return the modes of the linear model at a point, fastest first.
 
@@ -236,28 +226,18 @@ def modes_at(point: OperatingPoint) -> ByName[Mode]:
     return trimmed.modes
 
 
-def point_records(point: OperatingPoint) -> Table:
-    """Return a table of the states, inputs and residuals of an operating point.
-
-    Each row is (kind, name, value, unit). The unit of an angle is rad.
+def saved_report(point: OperatingPoint) -> Report:
+    """Return a report of the states and inputs of a point that was not found by a search. Its
+    records have the residuals too, and angles in rad.
     """
     unit = point.model.unit
     rows: list[tuple[str, str, float, str]] = []
     for kind, values in (("state", point.states), ("input", point.inputs)):
         rows += [(kind, name, value, unit(name)) for name, value in values._asdict().items()]
+    shown = [(kind, name, *degrees(value, unit)) for kind, name, value, unit in rows]
     for name, value in point.residuals.items():
         rows.append(("residual", name, value, point.equation_unit(name)))
-    return Table(("kind", "name", "value", "unit"), rows)
-
-
-def saved_report(point: OperatingPoint) -> Report:
-    """Return a report of the states and inputs of a point that was not found by a search."""
-    records = point_records(point)
-    rows = [
-        (kind, name, *degrees(value, unit))
-        for kind, name, value, unit in records.rows
-        if kind != "residual"
-    ]
-    table = Table(records.header, rows)
+    header = ("kind", "name", "value", "unit")
     notes = without_lines(point.warnings)
-    return Report(title_of(Trimmed(point)), [table], notes, point.as_data(), records)
+    title = title_of(Trimmed(point))
+    return Report(title, [Table(header, shown)], notes, point.as_data(), Table(header, rows))

@@ -19,6 +19,7 @@ from hfa_support.units import conversion, radian_factor
 from trim.linear.kinks import linearization_at
 from trim.linear.modes import Mode, modes_of
 from trim.point.condition import TrimCondition, usual_condition
+from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
 from trim.point.solve import trim
@@ -142,10 +143,12 @@ class Trimmed:
     @cached_property
     def problem(self) -> TrimProblem:
         """The solved problem, or that of the condition with this point as initial values."""
-        known = self.given.problem
-        if known is not None and known.asked is self.condition:
-            return known
-        return TrimProblem(self.given.model, self.condition, self.given.values)
+        return self.given.problem_of(self.condition)
+
+    @cached_property
+    def margins(self) -> dict[str, Margin]:
+        """Margins of all variables for the limits of the condition, name -> `Margin`."""
+        return self.given.margins_under(self.condition)
 
     @property
     def flight_path(self) -> float:

@@ -783,7 +783,7 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     states = record(tuple(model.states))(*swept.states[index].tolist())
     inputs = record(tuple(model.inputs))(*swept.inputs[index].tolist())
     found = OperatingPoint(states, inputs, {}, Status.TRIMMED, model)
-    problem = found._problem_of(condition)
+    problem = found.problem_of(condition)
     point = OperatingPoint._of(problem, problem.unknowns(found.values), Status.TRIMMED)
     return point.linearize()
 

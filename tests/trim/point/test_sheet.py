@@ -23,6 +23,7 @@ from sheet_values import values
 import hfa
 import hfa_model
 from hfa import Model, Signal
+from hfa_support.reporting.rows import Row
 from trim import Airplane, graded, trim_report
 
 EXAMPLES = ROOT / "examples"
@@ -383,10 +384,9 @@ DAMPING = "dutch roll damping times frequency"
 
 
 def levels(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, int | None]:
-    """Return mode and quality -> level."""
-    modes = ("short period", "phugoid", "dutch roll", "roll", "spiral")
-    found = graded(qualities, modes, airplane)
-    return {f"{each.mode} {each.quality}": each.level for each in found if each.quality}
+    """Return quality -> level."""
+    found = graded([Row(name, value) for name, value in qualities.items()], airplane)
+    return {row.name: row.level for row in found}
 
 
 #: Class, category, quality, and values with their levels, just inside and outside of the limits of
@@ -426,7 +426,7 @@ def test_levels_change_at_the_limits_of_the_standard() -> None:
             found = levels(
                 Airplane(class_, category), {"dutch roll frequency": 1.0, quality: value}
             )
-            assert [found[name] for name in found if name.endswith(quality)] == [level], quality
+            assert found[quality] == level, quality
 
 
 def test_a_large_bank_per_sideslip_asks_for_more_damping() -> None:
@@ -458,7 +458,7 @@ def test_the_anticipation_parameter_is_that_by_hand(name: str) -> None:
     B = np.array(linear.B)[rows, linear.inputs.index("elevator")]
     alpha, pitch_rate = -np.linalg.solve(np.array(linear.A)[np.ix_(rows, rows)], B)
     gravity = 9.80665 if model.unit("speed") == "m/s" else 32.174
-    found = {each.name: each.value for each in point.handling_qualities}
+    found = {row.name: row.value for row in point.sheet}
     by_alpha = point["speed"] * pitch_rate / alpha / gravity
     assert found["n/alpha"] == pytest.approx(by_alpha, rel=1e-5)
     assert found["CAP"] == pytest.approx(found["short period frequency"] ** 2 / by_alpha, rel=1e-5)
@@ -467,7 +467,10 @@ def test_the_anticipation_parameter_is_that_by_hand(name: str) -> None:
 def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
     """The sheet grades the qualities of the linear model; modes without a rule are named."""
     point, data = sheet(f"{EXAMPLES}/cessna182.toml")
-    qualities = {each.name: each.value for each in point.handling_qualities}
+    linear = json.loads(
+        command("linearize", "--aircraft", f"{EXAMPLES}/cessna182.toml", "--json").out
+    )
+    qualities = {name: row["value"] for name, row in linear["handling_qualities"].items()}
     levels = {name: row["level"] for name, row in data["sheet"].items() if "level" in row}
     assert levels == dict.fromkeys(levels, 1)
     assert len(levels) == 8
