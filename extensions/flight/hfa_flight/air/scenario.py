@@ -13,7 +13,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform, zero
 from hfa_flight.air.actuators import ActuatorBank
-from hfa_flight.air.delay import in_samples
+from hfa_flight.air.delay import in_samples, steps_of
 from hfa_flight.air.gust_equations import in_gusts, undeclared
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.signals import TimeVector
@@ -260,6 +260,14 @@ class Scenario(Reported):
                 "scenario"
             )
         return replace(self, reference=reference)
+
+    def in_ticks(self, tick: float, longest: float) -> Scenario:
+        """Return the scenario with another tick, s, and a duration of whole ticks.
+
+        longest: longest integration step, s
+        """
+        count = max(1, round(self.duration / tick))
+        return replace(self, duration=count * tick, tick=tick, step=tick / steps_of(tick, longest))
 
     @property
     def ticks(self) -> int:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from hfa_flight.air.delay import in_samples, steps_of
+from hfa_flight.air.delay import in_samples
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.policy import Policy
 from hfa_support.errors import BadInputError
@@ -99,7 +99,5 @@ class SampledPolicy(Policy):
                     f"the delay is {scenario.delay:g} s; give a multiple of the sample time "
                     f"{self.dt:g} s, or a tick that divides both"
                 )
-            parts = steps_of(tick, scenario.step)
-            count = max(1, round(scenario.duration / tick))
-            scenario = replace(scenario, duration=count * tick, tick=tick, step=tick / parts)
+            scenario = scenario.in_ticks(tick, scenario.step)
         return replace(self, tick=tick, delay=scenario.delay), scenario

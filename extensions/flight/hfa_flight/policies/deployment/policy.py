@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.air.delay import in_samples, steps_of
+from hfa_flight.air.delay import in_samples
 from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployed import Deployed
@@ -101,8 +101,15 @@ class DeployedPolicy(Policy):
         )
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
-        """Return the policy, and the scenario with its sampling."""
-        return self, sampled_scenario(self, scenario, self.point)
+        """Return the policy, and the scenario with ticks that divide samples and delay.
+
+        A step is at most `_LONGEST`, and with moving air or actuators at most `_FINE`. Raises
+        BadInputError for a delay that is not a fraction of the sample time.
+        """
+        dt = self.deployed.deployment.dt
+        is_fine = scenario.moving_air or scenario.actuators is not None
+        longest = min(dt / parts_of_a_sample([self.point], dt), _FINE if is_fine else _LONGEST)
+        return self, scenario.in_ticks(self.tick, longest)
 
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop at the equilibrium near the trim, 1/s, or None."""
@@ -153,21 +160,3 @@ def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> Deploy
     identity = {"deployment": hashlib.sha256(text.encode()).hexdigest()}
     held = np.zeros((1, len(point.model.inputs)))
     return DeployedPolicy(name, deployed, point, held=held, identity=identity)
-
-
-def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: OperatingPoint) -> Scenario:
-    """Return the scenario with the duration, tick and step that a policy requires.
-
-    The duration is a whole number of ticks. A step is at most `_LONGEST`, and with moving
-    air or actuators at most `_FINE`. Raises BadInputError for a delay that is
-    not a fraction of the sample time.
-    """
-    dt = policy.deployed.deployment.dt
-    parts = parts_of_a_sample([point], dt)
-    is_fine = scenario.moving_air or scenario.actuators is not None
-    longest = min(dt / parts, _FINE if is_fine else _LONGEST)
-    steps = steps_of(policy.tick, longest)
-    count = max(1, round(scenario.duration / policy.tick))
-    return replace(
-        scenario, duration=count * policy.tick, tick=policy.tick, step=policy.tick / steps
-    )
