@@ -17,7 +17,7 @@ from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.report_lines import (
     deviations_in_words,
     envelope_pairs,
-    limits_table,
+    limits_of_flights,
     line_with_ratios,
 )
 from hfa_flight.plan.search import MESHES_AGREE, Found
@@ -200,24 +200,12 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     def report(self) -> Report:
         """Return the report: costs and outcomes of all flights, and limits."""
-        name = "best flight found" if self.reason is None else "cheapest simulated flight"
-        rows = [(name, f"{self.cost:.6g}", "1", "converges")]
-        lines = [_saturated(name, self.saturated)]
-        for row in self.policies:
-            cost = f"{row.cost:.6g}" if row.converges else "-"
-            ratio = "-" if row.over_best is None else f"{row.over_best:.4g}"
-            rows.append((row.policy, cost, ratio, row.ending))
-            if row.lost:
-                lines.append(f"{row.policy}: {row.outcome()}")
-            lines.append(_saturated(row.policy, row.saturated))
-        table = Table(("flight", "cost", "ratio", "outcome"), rows)
         parts = (
             self._checked(),
-            table,
-            tuple(lines),
+            self._costs(),
             self.weights_text(),
             RULE,
-            limits_table(self.problem),
+            limits_of_flights(self.problem),
             Picture("flight", "The best flight found and the policies", self.figure),
         )
         return Report(self.title(), parts, data=self.as_data(), records=self.records())
@@ -275,6 +263,17 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         smoothed = "The optimizer smoothed tables and kinks, the simulation did not."
         return Group("best flight", rows, (none_cheaper, *[smoothed] * has_kinks(self.problem)))
 
+    def _costs(self) -> Group:
+        """Return the cost of each flight, with its ratio to the best, its end and its inputs."""
+        name = "best flight found" if self.reason is None else "cheapest simulated flight"
+        rows = [Row(name, self.cost, note=f"converges; {_saturated(self.saturated)}", digits=6)]
+        for each in self.policies:
+            ratio = "" if each.over_best is None else f"{each.over_best:.4g}x; "
+            note = f"{ratio}{each.outcome()}; {_saturated(each.saturated)}"
+            cost = each.cost if each.converges else "-"
+            rows.append(Row(each.policy, cost, note=note, digits=6))
+        return Group("costs of flights", tuple(rows))
+
     def _labeled(self) -> list[tuple[SimulatedFlight, str]]:
         """Return the flights of the figure with their labels, the best flight first."""
         flights = [(self.flown, f"best flight found: {self.cost:.5g}")]
@@ -304,5 +303,5 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return drawn(figure, self.problem, self._labeled(), self.seconds, self.title())
 
 
-def _saturated(flight: str, names: Sequence[str]) -> str:
-    return f"{flight}: {', '.join(names) or 'no input'} saturated"
+def _saturated(names: Sequence[str]) -> str:
+    return f"{', '.join(names) or 'no input'} saturated"

@@ -11,7 +11,7 @@ import numpy as np
 from hfa_flight.needs import is_enough, need_text
 from hfa_flight.plan.interruption import interruption
 from hfa_flight.plan.problem import FlightProblem, OfProblem
-from hfa_flight.plan.report_lines import limits_table, line_with_ratios
+from hfa_flight.plan.report_lines import limits_of_flights, line_with_ratios
 from hfa_flight.plan.search import AFTER, MESHES_AGREE, BestFlights
 from hfa_flight.simulate.returned import RULE
 from hfa_flight.simulate.row import FlightRow
@@ -20,6 +20,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
+from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table
 
 
@@ -66,6 +67,14 @@ class PolicySummary(Result):
     median: float | None
     high: float | None
     worst: float | None
+
+    def row(self) -> Row:
+        """Return the row of a report: the median, with the other figures in its note."""
+        counts = f"{self.left} leave the envelope, {self.converged} converge"
+        if self.median is None:
+            return Row(self.policy, "-", note=counts)
+        note = f"90 %: {self.high:.4g}, worst: {self.worst:.4g}; {counts}"
+        return Row(self.policy, self.median, note=note)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -151,21 +160,20 @@ class StartsTable(OfProblem, Result, Reported):
 
     def report(self) -> Report:
         """Return the report: flights found, cost ratios of policies, refused flights, limits."""
-        rows = []
-        for each in self.policies:
-            numbers = [_number(value) for value in (each.median, each.high, each.worst)]
-            counts = (f"{each.left} of {self.found}", f"{each.converged} of {self.found}")
-            rows.append((each.policy, *counts, *numbers))
-        header = ("cost ratio", "leave", "converge", "median", "90 %", "worst")
         reasons = [each.reason for each in self.flights if each.reason is not None]
-        refused = [(reason, str(reasons.count(reason))) for reason in dict.fromkeys(reasons)]
-        parts: list[Any] = [Table(header, rows)]
-        if refused:
-            parts.append(Table(("no proposal confirmed", "initial conditions"), refused))
-        parts += [self.weights_text(), RULE, limits_table(self.problem)]
-        return Report(
-            "\n".join(self._title_lines()), parts, data=self.as_data(), records=self._records()
+        refused = (
+            f"no proposal confirmed from {reasons.count(reason)} initial conditions: {reason}"
+            for reason in dict.fromkeys(reasons)
         )
+        parts = (
+            Group("median cost over the best", tuple(each.row() for each in self.policies)),
+            tuple(refused),
+            self.weights_text(),
+            RULE,
+            limits_of_flights(self.problem),
+        )
+        title = "\n".join(self._title_lines())
+        return Report(title, parts, data=self.as_data(), records=self._records())
 
     def _title_lines(self) -> list[str]:
         """Return the first lines: flights found, median cost ratios, and what limits the result."""
@@ -211,10 +219,6 @@ def _summary(column: Sequence[FlightRow]) -> PolicySummary:
         return PolicySummary(*counts, None, None, None)
     median, high = np.quantile(ratios, [0.5, 0.9]).tolist()
     return PolicySummary(*counts, median, high, max(ratios))
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4g}"
 
 
 def starts_table(

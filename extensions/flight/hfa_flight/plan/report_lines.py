@@ -1,16 +1,15 @@
-"""Lines and tables that the reports of one flight and of many share."""
+"""Lines and rows that the reports of one flight and of many share."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.plan.problem import FlightProblem
 from hfa_flight.simulate.envelope import limits_text
-from hfa_support.reporting.text import Table, shown_unit
+from hfa_support.reporting.rows import Group, Row
 
 #: Largest number of columns of a first line.
 _FIRST_LINE = 80
@@ -40,20 +39,20 @@ def envelope_pairs(problem: FlightProblem) -> dict[str, np.ndarray]:
     return dict(zip(problem.envelope.names, pairs, strict=True))
 
 
-def limits_table(problem: FlightProblem) -> Table:
-    """Return a table of the limits of all states and of the moving inputs."""
-    model = problem.model
-    pairs: dict[str, Any] = envelope_pairs(problem)
-    signals = model.inputs
-    pairs |= {name: (signals[name].min, signals[name].max) for name in problem.inputs}
+def limits_of_flights(problem: FlightProblem) -> Group:
+    """Return the limits of all states and of the moving inputs as rows."""
+    model, envelope = problem.model, problem.envelope
+    signals = [model.inputs[name] for name in problem.inputs]
+    lows = [*envelope.lowest.tolist(), *(signal.min for signal in signals)]
+    highs = [*envelope.highest.tolist(), *(signal.max for signal in signals)]
+    assumed = [*envelope.assumed.tolist(), *(signal.assumed for signal in signals)]
+    names = (*envelope.names, *problem.inputs)
     rows = []
-    assumed = dict(zip(problem.envelope.names, problem.envelope.assumed.tolist(), strict=True))
-    for name, (lowest, highest) in pairs.items():
+    for name, low, high, is_assumed in zip(names, lows, highs, assumed, strict=True):
         unit = model.unit(name)
-        is_assumed = assumed.get(name, model.signals[name].assumed)
-        text = limits_text(float(lowest), float(highest), unit, is_assumed)
-        rows.append((name, text, shown_unit(unit)))
-    return Table(("limits of flights", "from, to", "unit"), rows)
+        text = limits_text(low, high, unit)
+        rows.append(Row(name, text, unit, note="assumed" if is_assumed else ""))
+    return Group("limits of flights", tuple(rows))
 
 
 def deviations_in_words(model: Model, start: Mapping[str, float]) -> str:
