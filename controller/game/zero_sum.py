@@ -310,30 +310,6 @@ class Game(ByValue, Reported):
         K, L = self.policies(P)
         return self.A - self.B @ K + self.E @ L
 
-    def residual(self, P: np.ndarray) -> np.ndarray:
-        """Return the residual of the game's Riccati equation, (n, n).
-
-        In continuous time with N = 0, it is A'P + P A + Q - P S P. Otherwise A and Q are those of
-        `without_cross_weights`. In discrete time, it is the cost of one step with both policies of
-        P, followed by α z'P z, minus z'P z:
-
-          [I; -K]' W [I; -K] - δ² L'L + α A_c'P A_c - P,  W = [Q N; N' R],  A_c = A - B K + E L
-        """
-        if self.is_discrete:
-            return self._step_residual(P)
-        plain = self.without_cross_weights
-        return plain.A.T @ P + P @ plain.A + plain.Q - P @ self.S @ P
-
-    def _step_residual(self, P: np.ndarray) -> np.ndarray:
-        """Return the residual in discrete time, (n, n)."""
-        K, L = self.policies(P)
-        closed_loop = self.worst_case_loop(P)
-        state_and_input = np.vstack([np.eye(len(P)), -K])
-        cost_of_step = state_and_input.T @ self.weights @ state_and_input
-        # With δ = inf, L is 0, and δ² L'L would not be a number.
-        disturbance_term = self.delta**2 * L.T @ L if L.any() else 0.0
-        return cost_of_step - disturbance_term + self.discount * closed_loop.T @ P @ closed_loop - P
-
     def sampled(self, dt: float, discount: float = 1.0) -> Game:
         """Return the sampled game, with constant u and d in each step of dt seconds.
 

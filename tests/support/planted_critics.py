@@ -43,5 +43,6 @@ def other_root(game: Game) -> np.ndarray:
     P = np.real(vectors[n:, chosen] @ np.linalg.inv(vectors[:n, chosen]))
     for _ in range(3):  # refines P to rounding errors
         P = (P + P.T) / 2
-        P = P + solve_continuous_lyapunov((game.A - game.S @ P).T, -game.residual(P))
+        residual = game.A.T @ P + P @ game.A + game.Q - P @ game.S @ P
+        P = P + solve_continuous_lyapunov((game.A - game.S @ P).T, -residual)
     return (P + P.T) / 2
