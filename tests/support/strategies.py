@@ -155,14 +155,3 @@ def changed_folder(files: Mapping[str, bytes]) -> st.SearchStrategy[dict[str, by
         return damaged | st.sampled_from([rest, stray])
 
     return st.sampled_from(sorted(files)).flatmap(one)
-
-
-def flights() -> st.SearchStrategy[dict[str, float]]:
-    """Return held values of a trim of the flexible aircraft, rad and ft."""
-    return st.fixed_dictionaries(
-        {
-            "dihedral": st.floats(0.0, 0.35),
-            "speed": st.floats(55.0, 90.0),
-            "altitude": st.floats(0.0, 60_000.0),
-        }
-    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa
+from cli import assert_refused, hfa
 from own_models import F16, GTM, trimmed
 
 from hfa import Model, Signal, linearize, trim
@@ -110,29 +109,6 @@ def test_rates_of_the_f16_agree_with_the_book() -> None:
     printed += [342.4439, -266.7707, 248.1241, -58.68999]
     computed = F16.with_parameters(xcg=0.4).at(x, [0.9, 20, -15, -20]).f
     np.testing.assert_allclose(computed, printed, rtol=8e-6)
-
-
-@pytest.mark.slow
-def test_a_second_trim_of_equal_throttle_is_named() -> None:
-    """If two speeds have the same throttle, the report of one trim names the other trim.
-
-    The report also names an initial point from which the other trim is found.
-    """
-    usual = usual_condition(F16)
-    front = trim(F16, release(usual, free=("speed",), hold={"throttle": 0.2}))
-    report = front.report()
-    (back,) = report.data["search"]["other_trims"]
-    assert front.states.speed > 500 > 300 > back["speed"]
-    begun = trim(F16, release(usual, hold={"speed": back["speed"]}))
-    assert begun.inputs.throttle == pytest.approx(0.2, rel=1e-9)
-    message = re.search(
-        rf"Another trim exists: speed {back['speed']:.6g} ft/s, .*; the initial point (\S+) leads to it",
-        " ".join(report.text().split()),
-    )
-    assert message
-    words = ("--aircraft", "examples/f16.py:F16", "--free", "speed", "--hold", "throttle=0.2")
-    data = answer("trim", *words, "--start", message[1])
-    assert data["operating_point"]["states"]["speed"] == pytest.approx(back["speed"], rel=1e-9)
 
 
 def test_further_initial_guesses_cross_a_flat_region() -> None:

@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 from known_models import game_at, model_at
 from nominal import nominal_game
-from own_models import GTM, NAVION
-from project import ROOT
+from own_models import GTM
 
 import hfa
 from hfa import BadInputError, Expansion, Game, LinearModel, Model, NoSolutionError, Signal, expand
-from hfa.paper import published_game
 from trim import usual_condition
 
 #: Rounding of the identity, relative to the sizes of its terms.
@@ -163,27 +161,6 @@ def test_flexible_aircraft_satisfies_the_identity(degree: int) -> None:
         solution = hfa.solve(game_at(degrees))
         expansion = expand(model_at(degrees), solution, degree)
         assert expansion.residual <= ROUNDING
-
-
-def usual_game(linear: LinearModel) -> Game:
-    return published_game(linear) if len(linear.inputs) == 5 else nominal_game(linear)
-
-
-def smooth_aircraft(name: str) -> LinearModel:
-    if name == "flexible":
-        return model_at(10.0, "newton")
-    known = {"gtm": GTM, "navion": NAVION}
-    return linear_of(known.get(name) or hfa.load_model(f"{ROOT}/examples/{name}"))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["flexible", "gtm", "navion", "uav.toml", "f16_constant.py:F16"])
-def test_smooth_aircraft_satisfy_the_identity(name: str) -> None:
-    linear = smooth_aircraft(name)
-    solution = hfa.solve(usual_game(linear))
-    for delta in (solution.game.delta, 1.05 * solution.delta_min):
-        exact = hfa.solve(solution.game.with_delta(delta))
-        assert expand(linear, exact, 4).residual <= ROUNDING
 
 
 def test_linear_plant_has_no_further_terms() -> None:

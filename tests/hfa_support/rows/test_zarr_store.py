@@ -176,18 +176,6 @@ def begun(path: Path) -> bool:
 
 
 @pytest.mark.slow
-def test_a_killed_run_keeps_finished_chunks(finished_store: Path, tmp_path: Path) -> None:
-    """A killed run keeps at least one of four chunks, and the resumed run gives the same bytes."""
-    (tmp_path / "killed.py").write_text(KILLED)
-    path = tmp_path / "a.zarr"
-    with running(tmp_path, "killed.py"):
-        assert until(lambda: begun(path))
-    done, chunks = resumed(path)[0]
-    assert (0 < done < 4, chunks) == (True, 4)
-    assert contents(path) == contents(finished_store)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
 def test_a_failed_cluster_leaves_the_result_unchanged(
     finished_store: Path, tmp_path: Path, lost: str

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,21 @@ def test_values_of_a_condition_file_have_its_units(tmp_path: Path, metric: bool)
     assert "aileron_outer" not in imposed
     with pytest.raises(BadInputError, match="is given for dihedral from"):
         condition.at(math.radians(10.1))
+
+
+def test_a_point_survives_its_file_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
+    """Numbers of every size, the smallest and the largest, are stored exactly."""
+    values = [5e-324, -0.0, -1.7976931348623157e308, 0.1, 2.0 / 3.0, 1e-17, 68.0, 1e300, -0.3]
+    planted = replace(
+        point,
+        states=type(point.states)(*values[:7]),
+        inputs=type(point.inputs)(*values[4:]),
+        problem=None,
+    )
+    planted.save(tmp_path / "point.json")
+    loaded = OperatingPoint.load(tmp_path / "point.json", point.model)
+    for one, other in ((loaded.states, planted.states), (loaded.inputs, planted.inputs)):
+        assert np.array(one).tobytes() == np.array(other).tobytes()
 
 
 def test_points_in_other_units_are_converted(tmp_path: Path) -> None:

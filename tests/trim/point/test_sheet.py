@@ -27,7 +27,7 @@ from hfa_support.reporting.rows import Row
 from trim import Airplane, graded, trim_report
 
 EXAMPLES = ROOT / "examples"
-FOOT, KNOT, SLUG = 0.3048, 1852.0 / 3600.0, 14.593903
+KNOT = 1852.0 / 3600.0
 
 
 @functools.cache
@@ -232,21 +232,6 @@ def test_the_nearest_limit_is_named_also_if_it_is_assumed() -> None:
     assert found["nearest assumed limit"] == "alpha highest 57.2958 deg"
 
 
-@pytest.mark.parametrize(
-    "name", [f"{EXAMPLES}/uav.toml", pytest.param("jsbsim:737", marks=pytest.mark.slow)]
-)
-def test_the_load_factor_is_normal_to_the_path(name: str) -> None:
-    """It is 1 in level flight, cos γ in a climb and 1/cos φ in a turn, and 1 can be imposed."""
-    pytest.importorskip("hfa_jsbsim")
-    point, _ = sheet(name)
-    assert point["load_factor"] == pytest.approx(1.0, abs=1e-9)
-    assert hfa.trim(point.model, load_factor=1.0)["load_factor"] == pytest.approx(1.0)
-    climbing = hfa.trim(point.model, gamma=0.05)
-    assert climbing["load_factor"] == pytest.approx(math.cos(0.05), abs=1e-9)
-    turning = hfa.trim(point.model, turn_rate=0.05)
-    assert turning["load_factor"] == pytest.approx(1.0 / math.cos(turning["roll"]), rel=2e-3)
-
-
 def test_an_assumed_limit_of_an_angle_does_not_hide_a_trim_upside_down() -> None:
     """Beyond 90 deg within an assumed limit, the second line says "Far out"."""
     model = Model(
@@ -446,22 +431,6 @@ def test_phugoid_of_level_three_doubles_in_55_seconds() -> None:
         damping = -math.log(2.0) / (seconds * 0.2)
         found = levels(Airplane(), {"phugoid frequency": 0.2, "phugoid damping": damping})
         assert found["phugoid damping"] == level
-
-
-@pytest.mark.parametrize("name", ["cessna182.toml", "uav.toml"])
-def test_the_anticipation_parameter_is_that_by_hand(name: str) -> None:
-    """CAP = ω² / (n/α), with n/α = V q / (g α) of the steady response to elevator at constant V."""
-    model = hfa.load_model(EXAMPLES / name)
-    point = hfa.trim(model)
-    linear = point.linearize()
-    rows = [linear.states.index(name) for name in ("alpha", "pitch_rate")]
-    B = np.array(linear.B)[rows, linear.inputs.index("elevator")]
-    alpha, pitch_rate = -np.linalg.solve(np.array(linear.A)[np.ix_(rows, rows)], B)
-    gravity = 9.80665 if model.unit("speed") == "m/s" else 32.174
-    found = {row.name: row.value for row in point.sheet}
-    by_alpha = point["speed"] * pitch_rate / alpha / gravity
-    assert found["n/alpha"] == pytest.approx(by_alpha, rel=1e-5)
-    assert found["CAP"] == pytest.approx(found["short period frequency"] ** 2 / by_alpha, rel=1e-5)
 
 
 def test_levels_of_a_sheet_are_those_of_its_modes() -> None:

@@ -285,36 +285,6 @@ def test_errors_are_those_of_their_definitions() -> None:
         relative_error(np.ones(2), np.ones(3))
 
 
-def test_bounds_are_valid_in_the_whole_box(game: Game) -> None:
-    """Sampled errors of V, ∂V/∂z and both policies in the box do not exceed their computed
-    bounds.
-    """
-    game = replace(game, E=game.E[:, :2])
-    functions = basis("paper", 6)
-    rng = np.random.default_rng(0)
-    solution = solved(game)
-    exact = functions.weights(solution.P)
-    weights = exact * (1.0 + 0.1 * rng.standard_normal(exact.shape)) + rng.standard_normal(
-        exact.shape
-    )
-    errors = over_the_box(game, from_weights(game, weights, functions))
-    z = rng.choice([-1.0, 1.0, 0.3], size=(2000, 6)) * BOX
-    change = weights - exact
-    V = functions.psi(z) @ change
-    slopes = np.swapaxes(functions.gradient(z), -1, -2) @ change
-    sizes = np.abs(exact) * functions.scaling(BOX)
-    assert np.abs(V).max() <= errors["value_rel_error"] * sizes.sum()
-    assert np.all(
-        np.abs(slopes * BOX).max(axis=0)
-        <= errors["gradient_rel_error"] * (sizes @ functions.exponents)
-    )
-    u = -0.5 * slopes @ game.R_inverse_B_transposed.T
-    d = 0.5 * slopes @ game.E / game.delta**2
-    assert np.all(np.abs(u).max(axis=0) <= errors["policy_rel_error"] * (np.abs(solution.K) @ BOX))
-    largest = np.abs(solution.disturbance_gain) @ BOX
-    assert np.all(np.abs(d).max(axis=0) <= errors["disturbance_rel_error"] * largest)
-
-
 # The box: that of the aircraft if the plant has its names, otherwise a stated convention.
 
 

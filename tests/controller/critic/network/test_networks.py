@@ -12,7 +12,6 @@ from cli import answer, hfa
 from game_files import AT_15, stored
 from network_files import (
     onnx_file,
-    safetensors_file,
     torch_file,
 )
 from planted_critics import gain, value, weights_of
@@ -33,18 +32,6 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 # Right networks.
-
-
-def test_exact_gradient_and_policy_networks_pass(game: Game) -> None:
-    """The exact gradient in a file of torch and the exact policy in a safetensors file pass."""
-    for output, weight, write, path in (
-        ("gradient", 2.0 * value(game), torch_file, "a.pt"),
-        ("policy", -gain(game), safetensors_file, "a.safetensors"),
-    ):
-        layer = {"actor.0.weight": weight, "actor.0.bias": np.zeros(len(weight))}
-        critic = from_network(game, write(path, layer))
-        assert set(critic.network) == {output}
-        assert verify(game, critic, scope=Scope(flights=1)).ok
 
 
 def test_published_weights_of_gops_are_checked() -> None:

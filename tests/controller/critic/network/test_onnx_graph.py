@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -26,53 +25,6 @@ def assert_as_onnx_runtime(path: str, **tolerance: float) -> None:
     for x in 3.0 * X:
         theirs = session.run(None, {states.name: x[None]})[0].ravel()
         assert np.array(policy(x)).ravel() == pytest.approx(theirs, **tolerance)
-
-
-#: Activations between the layers of the random networks.
-_ACTIVATIONS = ("Tanh", "Relu", "Sigmoid", "Softplus", "Elu", "Gelu", "LeakyRelu", "Selu", "Sin")
-
-
-def random_network(path: str, rng: np.random.Generator, widest: int) -> str:
-    """Write a network 6-...-3 of up to three hidden layers, as exporters write them."""
-    nodes: list[tuple[Any, ...]] = [("Sub", "x mean", "x0"), ("Div", "x0 spread", "h0")]
-    constants = {"mean": rng.normal(size=6), "spread": rng.uniform(0.5, 2.0, 6)}
-    sizes = [6, *rng.integers(2, widest, rng.integers(1, 4)), 3]
-    for k, (rows, columns) in enumerate(pairwise(sizes)):
-        W = rng.normal(size=(rows, columns)) / np.sqrt(rows)
-        constants |= {f"b{k}": rng.normal(size=columns), f"g{k}": rng.normal(size=columns)}
-        layer: list[tuple[Any, ...]] = [("MatMul", f"h{k} W{k}", f"m{k}")]
-        layer.append(("Add", f"m{k} b{k}", f"a{k}"))
-        if rng.random() < 0.5:
-            W = W.T
-            layer = [("Gemm", f"h{k} W{k} b{k}", f"a{k}", {"transB": 1, "alpha": 0.7})]
-        constants[f"W{k}"] = np.ascontiguousarray(W)
-        branches = [
-            [("LayerNormalization", f"a{k} g{k} b{k}", f"n{k}")],
-            [("Mul", f"a{k} a{k}", f"s{k}"), ("Add", f"a{k} s{k}", f"n{k}")],
-            [("Identity", f"a{k}", f"n{k}")],
-        ]
-        nodes += [*layer, *branches[rng.integers(3)]]
-        nodes.append((_ACTIVATIONS[rng.integers(len(_ACTIVATIONS))], f"n{k}", f"h{k + 1}"))
-    nodes.append(("Clip", f"h{len(sizes) - 1} low high", "y"))
-    constants |= {"low": np.array(-0.9), "high": np.array(0.8)}
-    used = {word for _, inputs, *_ in nodes for word in inputs.split()}
-    singles = {name: each.astype("float32") for name, each in constants.items() if name in used}
-    return onnx_file(path, nodes, singles, 3)
-
-
-@pytest.mark.parametrize(
-    ("seed", "widest"),
-    [
-        (0, 30),
-        (1, 30),
-        (2, 300),
-        *(pytest.param(k, 300, marks=pytest.mark.slow) for k in range(3, 40)),
-    ],
-)
-def test_random_networks_equal_onnxruntime(seed: int, widest: int) -> None:
-    """Small networks become scalar operations, wide ones products of matrices."""
-    path = random_network("random.onnx", np.random.default_rng(seed), widest)
-    assert_as_onnx_runtime(path, rel=1e-4, abs=1e-4)
 
 
 @pytest.mark.parametrize("opset", [9, 11, 13, 20])
