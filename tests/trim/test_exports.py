@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cli import hfa as command
+from project import ROOT
 
 import hfa
 from hfa import BadInputError
@@ -45,15 +49,51 @@ def test_a_missing_package_is_named(
     assert "\n" not in str(caught.value)
 
 
-def test_records_of_a_sheet_contain_its_figures(point: hfa.OperatingPoint) -> None:
-    """The records have airspeed, load factor, L/D, margins and modes, as the sheet has."""
+@pytest.mark.parametrize(
+    ("file", "variable", "value"),
+    [("", "dihedral", 10.0), ("uav.toml", "speed", 30.0), ("navion.py:NAVION", "speed", 176.0)],
+)
+def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(
+    file: str, variable: str, value: float, folder: Path
+) -> None:
+    """Name, value, unit and level of each row are those of the data, of the records and, in
+    degrees, of the matrix of conditions, which have no other rows.
+    """
+    name = f"{ROOT}/examples/{file}"
+    model = hfa.load_model(name) if file else hfa.aircraft()
+    held = math.radians(value) if variable == "dihedral" else value
+    point = hfa.trim(model, hold={variable: held})
     report = point.report()
-    found = {name: value for _, name, value, *_ in report.records.rows}
-    for name in ("calibrated airspeed", "load factor", "L/D", "static margin"):
-        assert found[name] == report.data["sheet"][name]["value"] == point.sheet[name].value
-    assert found["throttle margin"] == min(point["throttle"], 200.0 - point["throttle"])
-    for mode in point.modes:
-        assert found[f"{mode.name} eigenvalue real"] == mode.eigenvalue.real
+    Path("conditions.csv").write_text(f"{variable}\n{value}\n", "utf-8")
+    words = ("trim", *(("--aircraft", name) if file else ()), "--conditions", "conditions.csv")
+    assert command(*words, "-o", "matrix.csv").code == 0
+    (cells,) = csv.DictReader(Path("matrix.csv").read_text("utf-8").splitlines())
+    records = {name: (value, unit) for _, name, value, unit, _ in report.records.rows}
+    data = dict(report.data["sheet"])
+    del cells["about"]
+    for row in point.sheet:
+        entry = data.pop(row.name)
+        stored = complex(*entry["value"]) if isinstance(row.value, complex) else entry["value"]
+        found = stored, entry["unit"], entry.get("level")
+        assert found == (row.value, row.unit, row.level)
+        level = cells.pop(f"{row.name} level", None)
+        assert level == (None if row.level is None else str(row.level))
+        parts = {row.name: row.value}
+        if isinstance(row.value, complex):
+            parts = {
+                f"{row.name} real": row.value.real,
+                f"{row.name} imaginary": row.value.imag,
+            }
+        for part, number in parts.items():
+            assert records.pop(part) == (number, row.unit)
+            unit = row.cells()[2]
+            cell = cells.pop(f"{part} [{unit}]" if unit else part)
+            if isinstance(number, str):
+                assert cell == number
+            else:
+                shown = math.degrees(number) if "deg" in unit != row.unit else number
+                assert float(cell) == pytest.approx(shown, rel=1e-12, abs=1e-13)
+    assert (data, records, cells) == ({}, {}, {})
 
 
 def test_a_report_in_latex_has_the_cells_of_its_tables(
