@@ -19,10 +19,10 @@ from cli import SCRIPT, assert_refused, hfa as run
 
 import hfa
 
-COMPILER = shutil.which("cc")
+COMPILER = shutil.which("cc") or ""
 REFERENCE = os.environ.get("REFERENCE_FMUS")
 pytestmark = [
-    pytest.mark.skipif(COMPILER is None, reason="there is no C compiler"),
+    pytest.mark.skipif(not COMPILER, reason="there is no C compiler"),
     pytest.mark.usefixtures("folder"),
 ]
 SOURCE = Path(__file__).with_name("pendulum.c")
