@@ -197,10 +197,7 @@ class _Reader:
         )
 
     def document(self) -> Document:
-        """Return the content of the file.
-
-        Raises BadInputError for the first error in the file.
-        """
+        """Return the content of the file."""
         header = self._root.find("fileHeader")
         functions = [self._function(each) for each in self._root.iter("function")]
         variables = [self._variable(each) for each in self._root.iter("variableDef")]

@@ -131,13 +131,7 @@ class _Files:
             )
 
     def model(self, source: Source) -> Model:
-        """Return the aircraft as a `Model`.
-
-        source: paths joined by +, and hash of the contents of the files
-
-        Raises BadInputError if a unit is wrong, if a mass, moment of inertia or reference length is
-        not positive, or if the aerodynamic force at alpha = 5 deg is not upward.
-        """
+        """Return the aircraft as a `Model`, from paths joined by + and the hash of the files."""
         inputs = SimpleNamespace(**dict.fromkeys(self.inputs, 0.0))
         parameters = {name: _start(*each) for name, each in self.parameters.items()}
         constants = self._values(_standing(), inputs, SimpleNamespace(**parameters))

@@ -116,10 +116,7 @@ def _interface(folder: Path, description: Description) -> Interface:
 
 
 def _run_once(interface: Interface, start: list[float]) -> None:
-    """Evaluate an FMU in a process of its own.
-
-    Raises BadInputError if the library ends the process or does not return.
-    """
+    """Evaluate an FMU in a process of its own. Raises BadInputError if that ends or hangs it."""
     command = [sys.executable, "-I", str(Path(__file__).with_name("library.py"))]
     task = json.dumps([interface, start]).encode()
     try:
@@ -182,10 +179,7 @@ def _model(
 
 
 def _beside_events(evaluator: Evaluator, start: np.ndarray, n: int) -> np.ndarray:
-    """Return start values (x, u, p) at which no event hinders the search for a trim.
-
-    At an event, the n states are moved to a side of it.
-    """
+    """Return start values (x, u, p) beside an event that hinders the search for a trim, if any."""
     states = np.arange(start.size) < n
     for move in (0.0, _BESIDE, -_BESIDE):
         begun = start + move * evaluator.nominals * states
@@ -199,10 +193,7 @@ def _beside_events(evaluator: Evaluator, start: np.ndarray, n: int) -> np.ndarra
 
 
 def _of_events(indicators: tuple[str, ...], is_moved: bool) -> tuple[str, ...]:
-    """Return a note on the events of an FMU.
-
-    is_moved: whether a search begins beside the start values
-    """
+    """Return a note on the events of an FMU, and whether a search begins beside one."""
     if not indicators:
         return ()
     said = f"event indicators of the FMU: {len(indicators)}; its equations change where one is 0"
@@ -211,10 +202,7 @@ def _of_events(indicators: tuple[str, ...], is_moved: bool) -> tuple[str, ...]:
 
 
 def _told_apart(names: Mapping[str, str]) -> tuple[str, ...]:
-    """Return a note on variables whose names differ only in characters that become "_".
-
-    names: name in the FMU -> name in the model
-    """
+    """Return a note on variables whose names differ only in characters that become "_"."""
     shared = Counter(plain.rstrip("_") for plain in names.values())
     alike = [
         f"{plain} is {shortened(name)}"

@@ -446,11 +446,7 @@ def _distributed_names(component: Element) -> list[str]:
 
 
 def _distributed(component: Element, name: str, properties: Properties) -> Any:
-    """Return the value that the cases of a <distributor> set a property to.
-
-    Raises BadInputError if the property is not declared, or keeps its previous value where no test
-    is true.
-    """
+    """Return the value that the cases of a <distributor> set a property to in every case."""
     if not properties.is_known_without(name, component):
         raise component.error(
             f"<distributor> sets {shortened(name)}, which JSBSim does not know; declare it by "

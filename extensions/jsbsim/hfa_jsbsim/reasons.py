@@ -51,10 +51,7 @@ def explain(
 
 
 def _of_engines(parts: Parts, throttles: Sequence[str], solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle.
-
-    throttles: inputs that the trim condition leaves free
-    """
+    """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle."""
     full = None
     if parts.engines and throttles:
         full = solve(dict.fromkeys(throttles, 1.0), ("speed_dot",))

@@ -188,13 +188,7 @@ def rows_of(terms: Terms) -> list[list[Any]]:
 
 
 def _walked(where: str, part: Any, shape: list[int | None]) -> Any:
-    """Return a nested list of doubles.
-
-    where: name of the entry, for messages
-    shape: length of each level of lists, or None for any length
-
-    Raises Malformed if the list has another shape.
-    """
+    """Return a nested list of doubles. Raises Malformed for another shape (None: any length)."""
     if not shape:
         return _double(where, part)
     require(isinstance(part, list), where, part)

@@ -181,10 +181,7 @@ def _monomial(
     M: np.ndarray,
     known: dict[tuple[int, ...], dict[tuple[int, ...], float]],
 ) -> dict[tuple[int, ...], float]:
-    """Return the polynomial (M y)^powers, exponents of y -> coefficient.
-
-    known: results for other powers, to which the result is added
-    """
+    """Return the polynomial (M y)^powers, exponents of y -> coefficient, and add it to `known`."""
     if not any(powers):
         return {tuple([0] * M.shape[1]): 1.0}
     if powers not in known:

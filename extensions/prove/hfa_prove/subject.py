@@ -114,12 +114,7 @@ def compare(statement: Stated, given: Mapping[str, Given]) -> list[str]:
 
 
 def _first_other(name: str, stated: Any, own: Given) -> str:
-    """Return the first name in an object whose values differ, or the name of another entry.
-
-    name: name of the entry
-    stated: value in the certificate
-    own: the user's value
-    """
+    """Return the first name in an object whose values differ, or the name of another entry."""
     if isinstance(stated, Mapping) and isinstance(own.value, Mapping):
         for key in (*own.value, *stated):
             changed = {other: value for other, value in own.value.items() if other != key}

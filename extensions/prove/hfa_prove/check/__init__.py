@@ -53,10 +53,7 @@ def check(certificate: Certificate, progress: Progress | None = None) -> Proved:
 
 
 def _size(statement: Any, witness: Any, progress: Progress | None) -> int:
-    """Prove a statement, and return the number of boxes or pieces of the proof.
-
-    Only the modules of this kind of proof are loaded.
-    """
+    """Prove a statement with the modules of its kind, and return the number of boxes or pieces."""
     if isinstance(witness, ScheduleWitness):
         from hfa_prove.check.schedule import check_schedule
 

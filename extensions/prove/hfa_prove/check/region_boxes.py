@@ -243,11 +243,7 @@ class Decrease(OnSet):
 
     @cached_property
     def _jacobian(self) -> TaylorProgram | None:
-        """Program of the Jacobian of the rates in z, column by column, or None.
-
-        None for a W of higher degree, a policy in a file, and rates whose derivatives are not
-        supported.
-        """
+        """Program of ∂(rates)/∂z, column by column; None for W of a degree above 2 or a file."""
         if any(sum(powers) > 2 for _, powers in self.piece.W.terms):
             return None
         if not isinstance(self.loop.policy, Gain):
@@ -258,9 +254,7 @@ class Decrease(OnSet):
             return None
 
     def _slopes_within(self, k: int) -> Intervals:
-        """Return enclosures of the slopes of the gradient of W and of the rates, (2 n, 3 n), in
-        (y, z, e) for max |y_i| <= 2^-k.
-        """
+        """Return the slopes of ∂W and the rates, (2 n, 3 n), in (y, z, e) for max |y_i| <= 2^-k."""
         N, off = self.inverse
         reach = 2.0**-k * (np.abs(N) + off).sum(axis=1) * (1.0 + ROUNDING)
         radius = np.concatenate([np.full(self.n, 2.0**-k), reach, self.equilibrium.radius])

@@ -164,10 +164,7 @@ def _of_region(
 
 
 def _not_wider(inputs: tuple[str, ...]) -> Callable[[Any, Any], bool]:
-    """Return a comparison of (limits in the certificate, user's limits) by `limits_hold`.
-
-    inputs: names of the inputs, whose limits must be equal
-    """
+    """Return a comparison by `limits_hold`; the limits of the inputs must be equal."""
 
     def same(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
         pairs = {
@@ -191,13 +188,7 @@ def _given_policy(request: CheckRequest, trim: GivenTrim) -> dict[str, Given]:
 
 
 def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
-    """Return whether two polynomial policies agree.
-
-    For each input, the monomials must be equal and the coefficients must agree within `SAME_GAIN`.
-
-    stated: policy in the certificate, input -> terms
-    own: the user's policy, input -> terms
-    """
+    """Return whether policies, input -> terms, agree: coefficients within `SAME_GAIN`."""
     if set(stated) != set(own):
         return False
     for name, rows in own.items():

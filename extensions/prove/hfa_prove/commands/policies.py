@@ -184,10 +184,7 @@ def continuous(deployed: Deployed) -> ca.Function:
 
 
 def _refuse_inputs_taken(deployed: Deployed) -> None:
-    """Raise BadInputError if a deployed policy uses several samples or depends on an input.
-
-    The policy itself sets the inputs. Therefore no observation or action may depend on an input.
-    """
+    """Raise BadInputError if a policy uses several samples, or depends on an input that it sets."""
     if deployed.past:
         raise BadInputError(
             "timing.history: a proof does not support a policy of several samples; give a policy "

@@ -52,10 +52,7 @@ def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]
 
 
 def _terms(u: ca.SX, z: ca.SX) -> Terms:
-    """Return the terms ∂^α u / α! z^α of the Taylor polynomial of an input u at z = 0.
-
-    The polynomial has the degree `HIGHEST_POLICY`.
-    """
+    """Return the terms ∂^α u / α! z^α of an input u at z = 0, up to the degree `HIGHEST_POLICY`."""
     n = z.numel()
     slopes = {(0,) * n: u}
     found: dict[tuple[int, ...], ca.SX] = {}
@@ -79,10 +76,7 @@ def _terms(u: ca.SX, z: ca.SX) -> Terms:
 
 
 def _check_same(u: ca.Function, terms: Terms) -> None:
-    """Raise BadInputError unless the terms of a policy equal the policy at random points.
-
-    The policy must also be 0 at z = 0.
-    """
+    """Raise BadInputError unless a policy equals its terms at random points, and is 0 at z = 0."""
     n = u.numel_in(0)
     points = np.random.default_rng(0).uniform(-2.0, 2.0, (_POINTS, n))
     total = np.zeros(_POINTS)

@@ -283,10 +283,7 @@ class Reading:
 
 
 def _in_scalars(function: ca.Function, name: str) -> ca.Function:
-    """Return a function as an SX function.
-
-    Raises BadInputError if CasADi cannot expand an MX function.
-    """
+    """Return a function as an SX function. Raises BadInputError if CasADi cannot expand it."""
     if not function.is_a("MXFunction"):
         return function
     try:
@@ -301,12 +298,7 @@ def _in_scalars(function: ca.Function, name: str) -> ca.Function:
 def _called(
     function: ca.Function, arithmetic: Arithmetic, name: str
 ) -> Callable[..., Sequence[Any]]:
-    """Return the operation of a call, from the nonzeros of all arguments to those of all results.
-
-    function: table of `casadi.interpolant`, or a function that is not inlined
-
-    Raises BadInputError if the function is neither.
-    """
+    """Return the operation of a call, nonzeros of all arguments -> those of all results."""
     if is_table(function):
         return partial(arithmetic.tables, tables_of(function))
     if not function.is_a("SXFunction") and not function.is_a("MXFunction"):

@@ -112,10 +112,7 @@ def _values_at(program: Program, points: np.ndarray) -> np.ndarray:
 
 
 def _values_of(argument: Argument, known: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the values (nodes, N) of one argument of all nodes of a group.
-
-    known: values (variables, N) of each earlier group
-    """
+    """Return the values (nodes, N) of one argument of all nodes of a group."""
     total = np.zeros((1, known[0].shape[1]))
     for group, block in argument.blocks.items():
         total = total + block @ known[group]

@@ -309,10 +309,7 @@ def _derivative(spline: Spline) -> Spline:
 
 
 def _compare(tables: Sequence[Table], function: ca.Function, ends: np.ndarray) -> None:
-    """Raise BadInputError if the outputs of a function differ from tables at random points.
-
-    ends: lowest and highest values of the arguments, (arguments, 2)
-    """
+    """Raise BadInputError if a function differs from its tables at random points within `ends`."""
     points = np.random.default_rng(0).uniform(ends[:, 0], ends[:, 1], (_POINTS, len(ends)))
     found = np.array([[table.at(point) for table in tables] for point in points])
     expected = np.array([function(point).full().ravel() for point in points])

@@ -271,11 +271,7 @@ class TaylorProgram:
     def _rows(
         self, argument: Argument, known: Sequence[Models], sizes: Sequence[np.ndarray]
     ) -> Models:
-        """Return models of the affine rows of an argument.
-
-        known: models of the earlier groups
-        sizes: for each earlier group, the sum of all |c| plus the radius, (variables, boxes)
-        """
+        """Return models of the rows of an argument, from models and sizes of earlier groups."""
         c: np.ndarray | float = 0.0
         radius: np.ndarray | float = 0.0
         size: np.ndarray | float = 0.0
@@ -400,11 +396,7 @@ def highest(models: Models, n: int) -> np.ndarray:
 
 
 def _lowest_parabolas(linear: np.ndarray, squares: np.ndarray) -> np.ndarray:
-    """Return the minimum of squares s² - linear s over |s| <= 1, entry by entry.
-
-    linear: nonnegative coefficients
-    squares: coefficients of either sign
-    """
+    """Return the minimum of squares s² - linear s over |s| <= 1, entry by entry, linear >= 0."""
     inside = 2.0 * squares > linear
     at_vertex = -(linear**2) / (4.0 * np.where(inside, squares, 1.0))
     return np.asarray(np.where(inside, at_vertex, squares - linear))

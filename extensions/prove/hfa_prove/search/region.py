@@ -62,12 +62,7 @@ def proved_region(
 
 
 def _invariant_set(problem: RegionProblem, settings: Settings) -> Region:
-    """Return the largest proved set that is invariant under the disturbances of a loop.
-
-    V is one of those that the search without disturbances tried.
-
-    Raises NoSolutionError if no set is proved.
-    """
+    """Return the largest proved invariant set, with a V of the search without disturbances."""
     refuse_curved(problem.loop)
     clock = settings.clock
     still: list[Region] = []
@@ -105,10 +100,7 @@ def _invariant_set(problem: RegionProblem, settings: Settings) -> Region:
 def _sampled(
     search: BoxesSearch, problem: RegionProblem, shapes: list[tuple[str, Shape]]
 ) -> Iterator[tuple[float, str, Shape]]:
-    """Yield size, description and V of the largest level with V' < 0 at all samples of the level.
-
-    V is scaled to level 1. A V without such a level is omitted.
-    """
+    """Yield size, description and V of the largest level with V' < 0 at all samples."""
     for origin, shape in shapes:
         values = DisturbedValues(problem.loop, search.equilibrium.x, shape.gradients)
         for level in _LEVELS.tolist():

@@ -112,10 +112,7 @@ class BoxesSearch:
         return replace(self._best, stopped=self._stopped)
 
     def _search(self) -> None:
-        """Prove growing sets from each initial V in turn, until the time limit.
-
-        Raises OutOfTimeError at the time limit.
-        """
+        """Prove growing sets from each initial V in turn, until the time limit (OutOfTimeError)."""
         self.firsts = self._first_shapes()
         for origin, shape in self.firsts:
             growth = Growth(self.samples, shape, self._report)
@@ -125,10 +122,7 @@ class BoxesSearch:
             self._report("the first V")
 
     def _enlarge(self, growth: Growth) -> None:
-        """Prove larger sets while V grows, first with degree 2 and then with the highest degree.
-
-        growth: V with its linear programs
-        """
+        """Prove larger sets while V grows, first with degree 2 and then with the highest degree."""
         for degree in sorted({2, self._degree}):
             if degree < growth.shape.V.degree:
                 continue
@@ -139,13 +133,7 @@ class BoxesSearch:
                 self._grow(growth, degree)
 
     def _first_level(self, growth: Growth, origin: str) -> None:
-        """Prove the set of a V, scaled in length by a share that is halved until a set is proved.
-
-        Nothing is proved if the share falls below `_LEAST`, or the time is over.
-
-        growth: V with its linear programs
-        origin: description of V
-        """
+        """Prove the set of a V, scaled in length by a share that is halved down to `_LEAST`."""
         share = _FIRST
         while not self._is_proved(growth, share, origin, _OF_FIRST):
             share /= 2.0
@@ -230,13 +218,7 @@ class BoxesSearch:
         return part.of_level((_WITHIN / beyond) ** 2).in_cube()
 
     def _prove(self, shape: Shape, origin: str) -> None:
-        """Prove a set, and store it as the result if it is the largest so far.
-
-        shape: V, whose set {V <= 1} is proved
-        origin: description of V
-
-        Raises OpenBoxError, Rejected or OutOfTimeError if the set is not proved.
-        """
+        """Prove {V <= 1}, and store it as the result if it is the largest so far."""
         region = self.proved(self.loop, shape, origin)
         size = shape.size()
         if size <= self._largest:
@@ -271,12 +253,7 @@ class BoxesSearch:
         self._clock(0.0, 1.0, what)
 
     def _first_shapes(self) -> list[tuple[str, Shape]]:
-        """Return pairs of a description and a quadratic V, the largest set first.
-
-        Each V is scaled such that {V <= 1} is the largest set in which samples find no obstacle.
-
-        Raises NoSolutionError if no V decreases near the equilibrium.
-        """
+        """Return descriptions and quadratic V, scaled as by `_good`, the largest set first."""
         sampled: list[tuple[str, Shape]] = []
         end = self._clock.used + _OF_GROWTH * self._clock.left
         for origin, P in self._candidates():
@@ -303,12 +280,7 @@ class BoxesSearch:
         return sorted(firsts, key=lambda each: -each[1].size())
 
     def _good(self, shape: Shape, *, quick: bool) -> Shape:
-        """Return V scaled such that the samples find no obstacle in {V <= 1}.
-
-        The set is the largest level set without an obstacle within the set of the given V.
-
-        quick: whether to use fewer samples
-        """
+        """Return V scaled to its largest set within {V <= 1} without an obstacle in samples."""
         return shape.of_level(min(shape.bound(self.samples, 1.0, quick=quick).level, 1.0))
 
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
@@ -323,9 +295,6 @@ class BoxesSearch:
 
     @property
     def _limit_distances(self) -> np.ndarray:
-        """Distances (n,) of the states at the equilibrium from their nearer limits.
-
-        Each distance is at most `_WIDEST` nominal values.
-        """
+        """Distances (n,) of the states from their nearer limits, at most `_WIDEST` nominals."""
         ends = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
         return np.minimum(_WIDEST * self.samples.nominal, np.abs(ends).min(axis=1))

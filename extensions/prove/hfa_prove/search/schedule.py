@@ -130,10 +130,7 @@ def prove_schedule(
 
 
 def _samples(proof: ScheduleProof) -> list[Sample]:
-    """Return samples of the closed loop along the interval.
-
-    Raises NoSolutionError if no trim is found at a sample.
-    """
+    """Return samples of the closed loop. Raises NoSolutionError where no trim is found."""
     low, high = proof.statement.flight.range
     guess = np.array(list(proof.statement.flight.first.values()))
     slope = np.zeros_like(guess)
@@ -207,11 +204,7 @@ def _loop_near(samples: Sequence[Sample], s: float) -> np.ndarray:
 
 
 def _sampled_rate(samples: Sequence[Sample], nodes: np.ndarray, P: np.ndarray) -> float:
-    """Return the largest rate at which V decreases at all samples, 0 if at none.
-
-    nodes: breakpoints of P
-    P: (l, n, n)
-    """
+    """Return the largest rate at which V, with P at `nodes`, decreases at all samples, or 0."""
     least = math.inf
     for sample in samples:
         k = max(0, min(int(np.searchsorted(nodes, sample.s, "right")) - 1, len(nodes) - 2))
@@ -267,10 +260,7 @@ def _weight(samples: Sequence[Sample]) -> tuple[float, np.ndarray]:
 
 
 def _first_weight(C: np.ndarray) -> np.ndarray:
-    """Return W (n, n) for which P is T⁻'T⁻¹, with T a real basis of the modes of C.
-
-    If the modes are nearly dependent, W is the identity.
-    """
+    """Return W (n, n) of P = T⁻'T⁻¹, T a real basis of the modes of C; 1 if they are dependent."""
     try:
         back = np.linalg.inv(real_basis(*np.linalg.eig(C)))
         P = back.T @ back

@@ -261,14 +261,7 @@ class Shape:
         turns: int,
         slow: np.ndarray,
     ) -> Bound:
-        """Return the lowest level of V with a margin <= 0, which marks an obstacle.
-
-        margins: z (N, n) -> margins (N,)
-        level: highest level that is searched
-        count: number of rays
-        turns: number of iterations
-        slow: result of `Shape.slow`
-        """
+        """Return the lowest level of V, up to `level`, at which a margin is not positive."""
         n = self.n
         generator = np.random.default_rng(0)
         shells = np.arange(1, _SHELLS + 1)
@@ -330,10 +323,7 @@ class Shape:
         return Extents(ends, multipliers)
 
     def _farthest(self, direction: np.ndarray) -> np.ndarray:
-        """Return the z of the point in {V <= 1} with approximately the largest direction · y.
-
-        direction: (n,), a direction in the coordinates y
-        """
+        """Return the z of the point in {V <= 1} with approximately the largest direction · y."""
         n = self.n
         generator = np.random.default_rng(4)
         rays = _unit(generator.normal(size=(_RAYS, n)))
@@ -576,11 +566,7 @@ class Growth:
         )
 
     def _decays(self, last: Shape, z: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return -V' of each monomial divided by the modal decay z'R z, (N, K).
-
-        z: state deviations, (N, n)
-        rates: z', (N, n)
-        """
+        """Return -V' of each monomial over the modal decay z'R z, (N, K), at z' = rates (N, n)."""
         decay = np.einsum("ki,ij,kj->k", z, self._decay, z)
         slopes = last.V.monomial_slopes(z @ last.M.T)
         return np.asarray(-np.einsum("ktj,kj->kt", slopes, rates @ last.M.T) / decay[:, None])
@@ -592,9 +578,6 @@ class Growth:
         return np.asarray((shape.N @ directions[:, values < 0.5 * self._least_decay]).T)
 
     def _linear_rows(self, last: Shape, z: np.ndarray) -> np.ndarray:
-        """Return rows (N, K) of the decay of V in the linear loop, in directions z (N, n).
-
-        The rows contain the quadratic monomials only.
-        """
+        """Return rows (N, K) of the decay of quadratic monomials in the linear loop, z (N, n)."""
         rows = self._decays(last, z, z @ self._samples.J.T)
         return np.where(last.V.degrees == 2, rows, 0.0)

@@ -23,10 +23,7 @@ HIGHEST_POLICY = 12
 
 
 def _read_terms(file: Fields, name: str, known: Any) -> dict[str, Terms]:
-    """Return input -> terms of a polynomial in the moving states, in the order of the inputs.
-
-    Raises Malformed for the first wrong entry.
-    """
+    """Return input -> terms of a polynomial in the moving states, in the order of the inputs."""
     rows = file.fields(name)
     n = len(known.model.linear)
     terms = {}
@@ -79,10 +76,7 @@ class Gain(Stated):
 
 
 def _read_policy(file: Fields, name: str, known: Any) -> Gain | ca.Function:
-    """Return the coefficients of a policy, or the user's policy if its digest is stored.
-
-    Raises BadInputError if the digest is that of another policy, or the user gave none.
-    """
+    """Return the coefficients of a policy, or the user's policy if its digest is stored."""
     stated = file.value(name, (str, dict))
     if isinstance(stated, dict):
         return Gain.read(Fields(name, stated), known)
@@ -105,10 +99,7 @@ def stored_policy(policy: Gain | ca.Function) -> Any:
 
 
 def _read_disturbances(file: Fields, name: str, known: Any) -> dict[str, float]:
-    """Return disturbance -> its largest absolute value, in the order of the model.
-
-    Raises Malformed unless each value is positive.
-    """
+    """Return disturbance -> its largest absolute value, in the order of the model."""
     names = tuple(known.model.disturbances)
     sizes = file.numbers(name, names)
     for each, size in sizes.items():

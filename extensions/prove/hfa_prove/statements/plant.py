@@ -149,10 +149,7 @@ Limits = Mapping[str, tuple[float, float]]
 
 
 def _read_limits(file: Fields, name: str, known: Any) -> Limits:
-    """Return signal -> (lowest, highest), with infinity for null.
-
-    Raises Malformed for the first wrong entry.
-    """
+    """Return signal -> (lowest, highest), with infinity for null."""
     model = known.model
     stated = file.value(name, dict)
     limits = {}
@@ -176,10 +173,7 @@ def stored_limits(limits: Limits) -> dict[str, list[float | None]]:
 
 
 def _numbers_of(names: Any) -> Any:
-    """Return the reader of an entry with a number for each signal.
-
-    names: model -> names of the signals
-    """
+    """Return the reader of an entry with a number for each signal, model -> names."""
     return lambda file, name, known: file.all_numbers(name, tuple(names(known.model)))
 
 

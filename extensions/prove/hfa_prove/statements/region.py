@@ -21,10 +21,7 @@ _MOST_BOXES = 100_000_000
 
 
 def _read_extents(file: Fields, name: str, known: Any) -> dict[str, tuple[float, float]]:
-    """Return state -> lowest and highest deviation.
-
-    Raises Malformed unless every lowest deviation is negative and every highest deviation positive.
-    """
+    """Return state -> lowest and highest deviation, of which one is negative, one positive."""
     listed = file.fields(name)
     extents = {state: listed.pair(state) for state in known.loop.states}
     listed.close()
