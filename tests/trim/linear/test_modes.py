@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from own_models import F16, NAVION, trimmed
+from own_models import F16, GTM, NAVION, trimmed
 from scipy.linalg import block_diag
 
 import hfa
@@ -31,6 +32,12 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
     assert mode.stable == (damping > 0)
     assert mode.eigenvalue.imag > 0
     assert mode.name == "short period"
+
+
+@pytest.mark.parametrize("model", [NAVION, GTM], ids=["Navion", "GTM"])
+def test_default_modes_are_those_that_aircraft_declare(model: Model) -> None:
+    """States recognized by name and unit give the modes of an aircraft that declares none."""
+    assert replace(model, modes={}).modes == model.modes
 
 
 @pytest.mark.parametrize(
