@@ -124,6 +124,7 @@ class Source:
 
     text: argument of --aircraft from which the model was loaded, or ""
     digest: hash of the files, or ""
+    declared: parameter -> value before it was changed, for parameters that were changed
     native: `Model` that `hfa_aircraft.units.in_si` converted to this one, or None
     reload: function that makes the model again, from `native`, or from text, digest and parameters
         (name -> value). None for a model that is pickled.
@@ -131,6 +132,7 @@ class Source:
 
     text: str = ""
     digest: str = ""
+    declared: Mapping[str, float] = field(default_factory=dict)
     native: Any = None
     reload: Callable[..., Any] | None = None
 

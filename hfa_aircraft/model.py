@@ -593,7 +593,9 @@ class Model(Reported):
                 native_values[name] = float(value) / si_factor(native.unit(name))
         if native is not None:
             native = native.with_parameters(**native_values)
-        return replace(self, parameters=changed, source=replace(self.source, native=native))
+        declared = {name: self.parameters[name].start for name in values} | {**self.source.declared}
+        source = replace(self.source, native=native, declared=declared)
+        return replace(self, parameters=changed, source=source)
 
     @cached_property
     def p(self) -> np.ndarray:

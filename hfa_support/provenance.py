@@ -21,15 +21,15 @@ _MOST_TOLD = 3
 
 @dataclass(frozen=True)
 class Change(Result):
-    """Parameter that differs from its identified value.
+    """Parameter that differs from that of the identified HFA, or of the file of an aircraft.
 
     value: the current value.
-    identified: the identified value.
+    usual: the identified value, or that of the file.
     unit: unit of both values.
     """
 
     value: float
-    identified: float
+    usual: float
     unit: str = ""
 
 
@@ -42,7 +42,7 @@ class Provenance(Result):
     parameters: name or file of the parameters.
     parameter_hash: of the HFA, a hash of the parameter values, equal for two files with equal
         numbers. Of another aircraft, a hash of the file of the parameters.
-    changed: parameter -> its value and the identified value, if these differ.
+    changed: parameter -> its value and the identified value or that of the file, if these differ.
     condition: imposed, free and limited variables of a trim, with angles in radians.
     flight: changes of the trim condition from the paper's level flight, not stored as data.
     model: file of the plant.
@@ -70,13 +70,14 @@ class Provenance(Result):
 
         def relative_size(name: str) -> float:
             change = self.changed[name]
-            return abs(change.value - change.identified) / (abs(change.identified) or 1.0)
+            return abs(change.value - change.usual) / (abs(change.usual) or 1.0)
 
+        origin = "file" if self.model else "identified"
         descriptions = []
         for name in sorted(self.changed, key=relative_size, reverse=True)[:_MOST_TOLD]:
             change = self.changed[name]
-            value = f"{change.value:.6g} {change.unit}".rstrip(" ")
-            descriptions.append(f"{name} {value} (identified: {change.identified:.6g})")
+            value = f"{change.value:.6g} {change.unit}".removesuffix(" 1").rstrip(" ")
+            descriptions.append(f"{name} {value} ({origin}: {change.usual:.6g})")
         if len(self.changed) > _MOST_TOLD:
             descriptions.insert(0, f"{len(self.changed)} parameters differ, most")
         return descriptions
@@ -84,8 +85,8 @@ class Provenance(Result):
     def text(self) -> str:
         """Return the provenance as text: one line with the version, the date and the plant.
 
-        Further lines describe parameters that differ from the identified aircraft, and a flight
-        that differs from the paper's level flight.
+        Further lines describe parameters that differ from the identified or the file's, and a
+        flight that differs from the paper's level flight.
         """
         first_line = [f"hfa {self.version}", self.date[:10]]
         if self.model:
@@ -96,7 +97,8 @@ class Provenance(Result):
             first_line.append(f"parameters {self.parameters} ({self.parameter_hash})")
         lines = [", ".join(first_line)]
         if self.changed:
-            lines.append("not the identified aircraft: " + "\n  ".join(self._largest_changes()))
+            aircraft = "aircraft of the file" if self.model else "identified aircraft"
+            lines.append(f"not the {aircraft}: " + "\n  ".join(self._largest_changes()))
         if self.flight:
             lines.append(f"not the paper's level flight: {self.flight}")
         return "\n".join(lines)

@@ -126,24 +126,24 @@ def aircraft_source(
 
     held: parameter -> value, for the parameters that the options of a trim set
     """
+    changed = {
+        name: Change(value, model.parameters[name].start, model.parameters[name].unit)
+        for name, value in (held or {}).items()
+        if value != model.parameters[name].start
+    }
     if is_own(model):
         file, digest = model.source.text, model.source.digest
-        source = {"model": f"{file} (SHA-256 {digest[:12]})"}
+        source = {"model": f"{file} (SHA-256 {digest[:12]})", "changed": changed}
         if request.parameters is not None:
             content = hashlib.sha256(Path(request.parameters).read_bytes()).hexdigest()
             source |= {"parameters": request.parameters, "parameter_hash": content[:12]}
         return source
     chosen = parameter_set(request)
-    changed = changed_parameters(chosen)
-    for name, value in (held or {}).items():
-        signal = model.parameters[name]
-        if value != signal.start:
-            changed[name] = Change(value, signal.start, signal.unit)
     return {
         "dynamics": request.dynamics or "published",
         "parameters": chosen.name,
         "parameter_hash": parameter_hash(chosen.values),
-        "changed": changed,
+        "changed": changed_parameters(chosen) | changed,
     }
 
 

@@ -205,10 +205,18 @@ def report_of(trimmed: Trimmed, sheet: Sheet, full: bool) -> Report:
 
 
 def _revision(model: Model) -> str:
-    """Return the file of an aircraft with its digest, or the digest of its parameters."""
-    source = model.native.source
+    """Return the file of an aircraft with its digest and the parameters that are not as in the
+    file, or the digest of its parameters.
+    """
+    model = model.native
+    source = model.source
     if source.digest:
-        return f"{source.text} (SHA-256 {source.digest[:12]})"
+        changes = [
+            f"{name} {model.describe(name, value)} (file: {source.declared[name]:.6g})"
+            for name, value in zip(model.parameters, model.p.tolist(), strict=True)
+            if value != source.declared.get(name, value)
+        ]
+        return ", ".join((f"{source.text} (SHA-256 {source.digest[:12]})", *changes))
     values = ",".join(
         f"{name}={value!r}" for name, value in zip(model.parameters, model.p.tolist(), strict=True)
     )

@@ -537,3 +537,14 @@ def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign: float, tmp_path: 
     yawing = linear.A[states.index("yaw_rate"), states.index("beta")]
     assert yawing * sign < 0.0
     assert ("out of the wind" in point.report().title) == (sign < 0.0)
+
+
+def test_a_sheet_states_what_is_not_as_in_the_file() -> None:
+    """A parameter of --hold stands beside the file's value: in the text, in JSON, in the head."""
+    words = ("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--hold", "Cl_beta=-0.2")
+    assert "Cl_beta -0.2 (file: -0.12)" in command(*words).out
+    changed = json.loads(command(*words, "--json").out)["provenance"]["changed"]
+    assert changed == {"Cl_beta": {"value": -0.2, "usual": -0.12, "unit": "1"}}
+    model = hfa.load_model(f"{EXAMPLES}/uav.toml").with_parameters(mass=14.0)
+    assert "mass 14 kg (file: 13.5)" in hfa.trim(model).report().head["data"]
+    assert "file:" not in hfa.trim(model.with_parameters(mass=13.5)).report().head["data"]
