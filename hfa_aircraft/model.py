@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -109,17 +109,6 @@ def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
     return modes
 
 
-class _Imposed(dict[str, float]):
-    """Values that a trim imposes by default, name -> value."""
-
-    def __call__(self, *_: Any, **held: Any) -> NoReturn:
-        """Raise BadInputError with the call that computes a trim."""
-        values = "".join(f", {name}={shown(value)}" for name, value in held.items())
-        raise BadInputError(
-            f"model.trim contains the values that a trim imposes; write hfa.trim(model{values})"
-        )
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Model(Reported):
     """Aircraft model x' = f(x, u, p, w), y = h(x, u, p, w).
@@ -193,7 +182,7 @@ class Model(Reported):
                 raise BadInputError(
                     f"{self.name}: trim imposes {name} = {value}; give a finite number"
                 )
-        vars(self)["trim"] = _Imposed(self.trim)
+        vars(self)["trim"] = dict(self.trim)
         if self.source.reload is None:
             self.layout.refuse_broken()
 

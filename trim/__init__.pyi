@@ -13,10 +13,6 @@ from .point.solve import TrimError as TrimError
 from .reports.levels import Airplane as Airplane, graded as graded
 from .reports.linear_report import linear_model_report as linear_model_report
 from .reports.point_figure import draw_point as draw_point
-from .reports.trim_report import (
-    modes_at as modes_at,
-    sheet_of as sheet_of,
-    trim_report as trim_report,
-)
+from .reports.trim_report import sheet_of as sheet_of, trim_report as trim_report
 from .sweeps.interpolated import InterpolatedModel as InterpolatedModel
 from .sweeps.points import trim_points as trim_points

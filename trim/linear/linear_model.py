@@ -21,7 +21,7 @@ from hfa_support.reporting.named import ByName, with_names
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, Vector, given
 from hfa_support.reporting.text import numbered
-from trim.linear.modes import Eigenvalues, Mode, fastest_first, modes_of, order_fastest_first
+from trim.linear.modes import Mode, fastest_first, modes_of, order_fastest_first
 from trim.point.operating_point import OperatingPoint, origin
 
 if TYPE_CHECKING:
@@ -327,7 +327,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     @property
     def eigenvalues(self) -> np.ndarray:
         """Eigenvalues of A, (n,) complex, 1/s, fastest first."""
-        return fastest_first(np.linalg.eigvals(self.A)).view(Eigenvalues)
+        return fastest_first(np.linalg.eigvals(self.A))
 
     @property
     def eigenvectors(self) -> Any:

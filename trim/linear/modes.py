@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_support.errors import BadInputError, numbers_in
-from hfa_support.reporting.named import NamedArray
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, eigenvalue_text
 
@@ -211,14 +210,6 @@ def _time_to(mode: Mode) -> str:
     if math.isfinite(mode.time_to_double):
         return f"{mode.time_to_double:.4g} (double)"
     return "-"
-
-
-class Eigenvalues(NamedArray):
-    """Array of eigenvalues. The array can also be called: linear.eigenvalues() returns it."""
-
-    def __call__(self) -> Eigenvalues:
-        """Return the array itself."""
-        return self
 
 
 def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:

@@ -35,6 +35,19 @@ if TYPE_CHECKING:
 
 SCHEMA = "hfa.operating-point/1"
 
+#: Entries of a saved point; files of later versions may contain more.
+_FILE: dict[Any, Any] = {
+    "schema*": (SCHEMA,),
+    "dynamics*": str,
+    "status*": tuple(Status),
+    "states*": {str: NUMBER},
+    "state_units": {str: str},
+    "inputs*": {str: NUMBER},
+    "input_units": {str: str},
+    "residuals*": {str: NUMBER},
+    ...: None,
+}
+
 
 @dataclass(frozen=True, repr=False)
 class OperatingPoint(StatesAndInputs, Result, Reported):
@@ -324,9 +337,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     @cached_property
     def modes(self) -> ByName[Mode]:
         """Modes of the linear model at the point, fastest first, found by number or name."""
-        import trim
-
-        return trim.modes_at(self)
+        return self.linearize().modes
 
     def linearize(self, **options: Any) -> LinearModel:
         """Return the linear model at the point.
@@ -373,8 +384,37 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         Raises BadInputError, which names the file and the fault, if the file contains no point of
         the model.
         """
-
-        return loaded_point(path, model)
+        with file_faults(path):
+            data = read_json(path)
+        if isinstance(data, dict):
+            data = data.get("operating_point", data)
+        if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+            raise BadInputError(
+                f"{path} is not an operating point of schema {SCHEMA}; save the operating point "
+                "again"
+            )
+        names = {
+            kind: {f"{name}*": NUMBER for name in getattr(model, kind)}
+            for kind in ("states", "inputs")
+        }
+        found = checked(
+            str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]}
+        )
+        stated = found.get("state_units", {}) | found.get("input_units", {})
+        for values in (found["states"], found["inputs"]):
+            for name in values:
+                unit = model.unit(name)
+                factor = conversion(stated.get(name, unit), unit)
+                if factor is None:
+                    known = dict.fromkeys((unit, si_unit(unit)))
+                    raise BadInputError(
+                        f"{path}: {name} is in {shortened(stated[name])}; use {' or '.join(known)}"
+                    )
+                values[name] = values[name] * factor
+        states, inputs = (
+            record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs")
+        )
+        return OperatingPoint(states, inputs, found["residuals"], Status(found["status"]), model)
 
 
 def origin(model: Model) -> OperatingPoint:
@@ -402,57 +442,3 @@ def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
             text = model.describe(name, value)
             sentences.append(f"{name} {text} is beyond {range_name}, which ends at {end}")
     return sentences
-
-
-#: Entries of a saved point; files of later versions may contain more.
-_FILE: dict[Any, Any] = {
-    "schema*": (SCHEMA,),
-    "dynamics*": str,
-    "status*": tuple(Status),
-    "states*": {str: NUMBER},
-    "state_units": {str: str},
-    "inputs*": {str: NUMBER},
-    "input_units": {str: str},
-    "residuals*": {str: NUMBER},
-    ...: None,
-}
-
-
-def loaded_point(path: str | Path, model: Model) -> OperatingPoint:
-    """Return an operating point of a model from a file.
-
-    path: file of the point, of a trim, or of a linear model
-    model: model of the point
-
-    Raises BadInputError, which names the file and the fault, if the file contains no point of the
-    model.
-    """
-    with file_faults(path):
-        data = read_json(path)
-    if isinstance(data, dict):
-        data = data.get("operating_point", data)
-    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
-        raise BadInputError(
-            f"{path} is not an operating point of schema {SCHEMA}; save the operating point again"
-        )
-    names = {
-        kind: {f"{name}*": NUMBER for name in getattr(model, kind)} for kind in ("states", "inputs")
-    }
-    found = checked(
-        str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]}
-    )
-    stated = found.get("state_units", {}) | found.get("input_units", {})
-    for values in (found["states"], found["inputs"]):
-        for name in values:
-            unit = model.unit(name)
-            factor = conversion(stated.get(name, unit), unit)
-            if factor is None:
-                known = dict.fromkeys((unit, si_unit(unit)))
-                raise BadInputError(
-                    f"{path}: {name} is in {shortened(stated[name])}; use {' or '.join(known)}"
-                )
-            values[name] = values[name] * factor
-    states, inputs = (
-        record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs")
-    )
-    return OperatingPoint(states, inputs, found["residuals"], Status(found["status"]), model)

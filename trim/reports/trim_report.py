@@ -6,8 +6,6 @@ import hashlib
 from typing import Any
 
 from hfa_aircraft.model import Model
-from hfa_support.errors import NotFiniteError
-from hfa_support.reporting.named import ByName
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import given
 from hfa_support.reporting.rows import Lacking, Row, Sheet
@@ -221,17 +219,6 @@ def _revision(model: Model) -> str:
         f"{name}={value!r}" for name, value in zip(model.parameters, model.p.tolist(), strict=True)
     )
     return f"parameters (SHA-256 {hashlib.sha256(values.encode()).hexdigest()[:12]})"
-
-
-def modes_at(point: OperatingPoint) -> ByName[Mode]:
-    """Return the modes of the linear model at a point, fastest first.
-
-    Raises NotFiniteError if a derivative is not finite.
-    """
-    trimmed = Trimmed(point)
-    if trimmed.fault:
-        raise NotFiniteError(trimmed.fault)
-    return trimmed.modes
 
 
 def saved_report(point: OperatingPoint) -> Report:
