@@ -183,10 +183,6 @@ class ActuatorBank:
         """
         return states if self.order == 1 else self.reachable(states[: len(self.lag)], trim)
 
-    def rates(self, states: ca.SX) -> ca.SX:
-        """Return the rates v among the actuator states: (m,) for order 2 and (0,) for order 1."""
-        return states[len(self.lag) :]
-
     def states_rate(self, states: ca.SX, reachable: ca.SX, held: ca.SX) -> ca.SX:
         """Return the time derivative of the actuator states.
 

@@ -74,12 +74,6 @@ class CommandSteps(Reported):
         """Return the unfiltered command r_step(t), (k,), as a CasADi expression."""
         return self._summed(t, lambda late: late >= 0.0)
 
-    def sampled(self, times: np.ndarray) -> np.ndarray:
-        """Return r at the times (N,), as (N, k)."""
-        t = ca.SX.sym("t")
-        function = ca.Function("commands", [t], [self.at(t)]).map(len(times))
-        return np.array(function(times[None])).T.reshape(len(times), len(self.names))
-
     def _summed(self, t: Any, response: Callable[[Any], Any]) -> ca.SX:
         """Return Σ_i (R_i - R_i-1) response(t - t_i), (k,)."""
         total = ca.SX.zeros(len(self.names))

@@ -94,9 +94,7 @@ class KeptInside(Policy):
         t, measured = ca.SX.sym("t"), ca.SX.sym("measured", len(problem.model.states))
         held = ca.SX.sym("held", self.policy.held.shape[1])
         states = measured[problem.model.state_places(problem.model.linear)]
-        nothing = ca.SX(0, 1)
-        of_states = Measurements(states, states, nothing, nothing)
-        u = self.policy.control(t, of_states, nothing, held)
+        u = self.policy.control(t, Measurements(states, states), ca.SX(0, 1), held)
         return ca.Function("command", [t, measured, held], [ca.densify(u)])
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
@@ -202,5 +200,4 @@ def kept_inside(policy: Policy, problem: FlightProblem, tick: float = 0.01) -> K
         [0],
         held=held,
         identity={**policy.identity, "keeps": list(filtered.states)},
-        fastest=policy.fastest,
     )

@@ -302,8 +302,7 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
 
 def command_of(policy: Policy, t: ca.SX, z: ca.SX, held: Any) -> ca.SX:
     """Return the command of a policy without a memory at the state z, as deviations, (m,)."""
-    nothing = ca.SX(0, 1)
-    return policy.control(t, Measurements(z, z, nothing, nothing), nothing, held)
+    return policy.control(t, Measurements(z, z), ca.SX(0, 1), held)
 
 
 def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy:

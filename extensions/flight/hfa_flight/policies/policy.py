@@ -30,18 +30,10 @@ class Measurements(NamedTuple):
 
     error: (k,), x - x_d of the states of the linear model
     states: (k,), x
-    positions: (m,), actuator positions, or (0,) without actuators
-    rates: (m,), actuator rates, or (0,) without actuators of order 2
-    updraft: (1,), or (0,) in still air
-    since: (1,), time from which stepping commands are held, s
     """
 
     error: ca.SX
     states: ca.SX
-    positions: ca.SX
-    rates: ca.SX
-    updraft: ca.SX = ca.SX(0, 1)
-    since: ca.SX = ca.SX(0, 1)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,7 +47,6 @@ class Policy(Reported):
       last row afterwards
     start: (l,), initial memory
     identity: JSON data that identify the policy
-    fastest: magnitude of the policy's fastest mode, 1/s. It determines the number of substeps
     predicts: whether the linear model is flown with the policy too, as a prediction
     is_called: whether the policy is a function of the user, which is called in one nonlinear flight
     """
@@ -67,7 +58,6 @@ class Policy(Reported):
     held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
     start: np.ndarray = field(default_factory=lambda: np.zeros(0), kw_only=True)
     identity: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
-    fastest: float = field(default=0.0, kw_only=True)
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """Return the commanded inputs as deviations from trim, (m,), by default those held."""

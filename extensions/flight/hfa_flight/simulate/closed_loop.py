@@ -19,7 +19,7 @@ from hfa_aircraft.march.cost import Cost
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import zero
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, has_angle_of_attack
+from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.policy import (
     SAME_TIME,
@@ -328,7 +328,7 @@ class ClosedLoop:
         winds = self._winds(t, inputs)
         since = inputs.begin if inputs.begin.numel() else t
         reference = self._reference(t, since)
-        measurements = self._measurements(t, since, state, inputs, reference, winds)
+        measurements = self._measurements(t, state, inputs, reference)
         command = self.policy.control(t, measurements, state.memory, inputs.policy)
         arriving = command
         if inputs.delay.numel():
@@ -342,7 +342,7 @@ class ClosedLoop:
         else:
             actuators = scenario.actuators
             applied = actuators.reachable(arriving, plant.point.u)
-            u = measurements.positions
+            u = actuators.position(state.actuators, plant.point.u)
             actuators_rate = actuators.states_rate(state.actuators, applied, inputs.actuators)
         memory_rate = self.policy.memory_rate(t, measurements, state.memory, inputs.policy, applied)
         disturbance = scenario.disturbance or zero(len(plant.chosen))
@@ -407,27 +407,14 @@ class ClosedLoop:
         return winds
 
     def _measurements(
-        self,
-        t: ca.SX,
-        since: ca.SX,
-        state: StateParts,
-        inputs: HeldParts,
-        reference: Any,
-        winds: dict[str, Any],
+        self, t: ca.SX, state: StateParts, inputs: HeldParts, reference: Any
     ) -> Measurements:
         """Return the measurements that the policy receives, with sensor noise."""
-        actuators = self.scenario.actuators
         noise = (self.scenario.noise or zero(len(self.plant.chosen))).at(t)
         if inputs.noise.numel():
             noise = noise + inputs.noise
         states = ca.mtimes(ca.DM(self.plant.chosen), state.plant) + noise
-        positions = ca.SX(0, 1)
-        rates = ca.SX(0, 1)
-        if actuators is not None:
-            positions = actuators.position(state.actuators, self.plant.point.u)
-            rates = actuators.rates(state.actuators)
-        updraft = ca.SX(winds.get(UPDRAFT, ca.SX(0, 1)))
-        return Measurements(states - reference, states, positions, rates, updraft, since)
+        return Measurements(states - reference, states)
 
     def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:
         """Return the states of the plant with sensor noise, (n,)."""

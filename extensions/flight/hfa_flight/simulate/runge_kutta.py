@@ -18,7 +18,6 @@ class RungeKutta:
 
     rate: (t, x, held) -> x'
     observed: (t, x, held) -> observed values, (k,)
-    parts: number of substeps in a step
     is_long: whether compilation to machine code saves time
     """
 
@@ -29,7 +28,6 @@ class RungeKutta:
         step: float,
         steps: int,
         *,
-        parts: int = 1,
         is_long: bool = False,
     ) -> None:
         self.step = step
@@ -37,7 +35,7 @@ class RungeKutta:
         self.sizes = rate.numel_in(1), observed.numel_out(0)
         self._observed = observed
         self._calls = 1
-        one = _step(rate, observed, parts)
+        one = _step(rate, observed)
         begin, held, h = (ca.MX.sym("x", one.numel_in(place)) for place in range(3))
         every = (ca.repmat(each, 1, steps) for each in (held, h))
         after, before = one.mapaccum("steps", steps)(begin, *every)
@@ -77,23 +75,13 @@ class RungeKutta:
         return np.array(after[1:])[None]
 
 
-def _step(rate: ca.Function, observed: ca.Function, parts: int) -> ca.Function:
+def _step(rate: ca.Function, observed: ca.Function) -> ca.Function:
     """Return the function ([t; x], held, h) -> ([t; x] h seconds later, values observed before)."""
     begin = ca.SX.sym("begin", 1 + rate.numel_in(1))
     held = ca.SX.sym("held", rate.numel_in(2))
     h = ca.SX.sym("h")
     time, state = begin[0], begin[1:]
-    part = h / parts
-    later = rk4(lambda x, c: rate(time + c * part, x, held), state, part)
-    end = ca.densify(ca.vertcat(time + part, later))
-    if parts == 1:
-        seen = ca.densify(observed(time, state, held))
-        return ca.Function("step", [begin, held, h], [end, seen], {"cse": True})
-    # `fold` repeats a function of a single column, which therefore carries what is held.
-    carried = ca.vertcat(begin, held, h)
-    one_part = ca.Function("part", [carried], [ca.vertcat(end, held, h)], {"cse": True})
-    first, inputs = ca.MX.sym("first", begin.numel()), ca.MX.sym("held", held.numel())
-    seconds = ca.MX.sym("seconds")
-    last = one_part.fold(parts)(ca.vertcat(first, inputs, seconds))[: begin.numel()]
-    before = observed(first[0], first[1:], inputs)
-    return ca.Function("step", [first, inputs, seconds], [last, before])
+    later = rk4(lambda x, c: rate(time + c * h, x, held), state, h)
+    end = ca.densify(ca.vertcat(time + h, later))
+    seen = ca.densify(observed(time, state, held))
+    return ca.Function("step", [begin, held, h], [end, seen], {"cse": True})

@@ -13,15 +13,13 @@ import numpy as np
 
 from hfa_aircraft.march.march import History, march
 from hfa_aircraft.march.steppers import Stepper
-from hfa_flight.air.actuators import LONGEST_STEP
-from hfa_flight.air.delay import steps_of
 from hfa_flight.air.history import Deviations
 from hfa_flight.air.names import ALPHA
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.policy import SAME_TIME, Policy
 from hfa_flight.simulate.closed_loop import ClosedLoop
 from hfa_flight.simulate.runge_kutta import RungeKutta
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import BoundFunction
 from hfa_support.progress import Progress
 
@@ -29,19 +27,14 @@ from hfa_support.progress import Progress
 COMPILE_FROM_STEPS = 50_000
 #: Number of steps between tests of whether a flight ends.
 _ROWS = 1000
-#: Largest number of substeps that the fastest mode of a policy may require.
-_MOST_PARTS = 10_000
 
 
 class CompiledLoop:
     """A closed loop, compiled once and simulated many times.
 
-    The integration is the classical Runge-Kutta method of order 4, with substeps according to the
-    policy's fastest mode.
+    The integration is the classical Runge-Kutta method of order 4.
 
     flights: expected number of flights. With enough of them, machine code is compiled.
-
-    Raises BadInputError if the fastest mode requires too many substeps.
     """
 
     def __init__(self, loop: ClosedLoop, flights: int = 1) -> None:
@@ -63,11 +56,8 @@ class CompiledLoop:
             self._alpha = list(loop.plant.point.model.states).index(ALPHA)
         scenario = loop.scenario
         step, steps = scenario.step, scenario.steps_per_tick
-        within = _parts_of_a_step(loop)
-        is_long = flights * scenario.ticks * steps * within >= COMPILE_FROM_STEPS
-        self.stepper = RungeKutta(
-            self.rate, self.observed, step, steps, parts=within, is_long=is_long
-        )
+        is_long = flights * scenario.ticks * steps >= COMPILE_FROM_STEPS
+        self.stepper = RungeKutta(self.rate, self.observed, step, steps, is_long=is_long)
 
     def refined(self, parts: int) -> CompiledLoop:
         """Return the loop with several recorded steps in place of each."""
@@ -273,15 +263,3 @@ class _Flying:
 def _is_lost(flight: Deviations) -> np.ndarray:
     """Return a mask (N,) of the steps at which a state of the plant is not finite."""
     return np.asarray(~np.isfinite(flight.states).all(axis=1))
-
-
-def _parts_of_a_step(loop: ClosedLoop) -> int:
-    """Return the Runge-Kutta substeps per step that the policy's fastest mode requires."""
-    step = loop.scenario.step
-    parts = steps_of(loop.policy.fastest * step, LONGEST_STEP)
-    if parts > _MOST_PARTS:
-        raise BadInputError(
-            f"the policy has a mode of {loop.policy.fastest:.4g} 1/s, but a step of {step:g} s"
-            f" permits at most {LONGEST_STEP * _MOST_PARTS / step:.3g} 1/s; shorten the step"
-        )
-    return parts

@@ -80,15 +80,6 @@ class Normalizer:
         """Return the expression (o - mean) / deviation of observations o."""
         return (observation - ca.DM(self.mean)) / ca.DM(self.deviation)
 
-    def normalized(self, observation: np.ndarray) -> np.ndarray:
-        """Return the normalized and clipped observations.
-
-        observation: (..., k)
-        """
-        return np.asarray(
-            np.clip((observation - self.mean) / self.deviation, -self.clip, self.clip)
-        )
-
 
 def read_normalizer(path: str | Path) -> Normalizer | None:
     """Read a normalizer from a file of `VecNormalize.save`, without executing its code.
