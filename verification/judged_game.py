@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.symbols import symbols_for
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
-from controller.riccati.balancing import stability
+from controller.riccati.balancing import loop_check, stability
 from controller.riccati.certificate import form_of
 from controller.riccati.cost import SIGNLESS, FlightCost, flight_cost, loss_matrix
 from controller.riccati.form import INDEFINITENESS
@@ -71,6 +72,7 @@ class JudgedGame:
         self.period = "step" if game.is_discrete else "second"
         self._form = form_of(game)
         self._stability = partial(stability, is_discrete=game.is_discrete)
+        self._loop_check = partial(loop_check, is_discrete=game.is_discrete)
 
     @property
     def name(self) -> str:
@@ -174,19 +176,17 @@ class JudgedGame:
 
         is_exact: whether K is that of the exact solution
         """
-        value, limit = self._stability(self.game.A - self.game.B @ K)
+        stable = self._loop_check(
+            "control_loop", "A - B K", self.game.A - self.game.B @ K, kind="stability"
+        )
         if not self.game.is_discrete:
-            reason = f"A - B K is not Hurwitz (abscissa {value:+.3g} 1/s)"
-            return [below("control_loop_abscissa", value, limit, reason, kind="stability")]
-        discounted = math.sqrt(self.game.discount) * value
-        unstable = f"A - B K of a step has the spectral radius {value:.7g}"
-        if is_exact:
-            unstable += ": the exact solution of this discounted problem does not stabilize either"
+            return [stable]
+        if is_exact and not stable.ok:
+            why = "the exact solution of this discounted problem does not stabilize either"
+            stable = replace(stable, reason=f"{stable.reason}: {why}")
+        discounted = math.sqrt(self.game.discount) * stable.value
         infinite = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
-        return [
-            below("control_loop_radius", value, limit, unstable, kind="stability"),
-            below("discounted_loop_radius", discounted, limit, infinite, kind="cost"),
-        ]
+        return [stable, below("discounted_loop_radius", discounted, 1.0, infinite, kind="cost")]
 
     def value_checks(self, P: np.ndarray, limit: float) -> list[Check]:
         """Return the checks of a critic's P: the residual of its equation, and in continuous time
@@ -224,14 +224,12 @@ class JudgedGame:
 
     def game_loop(self, P: np.ndarray) -> Check:
         """Return the check that the loop with both policies of the value z'P z is stable."""
-        root = math.sqrt(self.game.discount)
-        value, limit = self._stability(root * self.game.worst_case_loop((P + P.T) / 2.0))
-        name = "game_loop_abscissa"
-        unstable = f"A - S P is not Hurwitz (abscissa {value:+.3g} 1/s)"
-        if self.game.is_discrete:
-            name = "game_loop_radius"
-            unstable = f"sqrt(discount) (A - B K + E L) has the spectral radius {value:.7g}"
-        return below(name, value, limit, unstable, kind="game loop")
+        loop = self.game.worst_case_loop((P + P.T) / 2.0)
+        if not self.game.is_discrete:
+            return self._loop_check("game_loop", "A - S P", loop, kind="game loop")
+        discounted = math.sqrt(self.game.discount) * loop
+        words = "sqrt(discount) (A - B K + E L)"
+        return self._loop_check("game_loop", words, discounted, kind="game loop")
 
     def residuals(self, values: np.ndarray) -> np.ndarray:
         """Return the relative residuals of the Riccati equation, (N,), for N matrices P."""

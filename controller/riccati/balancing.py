@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_support.matrices import balanced, spectral_radius
+from hfa_support.reporting.checks import Check, below
 
 
 def spectrum(matrix: np.ndarray) -> np.ndarray:
@@ -41,6 +42,22 @@ def stability(loop: np.ndarray, *, is_discrete: bool) -> Stability:
     if not np.isfinite(loop).all():
         return Stability(np.inf, limit)
     return Stability(spectral_radius(loop) if is_discrete else abscissa_of(loop), limit)
+
+
+def loop_check(
+    name: str, what: str, loop: np.ndarray, *, is_discrete: bool, kind: str = ""
+) -> Check:
+    """Return the check NAME_abscissa that a loop is stable, in discrete time NAME_radius.
+
+    what: the loop in words, such as "A - B K"
+    kind: as in `Check`
+    """
+    value, limit = stability(loop, is_discrete=is_discrete)
+    if is_discrete:
+        unstable = f"{what} has the spectral radius {value:.7g}"
+        return below(f"{name}_radius", value, limit, unstable, kind=kind)
+    unstable = f"{what} is not Hurwitz (abscissa {value:+.3g} 1/s)"
+    return below(f"{name}_abscissa", value, limit, unstable, kind=kind)
 
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:

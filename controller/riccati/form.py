@@ -11,10 +11,10 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import largest, units_of
+from controller.riccati.balancing import largest, largest_or_1, loop_check, units_of
 from controller.riccati.double_double import exact, product_of_doubles
 from hfa_support.errors import NoSolutionError
-from hfa_support.reporting.checks import Check
+from hfa_support.reporting.checks import Check, at_least, at_most
 
 RESIDUAL = 1e-10
 #: Magnitude of a negative eigenvalue of P, relative to the largest entry, that counts as rounding.
@@ -97,7 +97,9 @@ class Form(ABC):
     """
 
     is_discrete: ClassVar[bool]
-    of_matrix: ClassVar[str]  # ending of the names of modes in messages
+    equation: ClassVar[str]  # in messages, as is all below
+    of_matrix: ClassVar[str]  # ending of the names of modes
+    loop_words: ClassVar[tuple[str, str]]  # the loops with and without disturbance
 
     A: np.ndarray
     inputs: np.ndarray
@@ -351,9 +353,37 @@ class Form(ABC):
     def axis_checks(self) -> tuple[Check, ...]:
         """Return the checks that half of the spectrum is stable, as far as a form makes them."""
 
-    @abstractmethod
     def checks(self, X: np.ndarray) -> tuple[Check, ...]:
-        """Return the checks of X: its equation, its sign, and both closed loops."""
+        """Return the checks of X: its equation, its sign, `more_checks`, and both closed loops.
+
+        If X is not finite, only a failed check of the equation is returned. Raises NoSolutionError
+        if a matrix is singular.
+        """
+        if not np.all(np.isfinite(X)):
+            return (at_most("residual", np.nan, RESIDUAL, "P has entries that are not finite"),)
+        residual = self.relative_residual(X)
+        unsolved = f"the residual of {self.equation} is {residual:.2g}"
+        smallest = float(np.linalg.eigvalsh((X + X.T) / 2.0)[0] / largest_or_1(X))
+        indefinite = (
+            f"the computed P is indefinite (smallest eigenvalue {smallest:.3g} of its size)"
+        )
+        game_loop, control_loop = self.loops(X)
+        of_game, of_control = self.loop_words
+        return (
+            at_most("residual", residual, RESIDUAL, unsolved),
+            at_least("positive_semidefinite", smallest, -INDEFINITENESS, indefinite),
+            *self.more_checks(X),
+            loop_check("game_loop", of_game, game_loop, is_discrete=self.is_discrete),
+            loop_check("control_loop", of_control, control_loop, is_discrete=self.is_discrete),
+        )
+
+    @abstractmethod
+    def loops(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the loop with both policies of X, (n, n), and that without disturbance."""
+
+    def more_checks(self, X: np.ndarray) -> tuple[Check, ...]:
+        """Return the checks of X that only one kind of time has."""
+        return ()
 
     @abstractmethod
     def existence(self) -> Answer:

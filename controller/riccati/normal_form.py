@@ -18,9 +18,7 @@ from controller.riccati.balancing import (
 )
 from controller.riccati.double_double import Pair, exact, product_of_doubles
 from controller.riccati.form import (
-    INDEFINITENESS,
     LAST,
-    RESIDUAL,
     Answer,
     Form,
     doubled,
@@ -28,7 +26,7 @@ from controller.riccati.form import (
 from controller.riccati.lyapunov import Lyapunov
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import LARGEST
-from hfa_support.reporting.checks import Check, at_least, at_most, below, checked
+from hfa_support.reporting.checks import Check, at_least, checked
 
 #: Smallest relative distance to the imaginary axis, above the rounding of this distance. Nearer to
 #: the axis, rounding hides whether the Hamiltonian has n stable eigenvalues.
@@ -62,7 +60,9 @@ class NormalForm(Form):
     """
 
     is_discrete = False
+    equation = "the Riccati equation"
     of_matrix = ""
+    loop_words = ("A - S P", "A - B K")
 
     def without_cross_weights(self) -> Self:
         """Return the game with the input v + R⁻¹ N'y, from twice the digits."""
@@ -247,28 +247,9 @@ class NormalForm(Form):
             checked("hamiltonian_split", stable, n, split, relation="=="),
         )
 
-    def checks(self, X: np.ndarray) -> tuple[Check, ...]:
-        """Return the checks of X: equation, sign and both closed loops.
-
-        If X is not finite, only a failed check of the equation is returned.
-        """
-        if not np.all(np.isfinite(X)):
-            return (at_most("residual", np.nan, RESIDUAL, "P has entries that are not finite"),)
-        residual = self.relative_residual(X)
-        smallest = float(np.linalg.eigvalsh(X)[0] / largest_or_1(X))
-        game_loop = abscissa_of(self.A - self.S @ X)
-        control_loop = abscissa_of(self.A - self.B @ (self.B.T @ X))
-        unsolved = f"the residual of the Riccati equation is {residual:.2g}"
-        indefinite = (
-            f"the computed P is indefinite (smallest eigenvalue {smallest:.3g} of its size)"
-        )
-        grows = "{} is not Hurwitz (abscissa {:+.3g} 1/s)".format
-        return (
-            at_most("residual", residual, RESIDUAL, unsolved),
-            at_least("positive_semidefinite", smallest, -INDEFINITENESS, indefinite),
-            below("game_loop_abscissa", game_loop, 0.0, grows("A - S P", game_loop)),
-            below("control_loop_abscissa", control_loop, 0.0, grows("A - B K", control_loop)),
-        )
+    def loops(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return A - S X and A - B B'X, (n, n)."""
+        return self.A - self.S @ X, self.A - self.B @ (self.B.T @ X)
 
     def existence(self) -> Answer:
         """Return whether the game has a value.
