@@ -182,7 +182,9 @@ def _listed_axes(
 
 
 def listed_points(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
-    """Return name -> value at each point, (N,), from a CSV file of trim points."""
+    """Return name -> value at each point, (N,), from a CSV file of trim points. A column may have a
+    unit in its heading, "gamma [deg]".
+    """
     try:
         lines = regular_file(path).read_text("utf-8-sig").splitlines()
         numbered_rows = [
@@ -195,7 +197,8 @@ def listed_points(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]
             f"{path} cannot be read ({error}); give a readable CSV file of conditions"
         ) from error
     header, title_row = numbered_rows[0] if numbered_rows else (1, [])
-    names = [name.strip() for name in title_row]
+    headings = [name.strip().removesuffix("]").partition(" [") for name in title_row]
+    names = [name for name, _, _ in headings]
     point_rows = numbered_rows[1:]
     model = condition.model
     if not point_rows or len({*names}) < len(names):
@@ -213,9 +216,9 @@ def listed_points(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]
                 f"{path}: row {number} has {len(row)} cells, but row {header} has {len(names)}; "
                 "correct the row"
             )
-        for column, (name, text) in enumerate(zip(names, row, strict=True)):
+        for column, ((name, _, unit), text) in enumerate(zip(headings, row, strict=True)):
             try:
-                table[index, column] = quantity(model, name, text)
+                table[index, column] = quantity(model, name, f"{text.strip()} {unit}".strip())
             except BadInputError as error:
                 raise BadInputError(f"{path}: row {number}, column {name} {error}") from error
     return dict(zip(names, table.T, strict=True))

@@ -500,7 +500,8 @@ def test_published_and_newton_dynamics_differ_by_mode_in_percent() -> None:
 
 def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:
     """Each row equals the sheet of its own trim in degrees; a row that fails has its sentence."""
-    Path("conditions.csv").write_text("speed,gamma\n30,0\n35,2\n5,0\n", "utf-8")
+    text = f"speed [m/s],gamma [rad]\n30,0\n35,{math.radians(2.0)!r}\n5,0\n"
+    Path("conditions.csv").write_text(text, "utf-8")
     words = ("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--conditions", "conditions.csv")
     result = command(*words, "-o", "matrix.csv")
     assert (result.code, result.err.count("have no trim")) == (1, 1)
