@@ -86,7 +86,7 @@ def judged(expansion: Expansion, game: Game, linear: LinearModel, change: ca.SX,
         basis=expansion.basis,
         has_weights=True,
     )
-    return hfa.verify(game, critic, scope=Scope(flights=20), linear=linear), critic.policy
+    return hfa.verify(game, critic, scope=Scope(flights=8), linear=linear), critic.policy
 
 
 def test_a_policy_that_is_right_at_the_trim_only_is_flown() -> None:
@@ -126,7 +126,7 @@ def flight_cost(game: Game, policy: ca.Function, start: np.ndarray) -> float:
             cost + game.R[1, 1] * v**2,
         ]
 
-    solved = solve_ivp(rate, (0.0, 60.0), [*start, 0.0], method="DOP853", rtol=1e-9, atol=1e-12)
+    solved = solve_ivp(rate, (0.0, 60.0), [*start, 0.0], method="DOP853", rtol=1e-6, atol=1e-9)
     return float(solved.y[2, -1])
 
 
@@ -220,6 +220,7 @@ def test_a_switch_at_the_trim_is_named() -> None:
     assert "x switches" in str(verdict.report())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("folder")
 def test_the_policy_in_the_file_is_judged_and_flies() -> None:
     """`hfa verify` and a flight read the policy of `hfa solve --order`, which is not linear."""
@@ -231,10 +232,10 @@ def test_the_policy_in_the_file_is_judged_and_flies() -> None:
     model = hfa.load_model(PENDULUM)
     point = hfa.trim(model)
     game = hfa.game(hfa.linearize(model, point), [1.0, 0.1], [1.0])
-    flights = [
-        hfa.fly(model, point, policy, duration=0.2, initial={"angle": 0.3})
-        for policy in ("value.npz", hfa.read_critic("value.npz", game), hfa.solve(game))
-    ]
-    read, given, linear_gain = (flight.states[-1] for flight in flights)
-    assert read == pytest.approx(given, rel=1e-12)
-    assert np.abs(read - linear_gain).max() > 1e-4
+    critic, z = hfa.read_critic("value.npz", game), np.array([0.3, 0.0])
+    assert abs(critic.u(z) + hfa.solve(game).K @ z).max() > 1e-3
+    read, given = (
+        hfa.fly(model, point, policy, duration=0.1, initial={"angle": 0.3})
+        for policy in ("value.npz", critic)
+    )
+    assert read.states[-1] == pytest.approx(given.states[-1], rel=1e-12)
