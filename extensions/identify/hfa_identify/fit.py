@@ -351,8 +351,8 @@ class OutputError:
         weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
         rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])
         with np.errstate(over="ignore", invalid="ignore"):
-            square = gram(rows, rows)
-            right = gram(rows, (residual * weights).reshape(-1, 1)).ravel()
+            square = rows.T @ rows
+            right = rows.T @ (residual * weights).ravel()
         if not (np.isfinite(square).all() and np.isfinite(right).all()):
             raise FloatingPointError("the simulation diverges")
         return Normal(
@@ -424,19 +424,3 @@ def _solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrix / size[:, None] / size
     return np.linalg.lstsq(scaled, right / size, rcond=1e-13)[0] / size
-
-
-#: Rows of a product that a single thread computes, because starting further threads takes longer.
-_TOGETHER = 64
-
-
-def gram(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the matrix product one' other, (a, b), of two tables (N, a) and (N, b) with many rows.
-
-    The product is computed in blocks for which the linear algebra library uses a single thread.
-    """
-    whole = len(one) // _TOGETHER * _TOGETHER
-    blocks = one[:whole].reshape(-1, _TOGETHER, one.shape[1])
-    others = other[:whole].reshape(-1, _TOGETHER, other.shape[1])
-    total = (blocks.transpose(0, 2, 1) @ others).sum(axis=0)
-    return np.asarray(total + one[whole:].T @ other[whole:])

@@ -468,35 +468,10 @@ def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
     """
     n = change.shape[1]
     p = change.shape[2] - n
-    within = _products(change[:, :, :n], change[:, :, n:], count)
-    reached = within[:, :, p:] @ S
-    reached[:, :, :p] += within[:, :, :p]
-    return reached
-
-
-def _products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
-    """Return S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I), (N, n, p + n)."""
-    # by_state (steps, n, n), by_theta (steps, n, p)
-    steps, n, p = by_theta.shape
-    length = math.isqrt(steps) + 1
-    blocks = math.ceil(steps / length)
-    missing = blocks * length - steps
-    by_state = np.concatenate([by_state, np.tile(np.eye(n), (missing, 1, 1))])
-    by_theta = np.concatenate([by_theta, np.zeros((missing, n, p))])
-    by_state = by_state.reshape(blocks, length, n, n)
-    by_theta = by_theta.reshape(blocks, length, n, p)
-    S = np.zeros((blocks, n, p + n))
-    S[:, :, p:] = np.eye(n)
-    within = np.empty((blocks, length, n, p + n))
-    for step in range(length):
-        S = by_state[:, step] @ S
-        S[:, :, :p] += by_theta[:, step]
-        within[:, step] = S
-    found = np.zeros((blocks * length + 1, n, p + n))
-    found[0, :, p:] = np.eye(n)
-    for block in range(blocks):
-        first = block * length
-        reached = within[block, :, :, p:] @ found[first]
-        reached[:, :, :p] += within[block, :, :, :p]
-        found[first + 1 : first + length + 1] = reached
-    return found[: steps + 1 : count]
+    reached = [S]
+    for number, of_step in enumerate(change, start=1):
+        S = of_step[:, :n] @ S
+        S[:, :p] += of_step[:, n:]
+        if number % count == 0:
+            reached.append(S)
+    return np.array(reached)
