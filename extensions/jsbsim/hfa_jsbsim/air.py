@@ -268,9 +268,4 @@ def mass_properties(mass: Mass) -> dict[str, Any]:
 
 
 #: Names of the properties in `mass_properties`.
-OF_MASS = (
-    *("inertia/mass-slugs", "inertia/weight-lbs"),
-    *("inertia/ixx-slugs_ft2", "inertia/iyy-slugs_ft2", "inertia/izz-slugs_ft2"),
-    *("inertia/ixy-slugs_ft2", "inertia/ixz-slugs_ft2", "inertia/iyz-slugs_ft2"),
-    *("inertia/cg-x-in", "inertia/cg-y-in", "inertia/cg-z-in"),
-)
+OF_MASS = tuple(mass_properties(Mass(0.0, ca.DM.zeros(3), ca.DM.zeros(3, 3))))

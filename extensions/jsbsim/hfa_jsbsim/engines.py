@@ -303,15 +303,18 @@ def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
 
     thrust: lb
     """
-    properties = around.properties
     if file.thruster.name == "nozzle":
         area = file.thruster.need("area").number("FT2")
         thrust = ca.fmax(thrust - around.motion.air.pressure * area, 0.0)
     if file.thruster.name == "direct" and file.thruster_mount.find("pointing") is None:
-        reverser = file.full_name("reverser-angle-rad")
-        thrust = thrust * ca.cos(ca.SX(properties.read_or(reverser, 0.0, file.mount.where)))
+        thrust = thrust * ca.cos(ca.SX(own_property(file, around, "reverser-angle-rad", 0.0)))
     force, moment = thrust_force_and_moment(file, around, thrust)
     return Effect(force, moment, thrust)
+
+
+def own_property(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
+    """Return a property of an engine that a system may set, or the value in the engine's file."""
+    return around.properties.read_or(file.full_name(name), default, file.mount.where)
 
 
 def throttle_of(file: EngineFile, around: Surroundings) -> Any:
@@ -325,14 +328,19 @@ def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
     return getattr(around.states, file.lag, None) if file.lag else None
 
 
+def _commanded(file: EngineFile, around: Surroundings, shaft: str) -> Any:
+    """Return the speed of a running turbine's shaft that the throttle gives, %."""
+    low, high = file.shaft(shaft)
+    return low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
+
+
 def spool_error(file: EngineFile, around: Surroundings) -> Any:
     """Return the steady-state speed of a turbine's n2 shaft minus its present speed, %.
 
     The steady-state speed is given by the throttle. If the turbine does not run, it is the
     windmilling speed.
     """
-    low, high = file.shaft("n2")
-    on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
+    on = _commanded(file, around, "n2")
     wanted = ca.if_else(running(file, around), on, _windmilling(file, around, "n2"))
     return wanted - getattr(around.states, file.lag)
 
@@ -410,9 +418,7 @@ def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
         low, high = file.shaft("n2")
         share = (speed - low) / (high - low)
     dry = idle + (military - idle) * shares["MilThrust"] * share**2
-    bleed = around.properties.read_or(
-        file.full_name("bleed-factor"), engine.value_of("bleed", 0.0), file.mount.where
-    )
+    bleed = own_property(file, around, "bleed-factor", engine.value_of("bleed", 0.0))
     bled = dry * (1.0 - bleed)
     return ca.if_else(running(file, around), _augmented(file, around, (dry, bled), shares), 0.0)
 
@@ -429,10 +435,9 @@ def _augmented(
     strongest = engine.value_of("maxthrust", 10000.0, "LBS") * shares["AugThrust"]
     lit: Any = 0.0
     if method == 1:
-        low, high = file.shaft("n2")
         speed = lag_state(file, around)
         if speed is None:
-            speed = low + share * (high - low)
+            speed = _commanded(file, around, "n2")
         lit = ca.logic_and(share > 0.99, speed > 97.0)
     if method == 2:
         lit = position > 1.0
@@ -592,8 +597,7 @@ def _add_shafts(file: EngineFile, around: Surroundings) -> None:
         def speed(name: str = name) -> Any:
             state = lag_state(file, around)
             if state is None:
-                low, high = file.shaft(name)
-                on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
+                on = _commanded(file, around, name)
                 return ca.if_else(running(file, around), on, _windmilling(file, around, name))
             if name == "n1":
                 raise file.mount.error(

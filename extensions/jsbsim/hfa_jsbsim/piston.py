@@ -13,6 +13,7 @@ from hfa_jsbsim.engines import (
     engine_rpm,
     internal_table,
     lag_state,
+    own_property,
     running,
     throttle_of,
 )
@@ -99,9 +100,7 @@ def piston_power(
 
 def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
     """Return a number of a piston engine, which the engine's file or a system can set."""
-    # A value that a system sets takes precedence.
-    default_value = file.engine.value_of(name, default)
-    return around.properties.read_or(file.full_name(name), default_value, file.mount.where)
+    return own_property(file, around, name, file.engine.value_of(name, default))
 
 
 class _Breathing:
@@ -134,10 +133,7 @@ class _Breathing:
 
 def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) -> Any:
     """Return the brake specific fuel consumption, lb/(hp h)."""
-    # The value of a system takes precedence over the file, and the file over the rated power.
-    name = file.full_name("bsfc-lbs_hphr")
-    own_value = _own_consumption(file.engine, breathing)
-    return around.properties.read_or(name, own_value, file.mount.where)
+    return own_property(file, around, "bsfc-lbs_hphr", _own_consumption(file.engine, breathing))
 
 
 def _own_consumption(engine: Element, breathing: _Breathing) -> float:
@@ -192,9 +188,8 @@ def _boosted(
                 )
             manifold = ca.fmin(manifold, cap)
         manifolds.append(manifold)
-    chosen = file.full_name("boost-speed")
     if int(engine.value_of("boostmanual", 0.0)) == 1:
-        gear = ca.SX(around.properties.read_or(chosen, 0.0, file.mount.where))
+        gear = ca.SX(own_property(file, around, "boost-speed", 0.0))
         result = manifolds[-1]
         for number in range(len(manifolds) - 2, -1, -1):
             result = ca.if_else(gear < number + 1, manifolds[number], result)

@@ -16,6 +16,7 @@ from hfa_jsbsim.engines import (
     engine_rpm,
     internal_table,
     orientation,
+    own_property,
     placed,
     thrust_force_and_moment,
 )
@@ -90,8 +91,7 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
     lowest = prop.value_of("minpitch", 0.0)
     highest = prop.value_of("maxpitch", 0.0)
     if not file.governed:
-        angle = file.full_name("blade-angle")
-        return around.properties.read_or(angle, lowest, file.mount.where), {}
+        return own_property(file, around, "blade-angle", lowest), {}
     blade = getattr(around.states, f"blade{file.number}")
     slowest = prop.value_of("minrpm", 0.0)
     advance: Any = 0.0
