@@ -17,6 +17,8 @@ _STEEPEST = math.radians(60.0)
 _LARGEST_LIFT = 2.0
 #: Ratio of lift and weight beyond which the mass is doubted; pounds as slugs are a factor 32.
 _RATIO = 8.0
+#: Largest usual angle between the stated alpha and that of level flight without controls, rad.
+_OFF_ALPHA = math.radians(2.0)
 #: Usual slopes of the lift, 1/rad. Wings of small aspect ratio have about 1, thin airfoils 2 pi.
 _LIFT_SLOPES = (0.3, 20.0)
 #: Least usual sizes of the damping of rolling and pitching, per rad of p b/2V and q c/2V.
@@ -118,8 +120,8 @@ def _of_drag(table: Table) -> Iterator[str]:
 
 
 def _of_weight(table: Table) -> Iterator[str]:
-    """Yield a sentence if the lift at the stated condition is far above the weight, or if the
-    largest lift is below it.
+    """Yield a sentence if the lift at the stated condition is far above the weight, if the largest
+    lift is below it, or if level flight at this condition has another alpha.
     """
     values = table.values
     air = air_at(values.get("altitude", 0.0), table.system)
@@ -132,8 +134,24 @@ def _of_weight(table: Table) -> Iterator[str]:
     if share <= _RATIO:
         share, which = carried * largest, f"largest lift (CL {largest:.3g})"
         if share >= 1.0:
+            yield from _of_alpha(table, 1.0 / carried - coefficient)
             return
     yield (
         f"the {which} at {values['speed']:.4g} {table.unit('speed')} carries {share:.2g} times "
         "the weight; check the unit of the mass (1 slug = 32.17 lb)"
     )
+
+
+def _of_alpha(table: Table, missing: float) -> Iterator[str]:
+    """Yield a sentence if the lift coefficient that is missing at the stated alpha changes alpha
+    too much. A table without alpha has no doubt.
+    """
+    stated = table.values.get("alpha", math.nan)
+    off = missing / table.derivatives["CL_alpha"]
+    if math.isfinite(stated) and abs(off) > _OFF_ALPHA:
+        yield (
+            f"level flight at the condition of the derivatives is at alpha "
+            f"{math.degrees(stated + off):.3g} deg, the table has {math.degrees(stated):.3g} deg; "
+            "CL_0, CD_0 and Cm_0 are those at this alpha, not at alpha 0; check them, the mass, "
+            "the speed and their units"
+        )

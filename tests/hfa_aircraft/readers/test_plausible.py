@@ -35,6 +35,7 @@ MISTAKES = {
     "rates per degree": ({"Cl_p": -0.26 * DEGREE}, "Cl_p"),
     "per degree taken as per radian": ({"CL_alpha": 3.45 * DEGREE}, "CL_alpha"),
     "per radian taken as per degree": ({"CL_alpha": 3.45 / DEGREE}, "CL_alpha"),
+    "lift coefficient of another alpha": ({"CL_0": 0.1, "alpha": "3 deg"}, "alpha"),
     "moment per radian taken as per degree": ({"Cm_alpha": -0.38 / DEGREE}, "static margin"),
 }
 
