@@ -19,6 +19,8 @@ THRUST = {
 #: Center of gravity of the file's moments, in chords behind the leading edge of the mean chord, and
 #: distance from it back to the tail that causes the derivatives with respect to q and alphadot.
 CENTER = "cg"
+#: Foremost and rearmost center of gravity; a larger number is one in percent or in a length.
+CENTERS = (-2.0, 3.0)
 TAIL_ARM = "tail_arm"
 PLACES = {CENTER: ("chord", "chord"), TAIL_ARM: ("ft", "m")}
 #: Free words about the configuration, which reports repeat.

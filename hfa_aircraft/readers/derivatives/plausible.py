@@ -23,6 +23,10 @@ _OFF_ALPHA = math.radians(2.0)
 _LIFT_SLOPES = (0.3, 20.0)
 #: Least usual sizes of the damping of rolling and pitching, per rad of p b/2V and q c/2V.
 _DAMPING = {"Cl_p": 0.03, "Cm_q": 0.3}
+#: Usual ratios of the mean chord and area / span: 1 for a rectangular wing, 1.33 for a delta.
+_CHORDS = (0.7, 2.0)
+#: Largest usual drag coefficient without lift.
+_MOST_DRAG = 1.0
 #: Largest usual ratio of Cm_alpha and CL_alpha, chords.
 _STATIC_MARGIN = 3.0
 
@@ -33,6 +37,7 @@ def doubts_about(table: Table) -> Iterator[str]:
     yield from _of_angles(table)
     yield from _of_inertias(table)
     yield from _of_drag(table)
+    yield from _of_chord(table)
     idle = [name for name in table.surfaces if not _moves(name, derivatives)]
     if idle:
         yield f"no derivative of {', '.join(idle)} is given: no effect on the aircraft"
@@ -117,6 +122,19 @@ def _of_drag(table: Table) -> Iterator[str]:
     drag = table.derivatives["CD_0"] + induced * table.derivatives["CL_0"] ** 2
     if drag < 0.0:
         yield f"the drag coefficient at the condition of the derivatives is {drag:.4g}, below 0"
+    if table.derivatives["CD_0"] > _MOST_DRAG:
+        yield f"CD_0 is {table.derivatives['CD_0']:.4g}; a count of drag is 0.0001"
+
+
+def _of_chord(table: Table) -> Iterator[str]:
+    """Yield a sentence if the mean chord is not about the area divided by the span."""
+    chord, mean = table.values["chord"], table.values["wing_area"] / table.values["span"]
+    least, most = _CHORDS
+    if not least <= chord / mean <= most:
+        yield (
+            f"chord is {chord:.4g} {table.unit('chord')}, wing_area / span is {mean:.4g}; check "
+            "these entries and their units"
+        )
 
 
 def _of_weight(table: Table) -> Iterator[str]:

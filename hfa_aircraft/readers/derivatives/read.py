@@ -40,6 +40,7 @@ from hfa_aircraft.about import About, Domain
 from hfa_aircraft.model import Model
 from hfa_aircraft.readers.derivatives.names import (
     CENTER,
+    CENTERS,
     INDUCED,
     LARGEST_LIFT,
     TAIL_ARM,
@@ -199,7 +200,7 @@ def _parameters(table: Table) -> dict[str, Signal]:
     gravity = GRAVITY[table.system]
     signals["gravity"] = Signal(f"{LENGTH[table.system]}/s^2", gravity, 0.0, start=gravity)
     if CENTER in table.values:
-        signals[CENTER] = Signal(table.unit(CENTER), 0.1, start=table.values[CENTER])
+        signals[CENTER] = Signal(table.unit(CENTER), 0.1, *CENTERS, table.values[CENTER])
     for name, value in table.derivatives.items():
         signals[name] = Signal(nominal=abs(value) or 1.0, start=value)
     return signals

@@ -28,6 +28,7 @@ from hfa_aircraft.readers.derivatives.entries import Entry, number
 from hfa_aircraft.readers.derivatives.names import (
     ARGUMENTS,
     CENTER,
+    CENTERS,
     COEFFICIENTS,
     INDUCED,
     REQUIRED,
@@ -378,6 +379,7 @@ def _refuse_missing(values: Mapping[str, float], derivatives: Collection[str], w
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
     """Raise BadInputError for impossible or conflicting data of an aircraft."""
     # - a size, mass, weight, moment of inertia or speed that is not positive
+    # - a center of gravity that is not in chords
     # - mass and weight both given
     # - Ixx Izz <= Ixz²
     positive = (
@@ -396,6 +398,12 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
     for name in positive:
         if name in values and values[name] <= 0.0:
             raise entries[name].error(f"{name} is {values[name]:g}; give a positive number")
+    foremost, rearmost = CENTERS
+    if not foremost <= values.get(CENTER, 0.0) <= rearmost:
+        raise entries[CENTER].error(
+            f"{CENTER} is {values[CENTER]:g} chords; give {foremost:g} to {rearmost:g}, such as "
+            "0.25 for 25 % of the mean chord"
+        )
     if TAIL_ARM in values and CENTER not in values:
         raise entries[TAIL_ARM].error(
             f"{TAIL_ARM} is the distance of the tail behind {CENTER}; add {CENTER}"

@@ -36,6 +36,8 @@ MISTAKES = {
     "per degree taken as per radian": ({"CL_alpha": 3.45 * DEGREE}, "CL_alpha"),
     "per radian taken as per degree": ({"CL_alpha": 3.45 / DEGREE}, "CL_alpha"),
     "lift coefficient of another alpha": ({"CL_0": 0.1, "alpha": "3 deg"}, "alpha"),
+    "chord ten times too large": ({"chord": 1.9}, "chord"),
+    "drag in counts": ({"CD_0": 4.3}, "CD_0"),
     "moment per radian taken as per degree": ({"Cm_alpha": -0.38 / DEGREE}, "static margin"),
 }
 
