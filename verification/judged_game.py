@@ -33,7 +33,6 @@ from verification.axis import (
     Loop,
     cost_of,
     flow_loop,
-    quadratic_at,
     step_loop,
 )
 from verification.critic_errors import disturbance_errors, error_check, relative_error
@@ -234,10 +233,6 @@ class JudgedGame:
     def residuals(self, values: np.ndarray) -> np.ndarray:
         """Return the relative residuals of the Riccati equation, (N,), for N matrices P."""
         return np.array([self._form.relative_residual(X) for X in self._form.of_value(values)])
-
-    def exact_at(self, kind: str, z: ca.SX) -> ca.SX:
-        """Return the exact function "value", "gradient" or "policy" at the state z, (n,)."""
-        return quadratic_at(self.exact, kind, z)
 
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether the loop A - B K is stable."""

@@ -13,7 +13,6 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.riccati.cost import SIGNLESS
-from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, at_most
 from verification.axis import Loop
 from verification.box import starts_in
@@ -77,7 +76,6 @@ def equilibrium_check(equilibrium: np.ndarray | None, b: np.ndarray, limit: floa
 def fly(
     judged: JudgedGame,
     critic: Critic,
-    exact: Solution,
     b: np.ndarray,
     flights: int,
     plant: NonlinearPlant | None = None,
@@ -93,7 +91,7 @@ def fly(
         return FlightResults()
     if critic.wide:
         flights = min(flights, _WIDE_FLIGHTS)
-    losses = costs_above_optimum(judged, critic, exact, b, flights)
+    losses = costs_above_optimum(judged, critic, b, flights)
     loop = judged.loop(critic, b)
     nonlinear = nonlinear_exact = None
     if plant is not None:
@@ -117,7 +115,7 @@ def fly(
 
 
 def costs_above_optimum(
-    judged: JudgedGame, critic: Critic, exact: Solution, b: np.ndarray, flights: int
+    judged: JudgedGame, critic: Critic, b: np.ndarray, flights: int
 ) -> np.ndarray:
     """Return the cost above V* from each initial condition, in percent of V*, (flights,).
 
@@ -129,15 +127,16 @@ def costs_above_optimum(
     remaining = judged.excess(critic.K)
     if remaining is None:
         return np.full(flights, math.inf)
+    P = judged.exact.P
     loop = judged.worst_loop(critic, b, remaining)
-    starts = np.vstack([worst_start(remaining, exact.P, b), starts_in(b, flights - 1)])
+    starts = np.vstack([worst_start(remaining, P, b), starts_in(b, flights - 1)])
     losses = []
     for start in starts:
         end = loop.simulate(start)
         if end is None:
             return np.full(flights, math.inf)
         cost = end.cost + end.discount * (end.z @ remaining @ end.z)
-        losses.append(max(100.0 * float(cost / (start @ exact.P @ start)), 0.0))
+        losses.append(max(100.0 * float(cost / (start @ P @ start)), 0.0))
     return np.array(losses)
 
 

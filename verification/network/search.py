@@ -15,6 +15,7 @@ import numpy as np
 from controller.critic.critic import FUNCTIONS, Critic
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, at_most, below
+from verification.axis import quadratic_at
 from verification.box import starts_in
 from verification.critic_errors import SMALL, error_check
 from verification.judged_game import JudgedGame
@@ -71,57 +72,6 @@ class Findings(NamedTuple):
     states: int
 
 
-class Comparison(NamedTuple):
-    """Comparison of a network with the exact solution over a box of states.
-
-    critic: the network.
-    exact: the exact solution; P and K of its quadratic and linear parts scale the errors.
-    weights: (m,), square roots of the weights of the inputs, by which errors of inputs are
-        compared.
-    box: half-widths b (n,) of the box |z_i| <= b_i.
-    exact_at: function (kind, z) -> exact function, as `JudgedGame.exact_at`.
-    """
-
-    critic: Critic
-    exact: Solution
-    weights: np.ndarray
-    box: np.ndarray
-    exact_at: Callable[[str, ca.SX], ca.SX]
-
-    @property
-    def functions(self) -> dict[str, ca.Function]:
-        """Functions that are compared, by kind: "value", "gradient" and "policy", in this order, as
-        far as the critic has them.
-        """
-        critic = self.critic
-        kinds = {"value": critic.value, "gradient": critic.gradient, "policy": critic.policy}
-        return {kind: function for kind, function in kinds.items() if function is not None}
-
-    def errors(self, z: ca.SX) -> tuple[list[str], ca.SX]:
-        """Return the kind of each error, and the errors as expressions of the symbols z.
-
-        Errors of V are relative to b'|P| b, an upper bound on the exact V in the box. Other errors
-        are relative to the largest exact dV/dz_i or u_i in the box, bounded below (`_floored`). The
-        constant of V is subtracted, because no policy depends on it.
-        """
-        exact = self.exact
-        names = []
-        errors = []
-        for kind, function in self.functions.items():
-            given = function(z)
-            if kind == "value":
-                given -= self.critic.constant
-                sizes = np.atleast_1d(self.box @ np.abs(exact.P) @ self.box)
-            elif kind == "gradient":
-                sizes = _floored(2.0 * np.abs(exact.P) @ self.box)
-            else:
-                inputs = np.abs(exact.K) @ self.box
-                sizes = _floored(self.weights * inputs) / self.weights
-            names += [kind] * len(sizes)
-            errors.append((given - self.exact_at(kind, z)) / ca.DM(sizes))
-        return names, ca.vertcat(*errors)
-
-
 def _floored(sizes: np.ndarray) -> np.ndarray:
     """Return the largest magnitudes of several quantities, bounded below, as scales of errors."""
     return np.maximum(sizes, SMALL * sizes.max() or 1.0)
@@ -134,14 +84,11 @@ def findings_of(
 
     limit: largest relative error that passes
     """
-    about = Comparison(
-        critic, judged.exact, np.sqrt(np.diag(judged.exact.price)), b, judged.exact_at
-    )
-    origin, worst = search(about)
+    origin, worst = search(judged.exact, critic, b)
     # The errors of a polynomial are bounded, and its bounds are checked.
     errors = search_checks(critic, judged.exact, origin, worst, limit) if critic.network else []
     checks = list(errors)
-    flown = fly(judged, critic, judged.exact, b, scope.flights, scope.plant)
+    flown = fly(judged, critic, b, scope.flights, scope.plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, b, limit))
         lost = "not all flights from the box converge"
@@ -177,21 +124,47 @@ def starts_of(critic: Critic) -> int:
     return STARTS_OF_WIDE if critic.wide else STARTS
 
 
-def search(about: Comparison) -> tuple[float, tuple[Found, ...]]:
+def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple[list[str], ca.SX]:
+    """Return the kind of each error, and the errors as expressions of the symbols z.
+
+    The kinds are "value", "gradient" and "policy", as far as the critic has them. Errors of V are
+    relative to b'|P| b, an upper bound on the exact V in the box. Other errors are relative to the
+    largest exact dV/dz_i or u_i in the box, bounded below (`_floored`), those of u by the weights
+    of the inputs. The constant of V is subtracted, because no policy depends on it.
+    """
+    weights = np.sqrt(np.diag(exact.price))
+    sizes_of = {
+        "value": np.atleast_1d(b @ np.abs(exact.P) @ b),
+        "gradient": _floored(2.0 * np.abs(exact.P) @ b),
+        "policy": _floored(weights * (np.abs(exact.K) @ b)) / weights,
+    }
+    functions = {"value": critic.value, "gradient": critic.gradient, "policy": critic.policy}
+    names = []
+    errors = []
+    for kind, function in functions.items():
+        if function is None:
+            continue
+        constant = critic.constant if kind == "value" else 0.0
+        names += [kind] * len(sizes_of[kind])
+        error = function(z) - constant - quadratic_at(exact, kind, z)
+        errors.append(error / ca.DM(sizes_of[kind]))
+    return names, ca.vertcat(*errors)
+
+
+def search(exact: Solution, critic: Critic, box: np.ndarray) -> tuple[float, tuple[Found, ...]]:
     """Return the largest error at the origin, and the largest errors found in the box |z_i| <= b_i.
 
     The errors are computed at many states (`starts_of`). Each error is maximized by L-BFGS-B from
     the worst state. For a network that is not wide, further maximizations begin at the `CLIMBS`
     worst corners and at the `CLIMBS` worst other states.
     """
-    box = about.box
-    z = about.critic.symbols
-    names, errors = about.errors(z)
+    z = critic.symbols
+    names, errors = errors_of(exact, critic, box, z)
     errors_at = ca.Function("errors_at", [z], [errors])
     climb = _climber(errors, z, box)
-    climbs = 0 if about.critic.wide else CLIMBS
+    climbs = 0 if critic.wide else CLIMBS
     # Each corner of the unit box is followed by a state inside.
-    starts = starts_in(np.ones(len(box)), starts_of(about.critic), seed=0)
+    starts = starts_in(np.ones(len(box)), starts_of(critic), seed=0)
     reached = []
     sampled = np.array(errors_at((box * starts).T))
     for error, weights in zip(sampled, np.eye(len(names)), strict=True):
