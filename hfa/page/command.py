@@ -133,6 +133,7 @@ def report(request: ReportRequest) -> int:
             values = value_range(model, model.schedule, request.sweep)
         swept = array_of("--sweep", values, MOST_SWEPT)
     condition, start = common_condition(request, model, angles, hold)
+    beside = None if request.beside is None else slider_beside(request.beside)
     job = main_job(
         parameter_set(request),
         request.dynamics or "published",
@@ -144,7 +145,6 @@ def report(request: ReportRequest) -> int:
         start=start,
         progress=ProgressLine("report"),
     )
-    beside = None if request.beside is None else slider_beside(request.beside)
     job = replace(job, flights=request.flights, beside=beside)
     source = trim_source(request, condition, angles, hold)
     whole = stated(request, main_report(job), source)

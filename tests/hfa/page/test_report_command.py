@@ -181,6 +181,7 @@ def test_a_missing_plotly_is_refused_before_the_computation() -> None:
         ("-o file", "the folder cannot be created"),
         ("-o a.html --free dihedral", "--dihedral and --sweep define the angles of a report"),
         ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),
+        (f"-o a.html --beside {ROOT}/examples/pendulum.py:PENDULUM", "declares no schedule"),
     ],
 )
 def test_wrong_options_of_report_are_refused(words: str, named: str) -> None:
