@@ -30,7 +30,7 @@ from hfa.options.trims import (
     trim_with,
 )
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Sheet, matrix_of
@@ -168,7 +168,8 @@ def _each_listed(
         values = held | dict(zip(listed, map(float, row), strict=True))
         single = values.pop(model.schedule, None) if model.about.names_schedule else None
         try:
-            trims.append(trim_with(request, model, single, values))
+            with prefix_errors(_in_words(model, values)):
+                trims.append(trim_with(request, model, single, values))
         except BadInputError as error:  # a value beyond its limits
             trims.append(error)
     return trims
@@ -229,12 +230,16 @@ def _sheet_or_failure(
         return Report(str(given), failure=str(given)), {"failure": str(given)}
     try:
         point = trimmed(given)
-    except TrimError as error:
-        data = _failed(given, error).data
-        where = given.condition.in_words()
-        failed = Report(f"{where}: {error}", data=data, failure=str(error))
-        return failed, {"failure": str(error)}
+    except (TrimError, BadInputError) as error:
+        data = _failed(given, error).data if isinstance(error, TrimError) else {}
+        title = f"{_in_words(given.model, given.hold)}: {error}"
+        return Report(title, data=data, failure=title), {"failure": title}
     return _sheet(request, given, point)
+
+
+def _in_words(model: Model, values: Mapping[str, float]) -> str:
+    """Return the values of a condition as text: "speed 60 ft/s, alpha 2 deg"."""
+    return ", ".join(f"{name} {model.describe(name, value)}" for name, value in values.items())
 
 
 def _together(sheets: Sequence[Report], rows: Sequence[Sheet | dict[str, str]]) -> Report:

@@ -99,9 +99,14 @@ class TrimCondition:
                     )
                 if limits.least[index] <= number <= limits.most[index]:
                     continue
+                others = (
+                    f" (assumed limits; --limit {name}=LOW:HIGH sets others)"
+                    if limits.assumed[index]
+                    else ""
+                )
                 raise BadInputError(
                     f"{name} is {self.model.describe(name, number)}; give a value between"
-                    f" {limits.between(name)}"
+                    f" {limits.between(name)}{others}"
                 )
 
     @property
