@@ -226,6 +226,12 @@ def digits(value: float, count: int = 3) -> str:
     return f"{value:,.0f}" if abs(value) >= 10 ** max(count, 3) else f"{value:,.{count}g}"
 
 
+def digits_with_unit(value: float, unit: str, count: int = 3) -> str:
+    """Return a value with `count` significant digits and its unit, "40,000 ft", in the unit that
+    reports print."""
+    return beside_unit(digits(float(shown_value(value, unit, ".12g")), count), unit)
+
+
 def eigenvalue_text(value: complex) -> str:
     """Return the text of a real eigenvalue or a conjugate pair, for example "-0.0144 ± 0.7458i".
 

@@ -33,11 +33,8 @@ _UNLIMITED = (-math.inf, math.inf)
 _USUAL = {"rad": math.pi / 2, "deg": 90.0}
 
 
-class Unknown(NamedTuple):
-    """Free variable of a trim, which is found so that the equations balance.
-
-    scale: nominal magnitude
-    """
+class Scaled(NamedTuple):
+    """State, input or output with its nominal magnitude, `scale`."""
 
     name: str
     scale: float
@@ -58,16 +55,6 @@ class Row(NamedTuple):
     scale: float
 
 
-class Watched(NamedTuple):
-    """State or output with limits that is neither imposed nor unknown.
-
-    scale: nominal magnitude
-    """
-
-    name: str
-    scale: float
-
-
 class Structure(NamedTuple):
     """Unknowns and equations of a trim, without the numbers that differ between points.
 
@@ -75,16 +62,16 @@ class Structure(NamedTuple):
     given: names of the imposed values in the equations; all other imposed values are 0
     unknowns: all variables that are not imposed
     rows: the equations, first those of rates
-    watched: signals whose limits the solution must keep
+    watched: states and outputs with limits that are neither imposed nor unknown
     altitude: altitude of an aircraft that its trim does not declare, or ""; it is an unknown only
         if there are as many equations
     """
 
     layout: Layout
     given: tuple[str, ...]
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[Scaled, ...]
     rows: tuple[Row, ...]
-    watched: tuple[Watched, ...]
+    watched: tuple[Scaled, ...]
     altitude: str
 
 
@@ -110,7 +97,7 @@ class Equations:
     """
 
     layout: Layout
-    solved: tuple[Unknown, ...]
+    solved: tuple[Scaled, ...]
     idle: tuple[str, ...]
     rows: tuple[Row, ...]
     moved: int
@@ -249,9 +236,9 @@ def _structure(
     return Structure(
         model.layout,
         tuple(name for name in (*model.holdable, *model.rates) if name in given),
-        tuple(Unknown(name, model.signals[name].nominal) for name in free),
+        tuple(Scaled(name, model.signals[name].nominal) for name in free),
         tuple(rows),
-        tuple(Watched(name, model.signals[name].nominal) for name in watched),
+        tuple(Scaled(name, model.signals[name].nominal) for name in watched),
         next((name for name in altitudes(model) if name in free and name not in model.trim), ""),
     )
 

@@ -10,7 +10,15 @@ from typing import Any
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
 from hfa_support.reporting.rows import Row
-from hfa_support.reporting.text import ROUNDING, WIDTH, beside_unit, digits, shown_value, wrapped
+from hfa_support.reporting.text import (
+    ROUNDING,
+    WIDTH,
+    beside_unit,
+    digits,
+    digits_with_unit,
+    shown_value,
+    wrapped,
+)
 from trim.linear.modes import Mode
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
@@ -209,8 +217,7 @@ def _named(point: OperatingPoint, name: str) -> str:
 
 def _number(model: Model, name: str, value: float) -> str:
     """Return a value with its unit as text, "40,000 ft"."""
-    unit = model.unit(name)
-    return beside_unit(digits(float(shown_value(value, unit, ".12g")), 5), unit)
+    return digits_with_unit(value, model.unit(name), 5)
 
 
 def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
@@ -223,17 +230,12 @@ def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
     words = []
     alpha = trimmed.roles.get("alpha")
     if alpha:
-        words.append(f"{alpha} {_short(model, alpha, trimmed.given[alpha])}")
+        words.append(f"{alpha} {digits_with_unit(trimmed.given[alpha], model.unit(alpha))}")
     moved = [name for name in model.inputs if abs(margins[name].value) >= ROUNDING]
     words += [_of_limits(margins[name]) for name in moved or model.inputs]
     if ratio is not None:
         words.append(f"L/D {digits(float(ratio))}")
     return _listed(words, ", ")
-
-
-def _short(model: Model, name: str, value: float) -> str:
-    unit = model.unit(name)
-    return beside_unit(digits(float(shown_value(value, unit, ".12g"))), unit)
 
 
 def _of_limits(margin: Margin) -> str:

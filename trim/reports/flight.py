@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from hfa_aircraft.rigid.atmosphere import calibrated_airspeed, equivalent_airspeed
 from hfa_support.reporting.rows import Lacking, Row
-from hfa_support.reporting.text import beside_unit, digits, shown_value
+from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_value
 from hfa_support.units import conversion
 from trim.point.status import BALANCE
 from trim.reports.trimmed import Trimmed
@@ -111,7 +111,11 @@ def from_the_table(trimmed: Trimmed) -> Iterator[Row]:
     model = trimmed.given.model
     for name, value in model.domain.reference.items():
         unit = model.unit(name)
-        note = f"table: {_number(value, unit)}" if math.isfinite(value) else "table: unknown"
+        note = (
+            f"table: {digits_with_unit(value, unit, 4)}"
+            if math.isfinite(value)
+            else "table: unknown"
+        )
         difference = trimmed.given[name] - value
         is_same = _is_same(trimmed.given[name], value)
         yield Row(f"{name} from the table's", difference, unit, note, rare=is_same)
@@ -126,10 +130,6 @@ def same_as_the_table(trimmed: Trimmed) -> list[str]:
 
 def _is_same(here: float, value: float) -> bool:
     return abs(here - value) <= _SAME * max(abs(here), 1.0)
-
-
-def _number(value: float, unit: str) -> str:
-    return beside_unit(digits(float(shown_value(value, unit, ".12g")), 4), unit)
 
 
 def validity(trimmed: Trimmed) -> Iterator[Row]:
