@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from ambiance import Atmosphere
-from scipy.optimize import root
 
 GRAVITY = 9.80665
 _GAS, _SOUND0, _PRESSURE0, _DENSITY0 = 287.05287, 340.294, 101325.0, 1.225
@@ -44,21 +43,6 @@ def calibrated(speed: float, at: Air) -> float:
 def equivalent(speed: float, at: Air) -> float:
     """Return the equivalent airspeed, kt."""
     return speed * math.sqrt(at.density / _DENSITY0) / KNOT
-
-
-class Trimmed(NamedTuple):
-    """A steady flight. alpha and surfaces in rad, thrust in N, modes in 1/s (sorted)."""
-
-    alpha: float
-    pitch: float
-    roll: float
-    thrust: float
-    elevator: float
-    load_factor: float
-    lift_over_drag: float
-    static_margin: float
-    kcas: float
-    modes: np.ndarray
 
 
 class SixDof:
@@ -140,53 +124,3 @@ class SixDof:
         yawing = q * math.sin(phi) + r * math.cos(phi)
         angles = [p + math.tan(theta) * yawing, q * math.cos(phi) - r * math.sin(phi)]
         return np.array([*(free + lift / mass), *spin, *angles])
-
-    def state(self, speed: float, alpha: float, phi: float, theta: float, omega: Any) -> np.ndarray:
-        velocity = speed * np.array([math.cos(alpha), 0.0, math.sin(alpha)])
-        return np.array([*velocity, *omega, phi, theta])
-
-    def trim(self, speed: float, altitude: float, gamma: float = 0.0, turn: float = 0.0) -> Trimmed:
-        """Return the steady flight without sideslip at a climb angle and a turn rate, rad/s."""
-
-        def unpacked(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            alpha, phi, theta, thrust, *surfaces = z
-            cos = math.cos(theta)
-            omega = turn * np.array([-math.sin(theta), math.sin(phi) * cos, math.cos(phi) * cos])
-            weight = self.of["mass"] * GRAVITY
-            return self.state(speed, alpha, phi, theta, omega), np.array(
-                [thrust * weight, *surfaces]
-            )
-
-        def missing(z: np.ndarray) -> np.ndarray:
-            x, u = unpacked(z)
-            f = self.rates(x, u, altitude)
-            _, _, theta = z[:3]
-            a, phi = z[0], z[1]
-            climb = math.cos(a) * math.sin(theta) - math.sin(a) * math.cos(phi) * math.cos(theta)
-            return np.array([*f[:3] / GRAVITY, *f[3:6], climb - math.sin(gamma)])
-
-        guess = np.array([0.05, math.atan(turn * speed / GRAVITY), 0.05 + gamma, 0.1, 0, 0, 0])
-        z = root(missing, guess, tol=1e-13).x
-        assert np.abs(missing(z)).max() < 1e-9
-        x, u = unpacked(z)
-        at = air(altitude, self.warmer)
-        flow, omega = np.array([z[0], 0.0, speed]), x[3:6]
-        force, _, lift, drag, _ = self.loads(flow, omega, u, at)
-        step = np.array([1e-5, 0.0, 0.0])
-        above, below = (self.loads(flow + each, omega, u, at) for each in (step, -step))
-        pressure = 0.5 * at.density * speed**2 * self.of["wing_area"] * self.of["chord"]
-        margin = -(above[4] - below[4]) / pressure / (above[2] - below[2])
-        normal = (force[0] * math.sin(z[0]) - force[2] * math.cos(z[0])) / self.of["mass"]
-        return Trimmed(
-            *z[:1], z[2], z[1], u[0], u[1], normal / GRAVITY, lift / drag, margin,
-            calibrated(speed, at), self.modes(x, u, altitude),
-        )  # fmt: skip
-
-    def modes(self, x: np.ndarray, u: np.ndarray, altitude: float) -> np.ndarray:
-        """Return the eigenvalues of central differences."""
-        steps = np.maximum(1.0, np.abs(x)) * 1e-5
-        columns = [
-            (self.rates(x + h, u, altitude) - self.rates(x - h, u, altitude)) / (2.0 * h.sum())
-            for h in np.diag(steps)
-        ]
-        return np.sort_complex(np.linalg.eigvals(np.array(columns).T))

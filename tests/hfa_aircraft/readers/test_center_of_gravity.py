@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 from project import ROOT
-from six_dof import SixDof
+from six_dof import GRAVITY, SixDof, air
 
-from hfa import BadInputError, Model, from_derivatives, linearize, trim
+from hfa import BadInputError, Model, from_derivatives
 
 UAV = tomllib.loads((ROOT / "examples/uav.toml").read_text())
 #: An own aircraft with all entries that a moved center of gravity concerns.
@@ -26,84 +26,64 @@ TABLE = UAV | {
     "CY_p": 0.1,
     "CY_r": 0.3,
 }
-PLACES = (0.20, 0.28, 0.35)
 
 
-def assert_equal_flights(model: Model, own: SixDof, **held: float) -> None:
-    """Compare a trim, its figures and its modes with the own equations."""
-    point = trim(model, **held)
-    roll = point["roll"]
-    expected = own.trim(
-        point["speed"], point["altitude"], held.get("gamma", 0.0), point["turn_rate"]
-    )
-    sheet = point.sheet
-    names = ("load factor", "L/D", "static margin", "calibrated airspeed")
-    found = [point["alpha"], point["pitch"], roll, point["thrust"], point["elevator"]]
-    found += [sheet[name].value for name in names]
-    assert found == pytest.approx(list(expected[:-1]), rel=1e-4, abs=2e-6)
-    modes = np.sort_complex(np.linalg.eigvals(linearize(model, point).A))
-    assert modes == pytest.approx(expected.modes, rel=2e-4, abs=1e-5)
+def assert_equal_rates(model: Model, own: SixDof) -> None:
+    """Compare the rates of a spinning, banked, slipping aircraft with those of the own equations.
 
-
-@pytest.mark.parametrize(
-    "held",
-    [
-        {"speed": 28.0, "gamma": 0.1, "cg": 0.28},
-        *(
-            pytest.param({**held, "cg": cg}, marks=pytest.mark.slow)
-            for held in (
-                {},
-                {"turn_rate": 0.2},
-                {"speed": 45.0, "altitude": 2500.0},
-                {"gamma": -0.1},
-            )
-            for cg in PLACES
-        ),
-    ],
-)
-def test_flights_at_another_center_equal_own_equations(held: dict[str, float]) -> None:
-    """Trims, figures and modes at three places, level, in climbs and in turns, equal r x F."""
-    cg = held.pop("cg")
-    model = from_derivatives(TABLE).with_parameters(cg=cg)
-    assert_equal_flights(model, SixDof(TABLE, cg), **held)
-
-
-def test_rates_equal_own_equations() -> None:
-    """The rates of a spinning, banked, slipping aircraft equal those of the own equations."""
-    table = TABLE | {"CL_alphadot": 60.0}  # much lift by the rate of alpha
-    model, own = from_derivatives(table).with_parameters(cg=0.28), SixDof(table, 0.28)
-    x = dict(
-        zip(model.states, [38.0, 0.15, -0.6, 0.4, -0.3, 0.5, 0.7, -0.4, 0.3, 900.0], strict=True)
-    )
+    Without lift by the rate of alpha, its loads are compared, too.
+    """
+    x = [38.0, 0.15, -0.6, 0.4, -0.3, 0.5, 0.7, -0.4, 0.3, 900.0]
     u = np.array([25.0, 0.2, -0.1, 0.15])
-    found = model.rates_at(list(x.values()), u)
-    (speed, alpha, beta), (roll, pitch) = list(x.values())[:3], (x["roll"], x["pitch"])
+    speed, alpha, beta, *spin, roll, pitch, _, altitude = x
     in_plane = speed * np.cos(beta)
     velocity = np.array([in_plane * np.cos(alpha), speed * np.sin(beta), in_plane * np.sin(alpha)])
-    spin = [x["roll_rate"], x["pitch_rate"], x["yaw_rate"]]
-    f = own.rates(np.array([*velocity, *spin, roll, pitch]), u, x["altitude"])
+    f = own.rates(np.array([*velocity, *spin, roll, pitch]), u, altitude)
     along = velocity @ f[:3] / speed
     down = np.array([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)])
+    turning = (spin[1] * np.sin(roll) + spin[2] * np.cos(roll)) / np.cos(pitch)
     expected = [
         along,
         (velocity[0] * f[2] - velocity[2] * f[0]) / in_plane**2,
         (speed * f[1] - velocity[1] * along) / (speed * in_plane),
         *f[3:],
-        (spin[1] * np.sin(roll) + spin[2] * np.cos(roll)) / np.cos(pitch),
+        turning,
         -velocity @ down,
     ]
-    assert list(found.values()) == pytest.approx(expected, rel=1e-4)
+    assert list(model.rates_at(x, u).values()) == pytest.approx(expected, rel=1e-4)
+    if own.get("CL_alphadot"):
+        return
+    at = air(altitude, own.warmer)
+    force, _, lift, drag, moment = own.loads(np.array([alpha, beta, speed]), np.array(spin), u, at)
+    normal = (force[0] * np.sin(alpha) - force[2] * np.cos(alpha)) / (own.of["mass"] * GRAVITY)
+    pressed = 0.5 * at.density * speed**2 * own.of["wing_area"]
+    names = ("lift", "drag", "pitching_moment", "load_factor", "turn_rate")
+    assert model.outputs_at(x, u, names) == pytest.approx(
+        dict(zip(names, (pressed * lift, pressed * drag, moment, normal, turning), strict=True)),
+        rel=1e-4,
+    )
+
+
+@pytest.mark.parametrize(
+    ("cg", "warmer", "lag"), [(0.2, 0.0, 0.0), (0.28, 15.0, 60.0), (0.35, 0.0, 0.0)]
+)
+def test_rates_at_another_center_equal_own_equations(cg: float, warmer: float, lag: float) -> None:
+    """Rates and loads at three places equal r x F, also in warm air and with lift by alphadot."""
+    table = TABLE | {"CL_alphadot": lag}
+    model = from_derivatives(table).with_parameters(cg=cg, isa=warmer)
+    assert_equal_rates(model, SixDof(table, cg, warmer))
 
 
 def test_a_tail_arm_scales_the_damping() -> None:
-    """With lift by rates at a tail, C_mq = -C_Lq l/c, the modes are those of the moved tail."""
+    """With lift by rates at a tail, C_mq = -C_Lq l/c, the rates are those of the moved tail."""
     arm, chord, moved = 0.9, 0.18994, 0.1 * 0.18994
     tail = {"CL_q": 5.0, "CL_alphadot": 1.5, "Cm_alphadot": -1.5 * arm / chord, "cg": 0.2}
     table = UAV | tail | {"longitudinal": {**UAV["longitudinal"], "Cm_q": -5.0 * arm / chord}}
     share = 1.0 - moved / arm  # of the speed of the tail at the same pitch rate
     own = SixDof(table, 0.3)
     own.of |= {"CL_q": share * 5.0, "Cm_q": -share * 5.0 * arm / chord}
-    assert_equal_flights(from_derivatives(table | {"tail_arm": arm}).with_parameters(cg=0.3), own)
+    model = from_derivatives(table | {"tail_arm": arm}).with_parameters(cg=0.3)
+    assert_equal_rates(model, own)
 
 
 def test_the_sheet_repeats_configuration_words(folder: Path) -> None:
