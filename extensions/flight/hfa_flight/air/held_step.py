@@ -75,7 +75,7 @@ def fastest_mode(point: OperatingPoint, half_widths: np.ndarray) -> float:
 
 @lru_cache(maxsize=16)
 def step_of_integration(
-    layout: Layout, linear: tuple[str, ...], winds: tuple[str, ...] = ()
+    layout: Layout, linear: tuple[str, ...], winds: tuple[str, ...]
 ) -> ca.Function:
     """Return the function [X; U; push; p; h] -> X after h seconds, one Runge-Kutta step of order 4.
 
@@ -105,7 +105,7 @@ def step_of_integration(
     return ca.Function("step", [ca.vertcat(X, U, push, p, h)], [after], {"never_inline": True})
 
 
-def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...] = ()) -> ca.Function:
+def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...]) -> ca.Function:
     """Return the function (X, U, push, p) -> (X after dt seconds, extremes on the way).
 
     The extremes are the lowest and the highest X after each of `parts` integration steps, (2 n,).

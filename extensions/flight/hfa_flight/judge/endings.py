@@ -63,7 +63,7 @@ class Endings:
         windows: int,
         *,
         stable: np.ndarray,
-        extremes: Extremes | None = None,
+        extremes: Extremes,
     ) -> None:
         """Begin with N undecided flights.
 
@@ -73,7 +73,7 @@ class Endings:
         windows: number of windows in the full duration
         stable: True for flights about a stable equilibrium, (N,)
         extremes: function from the states of a history to the lowest and the highest states of
-            each step, which must be within the limits, or None for the states themselves
+            each step, which must be within the limits
         """
         count, n = limits[0].shape
         self.outcomes = np.full(count, Outcome.UNDECIDED, dtype=object)
@@ -116,10 +116,7 @@ class Endings:
         """
         flights = flown.flights
         states = flown.states[:, :, : self._least.shape[1]]  # the first ones have limits
-        if self._extremes is None:
-            lowest_each_step, highest_each_step = states, states
-        else:
-            lowest_each_step, highest_each_step = self._extremes(flown.states)
+        lowest_each_step, highest_each_step = self._extremes(flown.states)
         least, most = self._least[flights], self._most[flights]
         left = _has_left(lowest_each_step, highest_each_step, least, most)
         left |= ~np.isfinite(states[:, -1]).all(axis=1)

@@ -28,7 +28,7 @@ class RungeKutta:
         step: float,
         steps: int,
         *,
-        is_long: bool = False,
+        is_long: bool,
     ) -> None:
         self.step = step
         self.steps = steps

@@ -47,7 +47,7 @@ class Ticks(Unobserved):
 
     steps = 1
 
-    def __init__(self, after: ca.Function, step: float, *, is_long: bool = False) -> None:
+    def __init__(self, after: ca.Function, step: float, *, is_long: bool) -> None:
         self.step = step
         self.sizes = after.numel_out(0), 0
         self._after = row_code(after) if is_long else RowFunction(after)
@@ -274,8 +274,8 @@ class SampledRows:
         samples: CompiledSamples,
         states: np.ndarray,
         trims: np.ndarray,
-        pushes: np.ndarray | None = None,
-        pulse: float = 0.0,
+        pushes: np.ndarray | None,
+        pulse: float,
     ) -> None:
         self.stepper: Stepper = samples.stepper
         self._samples = samples
