@@ -34,13 +34,11 @@ from trim.linear.linearize import linearize
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
-    from hfa_flight.plan.best_flight import BestFlight
-    from hfa_flight.plan.initial_conditions import StartsTable
-    from hfa_flight.plan.search import BestFlights
-    from hfa_flight.simulate.simulation import CompiledLoop
-    from trim.point.operating_point import OperatingPoint
+    from hfa_flight.plan.problem import FlightProblem
 
 _MOST_STARTS = 10_000
+#: Name of the policy that solves the game, which does not decide the verdict.
+_EXACT = "exact game policy, saturated"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,8 +112,8 @@ def _end(request: OptimizeRequest, begin: GivenTrim) -> GivenTrim:
     return trim_with(request, model, at, {**begin.hold, **held})
 
 
-def _loops(request: OptimizeRequest, search: BestFlights, game: Game) -> list[CompiledLoop]:
-    """Return the loops of the policies to compare with the best flight.
+def _policies(request: OptimizeRequest, problem: FlightProblem, game: Game) -> dict[str, Any]:
+    """Return the policies to compare with the best flight, by name.
 
     - the exact game policy, unless δ is infinite
     - the policy of --law
@@ -127,25 +125,35 @@ def _loops(request: OptimizeRequest, search: BestFlights, game: Game) -> list[Co
     from controller.critic.critic_file import critic_in
     from controller.critic.reading import Reading
     from controller.riccati.gare import unconfirmed_solution
-    from hfa_flight.policies.deployment.policy import flown_deployment
 
-    flights = search.flights
-    loops = []
+    policies: dict[str, Any] = {}
     if np.isfinite(game.delta):
-        exact = unconfirmed_solution(game).K
-        loops.append(flights.of_gain("exact game policy, saturated", exact))
+        policies[_EXACT] = unconfirmed_solution(game).K
     if request.law:
-        planned = policy_of_law(request.law, search.problem, game)
-        loops.append(flights.of_policy(planned))
+        policies[request.law] = policy_of_law(request.law, problem, game)
     if request.weights is not None:
         with prefix_errors(request.weights):
             critic = critic_in(request.weights, game, Reading())
-        loops.append(flights.of_critic(f"critic of {request.weights}", critic))
+        policies[f"critic of {request.weights}"] = critic
     if request.policy is not None:
-        policy = flown_deployment(request.policy, search.problem.point)
-        named = replace(policy, name=f"policy of {request.policy}")
-        loops.append(flights.of_policy(named))
-    return loops
+        policies[f"policy of {request.policy}"] = request.policy
+    return policies
+
+
+def _refuse_contradictions(request: OptimizeRequest) -> None:
+    """Raise BadInputError unless one option gives the initial conditions, and for idle options."""
+    begins = (bool(request.deviations), request.starts is not None, bool(request.to))
+    if begins.count(True) != 1:
+        raise BadInputError(
+            "the initial condition is missing or given twice; give either --start "
+            "NAME=VALUE,..., --starts N or --to NAME=VALUE"
+        )
+    if request.starts is not None:
+        refuse(
+            request, ("picture",), "applies only to a single flight; remove this option or --starts"
+        )
+    else:
+        refuse(request, ("need",), "applies only to --starts; remove this option, or add --starts")
 
 
 @command(OptimizeRequest)
@@ -161,21 +169,10 @@ def optimize(request: OptimizeRequest) -> int:
     --starts, a flight must be found and the policies of --weights and --policy converge within the
     limits from every initial condition, or from the share of --need.
     """
-    begins = (bool(request.deviations), request.starts is not None, bool(request.to))
-    if begins.count(True) != 1:
-        raise BadInputError(
-            "the initial condition is missing or given twice; give either --start "
-            "NAME=VALUE,..., --starts N or --to NAME=VALUE"
-        )
-    if request.starts is not None:
-        refuse(
-            request, ("picture",), "applies only to a single flight; remove this option or --starts"
-        )
-    else:
-        refuse(request, ("need",), "applies only to --starts; remove this option, or add --starts")
+    from hfa_flight.plan import optimize as flights
     from hfa_flight.plan.problem import flight_problem
-    from hfa_flight.plan.search import BestFlights
 
+    _refuse_contradictions(request)
     given = given_trim(request)
     end = _end(request, given)
     model = end.model
@@ -185,46 +182,19 @@ def optimize(request: OptimizeRequest) -> int:
     game = weighted_game(given_weights(request), linearize(model, point))
     game.refuse_cross_weights("the cost of hfa optimize")
     problem = flight_problem(model, point, game.Q, game.R, limits=limits)
-    search = BestFlights(problem, 1 if request.starts is None else request.starts)
-    loops = _loops(request, search, game)
+    policies = _policies(request, problem, game)
     if request.starts is not None:
-        table = _table(request, search, game, loops)
+        progress = ProgressLine("optimize")
+        table = flights.optimize_starts(
+            problem, request.starts, policies, seed=request.seed, progress=progress
+        )
+        judged = [name for name in policies if name != _EXACT]
+        table = replace(table, judged=judged, share=request.need.get(SHARE, ALL))
         show(request, table.report(), given.source)
         return 0 if table.ok else 1
-    best = _best(search, loops, trimmed(given) if request.to else deviations)
+    initial = trimmed(given) if request.to else deviations
+    best = flights.optimize(model, point, initial, game.Q, game.R, limits=limits, policies=policies)
     history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
     in_files = {"flight": history}
     show(request, best.report(), given.source, figure=best.figure, only_in_files=in_files)
     return 0
-
-
-def _best(
-    search: BestFlights, loops: list[CompiledLoop], begin: Mapping[str, float] | OperatingPoint
-) -> BestFlight:
-    """Return the best flight from one initial condition, with the flights of the policies.
-
-    begin: the initial trim, or state -> deviation from the trim
-    """
-    from hfa_flight.plan.best_flight import BestFlight
-    from hfa_flight.plan.search import AFTER
-
-    start = search.problem.deviations(begin)
-    best = BestFlight(search.problem, search.found(start))
-    seconds = (1.0 + AFTER) * best.seconds
-    others = tuple(search.flights.fly(loop, start, seconds) for loop in loops)
-    return replace(best, others=others)
-
-
-def _table(
-    request: OptimizeRequest, search: BestFlights, game: Game, loops: list[CompiledLoop]
-) -> StartsTable:
-    """Return the best flights from many initial conditions, beside those of the policies."""
-    from hfa_flight.plan.initial_box import drawn_starts
-    from hfa_flight.plan.initial_conditions import starts_table
-
-    assert request.starts is not None  # the caller found --starts
-    starts = drawn_starts(search.problem, request.starts, request.seed)
-    table = starts_table(search, starts, loops, ProgressLine("optimize"))
-    names = [loop.loop.policy.name for loop in loops]
-    judged = names[int(np.isfinite(game.delta)) :]
-    return replace(table, judged=judged, share=request.need.get(SHARE, ALL))

@@ -51,10 +51,10 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     game.refuse_cross_weights("the cost of --flights")
     problem = flight_problem(point.model, point, game.Q, game.R, game.names.inputs)
     search = BestFlights(problem, count)
-    loops = [search.flights.of_critic("this critic, saturated", verdicts[0].critic)]
+    loops = [search.flights.of("this critic, saturated", verdicts[0].critic)]
     if np.isfinite(game.delta):
         exact = unconfirmed_solution(game).K
-        loops.append(search.flights.of_gain("exact game policy, saturated", exact))
+        loops.append(search.flights.of("exact game policy, saturated", exact))
     starts = drawn_starts(problem, count, _SEED)
     table = starts_table(search, starts, loops, ProgressLine("flights"))
     section = table.report()

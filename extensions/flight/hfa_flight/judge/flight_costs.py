@@ -208,7 +208,7 @@ def flight_costs(
     Q, R = weights_at(deployed, point)
     problem = flight_problem(point.model, point, Q, R, inputs=deployed.commanded)
     search = BestFlights(problem, count)
-    loop = search.flights.of_policy(policy_about(deployed, point, "policy"))
+    loop = search.flights.of("policy", policy_about(deployed, point, "policy"))
     starts = drawn_starts(problem, count, seed, place.box)
     _refuse_slow(search, starts)
     table = starts_table(search, starts, [loop], progress, searched=searched)

@@ -6,6 +6,7 @@ import math
 import sys
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -21,7 +22,8 @@ from hfa_flight.air.scenario import Scenario
 from hfa_flight.plan.collocation import Proposal
 from hfa_flight.plan.problem import FlightProblem
 from hfa_flight.plan.tracking import STEPS, TrackingPolicy, held_size, tracking_rows
-from hfa_flight.policies.policy import FunctionPolicy, Policy
+from hfa_flight.policies.given import policy_and_scenario
+from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import departure, share_at_limits
 from hfa_flight.simulate.returned import has_returned
@@ -106,26 +108,26 @@ class Flights:
 
     @cached_property
     def _linear(self) -> CompiledLoop:
-        return self.of_gain("linear optimum, saturated", self.problem.K)
+        return self.of("linear optimum, saturated", self.problem.K)
 
-    def of_gain(self, name: str, K: np.ndarray) -> CompiledLoop:
-        """Return the compiled loop of v = -K z, saturated at the input limits. Inputs that do not
-        move are constant.
+    def of(self, name: str, given: Any) -> CompiledLoop:
+        """Return the compiled loop of a policy, with its own sampling and delays.
 
-        name: name of the policy in reports
-        K: gain, (m, k)
-        """
-        z = ca.SX.sym("z", len(self.problem.states))
-        return self._of_function(name, ca.Function("gain", [z], [-ca.mtimes(ca.DM(K), z)]))
-
-    def of_critic(self, name: str, critic: Critic) -> CompiledLoop:
-        """Return the compiled loop of a critic's policy, saturated at the limits of the inputs.
+        A gain or a critic is saturated at the limits of the inputs. It may move only the inputs of
+        the problem; the others are constant.
 
         name: name of the policy in reports
+        given: policy in any form that `hfa.fly` accepts
         """
-        if critic.linear:
-            return self.of_gain(name, critic.K)
-        return self._of_function(name, critic.policy)
+        if isinstance(given, Critic) and not given.linear:
+            return self._of_function(name, given.policy)
+        scenario = self.scenario(self.tick)
+        policy, scenario = policy_and_scenario(given, self.problem.point, scenario)
+        if isinstance(policy, GainPolicy) and policy.feedforward is None:
+            z = ca.SX.sym("z", len(self.problem.states))
+            gain = ca.Function("gain", [z], [-ca.mtimes(ca.DM(policy.K), z)])
+            return self._of_function(name, gain)
+        return self.compiled(replace(policy, name=name), scenario)
 
     def _of_function(self, name: str, function: ca.Function) -> CompiledLoop:
         """Return the compiled loop of a policy z (k,) -> inputs that move, (m,)."""
@@ -137,10 +139,6 @@ class Flights:
         for whole, moved in zip(limits, problem.input_limits, strict=True):
             whole[problem.moved] = moved
         return self.compiled(FunctionPolicy(name, ca.Function("policy", [z], [u]), *limits))
-
-    def of_policy(self, policy: Policy) -> CompiledLoop:
-        """Return the compiled loop of a policy with its own sampling and delays."""
-        return self.compiled(*policy.in_scenario(self.scenario(self.tick)))
 
     def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:
         """Return the compiled closed loop of a policy and the aircraft at the trim.

@@ -7,9 +7,12 @@ from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_flight.plan.best_flight import BestFlight
-from hfa_flight.plan.problem import flight_problem
-from hfa_flight.plan.search import BestFlights
+from hfa_flight.plan.initial_box import drawn_starts
+from hfa_flight.plan.initial_conditions import StartsTable, starts_table
+from hfa_flight.plan.problem import FlightProblem, flight_problem
+from hfa_flight.plan.search import AFTER, BestFlights
 from hfa_support.arguments import ArrayLike
+from hfa_support.progress import Progress
 from trim.point.operating_point import OperatingPoint
 
 
@@ -22,6 +25,7 @@ def optimize(
     *,
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
+    policies: Mapping[str, Any] | None = None,
 ) -> BestFlight:
     """Return the cheapest flight found from an initial condition to a trim.
 
@@ -37,6 +41,8 @@ def optimize(
         moving inputs.
     inputs: inputs that move, by default all. The others are constant.
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
+    policies: name -> policy, in any form that `hfa.fly` accepts, flown from the same initial
+        condition for comparison (`BestFlight.policies`). Gains and critics are saturated
 
     Raises BadInputError for unknown names and an initial condition outside the limits. Raises
     NoSolutionError if no simulated flight within the limits converges.
@@ -54,4 +60,30 @@ def optimize(
     0.0173
     """
     problem = flight_problem(model, point, Q, R, inputs, limits)
-    return BestFlight(problem, BestFlights(problem).found(problem.deviations(initial)))
+    start = problem.deviations(initial)
+    search = BestFlights(problem)
+    loops = [search.flights.of(name, policy) for name, policy in (policies or {}).items()]
+    found = search.found(start)
+    seconds = (1.0 + AFTER) * found.seconds
+    others = tuple(search.flights.fly(loop, start, seconds) for loop in loops)
+    return BestFlight(problem, found, others)
+
+
+def optimize_starts(
+    problem: FlightProblem,
+    starts: int,
+    policies: Mapping[str, Any],
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> StartsTable:
+    """Return the best flights from random initial conditions in the default box, and those of
+    policies.
+
+    starts: number of initial conditions
+    policies: as for `optimize`
+    seed: seed of the initial conditions
+    """
+    search = BestFlights(problem, starts)
+    loops = [search.flights.of(name, policy) for name, policy in policies.items()]
+    return starts_table(search, drawn_starts(problem, starts, seed), loops, progress)

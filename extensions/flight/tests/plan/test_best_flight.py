@@ -47,6 +47,23 @@ def test_saturated_double_integrator_cost_equals_closed_form() -> None:
     assert best.spread < 0.05
 
 
+def test_policies_in_any_form_are_compared_with_the_best_flight() -> None:
+    """Three forms of one saturated gain cost the same; a cart without a force does not stop."""
+    K = np.array([[1.0, np.sqrt(3.0)]])
+    policies = {
+        "gain": K,
+        "critic": hfa.Critic(K),
+        "function": lambda t, X: np.clip(-K @ list(X), -1.0, 1.0),
+        "none": None,
+    }
+    best = best_of_cart({"position": 2.0, "velocity": 0.5}, policies=policies)
+    linear, *others, drifting = best.policies
+    assert [each.policy for each in others] == ["gain", "critic", "function"]
+    assert [each.cost for each in others] == pytest.approx([linear.cost] * 3, rel=1e-4)
+    assert 1.0 <= linear.over_best < 1.1
+    assert (drifting.policy, drifting.converges) == ("none", False)
+
+
 def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
     """SciPy's integrator computes the same cost within 0.5 % for the inputs of the best flight.
 
