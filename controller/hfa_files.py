@@ -6,14 +6,16 @@ Entries that a file of the paper's aircraft does not contain are those of the pa
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from controller.game.game_file import Defaults, stored_game
+from controller.game.linear_game import game
 from controller.game.zero_sum import Game
-from controller.hfa_game import paper_game, plant_names
+from controller.hfa_game import plant_names
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_aircraft.readers.matrices_file import file_scales
 from hfa_model.published import published_data
@@ -34,9 +36,9 @@ def published_game(
     B: (n, m), if A is a matrix
     changes: Q, R, delta, E or N in place of the paper's
 
-    Additional states of a linear model have weight 0 and no disturbance. Q and R must be given if
-    the plant does not have the paper's six states and five inputs. For a linear model in SI units,
-    Q, R and E are converted.
+    Of a linear model of the paper's aircraft, these are the defaults of `game`: additional states
+    have weight 0 and no disturbance, and in SI units Q and E are converted. Q and R must be given
+    if another plant does not have six states and five inputs.
 
     Raises BadInputError for a matrix A without B, for an unknown name in `changes`, and as
     `Game` does.
@@ -48,15 +50,20 @@ def published_game(
     """
     for name in changes:
         refuse_unknown("a game has no", name, ("Q", "R", "delta", "E", "N"))
-    if B is None:
-        if not hasattr(A, "point"):
-            raise BadInputError("B is missing; give A and B, or a linear model")
-        linear: Any = A
-        return paper_game(linear.A, linear.B, plant_names(linear), linear.model, changes)
+    plant: Any = A
     names = UNNAMED
-    if np.shape(B) == (len(LINEAR_STATES), len(INPUTS)):
+    if B is None:
+        if not hasattr(plant, "point"):
+            raise BadInputError("B is missing; give A and B, or a linear model")
+        names = plant_names(plant)
+        if plant.model.about.names_schedule:  # the flexible aircraft, which declares these weights
+            return replace(game(plant, **changes), names=names)
+        plant, B = plant.A, plant.B
+    elif np.shape(B) == (len(LINEAR_STATES), len(INPUTS)):
         names = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS, tuple(INPUT_UNITS))
-    return paper_game(A, B, names, None, changes)
+    paper = published_data()["game"]
+    weights = {"Q": paper["Q_diag"], "R": paper["R_diag"], "delta": paper["delta"]}
+    return Game(A=plant, B=B, names=names, **(weights | changes))
 
 
 def load_game(path: str | Path, **changes: Any) -> Game:
