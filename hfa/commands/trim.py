@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import hfa_model
 from hfa.commands.sweep import listed_points
@@ -30,10 +30,10 @@ from hfa.options.trims import (
     trim_with,
 )
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, prefix_errors
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.rows import Sheet, matrix_of
+from hfa_support.reporting.rows import Row, Sheet, matrix_of
 from trim.point.condition import usual_condition
 from trim.point.solve import TrimError
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
@@ -103,9 +103,9 @@ def trim(request: TrimRequest) -> int:
     """Trim the aircraft and print a sheet: variables, limits, configuration, loads, performance,
     stability, modes and their levels by MIL-F-8785C. Several values give one sheet each."""
     trims = _each_trim(request)
-    valid = [each for each in trims if not isinstance(each, BadInputError)]
+    valid = [each for each in trims if isinstance(each, GivenTrim)]
     if not valid:
-        raise next(each for each in trims if isinstance(each, BadInputError))
+        raise next(each.error for each in trims if isinstance(each, _Refused))
     if len(trims) == 1 and request.conditions is None:
         point = trimmed_or_shown(request, valid[0])
         report, _ = _sheet(request, valid[0], point)
@@ -114,12 +114,20 @@ def trim(request: TrimRequest) -> int:
         return 0
     if request.picture is not None:
         raise BadInputError("--picture requires a single trim; -o FILE.html contains all pictures")
-    sheets, rows = zip(*(_sheet_or_failure(request, each) for each in trims), strict=True)
-    show(request, _together(sheets, rows), _common_source(request, valid))
+    reports, sheets = zip(*(_sheet_or_failure(request, each) for each in trims), strict=True)
+    show(request, _together(reports, sheets), _common_source(request, valid))
     return 0
 
 
-def _each_trim(request: TrimRequest) -> Sequence[GivenTrim | BadInputError]:
+class _Refused(NamedTuple):
+    """Condition with a value beyond its limits: its values, and the error that names this value."""
+
+    hold: Mapping[str, float]
+    model: Model
+    error: BadInputError
+
+
+def _each_trim(request: TrimRequest) -> Sequence[GivenTrim | _Refused]:
     """Return the single trims, in the order of the grid.
 
     Raises BadInputError for more than `_MOST_SHEETS`.
@@ -147,9 +155,8 @@ def _each_trim(request: TrimRequest) -> Sequence[GivenTrim | BadInputError]:
 
 def _each_listed(
     request: TrimRequest, model: Model, file: Path, hold: Mapping[str, Any]
-) -> list[GivenTrim | BadInputError]:
-    """Return the trims of a file of conditions, in its order; the options hold for each. An error
-    stands for a row with a value beyond its limits.
+) -> list[GivenTrim | _Refused]:
+    """Return the trims of a file of conditions, in its order; the options hold for each.
 
     Raises BadInputError for a variable in the file and in an option, and for several values of an
     option.
@@ -163,15 +170,15 @@ def _each_listed(
                 f"give {name} either as a column of {file} or by an option with one value"
             )
     held = {name: float(array_of(name, values, 1)[0]) for name, values in common.items()}
-    trims: list[GivenTrim | BadInputError] = []
+    trims: list[GivenTrim | _Refused] = []
     for row in zip(*listed.values(), strict=True):
         values = held | dict(zip(listed, map(float, row), strict=True))
-        single = values.pop(model.schedule, None) if model.about.names_schedule else None
+        others = dict(values)
+        single = others.pop(model.schedule, None) if model.about.names_schedule else None
         try:
-            with prefix_errors(_in_words(model, values)):
-                trims.append(trim_with(request, model, single, values))
-        except BadInputError as error:  # a value beyond its limits
-            trims.append(error)
+            trims.append(trim_with(request, model, single, others))
+        except BadInputError as error:
+            trims.append(_Refused(values, model, error))
     return trims
 
 
@@ -220,35 +227,37 @@ def _airplane(request: TrimRequest) -> Airplane | None:
     return Airplane(request.class_ or "", request.category or Airplane().category)
 
 
-def _sheet_or_failure(
-    request: TrimRequest, given: GivenTrim | BadInputError
-) -> tuple[Report, Sheet | dict[str, str]]:
-    """Return the sheet of one of several trims, or a report of the reason for a missing trim, and
-    the entries of its row in a matrix.
+def _sheet_or_failure(request: TrimRequest, given: GivenTrim | _Refused) -> tuple[Report, Sheet]:
+    """Return the report and the sheet of one of several trims. Without a trim, the sheet has the
+    values of the condition and the reason.
     """
-    if isinstance(given, BadInputError):
-        return Report(str(given), failure=str(given)), {"failure": str(given)}
-    try:
-        point = trimmed(given)
-    except (TrimError, BadInputError) as error:
-        data = _failed(given, error).data if isinstance(error, TrimError) else {}
-        title = f"{_in_words(given.model, given.hold)}: {error}"
-        return Report(title, data=data, failure=title), {"failure": title}
-    return _sheet(request, given, point)
+    model, values = given.model, dict(given.hold)
+    data: Mapping[str, Any] = {}
+    if isinstance(given, _Refused):
+        reason = str(given.error)
+    else:
+        if given.at is not None:
+            values = {model.schedule: given.at, **values}
+        try:
+            return _sheet(request, given, trimmed(given))
+        except TrimError as error:
+            data, reason = _failed(given, error).data, str(error)
+        except BadInputError as error:
+            reason = str(error)
+    words = ", ".join(f"{name} {model.describe(name, value)}" for name, value in values.items())
+    title = f"{words}: {reason}"
+    rows = [Row(name, value, model.unit(name)) for name, value in values.items()]
+    sheet = Sheet.of([("", [*rows, Row("failure", title)], ())])
+    return Report(title, data=data, failure=title), sheet
 
 
-def _in_words(model: Model, values: Mapping[str, float]) -> str:
-    """Return the values of a condition as text: "speed 60 ft/s, alpha 2 deg"."""
-    return ", ".join(f"{name} {model.describe(name, value)}" for name, value in values.items())
-
-
-def _together(sheets: Sequence[Report], rows: Sequence[Sheet | dict[str, str]]) -> Report:
+def _together(reports: Sequence[Report], sheets: Sequence[Sheet]) -> Report:
     """Return one report of several sheets."""
-    failed = [sheet for sheet in sheets if sheet.failure]
-    title = f"{len(sheets) - len(failed)} of {len(sheets)} conditions are trimmed"
-    failure = f"{len(failed)} of {len(sheets)} conditions have no trim" if failed else ""
-    data = {"schema": "hfa.trims/1", "sheets": [sheet.data for sheet in sheets]}
-    return Report(title, sheets, data=data, records=matrix_of(rows), failure=failure)
+    failed = [report for report in reports if report.failure]
+    title = f"{len(reports) - len(failed)} of {len(reports)} conditions are trimmed"
+    failure = f"{len(failed)} of {len(reports)} conditions have no trim" if failed else ""
+    data = {"schema": "hfa.trims/1", "sheets": [report.data for report in reports]}
+    return Report(title, reports, data=data, records=matrix_of(sheets), failure=failure)
 
 
 def _common_source(request: TrimRequest, trims: list[GivenTrim]) -> dict[str, Any]:

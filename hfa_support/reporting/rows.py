@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -239,27 +239,23 @@ def numbers_of(row: Row) -> Iterator[tuple[str, Any]]:
         yield row.name, row.value
 
 
-def matrix_of(sheets: Sequence[Mapping[str, Any] | Sheet]) -> Table:
+def matrix_of(sheets: Sequence[Sheet]) -> Table:
     """Return the table of many sheets, a row for each, with a column "NAME [UNIT]" for each name.
 
     Angles are in degrees, as a sheet prints them. A figure without a unit has a column "NAME", and
-    a level one of its own, "NAME level". A mapping, column -> value, stands for a condition without
-    a sheet.
+    a level one of its own, "NAME level".
     """
     columns: dict[str, None] = {}
     entries: list[dict[str, Any]] = []
     for sheet in sheets:
         entry: dict[str, Any] = {}
-        if isinstance(sheet, Sheet):
-            for row in sheet:
-                for name, value in numbers_of(row):
-                    is_angle = isinstance(value, float) and row.in_degrees
-                    shown = float(shown_values(value, row.unit)) if is_angle else value
-                    entry[f"{name} [{row.printed_unit}]" if row.printed_unit else name] = shown
-                if row.level is not None:
-                    entry[f"{row.name} level"] = row.level
-        else:
-            entry |= sheet
+        for row in sheet:
+            for name, value in numbers_of(row):
+                is_angle = isinstance(value, float) and row.in_degrees
+                shown = float(shown_values(value, row.unit)) + 0.0 if is_angle else value  # not -0
+                entry[f"{name} [{row.printed_unit}]" if row.printed_unit else name] = shown
+            if row.level is not None:
+                entry[f"{row.name} level"] = row.level
         entries.append(entry)
         columns |= dict.fromkeys(entry)
     return Table(

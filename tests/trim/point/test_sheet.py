@@ -519,7 +519,7 @@ def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:
         assert float(row["alpha [deg]"]) == pytest.approx(math.degrees(found["alpha"].value))
         assert (row["phugoid damping level"], row["failure"]) == ("1", "")
     assert rows[2]["failure"].startswith("speed 5 m/s, gamma 0 deg: speed is 5 m/s")
-    assert rows[2]["L/D"] == ""
+    assert (rows[2]["L/D"], rows[2]["speed [m/s]"], rows[2]["gamma [deg]"]) == ("", "5.0", "0.0")
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
