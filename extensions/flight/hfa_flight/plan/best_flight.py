@@ -278,7 +278,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         """Return the flights of the figure with their labels, the best flight first."""
         flights = [(self.flown, f"best flight found: {self.cost:.5g}")]
         for flown in self.compared:
-            cost = f"{flown.cost:.5g}" if flown.converges else flown.ending
+            cost = f"{flown.cost:.5g}" if flown.converges else flown.loss
             flights.append((flown, f"{flown.policy}: {cost}"))
         return flights
 

@@ -64,12 +64,6 @@ class FlightRow(Result):
         return "" if self.converges else self._convergence
 
     @property
-    def ending(self) -> str:
-        """Short form of the outcome, such as "leaves the envelope, not at the trim after 9 s"."""
-        leaves = "" if self.departure is None else "leaves the envelope, "
-        return leaves + self._convergence
-
-    @property
     def _convergence(self) -> str:
         return (
             Outcome.CONVERGED if self.converges else f"not at the trim after {self.seconds:.3g} s"
