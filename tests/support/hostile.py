@@ -23,7 +23,7 @@ from cli import Result, hfa, unchecked_hfa
 from game_files import small
 from hypothesis import strategies as st
 from project import ROOT
-from strategies import TEXTS, changed_entry, changed_file, changed_folder
+from strategies import TEXTS, changed_entry, changed_file
 
 from hfa.entry_points import commands, found_in
 
@@ -70,8 +70,6 @@ LINES = (
     "report --dihedral 5",
 )
 SUFFIXES = (".json", ".npz", ".mat")
-#: Options of the sweep whose store is resumed.
-STORED = ("--dihedral", "0:20:10", "--hold", "alpha=1:2:0.5")
 _NETWORK = ("verify", "--model", "plant.json", "--weights", "{}", "--network", "V=")
 #: Kind of input -> command. "{}" is replaced by the corrupted file of this name.
 WAYS: dict[str, tuple[str, ...]] = {
@@ -94,7 +92,6 @@ WAYS: dict[str, tuple[str, ...]] = {
     "network.pt": (*_NETWORK, "--set", "activation=tanh"),
     "network.safetensors": (*_NETWORK, "--set", "activation=tanh"),
     "glider.xml": ("trim", "--aircraft", "{}", "--hold", "speed=120"),
-    "store.zarr": ("sweep", *STORED, "-o", "{}", "--resume"),
 }
 
 
@@ -130,10 +127,7 @@ def hostile_case(draw: st.DrawFn, way: str) -> tuple[list[str], dict[str, bytes]
         return draw(hostile_words()), {}
     every_seed = seeds()
     files = {name: every_seed[name] for name in ("plant.json", "B.csv")}
-    if way == "store.zarr":
-        store = {name: content for name, content in every_seed.items() if name.startswith(way)}
-        files |= draw(changed_folder(store))
-    elif way.startswith("sealed "):
+    if way.startswith("sealed "):
         files[way] = sealed(draw(changed_entry(json.loads(every_seed[way]))))
     else:
         files[way] = draw(changed_file(way, every_seed[way]))
@@ -179,7 +173,6 @@ def seeds() -> Mapping[str, bytes]:
             ("trim", *_AT, "-o", "point.json"),
             (*_PROVED, "--weights", "table.json", "-o", "certificate.json"),
             (*region, "-o", "region.json"),
-            ("sweep", *STORED, "-o", "store.zarr"),
         ]
         quadratic = {"P": [[2.0, 0.5], [0.5, 3.0]], "ones": np.ones((2, 1))}
         onnx_file("network.onnx", QUADRATIC, quadratic, states=2)

@@ -143,15 +143,3 @@ def changed_file(name: str, content: bytes) -> st.SearchStrategy[bytes]:
     if name.endswith(".json"):
         ways.append(changed_entry(json.loads(content)).map(lambda data: json.dumps(data).encode()))
     return st.one_of(*reversed(ways))
-
-
-def changed_folder(files: Mapping[str, bytes]) -> st.SearchStrategy[dict[str, bytes]]:
-    """Return the files of a folder, one of them removed, damaged or beside a stray one."""
-
-    def one(name: str) -> st.SearchStrategy[dict[str, bytes]]:
-        rest = {other: content for other, content in files.items() if other != name}
-        stray = {**files, f"{name.rpartition('/')[0]}/.zarray": b"{}"}
-        damaged = changed_file(name, files[name]).map(lambda content: {**rest, name: content})
-        return damaged | st.sampled_from([rest, stray])
-
-    return st.sampled_from(sorted(files)).flatmap(one)

@@ -48,18 +48,6 @@ def test_trims_of_the_f16_equal_the_books(
     np.testing.assert_allclose(computed, printed, rtol=6e-4, atol=6e-5)
 
 
-def test_no_row_with_free_states_depends_on_others() -> None:
-    """The result of a sweep point with free states has the same bits alone and with other
-    points.
-    """
-    speeds = np.linspace(200.0, 700.0, 60)[:, None]
-    whole = trim_points(F16, ("speed",), speeds)
-    for rows in (slice(7, 8), slice(20, 40)):
-        part = trim_points(F16, ("speed",), speeds[rows])
-        np.testing.assert_array_equal(part.states, whole.states[rows])
-        np.testing.assert_array_equal(part.A, whole.A[rows])
-
-
 def test_imbalances_that_do_not_matter_are_not_named() -> None:
     """The error on a failed trim does not name rates that are unbalanced only by rounding.
 

@@ -17,11 +17,9 @@ from hfa import (
 )
 from hfa.paper import level_flight
 from hfa_model import STATES
-from trim import TrimError, release, trim_points
+from trim import TrimError, release
 
 BASE = level_flight(float(np.radians(15.0)))
-#: Status of a point of a sweep.
-TRIMMED, BEYOND_LIMITS = 0, 1
 
 
 def assert_meets(aircraft: Model, condition: TrimCondition, point: OperatingPoint) -> None:
@@ -187,9 +185,6 @@ def test_controls_with_proportional_effects_are_named(aircraft: Model) -> None:
 
 # Limits of the pitch angle, alpha + gamma, in single trims and in sweeps.
 
-#: Flight-path angle and angle of attack, deg, with pitch angles near 60 deg.
-ANGLES = [(57.1, 2.8), (57.3, 2.8), (59.0, 0.9), (60.2, -0.3)]
-
 
 @pytest.fixture(scope="module")
 def strong_aircraft(published_aircraft: Model) -> Model:
@@ -198,26 +193,6 @@ def strong_aircraft(published_aircraft: Model) -> Model:
     thrust = 100 * parameters.thrust_per_throttle
     mass = 0.9 * parameters.panel_mass
     return hfa.aircraft(parameters=parameters._replace(thrust_per_throttle=thrust, panel_mass=mass))
-
-
-@pytest.mark.parametrize(("gamma", "alpha"), ANGLES)
-def test_trim_points_agrees_with_a_single_trim(
-    strong_aircraft: Model, gamma: float, alpha: float
-) -> None:
-    """`trim_points` and a single trim agree on whether the pitch angle exceeds its limit."""
-    values = np.radians([[gamma, alpha]])
-    chunk = trim_points(strong_aircraft, ("gamma", "alpha"), values)
-    condition = level_flight(0.0, gamma=float(values[0, 0]), alpha=float(values[0, 1]))
-    if gamma + alpha <= 60:
-        assert trim(strong_aircraft, condition).status == "trimmed"
-        assert chunk.status[0] == TRIMMED
-    else:
-        with pytest.raises(
-            TrimError,
-            match=r"pitch would have to be .* deg, but must lie between -60 deg and 60 deg$",
-        ):
-            trim(strong_aircraft, condition)
-        assert chunk.status[0] == BEYOND_LIMITS
 
 
 def test_the_pitch_limit_is_checked_with_free_angles(strong_aircraft: Model) -> None:

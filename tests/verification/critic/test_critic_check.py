@@ -50,18 +50,6 @@ def over_the_box(game: Game, candidate: Critic, scope: Scope = FEW) -> dict[str,
     return {check.name: check.value for check in checks}
 
 
-@pytest.mark.parametrize("name", ["quadratic", "quadratic+quartic", "paper", "cubic"])
-def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
-    """The weights of the exact V pass in each basis, with the disk margin of the exact solution."""
-    functions = basis(name, 6)
-    check = verify(game, from_weights(game, functions.weights(value(game)), functions))
-    assert check.ok, failed_names(check.checks)
-    assert max(check.P_rel_error, check.K_rel_error) <= 1e-12
-    assert check.reason == ""
-    data = check.to_dict()
-    assert data["disk_margin"] == pytest.approx(data["disk_margin_exact"], rel=1e-6)
-
-
 def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
     """A critic learned from too few samples fails, and the reason names their rank."""
     run = learn(game, seed=0)

@@ -34,37 +34,24 @@ def critic(prefix: str, names: tuple[str, ...] = ("0", "2", "4")) -> dict[str, n
     return chain(prefix, names, (STATES, 8, 8, 1))
 
 
-def stable_baselines() -> tuple[dict[str, np.ndarray], str, list[str]]:
-    """Return the tensors of SAC, the words of its actor, and the actor's layers."""
-    tensors = {
-        "actor.log_std.weight": np.ones((ACTIONS, 8)),
-        "actor.log_std.bias": np.ones(ACTIONS),
-    }
-    tensors |= chain("actor.latent_pi.", ("0", "2"), (STATES, 8, 8))
-    tensors |= chain("actor.", ("mu",), (8, ACTIONS))
-    tensors |= chain("critic.qf0.", ("0", "2", "4"), (STATES + ACTIONS, 8, 8, 1))
-    tensors |= chain("critic_target.qf0.", ("0", "2", "4"), (STATES + ACTIONS, 8, 8, 1))
-    return tensors, "latent_pi+mu", ["actor.latent_pi.0", "actor.latent_pi.2", "actor.mu"]
-
-
-def of_one_module() -> tuple[dict[str, np.ndarray], str, list[str]]:
+def of_one_module() -> tuple[dict[str, np.ndarray], list[str]]:
     """Return a state dict with a policy and a value, of which names tell the policy."""
     tensors = {"log_std": np.zeros(ACTIONS), **actor("actor."), **critic("critic.")}
     tensors |= {"optimizer.state.0.exp_avg": np.ones((8, STATES))}
-    return tensors, "", ["actor.0", "actor.2", "actor.4"]
+    return tensors, ["actor.0", "actor.2", "actor.4"]
 
 
-def of_one_matrix() -> tuple[dict[str, np.ndarray], str, list[str]]:
+def of_one_matrix() -> tuple[dict[str, np.ndarray], list[str]]:
     """Return the tensors of ARS: one matrix."""
-    return {"action_net.0.weight": RANDOM.normal(size=(ACTIONS, STATES))}, "", ["action_net.0"]
+    return {"action_net.0.weight": RANDOM.normal(size=(ACTIONS, STATES))}, ["action_net.0"]
 
 
-@pytest.mark.parametrize("layout", [stable_baselines, of_one_module, of_one_matrix])
+@pytest.mark.parametrize("layout", [of_one_module, of_one_matrix])
 def test_policies_are_read_beside_other_networks(layout) -> None:
     """Policies give the outputs of their layers."""
-    tensors, part, layers = layout()
+    tensors, layers = layout()
     path = torch_file("a.pt", tensors)
-    policy = read(path, inputs=ACTIONS, activation="tanh", network=f"policy={part}").policy
+    policy = read(path, inputs=ACTIONS, activation="tanh", network="policy=").policy
     for x in 3.0 * RANDOM.normal(size=(20, STATES)):
         h = x
         for name in layers:
