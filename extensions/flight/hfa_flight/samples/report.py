@@ -12,6 +12,7 @@ from hfa_flight.air.names import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_atta
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.needs import band_text, is_enough, lost_band, need_text
 from hfa_flight.policies.filtered_policy import FilteredPolicy
+from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.simulate.envelope import control_limits
 from hfa_support.reporting.checks import verdict_text
@@ -23,6 +24,10 @@ from hfa_support.reporting.text import Table, short_number, shown_unit
 _QUANTILES = (0.05, 0.5, 0.95, 1.0)
 #: Note if all members are the same flight.
 _ALIKE = "all flights are the same; give parameter errors, noise or turbulence"
+#: Note if flights with noise leave the envelope under a policy without a filter.
+_UNFILTERED = (
+    "the policy acts on noisy measurements; --filter (Python: hfa.filter) estimates states"
+)
 #: Function from the name of a result of `fly_members` to its values, (N, ...).
 Read = Callable[[str], np.ndarray]
 
@@ -65,6 +70,9 @@ def member_report(
     if isinstance(plan.policy, FilteredPolicy):
         parts.append(plan.policy.filter.text())
     notes = [_ALIKE] if _alike(plan) and plan.members > 1 else []
+    is_noisy = bool(plan.scenario.uncertainty.noise)
+    if is_noisy and found["left"] and not isinstance(plan.policy, (FilteredPolicy, OpenLoop)):
+        notes.append(_UNFILTERED)
     return Report(title, parts, notes, found)
 
 
