@@ -15,17 +15,18 @@ from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import (
     Table,
-    controller_tables,
     eigenvalue_text,
     entry_rows,
     matrix_table,
 )
 
+#: Largest number of printed digits of an entry of K.
+MOST_DIGITS = 17
+
 
 def solution_report(solution: Solution) -> Report:
     """Return a report of P, K, the closed-loop eigenvalues, checks, delta_min and margins."""
     game = solution.game
-    inputs = solution.names.inputs
     states = solution.names.states
     smallest = solution.smallest
     title = (
@@ -51,10 +52,7 @@ def solution_report(solution: Solution) -> Report:
         parts=(
             "\n".join(_weights(solution)),
             matrix_table("P", states, states, solution.P),
-            *controller_tables(
-                {"K": (inputs, states, solution.K)},
-                lambda printed: _discounted(game, printed["K"]).is_stable,
-            ),
+            *_gain_table(solution),
             loop,
             checks_block(solution.certificate.checks),
             *confirmed,
@@ -66,6 +64,22 @@ def solution_report(solution: Solution) -> Report:
             entry_rows((solution.P,), (solution.K,), solution.names),
         ),
     )
+
+
+def _gain_table(solution: Solution) -> Iterator[Part]:
+    """Yield a table of K, with enough digits that the printed K stabilizes.
+
+    If no number of digits is enough, a line refers to the option -o.
+    """
+    names = solution.names
+    for digits in (None, *range(5, MOST_DIGITS + 1)):
+        table = matrix_table("K", names.inputs, names.states, solution.K, digits)
+        printed = np.array([row[1:] for row in table.rows], dtype=float)
+        if _discounted(solution.game, printed).is_stable:
+            yield table
+            return
+    yield matrix_table("K", names.inputs, names.states, solution.K)
+    yield "The printed digits do not stabilize the plant; write all digits with -o FILE"
 
 
 def _discounted(game: Game, K: np.ndarray) -> Stability:

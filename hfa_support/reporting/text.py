@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -14,8 +14,6 @@ ROUNDING = 1e-12
 #: Range of the largest entry for which a matrix is shown with four decimals.
 _LEAST = 0.1
 _MOST = 1e7
-#: Largest number of printed digits of an entry of a controller.
-MOST_DIGITS = 17
 #: Tone, from the best to the worst -> color code of a terminal.
 TONES = {"good": "32", "near": "33", "far": "35", "bad": "31"}
 #: Largest number of characters in a line of a report.
@@ -96,29 +94,6 @@ def matrix_table(
         form = "{:.4e}".format
     body = [(row, *map(form, matrix[i].tolist())) for i, row in enumerate(rows)]
     return Table((name, *column_names), body)
-
-
-def controller_tables(
-    matrices: Mapping[str, tuple[tuple[str, ...], tuple[str, ...], Any]],
-    stabilizes: Callable[[dict[str, np.ndarray]], bool],
-) -> tuple[Table | str, ...]:
-    """Return tables of a controller's matrices, with enough digits that the printed ones stabilize.
-
-    If no number of digits is enough, a line refers to the option -o.
-
-    matrices: name -> names of the rows, names of the columns, matrix
-    stabilizes: function of the printed matrices, name -> matrix
-    """
-    for digits in (None, *range(5, MOST_DIGITS + 1)):
-        tables = [matrix_table(name, *each, digits) for name, each in matrices.items()]
-        printed = {
-            table.header[0]: np.array([row[1:] for row in table.rows], dtype=float)
-            for table in tables
-        }
-        if stabilizes(printed):
-            return tuple(tables)
-    tables = [matrix_table(name, *each) for name, each in matrices.items()]
-    return *tables, "The printed digits do not stabilize the plant; write all digits with -o FILE"
 
 
 def entry_rows(
