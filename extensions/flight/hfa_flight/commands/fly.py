@@ -47,6 +47,7 @@ from hfa_support.errors import BadInputError, refuse_unknown, warn
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
+    from controller.tracking import Tracking
     from hfa_flight.policies.policy import Policy
     from hfa_flight.samples.monte_carlo import MonteCarlo
     from hfa_flight.simulate.flight import Flight
@@ -70,6 +71,7 @@ class PlannedFlight(NamedTuple):
 
     point: the trim
     envelope: limits of the states
+    tracking: feedback and feedforward of --reference, or None
     """
 
     model: Model
@@ -77,6 +79,7 @@ class PlannedFlight(NamedTuple):
     policy: Policy
     scenario: Scenario
     envelope: Limits
+    tracking: Tracking | None = None
 
     def lengthened(self) -> PlannedFlight:
         """Return the flight, longer if limit cycles of growing modes require it."""
@@ -187,16 +190,12 @@ def fly(request: FlyRequest) -> int:
     if plans:
         first, *rest = report.title.split("\n")
         report = replace(report, title="\n".join([f"{first}; {_end_of(result)}", *rest]))
-    if request.reference:
-        from hfa_flight.commands.tracking import tracking_of, with_errors
+    if planned.tracking is not None:
+        from hfa_flight.commands.tracking import with_tracking
         from hfa_flight.policies.policy import GainPolicy
 
-        linear = linearize(model, point)
-        game = weighted_game(given_weights(request), linear)
-        signals = signals_of(request.reference, model)
-        tracking = tracking_of(linear, game, planned.policy, signals)
-        plain = simulated(GainPolicy(planned.policy.name, tracking.K))
-        report = with_errors(report, tracking, result, plain)
+        plain = simulated(GainPolicy(planned.policy.name, planned.tracking.K))
+        report = with_tracking(report, planned.tracking, result, plain)
     show(
         request,
         report,
@@ -256,7 +255,7 @@ def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> Pl
     commands = each_of("--command", given.model, request.command, _command)
     _refuse_late(commands, scenario.duration)
     limits = envelope_of(request, given.model)
-    policy, reference = _policy_and_reference(request, given, point, commands, limits)
+    policy, reference, tracking = _steering(request, given, point, commands, limits)
     if reference is not None:
         scenario = replace(scenario, reference=reference)
     if request.keep_inside:
@@ -267,7 +266,7 @@ def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> Pl
     if request.members is None:
         scenario = scenario.drawn(request.seed, 0, point)
     envelope = flight_envelope(given.model, point, limits)
-    return PlannedFlight(given.model, point, policy, scenario, envelope)
+    return PlannedFlight(given.model, point, policy, scenario, envelope, tracking)
 
 
 def _refuse_late(commands: Mapping[str, list[tuple[float, float]]], duration: float) -> None:
@@ -281,14 +280,15 @@ def _refuse_late(commands: Mapping[str, list[tuple[float, float]]], duration: fl
             )
 
 
-def _policy_and_reference(
+def _steering(
     request: FlyRequest,
     given: GivenTrim,
     point: OperatingPoint,
     commands: Mapping[str, list[tuple[float, float]]],
     limits: Mapping[str, tuple[float, float]],
-) -> tuple[Policy, Any]:
-    """Return the policy that the options specify, and the reference that it follows, or None.
+) -> tuple[Policy, Any, Tracking | None]:
+    """Return the policy that the options specify, the reference that it follows, or None, and the
+    tracking of --reference, or None.
 
     commands: signal -> steps of --command
     limits: state -> limits of --envelope
@@ -304,19 +304,20 @@ def _policy_and_reference(
     steps = command_steps(commands)
     law = flown_law(request)
     if request.deployment is not None:
-        return behind_own_filter(request.deployment, point), None
+        return behind_own_filter(request.deployment, point), None, None
     if request.controller is not None:
         schedule = load_gain_schedule(request.controller, model)
         name = f"gains of {request.controller}"
-        return scheduled_gains(name, schedule, point, given.common.at, steps), None
+        policy: Policy = scheduled_gains(name, schedule, point, given.common.at, steps)
+        return policy, None, None
     if law == NONE:
         if not request.law:
             warn(f"no --law is given: no policy acts (--law {NONE})")
-        return open_loop(steps, tuple(model.inputs)), None
+        return open_loop(steps, tuple(model.inputs)), None, None
     if law in LAWS:
         linear = noted_linear_model(model, point)
         policy = planning_policy(request, linear, limits, is_filtered=request.filter)
-        return policy, None
+        return policy, None, None
     for name in steps.names:
         refuse_unknown("a gain cannot follow a command of", name, model.linear)
     reference = CommandedStates(steps, model.linear) if steps.names else None
@@ -324,10 +325,11 @@ def _policy_and_reference(
     linear = noted_linear_model(model, point)
     policy = policy_about(request, linear)
     if not signals:
-        return policy, reference
+        return policy, reference, None
     game = weighted_game(given_weights(request), linear)
     tracking = tracking_of(linear, game, policy, signals)
-    return GainPolicy(policy.name, tracking.K, tracking.inputs), tracking.exact.reference
+    policy = GainPolicy(policy.name, tracking.K, tracking.inputs)
+    return policy, tracking.exact.reference, tracking
 
 
 def _filtered(policy: Policy, scenario: Scenario, point: OperatingPoint) -> Policy:
@@ -401,7 +403,7 @@ def member_plan(request: FlyRequest, given: GivenTrim) -> MonteCarlo:
         spread = parameter_spread(request, given.common.model, given.parameters)
     planned = _planned(request, given, trimmed(given))
     share = request.need.get(SHARE, ALL)
-    return MonteCarlo(request.members, request.seed, *planned, spread, share)
+    return MonteCarlo(request.members, request.seed, *planned[:5], spread, share)
 
 
 def _refuse_of_members(request: FlyRequest) -> None:

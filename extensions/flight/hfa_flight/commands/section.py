@@ -4,7 +4,6 @@ found.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -58,13 +57,9 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     starts = drawn_starts(problem, count, _SEED)
     table = starts_table(search, starts, loops, ProgressLine("flights"))
     section = table.report()
-    lost = [f"{each.policy.removesuffix(', saturated')} {each.lost}" for each in table.policies]
+    of_critic = table.policies[1:]  # after the linear optimum
+    lost = [f"{each.policy.removesuffix(', saturated')} {each.lost}" for each in of_critic]
     line = f"nonlinear flights that leave the envelope or do not converge, of {table.found}: "
-    title = f"{report.title}\n{line}{', '.join(_of_critic(lost))}"
+    title = f"{report.title}\n{line}{', '.join(lost)}"
     parts = (*report.parts, section)
     return replace(report, title=title, parts=parts).with_data(flights=section.data)
-
-
-def _of_critic(sentences: Sequence[str]) -> list[str]:
-    """Return the sentences on the critic and the exact policy."""
-    return list(sentences[1:])

@@ -36,7 +36,7 @@ def tracking_of(
     return tracked(linear, game, P, policy.gain, commands)
 
 
-def with_errors(report: Report, tracking: Tracking, flown: Flight, plain: Flight) -> Report:
+def with_tracking(report: Report, tracking: Tracking, flown: Flight, plain: Flight) -> Report:
     """Return the report of a policy with a section on its tracking errors.
 
     flown: the flight with feedforward
