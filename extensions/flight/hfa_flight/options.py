@@ -245,13 +245,6 @@ def _game_of_law(request: PolicyOptions, linear: LinearModel) -> Game:
     return weighted_game(weights, linear)
 
 
-def kept_inside(policy: Policy, point: OperatingPoint, scenario: Scenario) -> Policy:
-    """Return a policy that is kept inside the limits of rates."""
-    from hfa_flight.plan import keep_inside
-
-    return keep_inside.kept_inside(policy, flight_problem(point.model, point), scenario.tick)
-
-
 def policy_about(request: PolicyOptions, linear: LinearModel) -> GainPolicy | FunctionPolicy:
     """Return the policy about a trim that the options specify.
 

@@ -31,7 +31,6 @@ from hfa_flight.options import (
     check_policy,
     envelope_of,
     flown_law,
-    kept_inside,
     noise_of_filter,
     noted_linear_model,
     planning_policy,
@@ -259,7 +258,10 @@ def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> Pl
     if reference is not None:
         scenario = replace(scenario, reference=reference)
     if request.keep_inside:
-        policy = kept_inside(policy, point, scenario)
+        from hfa_flight.plan.keep_inside import kept_inside
+        from hfa_flight.plan.problem import flight_problem
+
+        policy = kept_inside(policy, flight_problem(point.model, point), scenario.tick)
     if request.filter:
         policy = _filtered(policy, scenario, point)
     policy, scenario = policy.in_scenario(scenario)

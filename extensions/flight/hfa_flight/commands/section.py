@@ -12,9 +12,9 @@ from controller.riccati.gare import unconfirmed_solution
 from hfa.options.games import NamedGame
 from hfa.options.output import ProgressLine
 from hfa_flight.plan.initial_box import drawn_starts
-from hfa_flight.plan.initial_conditions import starts_table
 from hfa_flight.plan.problem import flight_problem
 from hfa_flight.plan.search import BestFlights
+from hfa_flight.plan.starts_table import starts_table
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from verification.verdict import Verdict

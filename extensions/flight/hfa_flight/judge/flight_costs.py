@@ -13,9 +13,9 @@ import numpy as np
 from hfa_flight.judge.outcomes import Place
 from hfa_flight.judge.weights import weights_at
 from hfa_flight.plan.initial_box import drawn_starts
-from hfa_flight.plan.initial_conditions import starts_table
 from hfa_flight.plan.problem import flight_problem
 from hfa_flight.plan.search import BestFlights
+from hfa_flight.plan.starts_table import starts_table
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.policy import policy_about
 from hfa_support.errors import NoSolutionError

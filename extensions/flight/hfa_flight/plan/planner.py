@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_flight.plan.grid import Grid, gains_of
 from hfa_flight.plan.held_model import STILL, HeldModel
 from hfa_flight.plan.hold import Hold
-from hfa_flight.plan.holds import Grid, gains_of
 from hfa_flight.plan.one_sample_filter import OneSampleFilter
 from hfa_flight.plan.plan_program import Change, PlanProgram
 from hfa_flight.plan.scaled import ScaledProblem

@@ -15,8 +15,8 @@ from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.plan.end_law import EndLaw
+from hfa_flight.plan.grid import HOLDS, grid_of
 from hfa_flight.plan.hold import hold_of
-from hfa_flight.plan.holds import HOLDS, grid_of
 from hfa_flight.plan.measured import wrong_samples_note
 from hfa_flight.plan.planner import Planner
 from hfa_flight.plan.problem import FlightProblem, flight_problem

@@ -17,8 +17,8 @@ from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
+from hfa_flight.plan.grid import sample_time
 from hfa_flight.plan.held_model import STILL
-from hfa_flight.plan.holds import sample_time
 from hfa_flight.plan.measured import Measured, wrong_samples_note
 from hfa_flight.plan.one_sample_filter import OneSampleFilter
 from hfa_flight.plan.problem import FlightProblem, flight_problem

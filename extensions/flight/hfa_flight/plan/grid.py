@@ -1,4 +1,4 @@
-"""Holds of plans, chosen from the linear model, and the linear optimum over them."""
+"""Grids of the holds of plans, chosen from the linear model, and the linear optimum over them."""
 
 from __future__ import annotations
 
