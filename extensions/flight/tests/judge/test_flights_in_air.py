@@ -30,6 +30,7 @@ def noisy_assessment():
     )
 
 
+@pytest.mark.slow  # test_flights_of_a_law_are_those_of_fly is fast
 def test_rms_with_noise_equals_that_of_fly(noisy_assessment):
     """The root mean squares with sensor noise equal those of `fly` with the same seed."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]

@@ -64,6 +64,7 @@ def test_policies_in_any_form_are_compared_with_the_best_flight() -> None:
     assert (drifting.policy, drifting.converges) == ("none", False)
 
 
+@pytest.mark.slow  # test_saturated_double_integrator_cost_equals_closed_form is fast
 def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
     """SciPy's integrator computes the same cost within 0.5 % for the inputs of the best flight.
 

@@ -21,23 +21,28 @@ def best_of_cart(start: dict[str, float]) -> hfa.BestFlight:
     return hfa.optimize(model, hfa.trim(model), start, np.eye(2), np.eye(1))
 
 
-def test_the_simulation_confirms_or_refutes_a_proposal(gtm: hfa.BestFlight) -> None:
+@pytest.fixture(scope="module")
+def best() -> hfa.BestFlight:
+    return best_of_cart({"position": 5.0})
+
+
+def test_the_simulation_confirms_or_refutes_a_proposal(best: hfa.BestFlight) -> None:
     """The simulation confirms a proposal, and refutes wrong costs and wrong inputs.
 
     The horizon of a proposal is too short if the linear policy leaves the limits after it.
     """
-    proposal = gtm.found.proposal
-    search = BestFlights(gtm.problem)
+    proposal = best.found.proposal
+    search = BestFlights(best.problem)
     flights = search.flights
-    flown = flights.follow(proposal, 1.25 * gtm.seconds)
+    flown = flights.follow(proposal, 1.25 * best.seconds)
     assert refutation(flown, proposal) == ""
     assert "off the proposed" in refutation(flown, proposal._replace(cost=0.95 * proposal.cost))
     assert refutation(flown, proposal._replace(cost=1.05 * proposal.cost)) == ""
-    wrong = proposal._replace(v=proposal.v + np.array([0.2, 0.0]))
-    assert refutation(flights.follow(wrong, 1.25 * gtm.seconds), wrong)
+    wrong = proposal._replace(v=proposal.v + 0.2)
+    assert refutation(flights.follow(wrong, 1.25 * best.seconds), wrong)
     assert search._unfinished(proposal) == ""
     z = proposal.z.copy()
-    z[-1, -1, 1:3] = [0.99, 0.9] * gtm.problem.state_limits[1][1:3]
+    z[-1, -1] = [19.8, 6.0]
     assert "leaves the limits" in search._unfinished(proposal._replace(z=z, cost=1e9))
 
 
@@ -63,18 +68,17 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch: pytest.MonkeyPatch) -
     assert best.cost == best.found.linear.cost
 
 
-def test_limits_are_narrowed_only_where_a_flight_exceeds_them(gtm: hfa.BestFlight) -> None:
-    """A flight that exceeds alpha's limit by a tenth for one step narrows the limits of the interval
-    of this step and of the one before, and no others.
+def test_limits_are_narrowed_only_where_a_flight_exceeds_them(best: hfa.BestFlight) -> None:
+    """A flight that exceeds the position's limit by a tenth for one step narrows the limits of the
+    interval of this step and of the one before, and no others.
     """
-    search = BestFlights(gtm.problem)
-    proposal = gtm.found.proposal
-    flown = search.flights.follow(proposal, 1.25 * gtm.seconds)
+    search = BestFlights(best.problem)
+    proposal = best.found.proposal
+    flown = search.flights.follow(proposal, 1.25 * best.seconds)
     assert not search._exceeded(proposal, flown).any()
     row = len(flown.times) // 3
     states = flown.states.copy()
-    place = gtm.problem.followed_places[1]
-    states[row, place] = gtm.problem.point.x[place] + 1.1 * gtm.problem.state_limits[1][1]
+    states[row, 0] = 1.1 * best.problem.state_limits[1][0]
     excess = search._exceeded(proposal, replace(flown, states=states))[:, 0]
     interval = int(np.searchsorted(proposal.ends, flown.times[row], side="right")) - 1
     assert np.flatnonzero(excess).tolist() == [interval - 1, interval]
