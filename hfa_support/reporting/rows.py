@@ -167,13 +167,15 @@ class Sheet(ByName[Row]):
             rows = []
             missing: dict[str, list[str]] = {}
             for figure in figures:
+                name = figure.name
+                if name in taken and title != first:
+                    name = f"{name} ({title})"
                 if isinstance(figure, Lacking):
-                    lacking[figure.name] = figure.reason
+                    lacking[name] = figure.reason
                     missing.setdefault(figure.reason, []).append(figure.name)
                     continue
-                if figure.name in taken and title != first:
-                    figure = replace(figure, name=f"{figure.name} ({title})")
-                taken.add(figure.name)
+                figure = replace(figure, name=name)
+                taken.add(name)
                 rows.append(figure)
             said = [
                 f"{', '.join(names)}: not in this model" + f": {reason}" * bool(reason)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from hfa_support.reporting.rows import Lacking, Row
+from hfa_support.reporting.rows import Lacking, Row, Sheet
 from hfa_support.units import conversion
 from trim.reports.flight import OUTPUTS, dynamic_pressure, outputs
 from trim.reports.trimmed import Trimmed
@@ -22,6 +22,9 @@ _CLIMBS = {"ft/s": ("ft/min", 60.0), "m/s": ("m/s", 1.0)}
 #: Outputs that the loads begin with, and those that other rows have.
 _LOADS = ("weight", "lift", "drag", "thrust", "thrust_force")
 _KNOWN = (*OUTPUTS, *_LOADS, "largest_lift_coefficient")
+#: Rows from which a stall is seen, and why the last one is missing then.
+_LIFT, _LARGEST, _RATIO = "lift coefficient", "largest lift coefficient", "speed / stall speed"
+_PASSED = "beyond the largest lift"
 
 
 def performance_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
@@ -51,7 +54,7 @@ def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         yield Row("power required", trimmed["drag"] * trimmed[speed] * factor, shown)
     if not no_force(trimmed):
         force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
-        yield Row("lift coefficient", trimmed["lift"] / force)
+        yield Row(_LIFT, trimmed["lift"] / force)
         if "drag" in trimmed.model.outputs:
             yield Row("drag coefficient", trimmed["drag"] / force)
 
@@ -92,17 +95,17 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     reason = no_force(trimmed) or trimmed.zero("lift")
     largest = None if reason else trimmed.largest_lift
     if largest is None:
-        yield Lacking("speed / stall speed", reason or "no CL_max, and lift without a maximum")
+        yield Lacking(_RATIO, reason or "no CL_max, and lift without a maximum")
         return
     force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
     known = math.isfinite(largest.alpha)
     where = f"at alpha {math.degrees(largest.alpha):.4g} deg" if known else ""
-    yield Row("largest lift coefficient", largest.lift / force, note=where)
+    yield Row(_LARGEST, largest.lift / force, note=where)
     if largest.passed:
-        yield Lacking("speed / stall speed", "beyond the largest lift")
+        yield Lacking(_RATIO, _PASSED)
     elif trimmed["lift"] > 0.0:
         ratio = math.sqrt(largest.lift / trimmed["lift"])
-        yield Row("speed / stall speed", ratio, note="V/Vs at this load factor")
+        yield Row(_RATIO, ratio, note="V/Vs at this load factor")
     if "weight" in trimmed.model.outputs and largest.lift > 0.0 and trimmed["weight"] > 0.0:
         yield from stall_speed(trimmed, math.sqrt(trimmed["weight"] / largest.lift))
 
@@ -124,16 +127,15 @@ def stall_speed(trimmed: Trimmed, share: float) -> Iterator[Row]:
         yield Row("stall speed at 1 g", equivalent, "kt", f"Vs, KEAS; {true:.4g} KTAS")
 
 
-def stalled(trimmed: Trimmed) -> list[str]:
-    """Return sentences on a trim beyond the largest lift."""
-    largest = None if no_force(trimmed) else trimmed.largest_lift
+def stalled(sheet: Sheet) -> list[str]:
+    """Return sentences on a trim beyond the largest lift, by the rows of its sheet."""
+    rows = dict(sheet)
+    largest = rows.get(_LARGEST)
     if largest is None:
         return []
-    force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
-    most, here = largest.lift / force, trimmed["lift"] / force
-    if largest.passed:
-        where = f"CL {most:.4g} at alpha {math.degrees(largest.alpha):.4g} deg"
-        return [f"STALLED: beyond the largest lift, {where}"]
+    most, here = float(largest), float(rows[_LIFT])
+    if sheet.lacking.get(_RATIO) == _PASSED:
+        return [f"STALLED: {_PASSED}, CL {most:.4g} {largest.note}"]
     if here > most:
         return [f"STALLED: CL {here:.4g} is above CL_max {most:.4g} of the table"]
     return []

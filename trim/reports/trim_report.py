@@ -160,7 +160,7 @@ def report_of(trimmed: Trimmed, sheet: Sheet, full: bool) -> Report:
     search, sentences = search_of(trimmed)
     equations = equations_of(trimmed.condition, point)
     nearest = named_nearest(nearest_first(trimmed))
-    stalls = stalled(trimmed) if point.ok and {"speed", "alpha"} <= {*trimmed.roles} else []
+    stalls = stalled(sheet)
     parts: list[Any] = [*sheet.shown(full)]
     if full or not all(entry["ok"] for entry in equations.values()):
         parts.append(equations_table(point, equations))
@@ -168,8 +168,7 @@ def report_of(trimmed: Trimmed, sheet: Sheet, full: bool) -> Report:
     if full and modes:
         parts.append(modes_table(modes, point.model.time_unit))
     parts += [tuple(sentences)] if sentences else []
-    ratio = next((row for row in sheet if row.name == "L/D"), None)
-    controls = control_lines(trimmed, ratio)
+    controls = control_lines(trimmed, dict(sheet).get("L/D"))
     title = "\n".join(filter(None, [title_of(trimmed), *stalls, controls]))
     notes = point.warnings if full else without_lines(point.warnings)
     data = {

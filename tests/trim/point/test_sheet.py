@@ -103,6 +103,8 @@ def test_an_engine_out_of_an_own_aircraft_is_in_the_first_line(
     assert words in title
     assert ("engine" in title) == bool(words)
     assert point["rudder"] == pytest.approx(2.0 * right - 60.0)
+    for name, value in held.items():  # also of an input b, where the span b is not in the model
+        assert point.sheet[name].value == value
 
 
 SLED = """
