@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 #: Suffixes of critic files that the project reads. Arrays may contain a network.
 OWN_FILES = (*MATRIX_FILES, ".onnx", ".pkl", ".pt", ".pth", ".safetensors", ".zip")
 #: Alias of an entry -> its standard name.
-_ALIASES = {"weights": "W", "gains": "K"}
+_ALIASES = {"weights": "W", "gains": "K", "state_labels": "states", "input_labels": "inputs"}
 
 
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:

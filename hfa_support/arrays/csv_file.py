@@ -81,8 +81,8 @@ def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
     """Return the names and units of the states and inputs that .csv files contain.
 
     The result has the keys "states", "inputs", "state_units" and "input_units", as far as known.
-    Names of states come from the matrix A, and names of inputs from the columns of B. Units are
-    returned only if each state, or each input, has a unit.
+    Names of states come from the matrix A, and names of inputs from the columns of B; of a critic,
+    from P and K. Units are returned only if each state, or each input, has a unit.
 
     sides: matrix -> texts of its rows, and texts of its columns
 
@@ -93,9 +93,15 @@ def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
         for matrix, both in sides.items()
     }
     rows_of_A, columns_of_A = labels.get("A", [[], []])
+    rows_of_P, columns_of_P = labels.get("P", [[], []])
+    rows_of_K, columns_of_K = labels.get("K", [[], []])
     _, columns_of_B = labels.get("B", [[], []])
+    states_of_critic = rows_of_P or columns_of_P or columns_of_K
     found = {}
-    for kind, signals in (("state", rows_of_A or columns_of_A), ("input", columns_of_B)):
+    for kind, signals in (
+        ("state", rows_of_A or columns_of_A or states_of_critic),
+        ("input", columns_of_B or rows_of_K),
+    ):
         if signals:
             found[f"{kind}s"] = [label.name for label in signals]
         if signals and all(label.unit for label in signals):
@@ -107,7 +113,8 @@ def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
             if names != states and sorted(names) == sorted(states):
                 where = f"the {('rows', 'columns')[side]} of {matrix}"
                 raise ValueError(
-                    f"{where} are {', '.join(names)}, but A has {', '.join(states)}; use A's order"
+                    f"{where} are {', '.join(names)}, but the states are {', '.join(states)}; give "
+                    "them in this order"
                 )
     return found
 

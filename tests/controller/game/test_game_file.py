@@ -185,6 +185,7 @@ def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: 
     [
         ({"state_units": ["ft/s", "kg"]}, "state 2 is in kg in the file"),
         ({"states": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
+        ({"state_labels": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
         ({"inputs": ["aileron", "elevator"]}, "the inputs are aileron, elevator in the file"),
     ],
 )
@@ -210,3 +211,6 @@ def test_other_units_and_another_order_of_a_critic_are_refused(
         np.testing.assert_allclose(critic.K, K * [factor, 1.0])
     with pytest.raises(BadInputError, match=says):
         critic_in(stored("other.json", K=K, **content), game)
+    Path("K.csv").write_text(",alpha,speed\nelevator,1,2\naileron,3,4\n", "utf-8")
+    with pytest.raises(BadInputError, match="the states are alpha, speed in the file"):
+        critic_in("K.csv", game)

@@ -92,11 +92,11 @@ def test_csv_matrices_are_read_with_optional_names(
         ({"A": "0;1\n-2;-3\n"}, "could not convert string to float: '-2;-3'"),
         (
             {"A": ",x,y\ny,-2,-3\nx,0,1\n"},
-            "the columns of A are x, y, but A has y, x; use A's order",
+            "the columns of A are x, y, but the states are y, x",
         ),
         (
             {"A": NAMED[0], "B": ",push\nalpha,1\nspeed,0.5\n"},
-            "the rows of B are alpha, speed, but A has speed, alpha",
+            "the rows of B are alpha, speed, but the states are speed, alpha",
         ),
         ({"plant": BARE[0]}, "use .json, .npz or .mat"),
         ({"A": ""}, "A has no numbers"),
