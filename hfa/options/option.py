@@ -30,6 +30,7 @@ class Option:
     count: number of words, as argparse's nargs, or None for one word
     alone: value if no word follows the option, or None if a word is required
     required: whether the option is mandatory
+    first: whether the option comes first in its group, as required ones do
     rare: whether only `--help more` explains the option, and `--help` lists its name
     group: heading in the help, or "" for the common options
     package: package of an extension that the option requires, or "". Without the package, the help
@@ -45,6 +46,7 @@ class Option:
     count: str | None = None
     alone: Any = None
     required: bool = False
+    first: bool = False
     rare: bool = False
     group: str = ""
     package: str = ""
@@ -85,8 +87,8 @@ def _text(_: str, text: str) -> str:
 def options_of(request: type) -> dict[str, Option]:
     """Return the options of a class of requests, field -> option.
 
-    The order is that of the help: required options, common ones of the aircraft and the command, of
-    the output, of other groups, and rare ones.
+    The order is that of the help: common options of the aircraft and the command, of the output, of
+    other groups, and rare ones; in each group, required ones come first.
     """
     found: dict[str, Option] = {}
     for each in fields(request):
@@ -96,7 +98,7 @@ def options_of(request: type) -> dict[str, Option]:
 
     def place(name: str) -> tuple[bool, bool, bool, bool]:
         of = found[name]
-        return of.rare, bool(of.group), not of.required, name in _OUTPUT
+        return of.rare, bool(of.group), not (of.required or of.first), name in _OUTPUT
 
     return {name: found[name] for name in sorted(found, key=place)}
 

@@ -33,7 +33,7 @@ def at_option(about: str, form: str = "VALUE") -> Any:
 
 def dihedral_option(about: str, form: str = "DEG") -> Any:
     """Return the option --dihedral, which is --at of the paper's aircraft."""
-    return option(f"{about}, degrees", form, group=PAPER)
+    return option(f"{about}, degrees", form, group=PAPER, first=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
