@@ -93,6 +93,7 @@ def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
         assert column.max() <= signal.max + 1e-9
 
 
+@pytest.mark.slow  # IPOPT takes long to find nothing
 def test_a_cart_too_fast_to_stop_is_refused() -> None:
     """A cart that needs 18 m to stop has no flight within the limits if only 5 m are left."""
     with pytest.raises(hfa.NoSolutionError, match="finds no flight within the limits"):

@@ -68,6 +68,13 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch: pytest.MonkeyPatch) -
     assert best.cost == best.found.linear.cost
 
 
+def test_without_a_flight_of_either_the_start_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cart needs 18 m to stop, of which 5 m are left; test_best_flight.py asks IPOPT itself."""
+    monkeypatch.setattr(ca, "nlpsol", Failing)
+    with pytest.raises(hfa.NoSolutionError, match="finds no flight within the limits"):
+        best_of_cart({"position": 15.0, "velocity": 6.0})
+
+
 def test_limits_are_narrowed_only_where_a_flight_exceeds_them(best: hfa.BestFlight) -> None:
     """A flight that exceeds the position's limit by a tenth for one step narrows the limits of the
     interval of this step and of the one before, and no others.
