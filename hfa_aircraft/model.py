@@ -28,7 +28,6 @@ from hfa_support.errors import (
     NotFiniteError,
     is_finite,
     pair_of,
-    prefix_errors,
     refuse_unknown,
     shortened,
     shown,
@@ -522,9 +521,10 @@ class Model(Reported):
             raise BadInputError(
                 f'{name} is {shown(value)}; give a number, or text with a unit ("250 kt", "5 deg")'
             )
-        with prefix_errors(name):
-            factor = self.factor_of(name, value, unit)
-        return found * factor
+        try:
+            return found * self.factor_of(name, value, unit)
+        except BadInputError as error:
+            raise BadInputError(f"{name} {error}") from error
 
     def entry_unit(self, row: str, column: str) -> str:
         """Return the unit of an entry of A or B.
