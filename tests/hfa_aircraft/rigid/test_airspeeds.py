@@ -102,7 +102,7 @@ def test_the_sheet_states_airspeed_and_deviation() -> None:
         ({"kcas": float("nan")}, "kcas is nan; give a finite number"),
         ({"kcas": 0.0}, "give a positive speed"),
         ({"mach": -0.1}, "mach is -0.1"),
-        ({"speed": "30 kg"}, "speed: is '30 kg'; give a finite number, in m/s"),
+        ({"speed": "30 kg"}, "speed is '30 kg'; give a finite number, in m/s"),
         ({"altitude": "FLhigh"}, "text with a unit"),
         ({"isa": 10.0}, "model.with_parameters(isa=VALUE)"),
     ],
