@@ -135,8 +135,9 @@ class Group(NamedTuple):
             notes = [note] if width is None else textwrap.wrap(note, width - indent)
             tone = TONES.get(row.tone) if row is not None and color else None
             toned = [f"\033[{tone}m{part}\033[0m" if tone else part for part in notes]
-            yield (line.ljust(begin) + toned.pop(0) if is_beside and toned else line).rstrip()
-            yield from (" " * indent + part for part in toned)
+            beside = "".join(toned[:1]) if is_beside else ""
+            yield (line.ljust(begin) + beside).rstrip()
+            yield from (" " * indent + part for part in toned[is_beside:])
 
 
 class Sheet(ByName[Row]):
