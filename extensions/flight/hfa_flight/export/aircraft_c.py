@@ -101,7 +101,7 @@ def c_model_texts(
             **origin_and_title,
             states=positions(states),
             inputs=positions(inputs),
-            winds=positions(winds, "WIND_"),
+            winds=positions(winds, "HFA_WIND_"),
             linear_states=", ".join(model.linear),
             linear_count=len(model.linear),
             policy=formula,

@@ -23,16 +23,16 @@ def comment_lines(text: str) -> str:
     return "\n   ".join(text.replace("*/", "* /").splitlines())
 
 
-def positions(units: Mapping[str, str], prefix: str = "") -> str:
+def positions(units: Mapping[str, str], prefix: str = "HFA_") -> str:
     """Return the lines of a C enumeration, such as "HFA_SPEED, /* ft/s */".
 
     units: name -> unit, or "" without a unit
-    prefix: inserted between HFA_ and the name
+    prefix: begin of each name
     """
     lines = []
     for name, unit in units.items():
         comment = f" /* {unit} */" if unit else ""
-        lines.append(f"    HFA_{prefix}{name.upper()},{comment}")
+        lines.append(f"    {prefix}{name.upper()},{comment}")
     return "\n".join(lines)
 
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.limits import Limits
-from hfa_flight.export.c_text import comment_lines, filled, units_of
+from hfa_flight.export.c_text import comment_lines, filled, positions, units_of
 from hfa_flight.policies.filtered_policy import IMPOSSIBLE, LOST, FilteredPolicy, command_of
 from hfa_support.native.c_code import c_function
 
@@ -23,8 +23,8 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
     fields = {
         "origin": comment_lines(origin),
         "title": comment_lines(f"{model.title}, {policy.filter.text()}"),
-        "sensors": _positions("FILTER_", units_of(model, policy.filter.sensors)),
-        "inputs": _positions("FILTER_", units_of(model, model.inputs)),
+        "sensors": positions(units_of(model, policy.filter.sensors), "FILTER_"),
+        "inputs": positions(units_of(model, model.inputs), "FILTER_"),
         "dt": repr(policy.dt),
         "memory": len(policy.filter.Phi) + 2,
         "impossible": IMPOSSIBLE,
@@ -32,11 +32,6 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
         "sample": c_function(filter_sample(policy), "sample", ("memory", "y"), ("u", "later")),
     }
     return {file: filled(file, **fields) for file in FILTER_FILES}
-
-
-def _positions(prefix: str, units: dict[str, str]) -> str:
-    """Return the lines of a C enumeration, such as "FILTER_SPEED, /* ft/s */"."""
-    return "\n".join(f"    {prefix}{name.upper()}, /* {unit} */" for name, unit in units.items())
 
 
 def filter_sample(policy: FilteredPolicy) -> ca.Function:

@@ -13,7 +13,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.plan.held_model import STILL
 from hfa_flight.plan.measured import Measured
-from hfa_flight.plan.one_sample_filter import OneSampleFilter
+from hfa_flight.plan.nearest_inputs import NearestInputs
 from hfa_flight.plan.problem import FlightProblem, flight_problem
 from hfa_flight.plan.scaled import ScaledProblem
 from hfa_flight.policies.deployment.deployment import Deployment
@@ -24,7 +24,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
 from trim.point.operating_point import OperatingPoint
 
-#: Largest difference of a command and its filtered value that is rounding, in nominal values.
+#: Largest difference of a command and its nearest one that is rounding, in nominal values.
 _ROUNDING = 1e-12
 
 
@@ -36,7 +36,7 @@ class KeptInside(Policy):
 
     policy: the policy
     problem: aircraft, trim and limits
-    filter: least change of the inputs of a sample
+    nearest: nearest inputs of a sample that keep the limits
     tick: time between samples, s
     delay: time from a sample until its command acts, s
     """
@@ -45,28 +45,28 @@ class KeptInside(Policy):
 
     policy: Policy
     problem: FlightProblem
-    filter: OneSampleFilter
+    nearest: NearestInputs
     tick: float
     delay: float
     changed: list[int]
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the policy's inputs, or those of the filter while it acts, (m,)."""
+        """Return the policy's inputs, or the nearest ones where they differ, (m,)."""
         size = self.policy.held.shape[1]
         own, acts, u = ca.vertsplit(held, [0, size, size + 1, held.numel()])
         return ca.if_else(acts, u, self.policy.control(t, measurements, memory, own))
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the function (tick, measured) -> held inputs of the policy, whether the filter
-        acts, and its inputs.
+        """Return the function (tick, measured) -> held inputs of the policy, whether they are
+        replaced, and the nearest inputs.
 
-        With a delay, a sampled policy and the filter act on the states when their command acts.
+        With a delay, a sampled policy too acts on the states when its command acts.
         """
-        problem, filtered = self.problem, self.filter
+        problem, nearest = self.problem, self.nearest
         own = self.policy
         policy_held = own.sampler() or (lambda k, _: own.held_inputs(k, k * self.tick))
         command = BoundFunction(self._command())
-        known = Measured(filtered.model)
+        known = Measured(nearest.model)
         trim = np.array(problem.point.states)
         self.changed[0] = 0
 
@@ -78,7 +78,7 @@ class KeptInside(Policy):
             held = policy_held(tick, acted)
             (u,) = command.at(tick * self.tick, measured, held)
             v = u[problem.moved] / problem.sizes[1]
-            inside = filtered(z, v)
+            inside = nearest(z, v)
             acts = bool(np.abs(inside - v).max() > _ROUNDING)
             known.command(inside, self.delay)
             self.changed[0] += acts
@@ -100,7 +100,7 @@ class KeptInside(Policy):
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
         """Return the policy with the ticks and the delay of a scenario, and the scenario.
 
-        The delay of a deployment becomes that of the scenario, after the filter.
+        The delay of a deployment becomes that of the scenario, after the nearest inputs.
 
         Raises BadInputError if it is not a whole number of samples.
         """
@@ -113,12 +113,12 @@ class KeptInside(Policy):
             policy, scenario = policy.in_scenario(scenario)
         if isinstance(policy, SampledPolicy):
             policy = replace(policy, delay=0.0)
-        filtered = OneSampleFilter(self.filter.model.scaled, scenario.tick)
+        nearest = NearestInputs(self.nearest.model.scaled, scenario.tick)
         held = np.zeros((1, policy.held.shape[1] + 1 + len(self.problem.model.inputs)))
         changed = replace(
             self,
             policy=policy,
-            filter=filtered,
+            nearest=nearest,
             tick=scenario.tick,
             delay=scenario.delay,
             held=held,
@@ -127,12 +127,12 @@ class KeptInside(Policy):
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the data of the policy, the kept states and the number of changed samples."""
-        kept = {"kept_inside": list(self.filter.states), "changed_samples": self.changed[0]}
+        kept = {"kept_inside": list(self.nearest.states), "changed_samples": self.changed[0]}
         return {**self.policy.data(model), **kept}
 
     def notes(self) -> tuple[str, ...]:
         """Return the notes of the policy, and how often its command was changed."""
-        names = ", ".join(self.filter.states)
+        names = ", ".join(self.nearest.states)
         return (
             *self.policy.notes(),
             f"--keep-inside ({names}): the command of {self.changed[0]} samples was changed.",
@@ -151,8 +151,8 @@ def keep_inside(
     The change is the least, in fractions of the inputs' ranges, after which the model's next states
     are within 96 % of the distances from trim to limits. Only states that the inputs can move by a
     tenth of their range in one sample are kept, such as a pitch rate. Wrong parameters and
-    disturbances are not known to the filter. In a flight with a delay, a policy that is computed
-    once a sample acts on the states predicted over the commands under way, as the filter does.
+    disturbances are not known. In a flight with a delay, the states are predicted over the
+    commands under way, for a policy that is computed once a sample too.
 
     policy: a policy of `hfa.fly` without memory, such as `hfa.predictive(...)`, or an
         `hfa.Deployment`
@@ -183,8 +183,8 @@ def kept_inside(policy: Policy, problem: FlightProblem, tick: float = 0.01) -> K
             f"the policy {policy.name} has a memory, which keep-inside does not know; remove "
             "keep-inside"
         )
-    filtered = OneSampleFilter(ScaledProblem(problem), tick)
-    if not filtered.states:
+    nearest = NearestInputs(ScaledProblem(problem), tick)
+    if not nearest.states:
         raise BadInputError(
             f"in {tick:g} s the inputs move no limited state by a tenth of its range; remove "
             "keep-inside"
@@ -194,10 +194,10 @@ def kept_inside(policy: Policy, problem: FlightProblem, tick: float = 0.01) -> K
         f"{policy.name}, kept inside",
         policy,
         problem,
-        filtered,
+        nearest,
         tick,
         0.0,
         [0],
         held=held,
-        identity={**policy.identity, "keeps": list(filtered.states)},
+        identity={**policy.identity, "keeps": list(nearest.states)},
     )

@@ -11,7 +11,7 @@ import numpy as np
 from hfa_flight.plan.grid import Grid, gains_of
 from hfa_flight.plan.held_model import STILL, HeldModel
 from hfa_flight.plan.hold import Hold
-from hfa_flight.plan.one_sample_filter import OneSampleFilter
+from hfa_flight.plan.nearest_inputs import NearestInputs
 from hfa_flight.plan.plan_program import Change, PlanProgram
 from hfa_flight.plan.scaled import ScaledProblem
 from hfa_flight.plan.target import Target
@@ -106,7 +106,7 @@ class Planner:
         longest, count = grid.most_samples
         self._fast = np.flatnonzero(scaled.reached(grid.dt)[self.soft])
         self._slopes, self._curvatures = self._slack_prices(P)
-        self._filter = OneSampleFilter(scaled, grid.dt * longest[-1], 1.0 - margin)
+        self._nearest = NearestInputs(scaled, grid.dt * longest[-1], 1.0 - margin)
         self.model = HeldModel(scaled, grid.dt * longest, winds)
         self._halves = HeldModel(scaled, 0.5 * grid.dt * longest, winds)
         self._flights = HeldModel(scaled, np.full(2 * count, 0.5 * grid.dt), winds)
@@ -381,10 +381,10 @@ class Planner:
         z = plan.z[-1]
         gain, _ = hold.back(target.P)
         linear = np.clip(target.v - gain @ (z - target.z), *self.scaled.input_limits)
-        inputs = [self._filter(z, v) for v in (linear, plan.v[-1], target.v)]
+        inputs = [self._nearest(z, v) for v in (linear, plan.v[-1], target.v)]
         costs = []
         for v in inputs:
-            (after,) = self._filter.model.moved_along(z[None], v[None], STILL)[0]
+            (after,) = self._nearest.model.moved_along(z[None], v[None], STILL)[0]
             both = np.concatenate([z - target.z, v - target.v])
             costs.append(both @ hold.W @ both + target.value(after) + self._price(after[None]))
         return inputs[int(np.argmin(costs))]

@@ -20,7 +20,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.plan.grid import sample_time
 from hfa_flight.plan.held_model import STILL
 from hfa_flight.plan.measured import Measured, wrong_samples_note
-from hfa_flight.plan.one_sample_filter import OneSampleFilter
+from hfa_flight.plan.nearest_inputs import NearestInputs
 from hfa_flight.plan.problem import FlightProblem, flight_problem
 from hfa_flight.plan.scaled import ScaledProblem
 from hfa_flight.plan.smooth import smooth_slopes
@@ -43,12 +43,12 @@ _NEGATIVE = 1e-9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StateDependent(SampledPolicy):
-    """Policy v = -R⁻¹ B(z)' P(z) z, saturated at the input limits and filtered.
+    """Policy v = -R⁻¹ B(z)' P(z) z, saturated at the input limits and kept inside.
 
       A(z) = ∫ ∂f/∂z(s z, 0) ds over s from 0 to 1,   B(z) = ∂f/∂v(z, 0)
       A'P + P A + Q(z) - P (B R⁻¹ B' - E E'/δ²) P = 0
 
-    Q(z) adds a weight to each rate that the filter keeps, proportional to the square of its
+    Q(z) adds a weight to each rate that is kept inside, proportional to the square of its
     distance from trim over that of its limit. At samples without a solution, P is that of the trim.
 
     problem: aircraft, trim, weights and limits
@@ -91,7 +91,7 @@ class StateDependent(SampledPolicy):
 
     def notes(self) -> tuple[str, ...]:
         """Return what the samples of the last flight needed."""
-        kept = ", ".join(self.law.filter.states) or "no state"
+        kept = ", ".join(self.law.nearest.states) or "no state"
         lines = [
             compared(self.name),
             f"The game has the {self.problem.weights_text()}.",
@@ -124,15 +124,15 @@ class RiccatiLaw:
         P: np.ndarray,
         limit_weight: float,
     ) -> None:
-        self.filter = OneSampleFilter(scaled, dt)
+        self.nearest = NearestInputs(scaled, dt)
         self._scaled = scaled
         self._attenuated = E @ E.T / delta**2
         self._P = P
-        self._kept = [scaled.problem.states.index(name) for name in self.filter.states]
+        self._kept = [scaled.problem.states.index(name) for name in self.nearest.states]
         self._limit_weight = limit_weight
         nodes, shares = np.polynomial.legendre.leggauss(_POINTS)
         self._ray = 0.5 * (1.0 + nodes), 0.5 * shares
-        self._measured = Measured(self.filter.model)
+        self._measured = Measured(self.nearest.model)
         self.reset()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -165,7 +165,7 @@ class RiccatiLaw:
             acted = self._measured.when_acting(used, delay, STILL)
             K = self.gain_at(acted)
             v = np.clip(-K @ acted[: K.shape[1]], *self._scaled.input_limits)
-            v = self.filter(acted, v)
+            v = self.nearest(acted, v)
         self._measured.command(v, delay)
         return v
 
@@ -228,8 +228,8 @@ def state_dependent(
 ) -> StateDependent:
     """Return the policy that solves the game of the model at its state, at each sample.
 
-    Its gradient at the trim is the exact gain. It needs no optimizer and no training. A filter
-    changes the command of one sample where a rate would leave its limits. This does not prove that
+    Its gradient at the trim is the exact gain. It needs no optimizer and no training. The command
+    of a sample is changed where a rate would leave its limits. This does not prove that
     a flight converges or stays within the limits.
 
     model: the aircraft

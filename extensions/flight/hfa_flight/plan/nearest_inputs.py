@@ -1,4 +1,4 @@
-"""Filter that changes the command of one sample only where the next states would leave."""
+"""Nearest inputs of one sample with which the next states stay within their limits."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ WITHIN = 0.96
 _STEPS = 4
 
 
-class OneSampleFilter:
-    """Least change of the inputs of one sample after which some states are within their limits.
+class NearestInputs:
+    """Inputs nearest to those of one sample, with which some states are within their limits next.
 
     The states are those that the inputs can move by a tenth of the range in one sample, such as a
     pitch rate. The change is least in fractions of the inputs' ranges. It knows no wind.
@@ -37,9 +37,9 @@ class OneSampleFilter:
         self._limits = within * below[self._kept], within * above[self._kept]
         self._squares = np.where(np.isfinite(ranges), ranges, 1.0) ** 2
 
-    def __reduce__(self) -> tuple[type[OneSampleFilter], tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[type[NearestInputs], tuple[Any, ...]]:
         """Return the constructor and its arguments, for copies and pickle."""
-        return OneSampleFilter, (self.model.scaled, float(self.model.holds[0]), self._within)
+        return NearestInputs, (self.model.scaled, float(self.model.holds[0]), self._within)
 
     @property
     def states(self) -> tuple[str, ...]:
