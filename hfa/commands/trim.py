@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -37,7 +38,7 @@ from hfa_support.reporting.rows import Row, Sheet, matrix_of
 from trim.point.condition import usual_condition
 from trim.point.solve import TrimError
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
-from trim.reports.point_figure import point_figure
+from trim.reports.point_figure import has_range, point_figure
 from trim.reports.trim_report import report_of, sheet_at, trim_report
 from trim.reports.trimmed import Trimmed
 
@@ -109,8 +110,7 @@ def trim(request: TrimRequest) -> int:
     if len(trims) == 1 and request.conditions is None:
         point = trimmed_or_shown(request, valid[0])
         report, _ = _sheet(request, valid[0], point)
-        (picture,) = report.pictures()
-        show(request, report, valid[0].source, figure=lambda: picture.figure)
+        show(request, report, valid[0].source, figure=partial(_figure, point))
         return 0
     if request.picture is not None:
         raise BadInputError("--picture requires a single trim; -o FILE.html contains all pictures")
@@ -200,24 +200,30 @@ def _failed(given: GivenTrim, error: TrimError) -> Report:
 
 def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> tuple[Report, Sheet]:
     """Return the report of a trim, with its picture, and its sheet."""
-    aircraft = given.model
     trimmed = Trimmed(point, given.condition)
     sheet = sheet_at(trimmed, _airplane(request))
     report = report_of(trimmed, sheet, request.full)
-    if hfa_model.is_hfa(aircraft):
+    if hfa_model.is_hfa(given.model):
         from trim.hfa.other_dynamics import beside_other_dynamics
 
         report = beside_other_dynamics(report, point)
 
-    def figure() -> Figure:
-        if not hfa_model.is_hfa(aircraft):
-            return point_figure(point)
-        from trim.hfa.front_view import trim_figure
+    if has_range(point):
+        picture = Picture("trim.png", report.title.partition("\n")[0], partial(_figure, point))
+        report = replace(report, parts=(*report.parts, picture))
+    return report, sheet
 
-        return trim_figure(aircraft, point)
 
-    picture = Picture("trim.png", report.title.partition("\n")[0], figure)
-    return replace(report, parts=(*report.parts, picture)), sheet
+def _figure(point: OperatingPoint) -> Figure:
+    """Return the picture of a trim: the front view of the HFA, or the variables of an aircraft.
+
+    Raises BadInputError if no variable has two limits.
+    """
+    if not hfa_model.is_hfa(point.model):
+        return point_figure(point)
+    from trim.hfa.front_view import trim_figure
+
+    return trim_figure(point.model, point)
 
 
 def _airplane(request: TrimRequest) -> Airplane | None:

@@ -46,16 +46,22 @@ def _height(point: OperatingPoint) -> float:
     return 1.2 + 0.3 * len(with_range(point))
 
 
+def has_range(point: OperatingPoint) -> bool:
+    """Return whether a variable of a trim has two different limits, so that there is a figure."""
+    return any(map(_has_range, point.margins.values()))
+
+
+def _has_range(margin: Margin) -> bool:
+    return math.isfinite(margin.highest - margin.lowest) and margin.highest > margin.lowest
+
+
 def with_range(point: OperatingPoint) -> list[Margin]:
     """Return the variables with two different limits, from the bottom of the figure."""
     if point.problem is None:
         raise BadInputError(
             "this operating point is not the result of a trim and has no limits; trim the model"
         )
-    limited = []
-    for margin in point.margins.values():
-        if math.isfinite(margin.highest - margin.lowest) and margin.highest > margin.lowest:
-            limited.append(margin)
+    limited = [margin for margin in point.margins.values() if _has_range(margin)]
     if not limited:
         raise BadInputError(
             "no variable has both a lower and an upper limit; declare min and max of a Signal"

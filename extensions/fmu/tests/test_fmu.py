@@ -475,3 +475,12 @@ def test_reference_fmus_are_read_or_refused() -> None:
         linear = hfa.linearize(model, hfa.trim(model))
         assert linear.A.tolist() == pytest.approx(np.array(A), abs=1e-8)
     assert_refused(run("trim", "--aircraft", f"{REFERENCE}/BouncingBall.fmu"), 1, "no trim")
+
+
+def test_a_sheet_without_limits_is_written() -> None:
+    """No variable of the pendulum has two limits, so the sheet has no picture."""
+    result = run("trim", "--aircraft", fmu(), "-o", "sheet.html")
+    assert (result.code, "<svg" in Path("sheet.html").read_text("utf-8")) == (0, False)
+    assert_refused(
+        run("trim", "--aircraft", fmu(), "--picture", "x.png"), 2, "no variable has both"
+    )

@@ -70,8 +70,8 @@ def member_report(
     if isinstance(plan.policy, FilteredPolicy):
         parts.append(plan.policy.filter.text())
     notes = [_ALIKE] if _alike(plan) and plan.members > 1 else []
-    is_noisy = bool(plan.scenario.uncertainty.noise)
-    if is_noisy and found["left"] and not isinstance(plan.policy, (FilteredPolicy, OpenLoop)):
+    is_unfiltered = not isinstance(plan.policy, (FilteredPolicy, OpenLoop))
+    if plan.scenario.uncertainty.noise and is_unfiltered and found["first_left"] is not None:
         notes.append(_UNFILTERED)
     return Report(title, parts, notes, found)
 
@@ -89,8 +89,8 @@ def _verdict(plan: MonteCarlo, found: Mapping[str, Any]) -> str:
     band = "" if _alike(plan) else band_text(lost, members)
     if not lost:
         return f"{line}; {band}" if band else line
-    worst = max(found["left"], key=lambda name: found["left"][name])
-    by = f" by {worst}" if found["left"][worst] else ""
+    left = {name: count for name, count in found["left"].items() if count}
+    by = f" by {next(iter(left)) if len(left) == 1 else _listed(left)}" if left else ""
     return f"{line}; {lost} lost{by}" + (f" ({band})" if band else "")
 
 
