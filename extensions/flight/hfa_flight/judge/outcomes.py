@@ -196,10 +196,12 @@ class PlacedFlights:
         owners: np.ndarray,
         starts: np.ndarray,
         pushes: np.ndarray,
+        seconds: float,
     ) -> None:
         """Prepare flights from initial states X, (N, n).
 
         pushes: disturbance pulses, (N, k)
+        seconds: duration of a flight, s
         """
         model = flight.deployed.model
         self.flight = flight
@@ -211,7 +213,7 @@ class PlacedFlights:
         self.first = flight.start(starts, self.trims)
         self.states = self.first.copy()
         self.times = np.zeros(len(owners))
-        self.seconds = HORIZON
+        self.seconds = seconds
         self.pushes = pushes
         k = len(model.linear)
         self.swings = np.zeros((len(owners), k))
@@ -224,21 +226,23 @@ class PlacedFlights:
         self._turns = np.array([p.turns if p.turns.size else none for p in places])[owners]
         self._balls = np.array([BALL * place.box for place in places])[owners]
         self._decisive = np.array([place.decisive for place in places])[owners]
-        self.endings = self._undecided(1)
+        envelopes = [flight_envelope(model, place.point) for place in places]
+        least = np.array([envelope.least for envelope in envelopes])[owners]
+        most = np.array([envelope.most for envelope in envelopes])[owners]
+        self.endings = Endings(
+            (least, most),
+            self.distance,
+            flight.windows(seconds),
+            stable=np.array([place.stable for place in places])[owners],
+            extremes=flight.extremes,
+        )
 
-    def fly(
-        self, seconds: float, samples: CompiledSamples, progress: Progress | None = None
-    ) -> None:
-        """Simulate all flights, each until it ends or `seconds` have elapsed.
-
-        seconds: s
-        samples: policy and aircraft
-        """
+    def fly(self, progress: Progress | None) -> None:
+        """Simulate all flights, each until it ends or its duration has elapsed."""
+        samples = self.flight.compiled(len(self.owners), self.seconds)
         window = self.flight.samples_in_window
         of_window = window * self.flight.dt
-        windows = max(1, round(seconds / of_window))
-        self.seconds = seconds
-        self.endings = self._undecided(windows)
+        windows = self.flight.windows(self.seconds)
 
         def work(numbers: np.ndarray) -> None:
             shown = progress if progress is not None and 0 in numbers else None
@@ -266,20 +270,6 @@ class PlacedFlights:
         self.endings.close()
         back = self.endings.outcomes == Outcome.CONVERGED
         self.times[back] = (self.endings.in_ball_from[back] + 1) * of_window
-
-    def _undecided(self, windows: int) -> Endings:
-        """Return the rule by which the flights end."""
-        model = self.flight.deployed.model
-        envelopes = [flight_envelope(model, place.point) for place in self.places]
-        least = np.array([envelope.least for envelope in envelopes])[self.owners]
-        most = np.array([envelope.most for envelope in envelopes])[self.owners]
-        return Endings(
-            (least, most),
-            self.distance,
-            windows,
-            stable=np.array([place.stable for place in self.places])[self.owners],
-            extremes=self.flight.extremes,
-        )
 
     def distance(self, flown: History) -> np.ndarray:
         """Return the distance of each flight from its equilibrium in a window, in balls, (N,).
@@ -433,26 +423,16 @@ def fly_places(
 
     samples: number of initial conditions at each trim
     """
-    flown = placed_flights(flight, places, samples, seed)
-    seconds = max(place.seconds for place in places)
-    flown.fly(seconds, flight.compiled(len(flown.owners), seconds), progress)
-    outcomes = [flown.outcomes(owner) for owner in range(len(flown.places))]
-    return outcomes[: len(places)], outcomes[len(places) :]
-
-
-def placed_flights(
-    flight: SampledFlight, places: list[Place], samples: int, seed: int
-) -> PlacedFlights:
-    """Return flights about each trim, without and then with a disturbance pulse.
-
-    samples: number of initial conditions at each trim
-    """
     drawn = [
         seeded_starts(place, samples, seed, pushed) for pushed in (False, True) for place in places
     ]
     starts, pushes = (np.vstack(each) for each in zip(*drawn, strict=True))
     owners = np.repeat(np.arange(2 * len(places)), samples)
-    return PlacedFlights(flight, places + places, owners, starts, pushes)
+    seconds = max(place.seconds for place in places)
+    flown = PlacedFlights(flight, places + places, owners, starts, pushes, seconds)
+    flown.fly(progress)
+    outcomes = [flown.outcomes(owner) for owner in range(len(flown.places))]
+    return outcomes[: len(places)], outcomes[len(places) :]
 
 
 def ends_from_trim(
@@ -467,8 +447,7 @@ def ends_from_trim(
     still = STILL * np.array([model.signals[name].nominal for name in model.states])
     trims = np.array([flight.deployed.trim_vector(point) for point in points])
     X, memory, *_ = flight.slices
-    window = flight.samples_in_window
-    ticks = window * max(1, round(seconds / (window * flight.dt)))
+    ticks = flight.samples_in_window * flight.windows(seconds)
     start = flight.start(trims[:, X], trims)
     flown, _ = samples.fly(start, trims, ticks, over=settled(still), keep=False)
     final = flown.states[:, 0]

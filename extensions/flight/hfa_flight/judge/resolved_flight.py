@@ -65,8 +65,7 @@ def _largest_deviations(flight: SampledFlight, places: Sequence[Place], seed: in
     starts = np.vstack([seeded_starts(place, _CHECKED, seed, pushed=False)[0] for place in places])
     trims = np.array([deployed.trim_vector(place.point) for place in places])[owners]
     seconds = min(_SECONDS, _SAMPLES * flight.dt)
-    window = flight.samples_in_window
-    ticks = window * max(1, round(seconds / (window * flight.dt)))
+    ticks = flight.samples_in_window * flight.windows(seconds)
     samples = flight.compiled(len(owners), seconds)
     flown, _ = samples.fly(flight.start(starts, trims), trims, ticks)
     lowest, highest = flight.extremes(flown.states)

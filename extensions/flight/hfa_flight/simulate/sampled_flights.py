@@ -123,6 +123,10 @@ class SampledFlight:
         """Number of samples in a window of `WINDOW` s, at least one."""
         return max(1, round(WINDOW / self.dt))
 
+    def windows(self, seconds: float) -> int:
+        """Return the number of whole windows in a time, at least one."""
+        return max(1, round(seconds / (self.samples_in_window * self.dt)))
+
     def tick(self) -> ca.Function:
         """Return the function (state, held) -> state one sample later."""
         model = self.deployed.model
