@@ -243,7 +243,10 @@ def _effort_program(structure: Structure) -> ca.Function:
     }
     try:
         return ca.nlpsol("effort", "ipopt", program, options)
-    except RuntimeError:  # a compiled function, such as an FMU, has no second derivatives
+    except RuntimeError as error:
+        if "Derivatives cannot be calculated" not in str(error):
+            raise
+        # A compiled function, such as an FMU, has no second derivatives.
         first_order = {**_IPOPT, "hessian_approximation": "limited-memory"}
         return ca.nlpsol("effort", "ipopt", program, {**options, "ipopt": first_order})
 
