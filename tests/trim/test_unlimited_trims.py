@@ -5,7 +5,6 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import hfa
 from hfa import Model, Signal
@@ -64,25 +63,3 @@ def test_bank_angles_of_a_sweep_are_exact() -> None:
     turns = np.array([0.1, 0.5, 1.5])
     swept = hfa.sweep(TURNING, {"speed": [300.0], "turn": turns})
     np.testing.assert_allclose(swept.states[:, 2], np.arctan(300.0 * turns / _GRAVITY), rtol=1e-9)
-
-
-def test_a_trim_from_another_start_reports_the_failure() -> None:
-    """The report of a trim found from another initial point states why the default point failed.
-
-    At the default point, a local minimum stops both Newton's method and the least-squares search.
-    """
-    bumpy = hfa.Model(
-        "bumpy",
-        {"speed": Signal("m/s", min=0.0, max=10.0, start=1.0)},
-        {"thrust": Signal("N", min=0.0, max=1.0)},
-        lambda x, u, p, w: ({"speed": (x.speed - 1.0) ** 2 * (x.speed - 8.0) - 5.0}, {}),
-        trim={"thrust": 0.0},
-    )
-    point = hfa.trim(bumpy)
-    assert point["speed"] == pytest.approx(brentq(lambda v: (v - 1) ** 2 * (v - 8) - 5, 8, 9))
-    assert point.started > 0
-    lines = repr(point).splitlines()
-    assert "Not from the default initial point" in lines
-    assert any(
-        line.startswith("From the default initial point: no trim: these rates") for line in lines
-    )
