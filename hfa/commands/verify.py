@@ -8,8 +8,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from controller.critic.critic_file import critic_in, critic_suffixes, is_network, stated_in
+from controller.critic.critic_file import (
+    critic_in,
+    critic_suffixes,
+    entries_in,
+    is_network,
+    stated_in,
+)
 from controller.critic.reading import Stated
+from controller.game.zero_sum import Game
 from hfa.options.argument_types import positive, whole
 from hfa.options.command import Request, command, picture_option
 from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
@@ -20,6 +27,7 @@ from hfa.options.plants import loaded_model
 from hfa.options.show import show
 from hfa.options.tracking import reference_of, reference_option, with_tracking
 from hfa.options.trims import OF_THE_TRIM
+from hfa_aircraft.readers.matrices_file import words
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.progress import with_progress
@@ -147,7 +155,8 @@ def verify(request: VerifyRequest) -> int:
 
         return verdicts_figure(verdicts, named.game.names.origin)
 
-    show(request, report, named.source, figure=figure, notes=named.warnings)
+    others = [note for path in paths for note in _of_another_plant(path, named.game)]
+    show(request, report, named.source, figure=figure, notes=(*named.warnings, *others))
     return 0 if all(verdict.holds(request.limit_cost) for verdict in judged) else 1
 
 
@@ -240,6 +249,16 @@ def _verdict(request: VerifyRequest, path: Path, named: NamedGame, files: int) -
             taylor=request.taylor,
             progress=ProgressLine("verify"),
         )
+
+
+def _of_another_plant(path: Path, game: Game) -> list[str]:
+    """Return a note on the plant that a file of `hfa learn` or `hfa solve` states, if it is not
+    that of the game.
+    """
+    plant = () if is_network(path) else words(entries_in(path), "plant")
+    if plant in ((), (game.names.origin,)):
+        return []
+    return [f"{path} is of {', '.join(plant)}; the game is of {game.names.origin}"]
 
 
 def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Verdict]) -> Report:

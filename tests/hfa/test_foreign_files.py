@@ -129,3 +129,12 @@ def test_an_entry_dt_that_is_no_sample_time_is_refused(dt: object) -> None:
         assert (result.code, result.out) == (BAD_INPUT, "")
         assert len(result.err.splitlines()) == 1
         assert ".npz: dt " in result.err
+
+
+def test_a_solution_of_another_trim_is_named(tmp_path: Path) -> None:
+    """`hfa verify` says of which trim a file of `hfa solve` is, if the game is of another."""
+    solved = str(tmp_path / "solved.json")
+    assert hfa("solve", "--dihedral", "10", "-q", "-o", solved).code == 0
+    for dihedral, code in (("10", 0), ("11", 1)):
+        result = hfa("verify", "--dihedral", dihedral, "--weights", solved, "-q")
+        assert (result.code, "dihedral 10 deg, published" in result.err) == (code, code == 1)
