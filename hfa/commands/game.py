@@ -21,13 +21,10 @@ from hfa.options.ranges import array_of, value_range
 from hfa.options.show import show
 from hfa.options.tracking import reference_of, reference_option, with_tracking
 from hfa.options.trims import (
-    AT_SEVERAL,
-    DIHEDRAL_SEVERAL,
     GivenTrim,
+    SeveralTrims,
     at_name,
-    at_option,
     at_value,
-    dihedral_option,
     held_values,
     trim_source,
     trim_with,
@@ -48,11 +45,9 @@ _OF_ONE_TRIM = ("order", "reference")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SolveRequest(Request, GameOptions):
+class SolveRequest(Request, SeveralTrims, GameOptions):
     """Options of `hfa solve`."""
 
-    at: str | None = at_option(f"{AT_SEVERAL} of a table", "RANGE")
-    dihedral: str | None = dihedral_option(f"{DIHEDRAL_SEVERAL} of a table", "RANGE")
     picture: Path | None = picture_option(
         "with --order: errors of V2 to VD over the distance from the trim"
     )

@@ -18,14 +18,10 @@ from hfa.options.plants import loaded_model
 from hfa.options.ranges import Range, array_of, is_one_value, value_range
 from hfa.options.show import provenance, show, show_text
 from hfa.options.trims import (
-    AT_SEVERAL,
-    DIHEDRAL_SEVERAL,
-    TrimOptions,
+    SeveralTrims,
     at_name,
-    at_option,
     at_value,
     common_condition,
-    dihedral_option,
     held_values,
     trim_source,
 )
@@ -50,11 +46,9 @@ _PURPOSE = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SweepRequest(Request, TrimOptions, WorkerOptions):
+class SweepRequest(Request, SeveralTrims, WorkerOptions):
     """Options of `hfa sweep`."""
 
-    at: str | None = at_option(AT_SEVERAL, "RANGE")
-    dihedral: str | None = dihedral_option(DIHEDRAL_SEVERAL, "RANGE")
     hold: Mapping[str, str] = option(
         "impose a value or a range on a variable or parameter of the aircraft; repeatable",
         "NAME=RANGE",

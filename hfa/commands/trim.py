@@ -19,13 +19,9 @@ from hfa.options.plants import aircraft_source, loaded_model
 from hfa.options.ranges import array_of, value_range
 from hfa.options.show import show, show_text
 from hfa.options.trims import (
-    AT_SEVERAL,
-    DIHEDRAL_SEVERAL,
     GivenTrim,
-    TrimOptions,
-    at_option,
+    SeveralTrims,
     at_value,
-    dihedral_option,
     held_values,
     refuse_doubles,
     trim_with,
@@ -65,11 +61,9 @@ def _category(text: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TrimRequest(Request, TrimOptions):
+class TrimRequest(Request, SeveralTrims):
     """Options of `hfa trim`."""
 
-    at: str | None = at_option(f"{AT_SEVERAL}, a sheet for each")
-    dihedral: str | None = dihedral_option(DIHEDRAL_SEVERAL)
     hold: Mapping[str, str] = option(
         "hold a variable at a value (repeatable); also a list or a range, a sheet for each",
         "NAME=VALUE",

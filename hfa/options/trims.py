@@ -19,9 +19,8 @@ from trim.point.operating_point import OperatingPoint
 
 #: Options of the trim condition, without the scheduling variable.
 OF_THE_TRIM = ("condition", "free", "hold", "isa", "limit", "start")
-#: Help of --at and --dihedral where several values may be given.
-AT_SEVERAL = "scheduling variable: a number, a list a,b,c or a range start:stop:step"
-DIHEDRAL_SEVERAL = "dihedral angle: a number, a list a,b,c or a range start:stop:step"
+#: Forms of several values of a variable, for helps.
+SEVERAL = "a number, a list a,b,c or a range start:stop:step"
 
 T = TypeVar("T")
 
@@ -68,6 +67,14 @@ class TrimOptions(AircraftOptions):
         "FILE",
         rare=True,
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeveralTrims(TrimOptions):
+    """The condition of trims at one or several values of the scheduling variable."""
+
+    at: str | None = at_option(f"scheduling variable: {SEVERAL}", "RANGE")
+    dihedral: str | None = dihedral_option(f"dihedral angle: {SEVERAL}", "RANGE")
 
 
 def held_values(

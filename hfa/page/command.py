@@ -17,10 +17,8 @@ from hfa.options.plants import loaded_model, parameter_set
 from hfa.options.ranges import array_of, value_range
 from hfa.options.show import provenance, stated
 from hfa.options.trims import (
-    AT_SEVERAL,
-    DIHEDRAL_SEVERAL,
-    TrimOptions,
-    at_option,
+    SEVERAL,
+    SeveralTrims,
     at_value,
     common_condition,
     dihedral_option,
@@ -61,13 +59,12 @@ def _flights(text: str) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ReportRequest(Request, TrimOptions):
+class ReportRequest(Request, SeveralTrims):
     """Options of `hfa report`."""
 
     aircraft: None = None
-    at: str | None = at_option(f"{AT_SEVERAL}, shown in detail", "RANGE")
     dihedral: str | None = dihedral_option(
-        f"angles shown in detail: {DIHEDRAL_SEVERAL}; default: the printed 5 and 15", "RANGE"
+        f"angles shown in detail: {SEVERAL}; default: the printed 5 and 15", "RANGE"
     )
     output: Path | None = option(
         "write one self-contained .html file, or a folder with the page, pictures and numbers "

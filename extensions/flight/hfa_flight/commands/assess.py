@@ -27,14 +27,10 @@ from hfa.options.plants import aircraft_help, loaded_model
 from hfa.options.ranges import array_of, value_range
 from hfa.options.show import show
 from hfa.options.trims import (
-    AT_SEVERAL,
-    DIHEDRAL_SEVERAL,
     GivenTrim,
-    TrimOptions,
+    SeveralTrims,
     at_name,
-    at_option,
     at_value,
-    dihedral_option,
     held_values,
     trim_source,
     trim_with,
@@ -105,13 +101,11 @@ def _deployment_path(text: str) -> Path:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AssessRequest(Request, TrimOptions):
+class AssessRequest(Request, SeveralTrims):
     """Arguments of `hfa assess`."""
 
     units: None = None
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME", names="--model --aircraft")
-    at: str | None = at_option(AT_SEVERAL, "RANGE")
-    dihedral: str | None = dihedral_option(DIHEDRAL_SEVERAL, "RANGE")
     picture: Path | None = picture_option(
         "spectral radius versus delay, and outcomes of the flights"
     )
