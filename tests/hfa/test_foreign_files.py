@@ -136,5 +136,5 @@ def test_a_solution_of_another_trim_is_named(tmp_path: Path) -> None:
     solved = str(tmp_path / "solved.json")
     assert hfa("solve", "--dihedral", "10", "-q", "-o", solved).code == 0
     for dihedral, code in (("10", 0), ("11", 1)):
-        result = hfa("verify", "--dihedral", dihedral, "--weights", solved, "-q")
+        result = hfa("verify", "--dihedral", dihedral, "--weights", solved)
         assert (result.code, "dihedral 10 deg, published" in result.err) == (code, code == 1)
