@@ -153,41 +153,27 @@ def _bump(x: Any) -> Any:
     return parts[0] - parts[1]
 
 
-@pytest.mark.parametrize(
-    ("rate", "reach", "is_proved"),
-    [
-        (lambda x: -x * (x**2 - 0.04) * (x**2 - 0.16), 0.19, True),
-        (lambda x: -x * (x**2 - 0.04) * (x**2 - 0.16), 1.0, False),
-        (lambda x: -x + 0.2 * _bump(x), 1.0, True),
-        (lambda x: -x + _bump(x), 1.0, False),
-    ],
-)
-def test_increase_within_the_hole_is_refused(
-    rate: Callable[[Any], Any], reach: float, is_proved: bool
-) -> None:
-    """A region is refused if V increases in a part of the hole around the equilibrium, or beside it.
-
-    The first rate increases |x| between 0.2 and 0.4, the last between 0.18 and 0.21, beyond its hole
-    |x| <= 1/8.
-    """
+@pytest.mark.parametrize(("height", "is_proved"), [(0.2, True), (1.0, False)])
+def test_increase_beside_the_hole_is_refused(height: float, is_proved: bool) -> None:
+    """The higher bump increases |x| between 0.18 and 0.21, beyond the hole |x| <= 1/8."""
     model = Model(
         "rings",
         {"angle": Signal("rad")},
         {},
-        lambda x, u, p, w: ({"angle": rate(x.angle)}, {}),
+        lambda x, u, p, w: ({"angle": height * _bump(x.angle) - x.angle}, {}),
         trim={},
     )
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(model, {}, {"angle": 0.0}, {}, {}, {}, none)
-    piece = Piece(np.eye(1) / reach, Polynomial(1, ((reach**2, (2,)),)), 0.9 * reach**2)
+    piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.9)
     statement = RegionStatement(loop, {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
     with decided(is_proved, error=RefutedError):
         assert check_region(statement, RegionWitness(np.zeros((1, 2)), 10**4)) > 0
 
 
-@pytest.mark.parametrize("level", [0.1, 0.3, 0.7, 0.9])
-def test_the_exact_equilibrium_is_enclosed(level: float) -> None:
-    """Rounding displaces the computed root of 1.5 x = level, by most of the radius of its box."""
+def test_the_exact_equilibrium_is_enclosed() -> None:
+    """Rounding displaces the computed root of 1.5 x = 0.3, by most of the radius of its box."""
+    level = 0.3
     x = ca.SX.sym("x")
     rate = ca.sqrt((x + 1e6) ** 2) - 1e6 + 0.5 * x - level
     found = equilibrium_near(_still(ca.Function("f", [x], [rate])), np.array([0.3]))

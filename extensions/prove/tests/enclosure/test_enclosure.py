@@ -193,25 +193,6 @@ def test_the_chain_rule_encloses_every_derivative() -> None:
         assert np.all(values <= found.slopes.high + 1e-13)
 
 
-@pytest.mark.parametrize("margin", [1e-13, -1e-13])
-@pytest.mark.parametrize(
-    ("function", "centre", "half_width"),
-    [(lambda y: (1 + y) ** 2 - 4 * y, 1.0, 1e-8), (lambda y: 5 * (0.2 * y) - y, 0.5, 0.5)],
-)
-def test_a_margin_of_1e13_is_decided_correctly(
-    function: Callable[[ca.SX], ca.SX], centre: float, half_width: float, margin: float
-) -> None:
-    """The sign of a margin of ±1e-13 is proved: of (1 + y)² - 4 y at y = 1, and of 5 (0.2 y) - y, which
-    CasADi simplifies to 0, although 5 times the double 0.2 is not 1.
-    """
-    y = ca.SX.sym("y")
-    program = Program(ca.Function("f", [y], [function(y) + margin]), "f")
-    models = TaylorProgram(program, 1).over(np.array([[centre]]), np.array([[half_width]]))
-    low, high = lowest(models, 1)[0, 0], highest(models, 1)[0, 0]
-    assert Fraction(float(low)) <= Fraction(margin) <= Fraction(float(high))
-    assert (low > 0.0, high < 0.0) == (margin > 0.0, margin < 0.0)
-
-
 def test_the_lowest_value_of_a_model_is_not_rounded_up() -> None:
     """The lower bound of c_0 + Σ c_i s_i + Σ c_ii s_i² ± r is at most the exact minimum.
 

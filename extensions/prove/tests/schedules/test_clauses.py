@@ -114,19 +114,6 @@ def test_a_trim_curved_in_the_scheduling_variable_is_within_its_limits() -> None
         check_schedule(ScheduleStatement(beyond, gains, 0.5), witness)
 
 
-def test_branches_of_trims_are_told_apart() -> None:
-    """The trims u = ±√p of x' = u² - p are one branch each for p > 0, and meet at p = 0."""
-    model = Model(
-        "fold", {"x": Signal()}, {"u": Signal("1", 1.0, -9.0, 9.0)},
-        lambda x, u, p, w: ({"x": u.u * u.u - p.p - x.x}, {}),
-        parameters={"p": Signal(start=1.0)}, schedule="p", trim={"x": 0.0},
-    )  # fmt: skip
-    gains = Gains(np.array([1.0]), np.zeros((1, 1, 1)))
-    assert prove_schedule(Family(model), gains, 0.01, 1.0, decay_rate=0.9).size > 4
-    with pytest.raises(NoSolutionError, match="singular at p 0"):
-        prove_schedule(Family(model), gains, 0.0, 1.0, decay_rate=0.9)
-
-
 @pytest.mark.parametrize(("balance", "is_proved"), [(0.0, True), (1.0, False)])
 def test_an_equation_without_free_variable_holds_at_every_pull(
     balance: float, is_proved: bool
@@ -271,14 +258,6 @@ def test_an_angle_of_the_equations_in_degrees_is_not_converted(unit: str, is_pro
     family = planar(lambda angle: ((angle - 2.0, 0.0), (0.0, -1.0)), unit)
     with decided(is_proved, "not below"):
         assert prove_schedule(family, NO_GAIN, 90.0, 100.0, decay_rate=0.2).size > 0
-
-
-def test_a_loop_curved_in_the_angle_alone_is_enclosed() -> None:
-    """x' = (-1 + 2 s²) x decays at s = 0, where its slope is 0, and grows at the ends s = ±1."""
-    family = planar(lambda s: ((-1.0 + 2.0 * s * s, 0.0), (0.0, -2.0)))
-    end = math.degrees(1.0)
-    with pytest.raises(NoSolutionError, match="not below"):
-        prove_schedule(family, NO_GAIN, -end, end, decay_rate=0.1)
 
 
 @pytest.mark.parametrize(("growth", "is_proved"), [(-0.9, True), (1.0, False)])
