@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -125,6 +125,22 @@ class Found(NamedTuple):
         return max(guessed) / min(guessed) - 1.0
 
 
+class _Confirmed(NamedTuple):
+    """Flight that confirms a proposal, and number of intervals -> proposed cost."""
+
+    flown: SimulatedFlight
+    proposal: Proposal
+    meshes: dict[int, float]
+
+
+class _Unconfirmed(Exception):
+    """Reason why no proposal is confirmed, and the flights that follow those that were refused."""
+
+    def __init__(self, reason: str, flights: Sequence[SimulatedFlight] = ()) -> None:
+        super().__init__(reason)
+        self.flights = flights
+
+
 @dataclass(frozen=True, eq=False)
 class BestFlights:
     """Search for the best flights of a problem.
@@ -165,17 +181,15 @@ class BestFlights:
         converges. Raises BadInputError if the initial condition is outside the limits.
         """
         self.problem.refuse_outside(start)
-        simulated: list[SimulatedFlight] = []
         try:
-            return self._confirmed_best(start, simulated)
-        except NoSolutionError as error:
-            reason = str(error).removeprefix("no flight found: ")
+            return self._confirmed_best(start)
+        except _Unconfirmed as error:
             horizon = self.horizon(start)
             linear = self.converging_linear(start, horizon)
-            cheapest = _cheapest_inside([linear, *simulated])
+            cheapest = _cheapest_inside([linear, *error.flights])
             if cheapest is None:
-                raise
-            return Found(cheapest, None, horizon, {}, {}, linear, reason)
+                raise NoSolutionError(f"no flight found: {error}") from None
+            return Found(cheapest, None, horizon, {}, {}, linear, str(error))
 
     def converging_linear(self, start: np.ndarray, horizon: float) -> SimulatedFlight:
         """Return the flight of the linear optimum, simulated longer until it converges.
@@ -190,7 +204,7 @@ class BestFlights:
             horizon *= _LONGER
         return linear
 
-    def _confirmed_best(self, start: np.ndarray, simulated: list[SimulatedFlight]) -> Found:
+    def _confirmed_best(self, start: np.ndarray) -> Found:
         """Return the best flight whose proposal the simulation confirms."""
         horizon = self.horizon(start)
         for _ in range(_EXTENSIONS):
@@ -200,11 +214,9 @@ class BestFlights:
             best = proposals[_cheapest_first(proposals)[0]]
             unfinished = self._unfinished(best)
             if not unfinished:
-                return self._refined(horizon, linear, proposals, simulated)
+                return self._refined(horizon, linear, proposals)
             horizon *= _LONGER
-        raise NoSolutionError(
-            f"no flight found with a horizon of {horizon / _LONGER:.3g} s: {unfinished}"
-        )
+        raise _Unconfirmed(f"with a horizon of {horizon / _LONGER:.3g} s, {unfinished}")
 
     def _unfinished(self, proposal: Proposal) -> str:
         """Return why the horizon of a proposal is too short, or ""."""
@@ -243,7 +255,6 @@ class BestFlights:
         seconds: float,
         linear: SimulatedFlight,
         proposals: Mapping[str, Proposal],
-        simulated: list[SimulatedFlight],
     ) -> Found:
         """Return the cheapest flight that the simulation confirms, on finer meshes."""
         finer = {}
@@ -251,34 +262,29 @@ class BestFlights:
             proposal = self._finer(2 * INTERVALS, proposals[name], MARGIN)
             if proposal.feasible:
                 finer[name] = proposal
-        reason = NONE_WITHIN
+        failed = _Unconfirmed(NONE_WITHIN)
         guesses = {name: each.cost for name, each in (dict(proposals) | finer).items()}
         for name in _cheapest_first(finer):
             meshes = {INTERVALS: proposals[name].cost, 2 * INTERVALS: finer[name].cost}
             try:
-                flown, best, meshes = self._confirmed(seconds, meshes, finer[name], simulated)
-            except NoSolutionError as error:
-                reason = str(error)
+                flown, best, meshes = self._confirmed(seconds, meshes, finer[name])
+            except _Unconfirmed as error:
+                failed = _Unconfirmed(str(error), [*failed.flights, *error.flights])
                 continue
             # Near the trim, the linear policy may be cheaper by the errors of the meshes.
             flown = _cheapest_inside([flown, linear]) or flown
             return Found(flown, best, seconds, meshes, guesses | {name: best.cost}, linear)
-        raise NoSolutionError(f"no flight found: {reason}")
+        raise failed
 
-    def _confirmed(
-        self,
-        seconds: float,
-        meshes: dict[int, float],
-        best: Proposal,
-        simulated: list[SimulatedFlight],
-    ) -> tuple[SimulatedFlight, Proposal, dict[int, float]]:
-        """Return the confirmed flight, its proposal, and number of intervals -> cost.
+    def _confirmed(self, seconds: float, meshes: dict[int, float], best: Proposal) -> _Confirmed:
+        """Return the cheapest flight that confirms a proposal.
 
         A flight that is dearer than the optimizer's proposal by more than _WORTH, because of
         narrower limits, is compared with those on finer meshes.
         """
         agreed = None
-        confirmed: list[tuple[SimulatedFlight, Proposal, dict[int, float]]] = []
+        confirmed: list[_Confirmed] = []
+        refused: list[SimulatedFlight] = []
         intervals = len(best.lengths)
         for _ in range(_DIVISIONS):
             change = difference_of_meshes(meshes)
@@ -286,10 +292,10 @@ class BestFlights:
             reason = f"two meshes differ by {100 * change:.2g} %{alternating}"
             if change <= MESHES_AGREE:
                 flown, followed = self._simulated(best, seconds, _TIGHTER)
-                simulated.append(replace(flown, policy=REFUSED))
+                refused.append(replace(flown, policy=REFUSED))
                 reason = refutation(flown, followed)
                 if not reason:
-                    confirmed.append((flown, followed, meshes))
+                    confirmed.append(_Confirmed(flown, followed, meshes))
                     if flown.cost <= (1.0 + _WORTH) * best.cost:
                         break
                 agreed = best, meshes
@@ -304,13 +310,13 @@ class BestFlights:
             best = finer
             meshes = {**meshes, intervals: best.cost}
         if confirmed:
-            return min(confirmed, key=lambda each: each[0].cost)
+            return min(confirmed, key=lambda each: each.flown.cost)
         if agreed is not None:
             flown, followed = self._simulated(agreed[0], seconds, _TIGHTEST)
-            simulated.append(replace(flown, policy=REFUSED))
+            refused.append(replace(flown, policy=REFUSED))
             if not refutation(flown, followed):
-                return flown, followed, agreed[1]
-        raise NoSolutionError(reason)
+                return _Confirmed(flown, followed, agreed[1])
+        raise _Unconfirmed(reason, refused)
 
     def _alternating(self, proposal: Proposal) -> str:
         """Return a note on each input that alternates between its limits in a proposal, or ""."""
@@ -409,7 +415,7 @@ class BestFlights:
         costly = {_COSTLY: first["linear loop"]}
         proposals |= self._solved(start, seconds, costly, [], _COSTLY_PRICE)
         if not proposals:
-            raise NoSolutionError(f"no flight found: {NONE_WITHIN}")
+            raise _Unconfirmed(NONE_WITHIN)
         return proposals
 
     def _solved(
