@@ -143,7 +143,7 @@ class AssessedPoint(Result):
         assert self.equilibrium is not None  # required by the docstring
         model = self.point.model
         rows = model.state_places(model.linear)
-        return (self.equilibrium.states - np.array(self.point.states))[rows]
+        return (self.equilibrium.states - self.point.x)[rows]
 
     @property
     def radii(self) -> tuple[float, ...]:

@@ -79,10 +79,7 @@ class Assessor:
         flight: result of the method `flight`
         """
         searches = [EquilibriumSearch(self.deployed, point, self.steady) for point in self.points]
-        equilibria = [
-            search.from_point(np.array(search.point.states), np.array(search.point.inputs))
-            for search in searches
-        ]
+        equilibria = [search.from_point(search.point.x, search.point.u) for search in searches]
         samples = flight.compiled(len(self.points), _TO_REST + 2 * HORIZON * self.samples)
         states, inputs = ends_from_trim(flight, list(self.points), samples, _TO_REST)
         places = []
@@ -92,7 +89,7 @@ class Assessor:
             turns = search.turns()
             end = states[number]
             if np.isfinite(end).all():
-                moved = (end - np.array(search.point.states))[search.rows]
+                moved = (end - search.point.x)[search.rows]
                 end[search.rows] -= whole_turns(moved, turns)
                 elsewhere = search.from_point(end, inputs[number])
                 equilibrium = _nearer(equilibrium, elsewhere, end, search, widths)

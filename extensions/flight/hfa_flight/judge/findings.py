@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
 from hfa_flight.judge.outcomes import Outcomes
-from hfa_flight.judge.weights import weights_at
+from hfa_flight.judge.weights import offset_rate
 from hfa_support.reporting.text import beside_unit, short_number, shown_unit
 
 #: Costs that differ by less, in percent of the optimum, are equal.
@@ -189,7 +189,7 @@ def _other_equilibrium(point: AssessedPoint) -> list[_Found]:
     states, inputs = flown.other_equilibrium, flown.other_inputs
     where = ", ".join(f"{name} {value:.4g}" for name, value in states.items())
     count = f"{flown.converged_elsewhere} of {flown.starts}"
-    costs = f"which costs {offset_rate(point, states, inputs):.2g} per second"
+    costs = f"which costs {offset_rate(point.deployed, point.point, states, inputs):.2g} per second"
     text = f"{count} flights converge to another equilibrium: {where}, {costs}"
     return [_Found(Severity.WARNING, text, flown.converged_elsewhere / flown.starts)]
 
@@ -223,20 +223,6 @@ def _delay(point: AssessedPoint) -> list[_Found]:
         longest = point.delays.searched
         return [_Found(Severity.NOTE, f"stable with delays up to {1e3 * longest:.4g} ms", -longest)]
     return [_Found(Severity.NOTE, f"unstable with {1e3 * limit:.4g} ms of delay", -limit)]
-
-
-def offset_rate(
-    point: AssessedPoint, states: Mapping[str, float], inputs: Mapping[str, float]
-) -> float:
-    """Return the cost per second at an equilibrium, z'Qz + v'Rv in deviations from the trim.
-
-    states, inputs: values of the linear states and of the inputs at the equilibrium
-    """
-    Q, R = weights_at(point.deployed, point.point)
-    trim = point.point.values
-    z = np.array([states[name] - trim[name] for name in point.point.model.linear])
-    v = np.array([inputs[name] - trim[name] for name in point.deployed.commanded])
-    return float(z @ Q @ z + v @ R @ v)
 
 
 def _steady_state_error(point: AssessedPoint) -> list[_Found]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_flight.judge.outcomes import Place
-from hfa_flight.judge.weights import weights_at
+from hfa_flight.judge.weights import offset_rate, weights_at
 from hfa_flight.plan.initial_box import drawn_starts
 from hfa_flight.plan.problem import flight_problem
 from hfa_flight.plan.search import BestFlights
@@ -220,11 +220,11 @@ def flight_costs(
         if not (one.lost or other.lost)
     ]
     held, lqr_held = ([each for each in some if not each.lost] for some in (flown, linear))
-    offset_rate = None
+    rate = None
     if place.equilibrium is not None:
-        z = (place.equilibrium.states - np.array(point.states))[problem.places]
-        v = (place.equilibrium.inputs - np.array(point.inputs))[problem.moved]
-        offset_rate = float(z @ Q @ z + v @ R @ v)
+        states = dict(zip(point.model.states, place.equilibrium.states.tolist(), strict=True))
+        inputs = dict(zip(point.model.inputs, place.equilibrium.inputs.tolist(), strict=True))
+        rate = offset_rate(deployed, point, states, inputs)
     return FlightCosts(
         starts=table.starts,
         searched=searched,
@@ -240,5 +240,5 @@ def flight_costs(
         policy_over_lqr=Ratios.of([one / other for one, other in both]),
         cost=MeanCost.of([one for one, _ in both]),
         lqr_cost=MeanCost.of([other for _, other in both]),
-        offset_rate=offset_rate,
+        offset_rate=rate,
     )

@@ -36,7 +36,7 @@ def refuse_edges(points: Sequence[OperatingPoint]) -> None:
     for point in points:
         model = point.model
         envelope = flight_envelope(model, point)
-        values = np.array(point.states)
+        values = point.x
         at_lowest = envelope.at_lowest(values)
         edges = np.flatnonzero(at_lowest | envelope.at_highest(values)).tolist()
         if not edges:
@@ -165,7 +165,7 @@ def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[An
     share = random.uniform(-1.0, 1.0, (count, len(model.linear)))
     directions = random.uniform(-1.0, 1.0, share.shape)
     rows = model.state_places(model.linear)
-    starts = np.tile(np.array(place.point.states, dtype=float), (count, 1))
+    starts = np.tile(place.point.x, (count, 1))
     starts[:, rows] += share * place.box
     pushes = directions * place.box * PUSH / PUSHED if pushed else np.zeros_like(share)
     return starts, pushes

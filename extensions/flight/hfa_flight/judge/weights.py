@@ -110,6 +110,22 @@ def weights_at(
     return Q, R
 
 
+def offset_rate(
+    deployed: Deployed,
+    point: OperatingPoint,
+    states: Mapping[str, float],
+    inputs: Mapping[str, float],
+) -> float:
+    """Return the cost per second at an equilibrium, z'Qz + v'Rv in deviations from the trim.
+
+    states, inputs: values of the linear states and of the commanded inputs at the equilibrium
+    """
+    Q, R = weights_at(deployed, point)
+    z = np.array([states[name] - point.values[name] for name in point.model.linear])
+    v = np.array([inputs[name] - point.values[name] for name in deployed.commanded])
+    return float(z @ Q @ z + v @ R @ v)
+
+
 def cost_rate(deployed: Deployed) -> ca.Function:
     """Return the CasADi Function (X, U, trim) -> x'Q x + u'R u, the cost rate of an episode.
 

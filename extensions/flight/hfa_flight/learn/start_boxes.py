@@ -99,7 +99,7 @@ def _stay(
     model, flight = point.model, samples.flight
     rows = model.state_places(model.linear)
     count = len(directions) * len(_SHARES)
-    starts = np.tile(np.array(point.states), (count, 1))
+    starts = np.tile(point.x, (count, 1))
     starts[:, rows] += np.repeat(directions, len(_SHARES), axis=0) * np.outer(
         np.tile(_SHARES, len(directions)), box
     )

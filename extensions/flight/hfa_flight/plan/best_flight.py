@@ -98,7 +98,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         """Initial deviations of the linear states from the trim, (k,)."""
         if self.proposal is not None:
             return self.proposal.start
-        return (self.flown.states[0] - np.array(self.point.states))[self.problem.places]
+        return (self.flown.states[0] - self.point.x)[self.problem.places]
 
     @property
     def start(self) -> Mapping[str, float]:

@@ -243,7 +243,7 @@ class Flights:
         """
         problem = self.problem
         assert rows.cost is not None  # the loops of this class have a cost
-        trim = np.array(problem.point.states)
+        trim = problem.point.x
         z = rows.states[:, problem.places]
         inputs = rows.inputs + problem.point.u
         states = rows.states + trim

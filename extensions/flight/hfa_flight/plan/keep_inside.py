@@ -67,7 +67,7 @@ class KeptInside(Policy):
         policy_held = own.sampler() or (lambda k, _: own.held_inputs(k, k * self.tick))
         command = BoundFunction(self._command())
         known = Measured(nearest.model)
-        trim = np.array(problem.point.states)
+        trim = problem.point.x
         self.changed[0] = 0
 
         def sample(tick: int, measured: np.ndarray) -> np.ndarray:
@@ -83,7 +83,7 @@ class KeptInside(Policy):
             known.command(inside, self.delay)
             self.changed[0] += acts
             if acts:
-                u = problem.inputs_of(inside) - np.array(problem.point.inputs)
+                u = problem.inputs_of(inside) - problem.point.u
             return np.concatenate([held, [float(acts)], u])
 
         return sample

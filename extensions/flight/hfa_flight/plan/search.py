@@ -378,7 +378,7 @@ class BestFlights:
         """
         problem = self.problem
         places = problem.followed_places
-        z = flown.states[:, places] - np.array(problem.point.states)[places]
+        z = flown.states[:, places] - problem.point.x[places]
         lowest, highest = problem.state_limits
         beyond = np.maximum(z / highest, z / lowest).max(axis=1) - 1.0
         interval = np.searchsorted(proposal.ends, flown.times, side="right") - 1
@@ -494,8 +494,8 @@ class BestFlights:
         """Return the states and inputs of a simulated flight as a guess."""
         problem = self.problem
         places = problem.followed_places
-        z = flown.states[:, places] - np.array(problem.point.states)[places]
-        v = flown.inputs[:, problem.moved] - np.array(problem.point.inputs)[problem.moved]
+        z = flown.states[:, places] - problem.point.x[places]
+        v = flown.inputs[:, problem.moved] - problem.point.u[problem.moved]
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             rows = np.minimum(np.searchsorted(flown.times, times), len(flown.times) - 1)
