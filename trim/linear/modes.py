@@ -45,6 +45,8 @@ class Mode(Result):
 
 #: Smallest participation on a sheet.
 _SEEN = 0.005
+#: Least participation of a family in a mode that is named after it instead of another family.
+_SHARED = 0.25
 #: An eigenvalue, or its real part, up to this many times its rounding error counts as 0.
 _ZERO = 10.0
 
@@ -73,9 +75,11 @@ def modes_of(
 
     The participation of state k in mode i is |w_ki v_ki| / Σ_k |w_ki v_ki|, with right and left
     eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family of
-    states with the largest participation. A state without a family is its own family. More than two
-    eigenvalues 0, whose eigenvectors are arbitrary, are named "neutral". Equal names are
-    distinguished by "fast" and "slow", or by numbers if there are more than two.
+    states with the largest participation. A state without a family is its own family. Of two modes
+    of one family, one is named after a family that would have none, if that family participates in
+    it by at least a fourth, as the spiral in a steep turn. More than two eigenvalues 0, whose
+    eigenvectors are arbitrary, are named "neutral". Equal names are distinguished by "fast" and
+    "slow", or by numbers if there are more than two.
 
     A: (n, n)
     states: names of the n states
@@ -110,15 +114,27 @@ def modes_of(
         if value.imag < 0.0:
             continue  # the other member of a pair
         participation = dict(zip(states, shares[:, index].tolist(), strict=True))
-
-        def share(family: str, participation: dict[str, float] = participation) -> float:
-            return sum(participation.get(state, 0.0) for state in candidates[family])
-
+        by_family = {name: _share(participation, members) for name, members in candidates.items()}
         values.append(value)
         participations.append(participation)
         is_neutral = value == 0.0 and np.count_nonzero(eigenvalues == 0.0) > 2
-        family_names.append("neutral" if is_neutral else max(candidates, key=share))
+        family_names.append("neutral" if is_neutral else max(by_family, key=by_family.__getitem__))
+    for family in [name for name in families if name not in family_names]:
+        twice = [
+            i
+            for i, name in enumerate(family_names)
+            if name in families and family_names.count(name) > 1
+        ]
+        shared = {i: _share(participations[i], families[family]) for i in twice}
+        nearest = max(shared, key=shared.__getitem__, default=None)
+        if nearest is not None and shared[nearest] >= _SHARED:
+            family_names[nearest] = family
     return tuple(map(_mode, _distinguished(family_names), values, participations))
+
+
+def _share(participation: Mapping[str, float], members: Iterable[str]) -> float:
+    """Return the participation of a family of states in a mode."""
+    return sum(participation.get(state, 0.0) for state in members)
 
 
 def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from own_models import F16, GTM, NAVION, trimmed
+from project import ROOT
 from scipy.linalg import block_diag
 
 import hfa
@@ -171,6 +172,18 @@ def test_repeated_zero_eigenvalues_have_no_mode_of_the_aircraft() -> None:
     names = [mode.name for mode in modes_of(A, states, families)]
     assert names[0] == "short period"
     assert all(name.startswith("neutral") for name in names[1:])
+
+
+def test_a_steep_turn_has_a_spiral() -> None:
+    """Speed participates most in the slow real mode of a turn with 61 deg of bank, which is its
+    spiral: the other mode of speed and pitch oscillates.
+    """
+    point = trim(hfa.load_model(f"{ROOT}/examples/uav.toml"), speed=50.0, turn_rate=0.35)
+    names = [mode.name for mode in point.modes]
+    assert sorted(names) == ["dutch roll", "phugoid", "roll", "short period", "spiral"]
+    spiral, phugoid = point.modes["spiral"], point.modes["phugoid"]
+    assert spiral.participation["speed"] > spiral.participation["roll"] > 0.25
+    assert spiral.eigenvalue.imag == 0.0 < phugoid.eigenvalue.imag
 
 
 @pytest.mark.parametrize("mode", ["roll", "spiral"])
