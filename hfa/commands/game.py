@@ -11,23 +11,18 @@ import numpy as np
 
 from controller.learning.law_names import DEFAULT_LAW
 from hfa.learning import LearningOptions
-from hfa.options.argument_types import quantity, whole
+from hfa.options.argument_types import whole
 from hfa.options.command import Request, command, picture_option
 from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, game_at, given_game, given_weights
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.plants import loaded_model
-from hfa.options.ranges import array_of, value_range
+from hfa.options.ranges import given_trims
 from hfa.options.show import show
 from hfa.options.tracking import reference_of, reference_option, with_tracking
 from hfa.options.trims import (
-    GivenTrim,
     SeveralTrims,
     at_name,
-    at_value,
-    held_values,
-    trim_source,
-    trim_with,
 )
 from hfa_support.errors import BadInputError
 from hfa_support.progress import with_progress
@@ -109,21 +104,16 @@ def _solve_table(request: SolveRequest) -> int:
         _OF_ONE_TRIM,
         f"applies to one trim; remove this option, or give one {name}",
     )
-    values = at_value(request, model, value_range)
-    assert values is not None  # several values are given
-    breakpoints = array_of(name, values, _MOST_BREAKPOINTS)
+    trims, source = given_trims(request, _MOST_BREAKPOINTS)
+    breakpoints = np.array([each.at for each in trims])
     if np.any(np.diff(breakpoints) <= 0.0):
         raise BadInputError(f"{name} does not increase; give the values in increasing order")
-    hold = held_values(request, model, quantity)
     weights = given_weights(request)
-    trims: list[GivenTrim] = []
     games: list[NamedGame] = []
     solutions: list[Solution] = []
-    for value in with_progress(breakpoints.tolist(), ProgressLine("solve")):
-        trims.append(trim_with(request, model, value, hold))
-        games.append(game_at(trims[-1], weights))
+    for given in with_progress(trims, ProgressLine("solve")):
+        games.append(game_at(given, weights))
         solutions.append(gare.solve(games[-1].game))
-    source = trim_source(request, trims[0].common, values, hold)
     notes = dict.fromkeys(note for named in games for note in named.warnings)
     show(request, _table_report(model, breakpoints, games, solutions), source, notes=notes)
     return 0

@@ -16,24 +16,19 @@ from hfa.options.argument_types import (
     linear_state,
     number,
     one_of,
-    quantity,
     span,
     whole,
 )
 from hfa.options.command import Request, command, picture_option
 from hfa.options.option import is_given, option, refuse
 from hfa.options.output import ProgressLine
-from hfa.options.plants import aircraft_help, loaded_model
-from hfa.options.ranges import array_of, value_range
+from hfa.options.plants import aircraft_help
+from hfa.options.ranges import given_trims
 from hfa.options.show import show
 from hfa.options.trims import (
     GivenTrim,
     SeveralTrims,
     at_name,
-    at_value,
-    held_values,
-    trim_source,
-    trim_with,
 )
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario, Uncertainty
@@ -201,14 +196,10 @@ class _Given(NamedTuple):
 
 def _given(request: AssessRequest) -> _Given:
     """Return the trims, noise and turbulence of the options."""
-    model = loaded_model(request)
-    hold = held_values(request, model, quantity)
-    at = at_value(request, model, value_range)
-    values = [None] if at is None else array_of("--at", at, _MOST_POINTS).tolist()
-    trims = [trim_with(request, model, value, hold) for value in values]
-    turbulence = at_held_altitude(request.turbulence, hold)
-    source = trim_source(request, trims[0].common, at, hold)
-    return _Given(trims, source, noise_of(request.noise, model), turbulence)
+    trims, source = given_trims(request, _MOST_POINTS)
+    turbulence = at_held_altitude(request.turbulence, trims[0].hold)
+    noise = noise_of(request.noise, trims[0].common.model)
+    return _Given(trims, source, noise, turbulence)
 
 
 def _deployment(request: AssessRequest, model: Model) -> Deployment:
