@@ -543,6 +543,16 @@ class Model(Reported):
         """The model in its declared units: the original of a converted model, or the model."""
         return self.source.native or self
 
+    @property
+    def changed(self) -> dict[str, float]:
+        """Parameters that are not as the model was loaded: name -> value as loaded."""
+        native = self.native
+        return {
+            name: value * (1.0 if native is self else si_factor(native.unit(name)))
+            for name, value in native.source.declared.items()
+            if native.parameters[name].start != value
+        }
+
     def native_values(self, names: Sequence[str], values: Any) -> np.ndarray:
         """Return values of signals in the units that the original model declares.
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.motion import inertia_doubt
 from hfa_support.reporting.rows import Lacking, Row
+from hfa_support.reporting.text import shown_value
 from hfa_support.units import si_factor, si_unit
 from trim.reports.trimmed import Trimmed
 
@@ -35,7 +37,8 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
     aircraft what is unknown.
 
     The values are those of `About.configuration`, or of parameters, outputs and inputs with these
-    names. Without a mass, it is the weight divided by the gravity.
+    names. Without a mass, it is the weight divided by the gravity. Parameters that are not as the
+    model was loaded follow.
     """
     point = trimmed.given
     model = point.model
@@ -58,16 +61,28 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
         unit = {"lbf": "slug", "N": "kg"}.get(model.unit("weight"), "")
         if unit:
             found["mass"] = (point["weight"] / parameters["gravity"], unit)
+    labels = {name: label for name, label in _ENTRIES.items() if name in found}
+    for name in model.changed:
+        if name not in found:
+            found[name], labels[name] = (parameters[name], model.unit(name)), name
     rows: list[Row | Lacking] = [
-        Row(label, *found[name], digits=6) for name, label in _ENTRIES.items() if name in found
+        Row(label, *found[name], _as_loaded(model, name), digits=6)
+        for name, label in labels.items()
     ]
-    if rows or "alpha" in trimmed.roles:
+    if found.keys() & _ENTRIES.keys() or "alpha" in trimmed.roles:
         missing = [label for name, label in _ENTRIES.items() if name not in (*found, *_OPTIONAL)]
         has_center = any(name.startswith("center_of_gravity") for name in found)
         others = [label for label in missing if not label.startswith("c.g.")]
         missing = others if has_center else ["c.g.", *others]
         rows += [Lacking(label, "") for label in missing]
     return rows
+
+
+def _as_loaded(model: Model, name: str) -> str:
+    """Return a note with the value of a parameter as loaded, "" if it is unchanged."""
+    if name not in model.changed:
+        return ""
+    return f"as loaded: {shown_value(model.changed[name], model.unit(name))}"
 
 
 def inertia_lines(trimmed: Trimmed, rows: list[Row | Lacking]) -> list[str]:

@@ -209,9 +209,8 @@ def _revision(model: Model) -> str:
     source = model.source
     if source.digest:
         changes = [
-            f"{name} {model.describe(name, value)} (file: {source.declared[name]:.6g})"
-            for name, value in zip(model.parameters, model.p.tolist(), strict=True)
-            if value != source.declared.get(name, value)
+            f"{name} {model.describe(name, model.parameters[name].start)} (file: {value:.6g})"
+            for name, value in model.changed.items()
         ]
         return ", ".join((f"{source.text} (SHA-256 {source.digest[:12]})", *changes))
     values = ",".join(

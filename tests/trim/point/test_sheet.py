@@ -549,5 +549,8 @@ def test_a_sheet_states_what_is_not_as_in_the_file() -> None:
     changed = json.loads(command(*words, "--json").out)["provenance"]["changed"]
     assert changed == {"Cl_beta": {"value": -0.2, "usual": -0.12, "unit": "1"}}
     model = hfa.load_model(f"{EXAMPLES}/uav.toml").with_parameters(mass=14.0)
-    assert "mass 14 kg (file: 13.5)" in hfa.trim(model).report().head["data"]
+    report = hfa.trim(model).report()
+    assert "mass 14 kg (file: 13.5)" in report.head["data"]
+    assert report.data["sheet"]["mass"]["note"] == "as loaded: 13.5"
+    assert hfa.trim(model.with_parameters(Cl_beta=-0.1)).sheet["Cl_beta"].value == -0.1
     assert "file:" not in hfa.trim(model.with_parameters(mass=13.5)).report().head["data"]
