@@ -14,16 +14,12 @@ from hfa_flight.plan.collocation import Proposal
 from hfa_flight.plan.flights import SimulatedFlight
 from hfa_flight.plan.picture import drawn
 from hfa_flight.plan.problem import FlightProblem, OfProblem
-from hfa_flight.plan.report_lines import (
-    deviations_in_words,
-    envelope_pairs,
-    limits_of_flights,
-    line_with_ratios,
-)
+from hfa_flight.plan.report_lines import limits_of_flights, line_with_ratios
 from hfa_flight.plan.search import MESHES_AGREE, Found
 from hfa_flight.plan.smooth import has_kinks
 from hfa_flight.simulate.returned import RULE
 from hfa_flight.simulate.row import FlightRow
+from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
@@ -133,7 +129,9 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     @property
     def envelope(self) -> Mapping[str, Vector]:
         """Lowest and highest permitted value of each state."""
-        return envelope_pairs(self.problem)
+        limits = self.problem.envelope
+        pairs = np.column_stack([limits.lowest, limits.highest])
+        return dict(zip(limits.names, pairs, strict=True))
 
     @property
     def proposed_cost(self) -> float | None:
@@ -218,7 +216,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         whose = f"{self.model.title} {self.point.at_scheduled}".strip()
         lines = [
             line_with_ratios(begin, outcomes),
-            f"to {whose}, from {deviations_in_words(self.model, self.start)}",
+            f"to {whose}, from {self._start_text()}",
         ]
         if self.reason is not None:
             source = f"source: {self.source}, simulated; no proposal is confirmed:"
@@ -226,6 +224,12 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         elif self.found.spread_of_guesses > MESHES_AGREE:
             lines.append(f"guesses differ by {100 * self.found.spread_of_guesses:.2g} %")
         return "\n".join(lines)
+
+    def _start_text(self) -> str:
+        """Return the initial deviations as text, such as "speed +5 ft/s, alpha +2.865 deg"."""
+        texts = {name: self.model.describe(name, value) for name, value in self.start.items()}
+        signs = {name: "" if text.startswith("-") else "+" for name, text in texts.items()}
+        return ", ".join(f"{name} {signs[name]}{text}" for name, text in texts.items())
 
     def _checked(self) -> Group:
         """Return the cost of the best flight beside what it was checked with."""
@@ -289,15 +293,11 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     def figure(self) -> Figure:
         """Return a new figure of states and inputs versus time."""
-        from hfa_support.reporting.figure import new_figure
-
         return self._drawn_in(new_figure(10.0, 8.0))
 
     def plot(self) -> np.ndarray:
         """Draw the picture of `figure` in a pyplot figure, and return its Axes."""
-        from matplotlib import pyplot
-
-        return np.array(self._drawn_in(pyplot.figure(layout="constrained")).axes)
+        return np.array(self._drawn_in(pyplot_figure(10.0, 8.0)).axes)
 
     def _drawn_in(self, figure: Figure) -> Figure:
         return drawn(figure, self.problem, self._labeled(), self.seconds, self.title())

@@ -9,7 +9,8 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.plan.flights import SimulatedFlight
 from hfa_flight.plan.problem import FlightProblem
-from hfa_support.reporting.text import shown_unit, shown_values
+from hfa_flight.simulate.flight_figure import finished
+from hfa_support.reporting.text import beside_unit, shown_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,10 +84,7 @@ def _draw(
     for limit in shown_values(np.array(limits), unit):
         if low - room < limit < high + room:
             axes.axhline(float(limit), color="black", linestyle=":", linewidth=0.8, label="limit")
-    axes.set_ylabel(name if unit == "1" else f"{name}, {shown_unit(unit)}", fontsize=8)
-    axes.tick_params(labelsize=7)
-    axes.ticklabel_format(useOffset=False)
-    axes.grid(alpha=0.3)
+    finished(axes, beside_unit(name, unit, ", "))
 
 
 def _column(model: Model, flown: SimulatedFlight, name: str) -> np.ndarray:

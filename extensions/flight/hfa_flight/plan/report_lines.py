@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-import numpy as np
-
-from hfa_aircraft.model import Model
 from hfa_flight.plan.problem import FlightProblem
 from hfa_flight.simulate.envelope import limits_text
 from hfa_support.reporting.rows import Group, Row
@@ -33,12 +30,6 @@ def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str
     return line
 
 
-def envelope_pairs(problem: FlightProblem) -> dict[str, np.ndarray]:
-    """Return the lowest and highest permitted value of each state, by name."""
-    pairs = np.column_stack([problem.envelope.lowest, problem.envelope.highest])
-    return dict(zip(problem.envelope.names, pairs, strict=True))
-
-
 def limits_of_flights(problem: FlightProblem) -> Group:
     """Return the limits of all states and of the moving inputs as rows."""
     model, envelope = problem.model, problem.envelope
@@ -53,13 +44,3 @@ def limits_of_flights(problem: FlightProblem) -> Group:
         text = limits_text(low, high, unit)
         rows.append(Row(name, text, unit, note="assumed" if is_assumed else ""))
     return Group("limits of flights", tuple(rows))
-
-
-def deviations_in_words(model: Model, start: Mapping[str, float]) -> str:
-    """Return the deviations from the trim, state -> deviation, as printed in reports."""
-    return ", ".join(_off(model, name, value) for name, value in start.items()) or "the trim"
-
-
-def _off(model: Model, name: str, value: float) -> str:
-    text = model.describe(name, value)
-    return f"{name} {text}" if text.startswith("-") else f"{name} +{text}"

@@ -69,7 +69,7 @@ def flight_figure(flight: DrawnFlight, title: str, figure: Figure | None = None)
         air = panels[count - 1]
         unit = in_gusts(model).unit(UPDRAFT)
         air.plot(flown.times, shown_values(flown.updrafts, unit), color="C2")
-        _finish(air, f"updraft, {shown_unit(unit)}")
+        finished(air, f"updraft, {shown_unit(unit)}")
     handles, labels = panels[0].get_legend_handles_labels()
     lines = [line for axes in panels for line in axes.get_lines()]
     limits = [line for line in lines if line.get_gid() == _LIMIT]
@@ -134,7 +134,7 @@ def _draw_state(axes: Axes, flight: DrawnFlight, index: int) -> None:
     if np.isfinite(limits).any():
         axes.set_title(f"envelope: {_limits_with_unit(limits, unit)}", **_SMALL)
     _widened(axes, model.states[name].nominal, unit)
-    _finish(axes, beside_unit(label, unit, ", "))
+    finished(axes, beside_unit(label, unit, ", "))
 
 
 def _draw_inputs(axes: Axes, flight: DrawnFlight, unit: str) -> None:
@@ -154,7 +154,7 @@ def _draw_inputs(axes: Axes, flight: DrawnFlight, unit: str) -> None:
     else:
         label = "deflections" if unit == "rad" else "inputs"
         axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
-    _finish(axes, beside_unit(label, unit, ", "))
+    finished(axes, beside_unit(label, unit, ", "))
 
 
 def _limits_with_unit(limits: tuple[float, float], unit: str) -> str:
@@ -174,7 +174,8 @@ def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], u
             axes.axhline(level, color="black", linestyle="--", linewidth=0.8, gid=_LIMIT)
 
 
-def _finish(axes: Axes, label: str) -> None:
+def finished(axes: Axes, label: str) -> None:
+    """Set the label and the look of a panel."""
     axes.set_ylabel(label, fontsize=8)
     axes.tick_params(labelsize=7)
     axes.ticklabel_format(useOffset=False)
