@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import expit, ndtr
 
 import hfa
 from hfa import BadInputError
@@ -142,20 +144,33 @@ def test_unsupported_modules_and_settings_are_refused() -> None:
         hfa.from_network(GAME, lambda z: z)
 
 
-def test_sequentials_equal_torch_for_each_activation() -> None:
-    """Policies of Sequentials give the outputs that torch computes, for each activation."""
-    torch = pytest.importorskip("torch", reason="the package torch is not installed")
-    kinds = ("ELU", "GELU", "LeakyReLU", "ReLU", "SELU", "SiLU", "Sigmoid", "Softplus", "Tanh")
-    for kind in kinds:
-        activation = getattr(torch.nn, kind)()
-        network = torch.nn.Sequential(
-            torch.nn.Linear(2, 8),
-            activation,
-            torch.nn.Linear(8, 8),
-            activation,
-            torch.nn.Linear(8, 1, bias=False),
-        ).double()
-        critic = hfa.from_network(GAME, network)
-        for z in POINTS:
-            u = network(torch.tensor(z)).detach().numpy()
-            assert np.asarray(critic.policy(z)).ravel() == pytest.approx(u, rel=1e-7), kind
+def _above(x: np.ndarray, below: np.ndarray) -> np.ndarray:
+    return np.where(x > 0.0, x, below)
+
+
+#: torch's activations with their default settings.
+ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "ELU": lambda x: _above(x, np.expm1(x)),
+    "GELU": lambda x: x * ndtr(x),
+    "LeakyReLU": lambda x: _above(x, 0.01 * x),
+    "ReLU": lambda x: _above(x, 0.0 * x),
+    "SELU": lambda x: 1.0507009873554805 * _above(x, 1.6732632423543772 * np.expm1(x)),
+    "SiLU": lambda x: x * expit(x),
+    "Sigmoid": expit,
+    "Softplus": lambda x: np.log1p(np.exp(x)),
+    "Tanh": np.tanh,
+}
+
+
+@pytest.mark.parametrize("kind", ACTIVATIONS)
+def test_each_activation_is_that_of_torch(kind: str) -> None:
+    """Policies of Sequentials are those of the formulas in torch's documentation."""
+    defaults = {"ELU": {"alpha": 1.0}, "GELU": {"approximate": "none"}}
+    defaults |= {
+        "LeakyReLU": {"negative_slope": 0.01},
+        "Softplus": {"beta": 1.0, "threshold": 20.0},
+    }
+    critic = hfa.from_network(GAME, _network(_module(kind, **defaults.get(kind, {}))))
+    for z in 3.0 * POINTS:
+        u = WEIGHTS[1] @ ACTIVATIONS[kind](WEIGHTS[0] @ z + BIASES[0])
+        assert np.asarray(critic.policy(z)).ravel() == pytest.approx(u, rel=1e-7)
