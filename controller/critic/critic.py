@@ -137,13 +137,13 @@ class Critic(Reported):
         if "policy" in self.network:
             return self.network["policy"]
         z = self.symbols
-        if self.network:
-            assert self.gradient is not None  # networks of V have a gradient
-            assert self.feedback is not None  # also of V alone
+        if self.network:  # of V: u = -½ R⁻¹B' ∂V/∂z - F z
+            assert self.gradient is not None
+            assert self.feedback is not None
             u = -0.5 * ca.DM(self.feedback) @ self.gradient(z)
             if self.F is not None:
                 u -= ca.DM(self.F) @ z
-        else:
+        else:  # -K z, and the same slope of the terms of V beyond z'Pz
             u = -ca.DM(self.K) @ z
             if self.feedback is not None:
                 u -= 0.5 * ca.DM(self.feedback) @ ca.gradient(self._beyond_quadratic(z), z)

@@ -167,17 +167,17 @@ def _loss_in_units(
     """Return the `loss_matrix` for states in balanced units, in which the equations are solved."""
     change = (K - exact.K) * units
     charge = change.T @ exact.price @ change
-    loop = game.A - game.B @ K + game.E @ exact.disturbance_gain
-    start = math.sqrt(game.discount) * loop * units / units[:, None]
+    worst = game.A - game.B @ K + game.E @ exact.disturbance_gain
+    loop = math.sqrt(game.discount) * worst * units / units[:, None]
     if game.is_discrete:
-        if not spectral_radius(start) < 1.0:
+        if not spectral_radius(loop) < 1.0:
             return None
-        return Lyapunov.of_steps(start).solve(-charge)[0]
+        return Lyapunov.of_steps(loop).solve(-charge)[0]
     E = game.E / units[:, None] / game.delta
     spread = E @ E.T
-    D = np.zeros_like(start)
+    D = np.zeros_like(loop)
     for _ in range(MAX_STEPS):
-        F = start + spread @ D
+        F = loop + spread @ D
         if not stability(F, is_discrete=False).is_stable:
             return None
         with np.errstate(over="ignore", invalid="ignore"):  # the next F is then not finite

@@ -178,14 +178,14 @@ class Form(ABC):
         """
         form = self
         for number in range(TURNS):
-            sizes = np.diag(form.price)
-            least = UNPAID * sizes.max() if number else 0.0  # at first, the units are the user's
-            form = form._with_inputs(np.diag(_power_of_two(sizes, sizes > least)))
-            sizes, W = np.linalg.eigh(form.price)
-            known = sizes > len(sizes) * np.finfo(float).eps * sizes[-1]
-            if not known.any() or sizes[known].max() < 4.0 * sizes[known].min():
+            prices = np.diag(form.price)
+            least = UNPAID * prices.max() if number else 0.0  # at first, the units are the user's
+            form = form._with_inputs(np.diag(_power_of_two(prices, prices > least)))
+            values, vectors = np.linalg.eigh(form.price)
+            known = values > len(values) * np.finfo(float).eps * values[-1]
+            if not known.any() or values[known].max() < 4.0 * values[known].min():
                 break
-            form = form._with_inputs(W * _power_of_two(sizes, known))
+            form = form._with_inputs(vectors * _power_of_two(values, known))
         return form
 
     def _with_inputs(self, V: np.ndarray) -> Self:

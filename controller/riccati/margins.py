@@ -272,7 +272,14 @@ def _above(
     pieces: list[Piece],
     cut: float,
 ) -> list[Piece]:
-    """Return those parts of frequency intervals in which σ_max(D M D⁻¹) is above a level."""
+    """Return those parts of frequency intervals in which σ_max(D M D⁻¹) is above a level.
+
+    Between neighboring crossings of the level, it is everywhere above or everywhere below. The part
+    with the largest value comes last. A part that no number divides is left out.
+
+    scaling: log D, (m,)
+    cut: frequency at which the intervals are divided too
+    """
     D = np.exp(scaling)
     C = D[:, None] * loop.C
     through = D[:, None] * loop.D / D
@@ -282,12 +289,12 @@ def _above(
     for low, high in pieces:
         inside = crossings[(crossings > low) & (crossings < high)].tolist()
         parts += pairwise([low, *inside, high])
-    inner = np.array([_between(*part) for part in parts])
-    bounds = scaled_norm(loop.at(inner), scaling)
+    insides = np.array([_between(*part) for part in parts])
+    norms = scaled_norm(loop.at(insides), scaling)
     lows, highs = np.transpose(parts)
-    is_above = (bounds > level) & (lows < inner) & (inner < highs)
-    order = np.argsort(bounds, stable=True)
-    return [parts[number] for number in order[is_above[order]]]
+    is_kept = (norms > level) & (lows < insides) & (insides < highs)
+    ascending = np.argsort(norms, stable=True)
+    return [parts[number] for number in ascending[is_kept[ascending]]]
 
 
 def best_scaling(M: np.ndarray, start: np.ndarray | None = None, slack: float = 0.0) -> np.ndarray:
