@@ -267,11 +267,9 @@ def fly_within(
     flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
     _refuse_invalid(loop.plant.point, flight)
     left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
-    found: LimitCycle | Decay | None = None
+    cycle, decay = None, None
     if left_at is None:
-        found = oscillation(loop.plant.point.model, flight, loop.scenario.driven_until)
-    cycle = found if isinstance(found, LimitCycle) else None
-    decay = found if isinstance(found, Decay) else None
+        cycle, decay = oscillation(loop.plant.point.model, flight, loop.scenario.driven_until)
     return Flight(envelope, loop, flight, left_at, cycle, decay=decay)
 
 

@@ -107,31 +107,21 @@ def duration_for(growing: np.ndarray) -> float:
     return float(min(_LONGEST, _WHOLE * np.ceil(longest / _WHOLE)))
 
 
-def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | None:
-    """Return the largest oscillation in the second half of a flight that does not decay, or None.
+def oscillation(
+    model: Model, flight: Deviations, driven_until: float
+) -> tuple[LimitCycle | None, Decay | None]:
+    """Return the largest oscillation that persists at the end of a flight, or else that decays.
 
-    driven_until: time at which the last exciting signal ends, s
-    """
-    found = oscillation(model, flight, driven_until)
-    return found if isinstance(found, LimitCycle) else None
-
-
-def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | Decay | None:
-    """Return the largest oscillation in the second half of a flight, or None.
-
-    The result is a `LimitCycle` if an oscillation persists, even if a larger one decays. Otherwise,
-    it is the largest `Decay`. An oscillation counts only if it meets the limits `CROSSINGS`,
-    `LASTING` and `VISIBLE`. Sizes are relative to the nominal size of the variable.
-
-    The result is also None if the excitation ends in the second half, or if the flight has too few
-    steps.
+    An oscillation counts only if it meets the limits `CROSSINGS`, `LASTING` and `VISIBLE`. Sizes
+    are relative to the nominal size of the variable, in the second half of the flight. Both are
+    None if the excitation ends in this half, or if the flight has too few steps.
 
     driven_until: time at which the last exciting signal ends, s
     """
     times = flight.times
     middle = times[-1] / 2
     if len(times) < 8 * CROSSINGS or driven_until > middle:
-        return None
+        return None, None
     third = (times >= middle) & (times < 1.5 * middle)
     fourth = times >= 1.5 * middle
     cycle: LimitCycle | None = None
@@ -151,7 +141,7 @@ def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitC
         elif not is_even and share >= shares[LimitCycle]:
             cycle = LimitCycle(name, after.amplitude, after.frequency, model.unit(name))
             shares[LimitCycle] = share
-    return cycle or decay
+    return cycle, None if cycle else decay
 
 
 class _Swings(NamedTuple):
