@@ -125,9 +125,13 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     @cached_property
     def values(self) -> dict[str, float]:
         """Values of the states, inputs, and outputs that replace states, name -> value."""
-        outputs = list(self.model.replaced.values())
-        replacing = self.model.outputs_at(self.states, self.inputs, outputs) if outputs else {}
+        replacing = {name: self._outputs[name] for name in self.model.replaced.values()}
         return self.states._asdict() | self.inputs._asdict() | replacing
+
+    @cached_property
+    def _outputs(self) -> dict[str, float]:
+        """Values of the outputs, name -> value."""
+        return self.model.outputs_at(self.states, self.inputs)
 
     def __getitem__(self, name: str) -> float:
         """Return the value of a state, an input or an output, in the units of the model.
@@ -136,7 +140,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         """
         refuse_unknown("unknown variable", name, tuple(self))
         if name in self.model.outputs:
-            return self.model.outputs_at(self.states, self.inputs, (name,))[name]
+            return self._outputs[name]
         return self.values[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -167,7 +167,7 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
 
 def _path_words(trimmed: Trimmed) -> Iterator[str]:
     """Yield texts on the flight path and the turn: "climb 2 deg", "turn 3 deg/s", "accelerated"."""
-    point, model = trimmed.point, trimmed.model
+    model = trimmed.model
     gamma = trimmed.flight_path
     if abs(gamma) < _LEVEL:
         yield "level"
@@ -176,9 +176,9 @@ def _path_words(trimmed: Trimmed) -> Iterator[str]:
     turn = trimmed["turn_rate"] if "turn_rate" in model.outputs else 0.0
     if abs(turn) >= _LEVEL:
         yield f"turn {_number(model, 'turn_rate', turn)}"
-    rates = model.rates_at(point.states, point.inputs)
+    scale = trimmed.given.model.rate_scale
     moving = trimmed.roles.values()
-    if any(abs(rates[name]) > BALANCE * model.rate_scale(name) for name in moving):
+    if any(abs(trimmed.rates[name]) > BALANCE * scale(name) for name in moving):
         yield "accelerated"
 
 

@@ -40,7 +40,7 @@ def outputs(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) -> Ite
     given = trimmed.given.model
     for name in names:
         if name in given.outputs:
-            value, unit = trimmed.given_outputs[name], given.unit(name)
+            value, unit = trimmed.given[name], given.unit(name)
             yield Row(name.replace("_", " "), value, unit, rare=rare)
 
 
@@ -100,8 +100,7 @@ def air(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 def changes(trimmed: Trimmed) -> Iterator[Row]:
     """Yield the rates that the condition does not balance and that are not 0."""
     model = trimmed.given.model
-    rates = model.rates_at(trimmed.given.states, trimmed.given.inputs)
-    for name, rate in rates.items():
+    for name, rate in trimmed.rates.items():
         if name not in trimmed.condition.rates and abs(rate) > BALANCE * model.rate_scale(name):
             yield Row(f"{name}_dot", rate, model.rate_unit(name), "not balanced")
 

@@ -129,7 +129,7 @@ def stall_speed(trimmed: Trimmed, share: float) -> Iterator[Row]:
 
 def stalled(sheet: Sheet) -> list[str]:
     """Return sentences on a trim beyond the largest lift, by the rows of its sheet."""
-    rows = dict(sheet)
+    rows = {row.name: row for row in sheet}
     largest = rows.get(_LARGEST)
     if largest is None:
         return []

@@ -168,7 +168,7 @@ def report_of(trimmed: Trimmed, sheet: Sheet, full: bool) -> Report:
     if full and modes:
         parts.append(modes_table(modes, point.model.time_unit))
     parts += [tuple(sentences)] if sentences else []
-    controls = control_lines(trimmed, dict(sheet).get("L/D"))
+    controls = control_lines(trimmed, {row.name: row for row in sheet}.get("L/D"))
     title = "\n".join(filter(None, [title_of(trimmed), *stalls, controls]))
     notes = point.warnings if full else without_lines(point.warnings)
     data = {

@@ -109,17 +109,14 @@ class Trimmed:
         self.roles = recognized(self.model.states)
 
     @cached_property
-    def given_outputs(self) -> dict[str, float]:
-        """Output -> value, in the units of the condition."""
-        return self.given.model.outputs_at(self.given.states, self.given.inputs)
-
-    @cached_property
     def values(self) -> dict[str, float]:
         """State, input or output -> value."""
-        point = self.point
-        if point is self.given:
-            return point.values | self.given_outputs
-        return point.values | self.model.outputs_at(point.states, point.inputs)
+        return dict(self.point)
+
+    @cached_property
+    def rates(self) -> dict[str, float]:
+        """State -> its rate, in the units of the condition."""
+        return self.given.model.rates_at(self.given.states, self.given.inputs)
 
     def __getitem__(self, name: str) -> float:
         return self.values[name]
