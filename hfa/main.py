@@ -127,16 +127,11 @@ def _run(words: list[str], find: Find) -> int:
         try:
             return command.run(request)
         except BadInputError as error:
-            name = error.options[0] if error.options else ""
             names = [each.names for each in options_of(command.request).values()]
-            if name not in chain(*names):
+            if not error.options or error.options[0] not in chain(*names):
                 raise
-            kept = list(options)
-            if name in kept and name != "--set":
-                place = kept.index(name)
-                del kept[place : place + 2]
-            typed = shlex.join([*program.split(), *kept, *error.options])
-            raise BadInputError(f"{error}; type {typed}") from error
+            supplied = shlex.join([*program.split(), *_with_option(options, error.options)])
+            raise BadInputError(f"{error}; type {supplied}") from error
         except SystemExit as error:
             raise BadInputError(
                 "the equations of the aircraft call sys.exit; raise a ValueError instead"
@@ -148,6 +143,16 @@ def _run(words: list[str], find: Find) -> int:
                 f"{program} requires the module {error.name}; type python -m pip install "
                 f"{' '.join(command.install)}"
             ) from error
+
+
+def _with_option(words: list[str], option: tuple[str, ...]) -> list[str]:
+    """Return a command line with an option and its value, in place of another value."""
+    name = option[0]
+    kept = list(words)
+    if name in kept and name != "--set":  # --set is repeatable
+        place = kept.index(name)
+        del kept[place : place + 2]
+    return [*kept, *option]
 
 
 def _refuse_to_overwrite(request: Request) -> None:
