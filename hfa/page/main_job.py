@@ -143,7 +143,8 @@ def slider_beside(model: Model) -> Slider:
             f"{model.name} declares no schedule, the variable of the page's slider; declare it"
         )
     usual = trim(model)[model.schedule]
-    values = usual * BESIDE if usual else np.linspace(*model.limits[model.schedule], len(BESIDE))
+    limits = model.limits[model.schedule]
+    values = np.clip(usual * BESIDE, *limits) if usual else np.linspace(*limits, len(BESIDE))
     return slider_over("beside", model, np.union1d(values, usual), usual)
 
 
