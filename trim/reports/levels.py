@@ -109,13 +109,14 @@ def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
 
 def _with_level(row: Row, rules: Mapping[str, _Rule]) -> Row:
     """Return a row with its level if there is a rule for it. A stable spiral never doubles."""
-    quality, value = row.name, float(row)
-    if quality == "spiral time to half":
-        quality, value = "spiral time to double", math.inf
-    if quality not in rules:
+    if row.name == "spiral time to half" and "spiral time to double" in rules:
+        paragraph = rules["spiral time to double"].paragraph
+        return replace(row, level=1, note=f"level 1: stable ({paragraph})", tone=TONES[1])
+    if row.name not in rules:
         return row
-    level = level_of(value, rules[quality].limits)
-    return replace(row, level=level, note=_note(level, rules[quality]), tone=TONES[level])
+    rule = rules[row.name]
+    level = level_of(float(row), rule.limits)
+    return replace(row, level=level, note=_note(level, rule), tone=TONES[level])
 
 
 def level_of(value: float, limits: Limits) -> int:
