@@ -47,8 +47,7 @@ class Parser(argparse.ArgumentParser):
                 kind = partial(_refuse_without, option.package)
             how: dict[str, Any] = {"help": ""}
             if names[0].startswith("-"):
-                how |= {"dest": name, "default": argparse.SUPPRESS}
-                how |= {"required": option.required}
+                how |= {"dest": name, "default": argparse.SUPPRESS, "required": option.required}
             if option.named:
                 how |= {"action": _Named, "kind": kind, "metavar": option.form}
             elif option.form:
@@ -74,7 +73,22 @@ class Parser(argparse.ArgumentParser):
 
         more: whether rare options are explained, or only listed by name
         """
-        texts = [_options_text(self, more)]
+        rare = []
+        for action in self._actions:
+            option = self.options.get(action.dest)
+            if option is None:
+                continue
+            about = option.about() if callable(option.about) else option.about
+            if option.package and not is_installed(option.package):
+                about = ""
+            if about and option.rare and not more:
+                rare.append(action.option_strings[-1])
+                about = ""
+            action.help = about or argparse.SUPPRESS
+        text = super().format_help()
+        if rare:
+            text += textwrap.fill(f"more ({self.prog} --help more): {', '.join(rare)}", 80) + "\n"
+        texts = [text]
         if words := self.words():
             lines = [f"  {self.prog} {word:<10}{about}\n" for word, about in words.items()]
             texts.append("".join(lines))
@@ -196,30 +210,3 @@ def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     program: name of the command, such as "hfa trim"
     """
     return f"unknown {what}{advice(name, known) or f' (see `{program} --help`)'}"
-
-
-def _options_text(parser: Parser, more: bool) -> str:
-    """Return the usage, the description and the options of a command."""
-    declared = []
-    for action in parser._actions:
-        option = parser.options.get(action.dest)
-        if option is not None and option.package and not is_installed(option.package):
-            action.help = argparse.SUPPRESS
-        elif option is not None:
-            about = option.about() if callable(option.about) else option.about
-            action.help = about or argparse.SUPPRESS
-            if about:
-                declared.append(action)
-    if more:
-        return argparse.ArgumentParser.format_help(parser)
-    hidden = [action for action in declared if parser.options[action.dest].rare]
-    texts = [action.help for action in hidden]
-    for action in hidden:
-        action.help = argparse.SUPPRESS
-    shown = argparse.ArgumentParser.format_help(parser)
-    for action, text in zip(hidden, texts, strict=True):
-        action.help = text
-    if not hidden:
-        return shown
-    names = ", ".join(action.option_strings[-1] for action in hidden)
-    return shown + textwrap.fill(f"more ({parser.prog} --help more): {names}", 80) + "\n"
