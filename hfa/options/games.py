@@ -111,7 +111,7 @@ def weighted_game(weights: Mapping[str, Any], linear: LinearModel) -> Game:
     return replace(game_of(linear, **weights), names=plant_names(linear))
 
 
-def weight_sources(weights: Collection[str], of_file: Collection[str] = ()) -> dict[str, str]:
+def _sources(weights: Collection[str], of_file: Collection[str]) -> dict[str, str]:
     """Return the source of each weight.
 
     The result is "Q", "R" and "delta" -> "given", "file" or "default", and "N" if given.
@@ -129,7 +129,7 @@ def weight_notes(weights: Collection[str], linear: LinearModel) -> tuple[str, ..
 
     weights: names of the given weights
     """
-    sources = weight_sources(weights, _of_file(linear))
+    sources = _sources_at(weights, linear)
     notes: tuple[str, ...] = ()
     if stored := [name for name, source in sources.items() if source == "file"]:
         notes += (f"used: {' and '.join(stored)} of {linear.model.name}",)
@@ -140,10 +140,10 @@ def weight_notes(weights: Collection[str], linear: LinearModel) -> tuple[str, ..
     return notes
 
 
-def _of_file(linear: LinearModel) -> tuple[str, ...]:
-    """Return the names of the weights in the plant file of a linear model."""
+def _sources_at(weights: Collection[str], linear: LinearModel) -> dict[str, str]:
+    """Return the source of each weight of a game on a linear model, which may be from a file."""
     about = linear.model.about
-    return tuple(about.weights) if about.weights_source == "file" else ()
+    return _sources(weights, about.weights if about.weights_source == "file" else ())
 
 
 def given_game(request: GameOptions, weights: Mapping[str, Any] | None = None) -> NamedGame:
@@ -179,7 +179,7 @@ def game_at(given: GivenTrim, weights: Mapping[str, Any]) -> NamedGame:
         weighted_game(weights, linear),
         warnings=(*linear.point.warnings, *linear.kinks, *weight_notes(weights, linear)),
         linear=linear,
-        weights_from=weight_sources(weights, _of_file(linear)),
+        weights_from=_sources_at(weights, linear),
         source=given.source,
     )
 
@@ -204,7 +204,7 @@ def _game_of_file(request: GameOptions, plant: Path, weights: Mapping[str, Any])
         warnings=stored.notes,
         plant_provenance=stored.provenance,
         has_time=stored.has_time,
-        weights_from=weight_sources(weights, stored.stated),
+        weights_from=_sources(weights, stored.stated),
         source={"model": str(plant)},
     )
 
