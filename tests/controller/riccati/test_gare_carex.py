@@ -8,6 +8,7 @@ examples for the numerical solution of algebraic Riccati equations I: continuous
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,10 @@ import pytest
 import scipy.linalg
 
 from hfa import Game, solve
+
+#: Largest error, relative to the largest entry of X. The scaled examples test X with a condition
+#: number of about 1e16.
+EXACT = 1e-14
 
 
 def equation(A: object, B: object, Q: object, R: object) -> Game:
@@ -27,6 +32,48 @@ def equation(A: object, B: object, Q: object, R: object) -> Game:
         E=np.eye(len(A)),
         delta=math.inf,
     )
+
+
+def known_solutions() -> Iterator[tuple[str, Game, np.ndarray]]:
+    """Yield (number and parameter of the example, its game, its solution P)."""
+    for small in (1.0, 1e-2, 1e-4, 1e-6, 1e-8):  # (A, B) loses stabilizability
+        root = math.sqrt(1.0 + small**2)
+        corner = 1.0 / (2.0 + root)
+        X = np.array(
+            [[(1.0 + root) / small**2, corner], [corner, 0.25 * (1.0 - (small * corner) ** 2)]]
+        )
+        yield f"7, {small:g}", equation(np.diag([1, -2]), [[small], [0]], np.ones((2, 2)), [[1]]), X
+    for size in (1e-6, 1e-3, 1.0, 1e3, 1e6):
+        root = math.sqrt(1.0 + 2.0 * size)
+        yield (
+            f"9, {size:g}",
+            equation([[0, size], [0, 0]], [[0], [1]], np.eye(2), [[1]]),
+            np.array([[root / size, 1], [1, root]]),
+        )
+    for small in (1.0, 1e-3, 1e-5):  # the closed loop approaches the imaginary axis
+        a = small + 1.0
+        x = 0.5 * (2.0 * a + math.sqrt(2.0 * a**2 + 2.0) + math.sqrt(2.0) * small)
+        X = np.array([[x, x / (x - a)], [x / (x - a), x]])
+        yield (
+            f"10, {small:g}",
+            equation([[a, 1], [1, a]], np.eye(2), small**2 * np.eye(2), np.eye(2)),
+            X,
+        )
+    V = np.eye(3) - 2.0 / 3.0
+    for size in (1.0, 1e3, 1e6):
+        cost = np.array([1.0 / size, 1.0, size])
+        rates = size * np.array([1.0, 2.0, 3.0])
+        X = V @ np.diag(size * (rates + np.sqrt(rates**2 + cost / size))) @ V
+        game = equation(V @ np.diag(rates) @ V, np.eye(3), V @ np.diag(cost) @ V, size * np.eye(3))
+        yield f"12, {size:g}", game, X
+
+
+@pytest.mark.parametrize(
+    ("game", "X"), [pytest.param(game, X, id=name) for name, game, X in known_solutions()]
+)
+def test_known_carex_solutions_are_certified(game: Game, X: np.ndarray) -> None:
+    """P agrees with the closed form."""
+    assert np.abs(solve(game).P - X).max() <= EXACT * np.abs(X).max()
 
 
 # Examples without a closed form: checked by their residual.

@@ -12,6 +12,8 @@ import hfa
 from controller import bounded_real_gain, disk_margin
 from hfa import BadInputError, Game, NoSolutionError
 
+GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
+
 
 def game_of(seed: int, **changes: object) -> Game:
     """Return a random game with three states, two inputs and units from 1e-3 to 1e3."""
@@ -53,6 +55,24 @@ def test_the_value_is_that_of_a_saddle_point(changes: dict) -> None:
     )
     names = {check.name for check in (*solution.certificate.checks, *solution.meaning)}
     assert {"cost_lyapunov", "l2_gain", "gain_change", "second_derivation"} <= names
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "Q", "R", "P"),
+    [
+        ([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[GOLDEN]]),
+        ([[4.0, 3.0], [-4.5, -3.5]], [[1.0], [-1.0]], [[9.0, 6.0], [6.0, 4.0]], [[1.0]],
+         [[9.0 * GOLDEN, 6.0 * GOLDEN], [6.0 * GOLDEN, 4.0 * GOLDEN]]),
+        ([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 2.0], [2.0, 4.0]], [[1.0]],
+         [[1.0, 2.0], [2.0, 2.0 + math.sqrt(5.0)]]),
+        ([[2.0, -1.0], [1.0, 0.0]], [[1.0], [0.0]], [[0.0, 0.0], [0.0, 1.0]], [[0.0]], np.eye(2)),
+    ],
+    ids=["QuantEcon: golden", "DAREX 1", "DAREX 5", "DAREX 3: R = 0"],
+)  # fmt: skip
+def test_regulators_with_a_closed_form(A: list, B: list, Q: list, R: list, P: list) -> None:
+    """P of regulators with a known solution is right to 1e-10; R may be 0."""
+    solution = hfa.solve(Game(A, B, Q=Q, R=R, dt=True))
+    np.testing.assert_allclose(solution.P, P, atol=1e-10 * np.abs(P).max())
 
 
 @pytest.mark.parametrize("share", [0.75, 1.0])  # products without rounding

@@ -554,3 +554,30 @@ def test_a_sheet_states_what_is_not_as_in_the_file() -> None:
     assert report.data["sheet"]["mass"]["note"] == "as loaded: 13.5"
     assert hfa.trim(model.with_parameters(Cl_beta=-0.1)).sheet["Cl_beta"].value == -0.1
     assert "file:" not in hfa.trim(model.with_parameters(mass=13.5)).report().head["data"]
+
+
+def test_the_load_factor_is_normal_to_the_path() -> None:
+    """It is 1 in level flight, cos γ in a climb and 1/cos φ in a turn, and 1 can be imposed."""
+    point = hfa.trim(hfa.load_model(f"{EXAMPLES}/uav.toml"))
+    assert point["load_factor"] == pytest.approx(1.0, abs=1e-9)
+    assert hfa.trim(point.model, load_factor=1.0)["load_factor"] == pytest.approx(1.0)
+    climbing = hfa.trim(point.model, gamma=0.05)
+    assert climbing["load_factor"] == pytest.approx(math.cos(0.05), abs=1e-9)
+    turning = hfa.trim(point.model, turn_rate=0.05)
+    assert turning["load_factor"] == pytest.approx(1.0 / math.cos(turning["roll"]), rel=2e-3)
+
+
+@pytest.mark.parametrize("name", ["cessna182.toml", "uav.toml"])
+def test_the_anticipation_parameter_is_that_by_hand(name: str) -> None:
+    """CAP = ω² / (n/α), with n/α = V q / (g α) of the steady response to elevator at constant V."""
+    model = hfa.load_model(EXAMPLES / name)
+    point = hfa.trim(model)
+    linear = point.linearize()
+    rows = [linear.states.index(name) for name in ("alpha", "pitch_rate")]
+    B = np.array(linear.B)[rows, linear.inputs.index("elevator")]
+    alpha, pitch_rate = -np.linalg.solve(np.array(linear.A)[np.ix_(rows, rows)], B)
+    gravity = 9.80665 if model.unit("speed") == "m/s" else 32.174
+    found = {row.name: row.value for row in point.sheet}
+    by_alpha = point["speed"] * pitch_rate / alpha / gravity
+    assert found["n/alpha"] == pytest.approx(by_alpha, rel=1e-5)
+    assert found["CAP"] == pytest.approx(found["short period frequency"] ** 2 / by_alpha, rel=1e-5)
