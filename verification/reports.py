@@ -51,8 +51,6 @@ def verdict_report(
     values = () if P is None else (P, verdict.exact.P)
     entries = entry_rows(values, (verdict.critic.K, verdict.exact.K), names)
     records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
-    for section in verdict.sections:
-        records = section.records or records
     critic = f"Critic of {source}" if source else "Critic"
     heading = [f"{critic} on {names.origin}, against the exact {verdict.solution}"]
     heading += about or (verdict.weights,)

@@ -10,12 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.riccati.cost import FlightCost
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, Checked
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.results import Result, given
-from hfa_support.reporting.text import Table
 from verification.box import Box
 from verification.nonlinear_game import NonlinearComparison
 
@@ -28,42 +26,22 @@ NEAR = 1.0
 AT_TRIM = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class Details(Result):
-    """Optional data of a verdict besides its checks.
-
-    graded: cost above the optimum, L2 gain, distance to instability; with a limit of the cost, also
-        the limit and the verdict on the cost.
-    disk_margin: disk margin of K.
-    disk_margin_exact: disk margin of the exact gain.
-    discount: discount factor of one step.
-    box: half-widths of the box of states in which V and the policies are compared, and their
-        source.
-    dt: sampling time of a sampled plant, s.
-    network: for a critic that is not quadratic, its outputs, V(0), the largest errors found
-        in the box, and the results of its simulations.
-    """
-
-    graded: FlightCost | None = None
-    disk_margin: float | None = None
-    disk_margin_exact: float | None = None
-    discount: float | None = None
-    box: Box | None = None
-    dt: float | None = None
-    network: Mapping[str, Any] | None = None
-
-
 class Section(NamedTuple):
     """Part of the report on a critic, with its data.
 
     part: text or table of the report
-    data: entries that the part adds to the data of the verdict
-    records: table for a data file in place of the entries of P and K, or None
+    data: entries that the part adds to the data of the verdict:
+      - graded: cost above the optimum, L2 gain, distance to instability (`FlightCost`); with a
+        limit of the cost, also the limit and the verdict on the cost
+      - disk_margin, disk_margin_exact: of K, and of the exact gain
+      - discount, dt: discount factor of a step; sampling time of a sampled plant, s
+      - box: box of states in which V and the policies are compared
+      - network: of a critic that is not quadratic, its outputs, V(0), the largest errors found in
+        the box, and the results of its simulations
     """
 
     part: Part
-    data: Details
-    records: Table | None = None
+    data: Mapping[str, Any] = {}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -226,7 +204,7 @@ class Verdict(Checked, Result, Reported):
             "checks": [check.contents() | {"kind": check.kind} for check in self.checks],
         } | given(nonlinear=self.nonlinear)
         for section in self.sections:
-            entries |= section.data.contents()
+            entries |= section.data
         return entries
 
     @property

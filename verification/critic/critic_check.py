@@ -30,7 +30,7 @@ from verification.box import Box, usual_box
 from verification.critic_errors import critic_errors, relative_error
 from verification.judged_game import JudgedGame
 from verification.scope import LIMIT, Scope
-from verification.verdict import Details, Section, Verdict, explained
+from verification.verdict import Section, Verdict, explained
 
 if TYPE_CHECKING:
     from verification.nonlinear_game import NonlinearComparison
@@ -120,13 +120,13 @@ def verify(
     checks = [*errors, *loop.checks]
     if given.P is not None and given.finite:
         checks += judged.value_checks(given.P, limit)
-    sections = [Section((f"Box of states: {box.about}",), Details(box=box)), loop.section]
+    sections = [Section((f"Box of states: {box.about}",), {"box": box}), loop.section]
     if found is not None:
         errors = [*errors, *found.errors]
         checks += found.checks
         sections.append(found.section)
     if about_nonlinear is not None:
-        sections.append(Section(about_nonlinear, Details()))
+        sections.append(Section(about_nonlinear))
     elif given.is_layer and found is None:
         sections.append(_polynomial_section(given))
     reason = ""
@@ -258,4 +258,4 @@ def _polynomial_section(critic: Critic) -> Section:
         "origin": critic.origin,
     }
     text = f"Polynomial, {critic.precision} weights, V(0) = {critic.constant:.4g}"
-    return Section((text,), Details(network=data))
+    return Section((text,), {"network": data})

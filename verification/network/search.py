@@ -27,7 +27,7 @@ from verification.network.flights import (
     fly,
 )
 from verification.network.mistakes import bias_text
-from verification.verdict import Details, Section
+from verification.verdict import Section
 
 if TYPE_CHECKING:
     from verification.scope import Scope
@@ -266,7 +266,7 @@ def nonlinear_section(
     }
     if flown.equilibrium_cost > 0.0:
         lines.append(f"The steady-state error costs {flown.equilibrium_cost:.2g} per {period}")
-    return Section((*lines, *_flight_lines(flown)), Details(network=data))
+    return Section((*lines, *_flight_lines(flown)), {"network": data})
 
 
 def _row(numbers: np.ndarray) -> str:
