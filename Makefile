@@ -26,8 +26,8 @@ report: .venv/report
 	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results --beside examples/uav.toml
 	@echo "To put the command hfa on the PATH, type: source $(BIN)/activate"
 
-# Every stored picture of the documents anew; page.png needs the browser Chromium. docs/pictures/NAME has those that the
-# commands of docs/NAME.md draw.
+# Every stored picture of the documents anew; those of the page and of sheets need the browser Chromium and pdftoppm.
+# docs/pictures/NAME has those that the commands of docs/NAME.md draw.
 ILLUSTRATE = import sys; sys.path[:0] = ['tests/support', 'tests/project', '.']; import test_docs; test_docs.illustrate()
 pictures: .venv/ready
 	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results --beside examples/uav.toml
@@ -35,6 +35,11 @@ pictures: .venv/ready
 	$(BIN)/python -c "$(ILLUSTRATE)"
 	chromium --headless --no-sandbox --hide-scrollbars --window-size=1400,900 --virtual-time-budget=10000 \
 		--screenshot=docs/pictures/page.png file://$(CURDIR)/report/report.html
+	$(BIN)/hfa trim -q --aircraft examples/uav.toml -o report/sheet.html
+	$(BIN)/hfa trim -q --aircraft examples/uav.toml -o report/sheet.pdf
+	chromium --headless --no-sandbox --hide-scrollbars --window-size=1100,1130 \
+		--screenshot=docs/pictures/sheet_html.png file://$(CURDIR)/report/sheet.html
+	pdftoppm -r 110 -png -f 1 -l 1 -W 910 -H 1000 -singlefile report/sheet.pdf docs/pictures/sheet_pdf
 
 .venv-docs/ready: pyproject.toml requirements-docs.lock
 	@echo "Installing the $$(grep -c == requirements-docs.lock) packages that the documents need into .venv-docs"
