@@ -69,25 +69,31 @@ _MODES = {
 def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
     """Return role -> name of each state recognized by name and unit.
 
-    The roles are alpha, q, speed, theta, beta, p, r and phi.
+    The roles are alpha, q, speed, theta, beta, p, r and phi. A state of a part, such as the
+    body_speed of an FMU, has the role if no state has the name itself and no other part has one.
     """
     found: dict[str, str] = {}
     for role, (names, units) in _RECOGNIZED.items():
-        for name, signal in states.items():
-            if name.lower() in names and signal.unit in units:
-                found.setdefault(role, name)
+        named = _named(states, names, units)
+        if named:
+            found[role] = named[0]
     return found
+
+
+def _named(states: Mapping[str, Signal], names: Sequence[str], units: Sequence[str]) -> list[str]:
+    """Return the states with one of the names, or the only one with a part's name before it."""
+    fitting = [name for name, signal in states.items() if signal.unit in units]
+    ends = tuple(f"_{name}" for name in names if len(name) > 1)
+    of_parts = [name for name in fitting if name.lower().endswith(ends)]
+    exact = [name for name in fitting if name.lower() in names]
+    return exact or (of_parts if len(of_parts) == 1 else [])
 
 
 def altitudes(model: Model) -> list[str]:
     """Return the names of the states that are recognized as altitudes of an aircraft."""
     if not {"speed", "alpha"} <= {*recognized(model.states)}:
         return []
-    return [
-        name
-        for name, signal in model.states.items()
-        if name.lower() in _ALTITUDES and signal.unit in _LENGTH
-    ]
+    return _named(model.states, _ALTITUDES, _LENGTH)
 
 
 def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:

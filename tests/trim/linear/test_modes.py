@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -207,3 +208,23 @@ def test_eigenvalues_are_sorted_by_size_real_and_imaginary_part() -> None:
     linear = LinearModel.of(A, np.ones((5, 1)))
     expected = [-(5.0**0.5), 1.0 + 2.0j, 1.0 - 2.0j, 5.0**0.5, 0.5]
     np.testing.assert_allclose(linear.eigenvalues, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("part", "named"), [("", True), ("body_", True), ("body2", False)])
+def test_states_of_a_part_have_their_roles(part: str, named: bool) -> None:
+    """The modes of body_speed, body_alpha, body_pitch and body_pitch_rate are those of speed, ..."""
+    A = np.array([[-0.03, 6.0, -9.8, 0.0], [-0.005, -1.2, 0, 1], [0, 0, 0, 1], [0.0, -9.0, 0, -2]])
+    units = {"speed": "m/s", "alpha": "rad", "pitch": "rad", "pitch_rate": "rad/s"}
+    states = {f"{part}{name}": hfa.Signal(unit) for name, unit in units.items()}
+
+    def equations(x: Any, u: Any, *_: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        values = list(x)
+        rates = [sum(a * value for a, value in zip(row, values, strict=True)) for row in A]
+        rates[-1] += u.elevator
+        return dict(zip(states, rates, strict=True)), {}
+
+    model = hfa.Model(
+        "part", states, {"elevator": hfa.Signal("rad")}, equations, trim={"elevator": 0}
+    )
+    names = {mode.name for mode in hfa.trim(model).modes}
+    assert ({"short period", "phugoid"} <= names) == named
