@@ -157,6 +157,7 @@ class BestFlights:
     @cached_property
     def flights(self) -> Flights:
         """Simulator of the flights."""
+        _ = self._equations  # refuses a compiled function before the first flight
         return Flights(self.problem, self.count)
 
     @cached_property
