@@ -129,13 +129,14 @@ def units_like(unit: str) -> list[str]:
 def split_unit(text: str) -> tuple[str, str]:
     """Return the number and the unit in a text such as "100 kt", with "" for a missing one.
 
-    A flight level, "FL200", is a number of hundreds of feet.
+    A flight level, "FL200", is a number of hundreds of feet. A unit that does not begin with a
+    letter, as in "5.8 1/rad", follows a blank.
     """
     if level := re.fullmatch(r"\s*FL\s*(\d+)\s*", text, re.IGNORECASE):
         return f"{level[1]}00", "ft"
     digits = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
     unit = r"(?![eE][-+]?\d)[a-zA-Z°µμ].*"  # a text that begins with a letter, but is no exponent
-    found = re.fullmatch(rf"({digits})\s*({unit})", text.strip())
+    found = re.fullmatch(rf"({digits})(?:\s*(?={unit})|\s+)(\S.*)", text.strip())
     return (found[1], found[2]) if found else (text, "")
 
 

@@ -191,6 +191,11 @@ def listed_points(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]
             f"{path} cannot be read ({error}); give a readable CSV file of conditions"
         ) from error
     header, title_row = numbered_rows[0] if numbered_rows else (1, [])
+    if any(";" in title for title in title_row):
+        raise BadInputError(
+            f"{path}: row {header} contains a semicolon; separate the columns by commas, and write "
+            "numbers with a decimal point"
+        )
     headings = [name.strip().removesuffix("]").partition(" [") for name in title_row]
     names = [name for name, _, _ in headings]
     point_rows = numbered_rows[1:]

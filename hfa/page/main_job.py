@@ -136,7 +136,8 @@ def slider_over(
 def slider_beside(model: Model) -> Slider:
     """Return the trims and linear models of another aircraft about its default trim.
 
-    Raises BadInputError for an aircraft without a scheduling variable.
+    Raises BadInputError for an aircraft without a scheduling variable, or without limits of one
+    that is 0 at this trim.
     """
     if not model.schedule:
         raise BadInputError(
@@ -144,6 +145,11 @@ def slider_beside(model: Model) -> Slider:
         )
     usual = trim(model)[model.schedule]
     limits = model.limits[model.schedule]
+    if not (usual or np.isfinite(limits).all()):
+        raise BadInputError(
+            f"{model.name}: {model.schedule} is 0 at the default trim; declare its min and max, "
+            "the ends of the page's slider"
+        )
     values = np.clip(usual * BESIDE, *limits) if usual else np.linspace(*limits, len(BESIDE))
     return slider_over("beside", model, np.union1d(values, usual), usual)
 

@@ -209,7 +209,8 @@ def _revision(model: Model) -> str:
     source = model.source
     if source.digest:
         changes = [
-            f"{name} {model.describe(name, model.parameters[name].start)} (file: {value:.6g})"
+            f"{name} {model.describe(name, model.parameters[name].start)}"
+            f" (file: {model.describe(name, value)})"
             for name, value in model.changed.items()
         ]
         return ", ".join((f"{source.text} (SHA-256 {source.digest[:12]})", *changes))

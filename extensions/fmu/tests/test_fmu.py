@@ -340,6 +340,8 @@ def test_fixed_and_boolean_parameters_are_held(version: int) -> None:
     assert "Boolean parameters, 0 or 1: the_moon" in said
     refused = run("trim", "--aircraft", written, "--hold", "the_moon=0.5")
     assert_refused(refused, 2, "a Boolean parameter is 0.5; hold it at 0 or 1")
+    refused = run("trim", "--aircraft", written, "--hold", "the_moon=true")
+    assert_refused(refused, 2, "'true'; give a finite number (1 for true, 0 for false)")
 
 
 @pytest.mark.parametrize("version", [2, 3])

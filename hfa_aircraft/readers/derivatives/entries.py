@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from typing import Any
 
 from hfa_support.errors import BadInputError, shortened, shown
-from hfa_support.units import conversion, si_unit
+from hfa_support.units import conversion, si_unit, split_unit
 
 
 @dataclass(frozen=True)
@@ -37,13 +36,12 @@ def number(name: str, entry: Entry, unit: str, plain: float = 1.0) -> float:
     value: Any = entry.value
     stated = ""
     if isinstance(value, str):
-        match = re.fullmatch(r"\s*([-+.\deE]+)\s*(.*?)\s*", value)
-        if match is None:
-            raise entry.error(f"{name} is {shown(value)}; give a number, optionally with a unit")
-        stated = match[2]
-        value = _float(match[1])
+        text, stated = split_unit(value)
+        value = _float(text)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise entry.error(f"{name} is {shown(entry.value)}; give a finite number")
+        raise entry.error(
+            f"{name} is {shown(entry.value)}; give a finite number, optionally with a unit"
+        )
     return float(value) * (_factor(name, entry, stated, unit) if stated else plain)
 
 

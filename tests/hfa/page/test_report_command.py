@@ -6,7 +6,9 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +17,9 @@ from project import ROOT
 
 pytest.importorskip("hfa_flight")
 
+from hfa import BadInputError, Model, Signal
 from hfa.main import BAD_INPUT, DONE, FAILED
+from hfa.page.main_job import slider_beside
 
 
 @pytest.fixture(autouse=True)
@@ -189,6 +193,22 @@ def test_wrong_options_of_report_are_refused(words: str, named: str) -> None:
     Path("file").write_text("a file", encoding="utf-8")
     assert_refused(hfa("report", *words.split()), BAD_INPUT, named)
     assert list(Path().iterdir()) == [Path("file")]
+
+
+def test_a_slider_has_ends() -> None:
+    """A variable that is 0 at the default trim gives the slider no values unless it has limits."""
+
+    def rates(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        return {"speed": u.thrust - x.speed}, {}
+
+    states, inputs = {"speed": Signal("m/s")}, {"thrust": Signal("N")}
+    model = Model("rest", states, inputs, rates, trim={"speed": 0.0}, schedule="speed")
+    with pytest.raises(BadInputError, match="declare its min and max"):
+        slider_beside(model)
+    limited = replace(model, states={"speed": Signal("m/s", min=-1.0, max=3.0)})
+    slider = slider_beside(limited)
+    values = [point.value for point in slider.points]
+    assert (values[0], values[slider.first], values[-1]) == (-1.0, 0.0, 3.0)
 
 
 @pytest.mark.slow

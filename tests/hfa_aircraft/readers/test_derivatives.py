@@ -327,7 +327,7 @@ def test_each_entry_has_its_own_unit():
         ({"CT_u": 0.1, "thrust_slope": 0.2}, "CT_u and thrust_slope state the same effect"),
         ({"dimensional": "divided by mass", "Mwdot": "0.1 1/s"}, "Mwdot is in 1/s; give Mwdot in"),
         ({"dimensional": "divided by mass", "Xq": 1.0, "alpha": 0.1}, 'give axes = "stability"'),
-        ({"CL_alpha": "steep"}, "CL_alpha is 'steep'; give a number"),
+        ({"CL_alpha": "steep"}, "CL_alpha is 'steep'; give a finite number"),
         ({"elevator": [1.0, -1.0]}, "lower limit is not less than the upper limit"),
         ({"alpha": [0.0, 0.1]}, "give a single value"),
         ({"left flap": [0.0, 0.1]}, "limit of an input"),

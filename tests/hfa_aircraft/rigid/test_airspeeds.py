@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Callable
 from itertools import product
+from pathlib import Path
 
 import pytest
 from cli import assert_refused, hfa
@@ -71,7 +73,7 @@ def test_other_aircraft_with_altitude_and_speed_have_airspeeds(source: str) -> N
 
 
 def test_units_are_read_alike_by_both_ways_in(uav: Model) -> None:
-    """Texts with units in Python are the values of the command line, in any unit."""
+    """Texts with units are the same values in Python, on the command line and in a table."""
     typed = {"kcas": "70 mph", "altitude": "FL030", "gamma": "2 deg"}
     point = trim(uav, hold=typed)
     words = [f"--hold {name}={value.replace(' ', '')}" for name, value in typed.items()]
@@ -80,6 +82,9 @@ def test_units_are_read_alike_by_both_ways_in(uav: Model) -> None:
     assert found == pytest.approx(point.states._asdict(), rel=1e-12, abs=1e-15)
     in_numbers = trim(uav, kcas=70.0 * 1609.344 / 1852.0, altitude=914.4, gamma=0.03490658503988659)
     assert point["speed"] == pytest.approx(in_numbers["speed"], rel=1e-12)
+    table = tomllib.loads(Path(UAV).read_text("utf-8"))
+    table["condition"]["altitude"] = "FL030"
+    assert trim(tool.from_derivatives(table))["altitude"] == pytest.approx(914.4)
     assert uav.with_parameters(mass="30 lbm").parameters["mass"].start == pytest.approx(13.6077711)
     assert TrimCondition(uav, {"speed": "90 km/h"}).imposed["speed"] == pytest.approx(25.0)
     swept = tool.sweep(uav, speed=["90 km/h", "60 kt"])

@@ -502,7 +502,9 @@ def test_published_and_newton_dynamics_differ_by_mode_in_percent() -> None:
 
 def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:
     """Each row equals the sheet of its own trim in degrees; a row that fails has its sentence."""
-    text = f"speed [m/s],gamma [rad]\n30,0\n35,{math.radians(2.0)!r}\n5,0\n"
+    text = (
+        f"speed [m/s],gamma [rad],CD_0 [1]\n30,0,.0437\n35,{math.radians(2.0)!r},.0437\n5,0,.0437\n"
+    )
     Path("conditions.csv").write_text(text, "utf-8")
     words = ("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--conditions", "conditions.csv")
     result = command(*words, "-o", "matrix.csv")
@@ -520,7 +522,7 @@ def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:
         assert float(row["gamma [deg]"]) == pytest.approx(gamma)
         assert float(row["alpha [deg]"]) == pytest.approx(math.degrees(found["alpha"].value))
         assert (row["phugoid damping level"], row["failure"]) == ("1", "")
-    assert rows[2]["failure"].startswith("speed 5 m/s, gamma 0 deg: speed is 5 m/s")
+    assert rows[2]["failure"].startswith("speed 5 m/s, gamma 0 deg, CD_0 0.0437: speed is 5 m/s")
     assert (rows[2]["L/D"], rows[2]["speed [m/s]"], rows[2]["gamma [deg]"]) == ("", "5.0", "0.0")
 
 
@@ -550,7 +552,7 @@ def test_a_sheet_states_what_is_not_as_in_the_file() -> None:
     assert changed == {"Cl_beta": {"value": -0.2, "usual": -0.12, "unit": "1"}}
     model = hfa.load_model(f"{EXAMPLES}/uav.toml").with_parameters(mass=14.0)
     report = hfa.trim(model).report()
-    assert "mass 14 kg (file: 13.5)" in report.head["data"]
+    assert "mass 14 kg (file: 13.5 kg)" in report.head["data"]
     assert report.data["sheet"]["mass"]["note"] == "as loaded: 13.5"
     assert hfa.trim(model.with_parameters(Cl_beta=-0.1)).sheet["Cl_beta"].value == -0.1
     assert "file:" not in hfa.trim(model.with_parameters(mass=13.5)).report().head["data"]

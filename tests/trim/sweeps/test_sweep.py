@@ -103,6 +103,7 @@ LISTS = [
     ("dihedral,speed\n\n5,64\n\n10,6x8\n", "row 5, column speed is '6x8'; give a finite number"),
     ("dihedral,spd\n5,64\n", "the column of row 1 is unknown: 'spd'; did you mean speed?"),
     ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells, but row 1 has 2; correct the row"),
+    ("dihedral;speed\n5;64\n", "row 1 contains a semicolon; separate the columns by commas"),
     ("dihedral,speed\n", "row 1 contains a name twice, or no values follow"),
     ("dihedral,speed\n5,64\n10,680\n", "speed is 680 ft/s"),
 ]
