@@ -20,7 +20,6 @@ class Deviations(Reported):
     states: (N, n), states of the plant
     errors: (N, k), z = x - x_d of the states of the linear model, without noise
     inputs: (N, m)
-    memory: (N, l), memory of the policy
     limited: (N, n), the states. In moving air, the angle of attack replaces alpha
     winds: disturbance of the model that the scenario sets -> (N,)
     cost: (N,), cost from the start of the flight, or None for a loop without a cost
@@ -30,7 +29,6 @@ class Deviations(Reported):
     states: np.ndarray
     errors: np.ndarray
     inputs: np.ndarray
-    memory: np.ndarray
     limited: np.ndarray
     winds: dict[str, np.ndarray]
     cost: np.ndarray | None = None

@@ -73,7 +73,7 @@ class GivenInputs(Policy):
 
     inputs: ca.SX
 
-    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+    def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the deviations of the inputs from trim, (m,)."""
         return self.inputs
 
@@ -94,7 +94,7 @@ class Sampled(NamedTuple):
 class Steering(NamedTuple):
     """Policy and input signals v of an exported loop.
 
-    policy: the policy, without memory
+    policy: the policy
     arguments: channels of v
     v: (k,), symbols of the inputs of the loop, then of the held commands
     reference: x_d, as part of v, or None
@@ -141,7 +141,7 @@ def given_inputs(model: Model, point: OperatingPoint) -> Steering:
 def following_a_reference(model: Model, policy: Policy) -> Steering:
     """Return the steering in which a policy receives x - v.
 
-    v is the reference of the states x of the linear model. The policy must have no memory.
+    v is the reference of the states x of the linear model.
     """
     v = ca.SX.sym("reference", len(model.linear))
     arguments = [Channel(f"reference_{name}", model.unit(name)) for name in model.linear]

@@ -356,7 +356,7 @@ class PlacedFlights:
         inputs = states[:, memory][:, : len(point.model.inputs)] - point.u
         deviations = states[:, X] - point.x
         empty = np.zeros((len(states), 0))
-        trace = Deviations(flown.times, deviations, empty, inputs, empty, deviations, {})
+        trace = Deviations(flown.times, deviations, empty, inputs, deviations, {})
         cycle, _ = oscillation(point.model, trace, 0.0)
         return cycle
 

@@ -50,11 +50,11 @@ class KeptInside(Policy):
     delay: float
     changed: list[int]
 
-    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+    def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the policy's inputs, or the nearest ones where they differ, (m,)."""
         size = self.policy.held.shape[1]
         own, acts, u = ca.vertsplit(held, [0, size, size + 1, held.numel()])
-        return ca.if_else(acts, u, self.policy.control(t, measurements, memory, own))
+        return ca.if_else(acts, u, self.policy.control(t, measurements, own))
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> held inputs of the policy, whether they are
@@ -94,7 +94,7 @@ class KeptInside(Policy):
         t, measured = ca.SX.sym("t"), ca.SX.sym("measured", len(problem.model.states))
         held = ca.SX.sym("held", self.policy.held.shape[1])
         states = measured[problem.model.state_places(problem.model.linear)]
-        u = self.policy.control(t, Measurements(states, states), ca.SX(0, 1), held)
+        u = self.policy.control(t, Measurements(states, states), held)
         return ca.Function("command", [t, measured, held], [ca.densify(u)])
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
@@ -154,12 +154,11 @@ def keep_inside(
     disturbances are not known. In a flight with a delay, the states are predicted over the
     commands under way, for a policy that is computed once a sample too.
 
-    policy: a policy of `hfa.fly` without memory, such as `hfa.predictive(...)`, or an
-        `hfa.Deployment`
+    policy: a policy of `hfa.fly`, such as `hfa.predictive(...)`, or an `hfa.Deployment`
     model, point: the aircraft and its trim
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
 
-    Raises BadInputError if the policy has a memory, or if the inputs reach no limit in one sample.
+    Raises BadInputError if the inputs reach no limit in one sample.
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -178,11 +177,6 @@ def keep_inside(
 
 def kept_inside(policy: Policy, problem: FlightProblem, tick: float = 0.01) -> KeptInside:
     """Return the policy of `keep_inside` for a problem, and ticks of a flight, s."""
-    if policy.start.size:
-        raise BadInputError(
-            f"the policy {policy.name} has a memory, which keep-inside does not know; remove "
-            "keep-inside"
-        )
     nearest = NearestInputs(ScaledProblem(problem), tick)
     if not nearest.states:
         raise BadInputError(

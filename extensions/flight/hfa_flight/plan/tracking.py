@@ -44,7 +44,7 @@ class TrackingPolicy(Policy):
     lowest: np.ndarray
     highest: np.ndarray
 
-    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+    def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the deviations of all inputs as an expression. Inputs that do not move are 0."""
         k = measurements.error.numel()
         m = len(self.moved)

@@ -25,8 +25,7 @@ class Filter(KalmanFilter):
 
         law: a gain K, a critic, a solution, a deployment or another policy that `hfa.fly` accepts
 
-        Raises BadInputError for a policy without feedback, with a memory of its own, or with
-        another sample time.
+        Raises BadInputError for a policy without feedback, or with another sample time.
         """
         sampled = Scenario(tick=self.dt, step=self.dt, duration=self.dt)
         if not isinstance(law, Policy):

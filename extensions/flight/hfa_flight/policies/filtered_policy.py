@@ -75,8 +75,7 @@ class FilteredPolicy(SampledPolicy):
     def behind(cls, known: KalmanFilter, law: Policy) -> Self:
         """Return the policy of a filter's estimate.
 
-        Raises BadInputError for a policy without feedback, with a memory of its own, or with
-        another sample time.
+        Raises BadInputError for a policy without feedback, or with another sample time.
         """
         if isinstance(law, FilteredPolicy):
             raise BadInputError(
@@ -84,8 +83,6 @@ class FilteredPolicy(SampledPolicy):
             )
         if isinstance(law, OpenLoop):
             raise BadInputError("a policy without feedback needs no filter; give a policy")
-        if law.start.size:
-            raise BadInputError(f"the policy {law.name} has a memory; give one without a memory")
         own = own_sample_time(law, known.dt)
         if isinstance(law, SampledPolicy):
             law = replace(law.in_air(known.winds), tick=known.dt)
@@ -301,8 +298,8 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
 
 
 def command_of(policy: Policy, t: ca.SX, z: ca.SX, held: Any) -> ca.SX:
-    """Return the command of a policy without a memory at the state z, as deviations, (m,)."""
-    return policy.control(t, Measurements(z, z), ca.SX(0, 1), held)
+    """Return the command of a policy at the state z, as deviations, (m,)."""
+    return policy.control(t, Measurements(z, z), held)
 
 
 def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy:

@@ -1,4 +1,4 @@
-"""Policies of a flight as CasADi expressions, with their held inputs and their memory."""
+"""Policies of a flight as CasADi expressions, with their held inputs."""
 
 from __future__ import annotations
 
@@ -38,14 +38,11 @@ class Measurements(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Policy(Reported):
-    """Base class of policies u = control(t, measurements, memory, held).
-
-    A memory is optional: memory' = memory_rate(t, measurements, memory, held, applied).
+    """Base class of policies u = control(t, measurements, held).
 
     name: name in reports
     held: (N, h), inputs of the policy that are constant during a tick: row k during tick k, and the
       last row afterwards
-    start: (l,), initial memory
     identity: JSON data that identify the policy
     predicts: whether the linear model is flown with the policy too, as a prediction
     is_called: whether the policy is a function of the user, which is called in one nonlinear flight
@@ -56,30 +53,11 @@ class Policy(Reported):
 
     name: str
     held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
-    start: np.ndarray = field(default_factory=lambda: np.zeros(0), kw_only=True)
     identity: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
 
-    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+    def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs as deviations from trim, (m,), by default those held."""
         return held
-
-    def memory_rate(
-        self,
-        t: ca.SX,
-        measurements: Measurements,
-        memory: ca.SX,
-        held: ca.SX,
-        applied: ca.SX,
-    ) -> ca.SX:
-        """Return the time derivative of the memory, (l,). It is empty without memory.
-
-        t: s
-        measurements: measured values at t
-        memory: (l,)
-        held: held inputs of the tick
-        applied: command u within the limits of the actuators
-        """
-        return ca.SX(0, 1)
 
     def held_inputs(self, tick: int, time: float) -> np.ndarray:
         """Return the inputs held from a time in a tick, (h,).
@@ -98,10 +76,7 @@ class Policy(Reported):
 
     @property
     def gain(self) -> np.ndarray | None:
-        """Gain K (m, k) of u = -K z near the trim, or None.
-
-        None means that the policy has no constant gain or has a memory.
-        """
+        """Gain K (m, k) of u = -K z near the trim, or None if it is not constant."""
         return None
 
     def sampled_modes(self) -> np.ndarray | None:
@@ -148,7 +123,7 @@ class GainPolicy(Policy):
         for name, value in (("K", K), ("held", K.ravel("F")[None]), ("identity", {"K": K})):
             object.__setattr__(self, name, value)
 
-    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+    def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs u = -K z + u_d(t), (m,)."""
         feedback = -ca.mtimes(ca.reshape(held, *self.K.shape), measurements.error)
         return feedback if self.feedforward is None else feedback + self.feedforward.at(t)
@@ -177,7 +152,7 @@ class FunctionPolicy(Policy):
     lowest: np.ndarray
     highest: np.ndarray
 
-    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+    def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs π(z), (m,), clipped to the limits."""
         return self.limited(measurements.error)
 

@@ -102,7 +102,7 @@ class ScheduledGainPolicy(Policy):
     schedule: GainSchedule
     path: TrimPath
 
-    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+    def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs U0(r(t)) - U_base - K(η) z, (m,)."""
         model = self.schedule.model
         row = model.linear.index(model.schedule)

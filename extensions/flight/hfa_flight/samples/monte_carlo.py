@@ -53,7 +53,6 @@ KEPT = {
     "lowest_input": ("lowest value inside the envelope", "input"),
     "highest_input": ("highest value inside the envelope", "input"),
     "final": ("at the end", "state"),
-    "memory": ("memory of the policy at the end", "memory_state"),
 }
 
 
@@ -203,7 +202,7 @@ def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndar
 def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     """Return the stored results of one member's flight: name -> number or array.
 
-    Errors and inputs are evaluated at the steps inside the envelope. The final states and memory
+    Errors and inputs are evaluated at the steps inside the envelope. The final states
     are those after the last of these steps. Root mean squares leave out the first half in
     turbulence, which begins in calm.
     """
@@ -237,7 +236,6 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
         "lowest_input": inputs.min(axis=0, initial=np.inf) + trim,
         "highest_input": inputs.max(axis=0, initial=-np.inf) + trim,
         "final": result.states[end],
-        "memory": flight.memory[end],
     }
 
 

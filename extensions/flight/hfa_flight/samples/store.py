@@ -73,7 +73,6 @@ def _template(plan: MonteCarlo) -> Any:
     inputs = tuple(model.inputs)
     names = {"error": errors, "error_state": model.linear, "state": states, "input": inputs}
     sizes = {axis: len(members) for axis, members in names.items()}
-    sizes["memory_state"] = len(plan.policy.start)
 
     coordinates: dict[str, Any] = {}
     for axis, members in names.items():
@@ -95,7 +94,7 @@ def _template(plan: MonteCarlo) -> Any:
         elif axis_or_unit:
             attributes["units"] = axis_or_unit
         shape = (plan.members, *(sizes[axis] for axis in axes[1:]))
-        if 0 not in shape:  # empty if nothing is drawn or the policy has no memory
+        if 0 not in shape:  # empty if nothing is drawn
             arrays[name] = array_of_rows(axes, shape, fill, chunk_of(plan), attributes)
 
     import xarray

@@ -204,13 +204,11 @@ class StateParts(NamedTuple):
 
     plant: deviations of the plant's states from trim, (n,)
     actuators: states of the actuators, or size 0 without actuators
-    memory: states of the policy, or size 0 without memory
     cost: cost from the start of the flight, (1,), or size 0 without a cost
     """
 
     plant: Any
     actuators: Any
-    memory: Any
     cost: Any
 
 
@@ -290,12 +288,11 @@ class ClosedLoop:
 
     @cached_property
     def state_sizes(self) -> StateParts:
-        """Sizes of the parts of the loop's state y: plant, actuators and memory of the policy."""
+        """Sizes of the parts of the loop's state y: plant, actuators and cost."""
         actuators = self.scenario.actuators
         return StateParts(
             plant=self.plant.chosen.shape[1],
             actuators=0 if actuators is None else actuators.size,
-            memory=self.policy.start.size,
             cost=0 if self.cost is None else 1,
         )
 
@@ -329,27 +326,25 @@ class ClosedLoop:
         since = inputs.begin if inputs.begin.numel() else t
         reference = self._reference(t, since)
         measurements = self._measurements(t, state, inputs, reference)
-        command = self.policy.control(t, measurements, state.memory, inputs.policy)
+        command = self.policy.control(t, measurements, inputs.policy)
         arriving = command
         if inputs.delay.numel():
             m = plant.point.u.size
             begin, end, early, late = ca.vertsplit(inputs.delay, [0, 1, 2, 2 + m, 2 + 2 * m])
             arriving = early + (late - early) * (t - begin) / (end - begin)
         if scenario.actuators is None:
-            applied = arriving
             u = arriving
             actuators_rate = ca.SX(0, 1)
         else:
             actuators = scenario.actuators
-            applied = actuators.reachable(arriving, plant.point.u)
+            reachable = actuators.reachable(arriving, plant.point.u)
             u = actuators.position(state.actuators, plant.point.u)
-            actuators_rate = actuators.states_rate(state.actuators, applied, inputs.actuators)
-        memory_rate = self.policy.memory_rate(t, measurements, state.memory, inputs.policy, applied)
+            actuators_rate = actuators.states_rate(state.actuators, reachable, inputs.actuators)
         disturbance = scenario.disturbance or zero(len(plant.chosen))
         plant_rate = plant.rate(state.plant, u, disturbance.at(t), winds, inputs.parameters)
         error = ca.mtimes(ca.DM(plant.chosen), state.plant) - reference
         cost_rate = ca.SX(0, 1) if self.cost is None else self.cost.rate(error, u)
-        rates = StateParts(plant_rate, actuators_rate, memory_rate, cost_rate)
+        rates = StateParts(plant_rate, actuators_rate, cost_rate)
         return Expressions(
             rate=ca.vertcat(*rates),
             error=error,
@@ -376,10 +371,7 @@ class ClosedLoop:
             slopes = ca.Function("slopes", [t, y, held], [ca.jacobian(loop.at(t, y, held).rate, y)])
             inputs = np.zeros(held.numel())
             loop.hold(0, inputs)
-            trim = np.concatenate(
-                [np.zeros(loop.state_sizes.plant + loop.state_sizes.actuators), loop.policy.start]
-            )
-            modes = np.linalg.eigvals(slopes(0.0, trim, inputs).full())
+            modes = np.linalg.eigvals(slopes(0.0, np.zeros(y.numel()), inputs).full())
         return modes[modes.real > 0.0]
 
     @cached_property
@@ -430,14 +422,13 @@ class ClosedLoop:
         return tuple(dict.fromkeys(names))
 
     def start(self) -> np.ndarray:
-        """Return y at time 0: initial condition of the scenario, actuators at trim, initial memory.
+        """Return y at time 0: initial condition of the scenario, actuators at trim.
 
         Raises BadInputError if the initial condition does not have the size of the plant.
         """
         parts = StateParts(
             plant=self.scenario.initial,
             actuators=np.zeros(self.state_sizes.actuators),
-            memory=self.policy.start,
             cost=np.zeros(self.state_sizes.cost),
         )
         if parts.plant.size != self.state_sizes.plant:
@@ -477,7 +468,7 @@ class ClosedLoop:
             held[parts.gust] = scenario.gust.held_inputs(tick)
 
     def parts(self, y: np.ndarray) -> StateParts:
-        """Return the columns of y for the plant, the actuators, the memory and the cost.
+        """Return the columns of y for the plant, the actuators and the cost.
 
         y: values of y at one or several times, (..., size)
         """

@@ -119,7 +119,7 @@ class CompiledLoop:
             limited[:, self._alpha] = angle[:, 0]
         air = dict(zip(self.loop.wind_names, winds.T, strict=True))
         cost = parts.cost[:, 0] if parts.cost.size else None
-        return Deviations(times, parts.plant, errors, inputs, parts.memory, limited, air, cost)
+        return Deviations(times, parts.plant, errors, inputs, limited, air, cost)
 
 
 class _Commands(NamedTuple):
