@@ -37,7 +37,9 @@ ARRAYS = {
     "inputs": SweepArray(("input",), "input_unit", "U0"),
     "A": SweepArray(("rate", "state"), "rate_unit / state_unit", "dx'/dx"),
     "B": SweepArray(("rate", "input"), "rate_unit / input_unit", "dx'/du"),
-    "eigenvalues": SweepArray(("mode",), "1/s", "of A, fastest first"),
+    "eigenvalues": SweepArray(
+        ("mode",), "1/s", "of A; fastest first in a Zarr store, otherwise one mode in each column"
+    ),
 }
 
 
