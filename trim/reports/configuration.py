@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.motion import inertia_doubt
 from hfa_support.reporting.rows import Lacking, Row
 from hfa_support.reporting.text import shown_value
@@ -62,12 +61,13 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
         if unit:
             found["mass"] = (point["weight"] / parameters["gravity"], unit)
     labels = {name: label for name, label in _ENTRIES.items() if name in found}
-    for name in model.changed:
+    notes = {}
+    for name, value in model.changed.items():
+        notes[name] = f"as loaded: {shown_value(value, model.unit(name))}"
         if name not in found:
             found[name], labels[name] = (parameters[name], model.unit(name)), name
     rows: list[Row | Lacking] = [
-        Row(label, *found[name], _as_loaded(model, name), digits=6)
-        for name, label in labels.items()
+        Row(label, *found[name], notes.get(name, ""), digits=6) for name, label in labels.items()
     ]
     if found.keys() & _ENTRIES.keys() or "alpha" in trimmed.roles:
         missing = [label for name, label in _ENTRIES.items() if name not in (*found, *_OPTIONAL)]
@@ -76,13 +76,6 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
         missing = others if has_center else ["c.g.", *others]
         rows += [Lacking(label, "") for label in missing]
     return rows
-
-
-def _as_loaded(model: Model, name: str) -> str:
-    """Return a note with the value of a parameter as loaded, "" if it is unchanged."""
-    if name not in model.changed:
-        return ""
-    return f"as loaded: {shown_value(model.changed[name], model.unit(name))}"
 
 
 def inertia_lines(trimmed: Trimmed, rows: list[Row | Lacking]) -> list[str]:
