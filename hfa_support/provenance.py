@@ -11,6 +11,7 @@ from typing import Any
 
 from hfa_support.errors import BadInputError, shown
 from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import with_unit
 from hfa_support.version import VERSION
 
 #: Hexadecimal digits of a parameter hash.
@@ -76,8 +77,8 @@ class Provenance(Result):
         descriptions = []
         for name in sorted(self.changed, key=relative_size, reverse=True)[:_MOST_TOLD]:
             change = self.changed[name]
-            value = f"{change.value:.6g} {change.unit}".removesuffix(" 1").rstrip(" ")
-            descriptions.append(f"{name} {value} ({origin}: {change.usual:.6g})")
+            value, usual = (with_unit(each, change.unit) for each in (change.value, change.usual))
+            descriptions.append(f"{name} {value} ({origin}: {usual})")
         if len(self.changed) > _MOST_TOLD:
             descriptions.insert(0, f"{len(self.changed)} parameters differ, most")
         return descriptions

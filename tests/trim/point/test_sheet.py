@@ -558,6 +558,25 @@ def test_a_sheet_states_what_is_not_as_in_the_file() -> None:
     assert "file:" not in hfa.trim(model.with_parameters(mass=13.5)).report().head["data"]
 
 
+def test_a_changed_angle_is_in_degrees_wherever_it_is_stated(folder: Path) -> None:
+    """In the row, in the provenance and in the head, as it was typed; data are in radians."""
+    Path("own.py").write_text(
+        """from hfa import Model, Signal
+OWN = Model(
+    "own", {"speed": Signal("m/s")}, {"thrust": Signal("N")},
+    lambda x, u, p, w: ({"speed": u.thrust - p.tilt - x.speed}, {}),
+    parameters={"tilt": Signal("rad", start=0.5)}, trim={"speed": 30.0},
+)
+"""
+    )
+    words = ("trim", "--aircraft", "own.py:OWN", "--hold", "tilt=2")
+    text = " ".join(command(*words, "-o", "sheet.html").out.split())
+    assert "tilt 2 deg as loaded: 28.6479" in text
+    stated = "tilt 2 deg (file: 28.6479 deg)"
+    assert stated in text
+    assert Path("sheet.html").read_text("utf-8").count(stated) == 2
+
+
 def test_the_load_factor_is_normal_to_the_path() -> None:
     """It is 1 in level flight, cos γ in a climb and 1/cos φ in a turn, and 1 can be imposed."""
     point = hfa.trim(hfa.load_model(f"{EXAMPLES}/uav.toml"))
