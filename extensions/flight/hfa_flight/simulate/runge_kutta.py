@@ -53,12 +53,13 @@ class RungeKutta:
         self, time: float, state: np.ndarray, held: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the states after each step, and the values observed before it."""
-        begin = np.array([time, *state[0]])
-        flown = []
-        for _ in range(self._calls):
-            flown.append(self._tick.at(begin, held, self.step))
-            begin = flown[-1][0][-len(begin) :]
-        after, before = map(np.concatenate, zip(*flown, strict=True))
+        begin, held_now, h = self._tick.inputs
+        begin[0], begin[1:], held_now[:], h[:] = time, state[0], held, self.step
+        after, before = (np.empty((self._calls, part.size)) for part in self._tick.results)
+        for call in range(self._calls):
+            self._tick()
+            after[call], before[call] = self._tick.results
+            begin[:] = after[call, -len(begin) :]
         rows = (1, self.steps, -1)
         return after.reshape(rows)[:, :, 1:], before.reshape(rows)
 
