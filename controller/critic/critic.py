@@ -329,7 +329,7 @@ def from_functions(
     """Return the critic whose functions are given as expressions of the symbols z.
 
     K = -∂u/∂z and P = ½ ∂²V/∂z² are exact derivatives at z = 0. If only "policy" is given, P is
-    None. At a kink of the policy, K has the slopes of positive deviations, and `origin` says so.
+    None. At a kink of the policy, K is the mean of both sides, and `origin` says so.
 
     game: the game; R, B and N of the game define the policy if "policy" is not in `outputs`
     z: (n,), symbols
@@ -348,9 +348,9 @@ def from_functions(
     }
     P = None if gradient is None else _derivative_at_0(gradient, z) / 2.0
     if u is not None:
-        K, is_one_sided = _gain_at_0(u, z)
-        if is_one_sided:
-            origin += "; kink at the trim: K has the slopes of positive deviations"
+        K, has_kink = _gain_at_0(u, z)
+        if has_kink:
+            origin += "; kink at the trim: K has the mean slopes of both sides"
     else:
         assert P is not None  # a critic has u or V
         K = game.gain(P)
@@ -417,7 +417,7 @@ _LEFT = 0.5
 def _gain_at_0(u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
     """Return K = -∂u/∂z at z = 0, (m, n), and whether u has a kink there.
 
-    At a kink, where CasADi returns the mean of both slopes, K is that of positive deviations.
+    At a kink, K is the mean of both sides.
     """
     K = -_derivative_at_0(u, z)
     beside = 1.0 + np.arange(z.numel()) * 0.618 % 1.0  # on no common switching plane
@@ -427,7 +427,7 @@ def _gain_at_0(u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
     largest = float(np.abs([after, before]).max(initial=0.0))
     change, left = (float(np.abs(a - b).max(initial=0.0)) for a, b in ((after, before), near))
     if np.isfinite(largest) and change > _KINK * largest and left > _LEFT * change:
-        return after, True
+        return (after + before) / 2.0, True
     return K, False
 
 

@@ -88,12 +88,12 @@ def test_inputs_that_follow_themselves_have_a_larger_gain():
             np.testing.assert_allclose(found.gain, gain, atol=1e-9)
 
 
-def test_a_kink_of_the_policy_has_the_slope_above():
+def test_a_kink_of_the_policy_has_the_mean_slope_of_both_sides():
     """u = .3 |alpha| - .1 alpha: slopes -.4 below and .2 above, in the units of the states."""
     found = equilibrium(lambda o: ca.vertcat(0.3 * ca.fabs(o[0]) - 0.1 * o[0], 0.0))
-    np.testing.assert_allclose(found.K, [[-0.2, 0.0], [0.0, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(found.K, [[0.1, 0.0], [0.0, 0.0]], atol=1e-6)
     (note,) = found.kinks
-    assert "0.2 above the trim, and -0.4 below" in note
+    assert "-0.4 below and 0.2 above the trim" in note
 
 
 def test_at_a_kink_of_the_aircraft_the_loop_is_that_of_linearize():

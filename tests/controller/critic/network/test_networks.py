@@ -238,12 +238,12 @@ def test_the_policy_of_a_value_contains_the_cross_weights() -> None:
 
 
 @pytest.mark.parametrize("sides", [(3.0, 3.0), (3.0, 1.0)])
-def test_the_gain_at_a_kink_is_that_of_one_side(sides: tuple[float, float]) -> None:
-    """u = -a z for z > 0, -b z for z < 0, of a ReLU network: K is a, and a kink is named."""
+def test_the_gain_at_a_kink_is_the_mean_of_both_sides(sides: tuple[float, float]) -> None:
+    """u = -a z for z > 0, -b z for z < 0, of a ReLU network: K is the mean, and a kink is named."""
     a, b = sides
     game = Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], np.inf)
     layers = {"0.weight": [[1.0], [-1.0]], "2.weight": [[-a, b]]}
     np.savez("relu.npz", **{name: np.array(layer) for name, layer in layers.items()})
     critic = read_critic("relu.npz", game, activation="relu")
-    assert critic.K.item() == pytest.approx(a, abs=1e-12)
+    assert critic.K.item() == pytest.approx((a + b) / 2.0, abs=1e-12)
     assert ("kink" in critic.origin) == (a != b)

@@ -60,8 +60,8 @@ class Frames(NamedTuple):
 class Equilibrium:
     """Equilibrium of the sampled loop and its linearization.
 
-    At a kink of the policy, a slope is that of positive deviations. u are the commanded inputs, x
-    the linear states.
+    At a kink, a slope is the mean of those on both sides. u are the commanded inputs, x the linear
+    states.
 
     states: X, (n,). States outside the linear model have their trim values.
     inputs: U, (m,).
@@ -317,7 +317,7 @@ class EquilibriumSearch:
         X, U = self._parts(z)
         plant, kinks = linearization_at(self.model, X, U)
         _, by_states, by_inputs = self._slopes(z)
-        slopes, policy_kinks = self._upper_slopes(z, np.hstack([by_states, by_inputs]))
+        slopes, policy_kinks = self._mean_slopes(z, np.hstack([by_states, by_inputs]))
         k = len(self.rows)
         return Equilibrium(
             states=X,
@@ -359,10 +359,10 @@ class EquilibriumSearch:
         entries = [f"{matrix}({row}, {name})" for row in linear for matrix, name in columns]
         return [note for note in notes if any(entry in note for entry in entries)]
 
-    def _upper_slopes(
+    def _mean_slopes(
         self, z: np.ndarray, derivative: np.ndarray
     ) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Return the slopes (m', k + m'), at kinks above them, and a note for each kink."""
+        """Return the slopes (m', k + m'), the mean of both sides at kinks, and a note on each."""
         names = (*self.model.linear, *self.deployed.commanded)
         commanded = self.deployed.commanded
         slopes = derivative.copy()
@@ -377,10 +377,11 @@ class EquilibriumSearch:
             allowed = _SAME_SLOPE * (self.residual_scales[len(self.rows) :] + np.abs(u))
             is_kink = (apart > allowed) & (nearer > _STAYS * apart)
             for number in np.flatnonzero(is_kink).tolist():
-                slopes[number, column] = above[number]
+                slopes[number, column] = (below[number] + above[number]) / 2.0
                 notes.append(
                     f"kink of the policy: d {commanded[number]} / d {name} is "
-                    f"{above[number] + 0.0:.5g} above the trim, and {below[number] + 0.0:.5g} below"
+                    f"{below[number] + 0.0:.5g} below and {above[number] + 0.0:.5g} above "
+                    "the trim; their mean is used"
                 )
         return slopes, tuple(notes)
 
