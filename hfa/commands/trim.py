@@ -34,7 +34,7 @@ from hfa_support.reporting.rows import Row, Sheet, matrix_of
 from trim.point.condition import usual_condition
 from trim.point.solve import TrimError
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
-from trim.reports.point_figure import has_range, point_figure
+from trim.reports.point_figure import point_figure, with_range
 from trim.reports.trim_report import report_of, sheet_at, trim_report
 from trim.reports.trimmed import Trimmed
 
@@ -202,7 +202,7 @@ def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> tup
 
         report = beside_other_dynamics(report, point)
 
-    if has_range(point):
+    if with_range(point):
         picture = Picture("trim.png", report.title.partition("\n")[0], partial(_figure, point))
         report = replace(report, parts=(*report.parts, picture))
     return report, sheet

@@ -153,13 +153,18 @@ def pictures_over(slider: Slider) -> list[InteractivePlot]:
     if not any(trims):
         return []
     draw = _front_view if hfa_model.is_hfa(slider.sweep.model) else _limits_view
-    return [draw(slider.picture("trim.png"), trims), _locus_plot(slider)]
+    drawn = draw(slider.picture("trim.png"), trims)
+    return [each for each in (drawn, _locus_plot(slider)) if each is not None]
 
 
-def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> InteractivePlot:
-    """Return the variables of each trim in percent of their ranges, as `point_figure` draws."""
+def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> InteractivePlot | None:
+    """Return the variables of each trim in percent of their ranges, as `point_figure` draws, or
+    None if no variable has two limits.
+    """
     trimmed = next(point for point in trims if point is not None)
     names = [margin.name for margin in with_range(trimmed)]
+    if not names:
+        return None
 
     def shares(point: OperatingPoint | None) -> list[dict[str, Any]]:
         ranged = {} if point is None else {each.name: each for each in with_range(point)}

@@ -183,7 +183,6 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "not an equilibrium, and no variable is free": lambda _: hfa.trim(
         cart(), hold={"x": 1.0, "v": 1.0, "force": 0.0}
     ),
-    "not the result of a trim and has no limits": lambda _: replace(point(), problem=None).plot(),
     "no variable has both a lower and an upper limit": lambda _: hfa.trim(cart(), x=1.0).plot(),
     "fewer than two values of speed": lambda _: InterpolatedModel(
         hfa.sweep(HFA, {"dihedral": [0.1, 0.2], "speed": [68.0]})

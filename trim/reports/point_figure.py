@@ -23,8 +23,7 @@ def draw_point(point: OperatingPoint) -> Axes:
     The lowest limit is at 0 %, the highest at 100 %. Variables without two different limits are
     omitted.
 
-    Raises BadInputError for a point that was not found by a search, and if all variables are
-    omitted.
+    Raises BadInputError if all variables are omitted.
     """
     from hfa_support.reporting.figure import pyplot_figure
 
@@ -43,30 +42,22 @@ def point_figure(point: OperatingPoint) -> Figure:
 
 
 def _height(point: OperatingPoint) -> float:
-    return 1.2 + 0.3 * len(with_range(point))
-
-
-def has_range(point: OperatingPoint) -> bool:
-    """Return whether a variable of a trim has two different limits, so that there is a figure."""
-    return any(map(_has_range, point.margins.values()))
-
-
-def _has_range(margin: Margin) -> bool:
-    return math.isfinite(margin.highest - margin.lowest) and margin.highest > margin.lowest
+    """Return the height in inches. Raises BadInputError without a variable to draw."""
+    count = len(with_range(point))
+    if not count:
+        raise BadInputError(
+            "no variable has both a lower and an upper limit; declare min and max of a Signal"
+        )
+    return 1.2 + 0.3 * count
 
 
 def with_range(point: OperatingPoint) -> list[Margin]:
     """Return the variables with two different limits, from the bottom of the figure."""
-    if point.problem is None:
-        raise BadInputError(
-            "this operating point is not the result of a trim and has no limits; trim the model"
-        )
-    limited = [margin for margin in point.margins.values() if _has_range(margin)]
-    if not limited:
-        raise BadInputError(
-            "no variable has both a lower and an upper limit; declare min and max of a Signal"
-        )
-    return limited[::-1]
+    return [
+        margin
+        for margin in reversed(point.margins.values())
+        if math.isfinite(margin.highest - margin.lowest) and margin.highest > margin.lowest
+    ]
 
 
 def _draw_variables(axes: Axes, point: OperatingPoint) -> None:

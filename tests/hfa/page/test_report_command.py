@@ -20,6 +20,7 @@ pytest.importorskip("hfa_flight")
 from hfa import BadInputError, Model, Signal
 from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa.page.main_job import slider_beside
+from hfa.page.plots import pictures_over
 
 
 @pytest.fixture(autouse=True)
@@ -209,6 +210,12 @@ def test_a_slider_has_ends() -> None:
     slider = slider_beside(limited)
     values = [point.value for point in slider.points]
     assert (values[0], values[slider.first], values[-1]) == (-1.0, 0.0, 3.0)
+    assert [each.name for each in pictures_over(slider)] == [
+        "beside_trim.png",
+        "beside_root_locus.png",
+    ]
+    moving = slider_beside(replace(model, trim={"speed": 4.0}))  # without limits to draw
+    assert [each.name for each in pictures_over(moving)] == ["beside_root_locus.png"]
 
 
 @pytest.mark.slow
