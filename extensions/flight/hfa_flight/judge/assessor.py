@@ -93,22 +93,27 @@ class Assessor:
                 end[search.rows] -= whole_turns(moved, turns)
                 elsewhere = search.from_point(end, inputs[number])
                 equilibrium = _nearer(equilibrium, elsewhere, end, search, widths)
-            places.append(replace(self._place(search, widths, equilibrium), turns=turns))
+            places.append(self._place(search, widths, turns, equilibrium))
         return places
 
     def _place(
-        self, search: EquilibriumSearch, widths: np.ndarray, equilibrium: Equilibrium | None
+        self,
+        search: EquilibriumSearch,
+        widths: np.ndarray,
+        turns: np.ndarray,
+        equilibrium: Equilibrium | None,
     ) -> Place:
         """Return the description of one trim for flights: box, equilibrium and modes."""
         point = search.point
         if equilibrium is None:
-            return Place(point, widths, None, False, steady=self.steady)
+            return Place(point, widths, turns, None, False, steady=self.steady)
         reach = reach_of(self.deployed, equilibrium, widths)
         chain = self._chain(reach)
         drift = search.drift(equilibrium)
         return Place(
             point,
             widths,
+            turns,
             equilibrium,
             stable=chain.radius < 1.0,
             reach=reach,

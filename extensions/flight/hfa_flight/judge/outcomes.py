@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -75,6 +75,7 @@ class Place:
 
     point: the trim.
     box: (k,), half-widths of the initial conditions about the trim.
+    turns: (k,), full turn of each angle that the loop does not distinguish from none, otherwise 0.
     equilibrium: the equilibrium, or None if it does not exist.
     stable: whether the loop is stable at the equilibrium.
     reach: modes within reach of the policy, or None without an equilibrium.
@@ -84,12 +85,11 @@ class Place:
     lag: (k,), lag of the linear states behind the equilibrium, or None without an equilibrium.
     steady: trim at which the linear states have the same rates as at the equilibrium, or None for
         `point`.
-    turns: (k,), full turn of each angle that the loop does not distinguish from none, otherwise 0.
-        () means that there is none.
     """
 
     point: OperatingPoint
     box: np.ndarray
+    turns: np.ndarray
     equilibrium: Equilibrium | None
     stable: bool
     reach: Reach | None = None
@@ -97,7 +97,6 @@ class Place:
     drift: np.ndarray | None = None
     lag: np.ndarray | None = None
     steady: OperatingPoint | None = None
-    turns: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def decisive(self) -> np.ndarray:
@@ -222,8 +221,7 @@ class PlacedFlights:
         still = np.zeros((k, len(model.states)))
         drifts = [still if place.drift is None else place.drift for place in places]
         self._drifts = np.array(drifts)[owners]
-        none = np.zeros(k)
-        self._turns = np.array([p.turns if p.turns.size else none for p in places])[owners]
+        self._turns = np.array([place.turns for place in places])[owners]
         self._balls = np.array([BALL * place.box for place in places])[owners]
         self._decisive = np.array([place.decisive for place in places])[owners]
         envelopes = [flight_envelope(model, place.point) for place in places]
@@ -405,9 +403,7 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
     if place.equilibrium is None:
         return False
     apart = (other.states - place.equilibrium.states)[linear]
-    if place.turns.size:
-        apart -= whole_turns(apart, place.turns)
-    apart = np.abs(apart)
+    apart = np.abs(apart - whole_turns(apart, place.turns))
     return bool(np.all(apart[place.decisive] <= BALL * place.box[place.decisive]))
 
 
