@@ -35,8 +35,6 @@ _TURNS = {"rad": 2.0 * np.pi, "deg": 360.0}
 _TURNED_POINTS = 8
 #: Largest relative difference after a full turn.
 _SAME_TURNED = 1e-9
-#: A value closer to a limit, relative to the width of the interval, is at the limit.
-_AT_CLIP = 1e-9
 
 
 class Frames(NamedTuple):
@@ -403,15 +401,15 @@ class EquilibriumSearch:
         low, high = deployed.deployment.box
         words = []
         if not deployed.deployment.actor.squash:
-            for name, value, lowest, highest in zip(
-                deployed.commanded, raw, low, high, strict=True
-            ):
-                if _reaches(value, lowest, highest):
+            at_ends = ((raw <= low) | (raw >= high)).tolist()
+            for name, is_at_end in zip(deployed.commanded, at_ends, strict=True):
+                if is_at_end:
                     words.append(f"the action of {name} at the end of its box")
         unlimited = np.array(deployed.unlimited_inputs(action, X, U, self.trim)).ravel()
         limits = Limits.of(self.model, tuple(self.model.inputs))
+        is_limited = limits.at_lowest(unlimited) | limits.at_highest(unlimited)
         for name, column in zip(deployed.commanded, self.columns, strict=True):
-            if _reaches(unlimited[column], limits.lowest[column], limits.highest[column]):
+            if is_limited[column]:
                 words.append(f"{name} at its limit")
         return tuple(words)
 
@@ -434,10 +432,3 @@ def _finite_norm(values: np.ndarray) -> float:
     """Return the norm of a vector, inf if it is not a finite number."""
     norm = float(np.linalg.norm(values))
     return norm if np.isfinite(norm) else np.inf
-
-
-def _reaches(value: float, lowest: float, highest: float) -> bool:
-    """Return whether a value is near an end of an interval or outside the interval."""
-    width = highest - lowest
-    slack = _AT_CLIP * width if np.isfinite(width) else 0.0
-    return bool(value <= lowest + slack or value >= highest - slack)
