@@ -248,7 +248,7 @@ def _sheet_or_failure(request: TrimRequest, given: GivenTrim | _Refused) -> tupl
     title = f"{words}: {reason}"
     rows = [Row(name, value, model.unit(name)) for name, value in values.items()]
     sheet = Sheet.of([("", [*rows, Row("failure", title)], ())])
-    return Report(title, data=data, failure=title), sheet
+    return Report(title, data={"reason": reason, **data}, failure=title), sheet
 
 
 def _together(reports: Sequence[Report], sheets: Sequence[Sheet]) -> Report:

@@ -507,8 +507,9 @@ def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:
     )
     Path("conditions.csv").write_text(text, "utf-8")
     words = ("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--conditions", "conditions.csv")
-    result = command(*words, "-o", "matrix.csv")
+    result = command(*words, "--json", "-o", "matrix.csv")
     assert (result.code, result.err.count("have no trim")) == (1, 1)
+    assert json.loads(result.out)["sheets"][2]["reason"].startswith("speed is 5 m/s")
     rows = list(csv.DictReader(Path("matrix.csv").read_text("utf-8").splitlines()))
     model = hfa.load_model(f"{EXAMPLES}/uav.toml")
     for row, speed, gamma in zip(rows, (30.0, 35.0), (0.0, 2.0), strict=False):
