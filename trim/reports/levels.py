@@ -256,8 +256,8 @@ def level_lines(
     if not levels:
         return [f"{STANDARD}: not in this model: no mode that it has a rule for"]
     reason = f" (by hfa's convention, {why}; --class changes it)" if why else ""
-    said = [f"{STANDARD}: class {airplane.class_}{reason}, category {airplane.category}"]
-    said[0] += " (by default; --category)" * bool(why)
+    category = f"category {airplane.category} (--category changes it)"
+    said = [f"{STANDARD}: class {airplane.class_}{reason}, {category}"]
     families = dict.fromkeys(name.partition(" (")[0] for name in modes)
     without = [
         f"{family} (real eigenvalues)" if family in _MODES else family
