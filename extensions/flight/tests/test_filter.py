@@ -222,7 +222,6 @@ def test_flights_are_those_of_the_linear_covariance(point, gain, linear):
     found = np.hstack([flown["rms_error"], flown["effort"]])
     expected = known.loop(gain).rms(1000)
     np.testing.assert_allclose(np.sqrt((found**2).mean(axis=0))[1:], expected[1:], rtol=0.2)
-    assert known.loop(gain).radius < 1.0
 
 
 def test_impossible_samples_are_not_used_and_counted(point, known, gain):

@@ -227,7 +227,18 @@ class KalmanFilter(Result):
 
         K: (m, k)
         """
-        return _Loop.of(self, K)
+        Phi, Gamma, C, L = self.Phi, self.Gamma, self.C, self.L
+        n, k = len(Phi), len(self.states)
+        gain = np.hstack([K, np.zeros((len(K), n - k))])
+        kept = np.eye(n) - L @ C
+        F = np.block([[Phi - Gamma @ gain, Gamma @ gain @ kept], [np.zeros((n, n)), Phi @ kept]])
+        of_noise = np.vstack([-Gamma @ gain @ L, -Phi @ L])
+        both = np.vstack([np.eye(n), np.eye(n)])
+        N = both @ self.air @ both.T + of_noise @ self.R @ of_noise.T
+        states = np.eye(n)[:k]
+        outputs = np.block([[states, np.zeros((k, n))], [-gain, gain @ kept]])
+        feed = gain @ L @ self.R @ L.T @ gain.T
+        return _Loop(F, N, outputs, feed)
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -269,26 +280,6 @@ class _Loop(NamedTuple):
     N: np.ndarray
     outputs: np.ndarray
     feed: np.ndarray
-
-    @classmethod
-    def of(cls, filtered: KalmanFilter, K: np.ndarray) -> _Loop:
-        Phi, Gamma, C, L = filtered.Phi, filtered.Gamma, filtered.C, filtered.L
-        n, k = len(Phi), len(filtered.states)
-        gain = np.hstack([K, np.zeros((len(K), n - k))])
-        kept = np.eye(n) - L @ C
-        F = np.block([[Phi - Gamma @ gain, Gamma @ gain @ kept], [np.zeros((n, n)), Phi @ kept]])
-        of_noise = np.vstack([-Gamma @ gain @ L, -Phi @ L])
-        both = np.vstack([np.eye(n), np.eye(n)])
-        N = both @ filtered.air @ both.T + of_noise @ filtered.R @ of_noise.T
-        states = np.eye(n)[:k]
-        outputs = np.block([[states, np.zeros((k, n))], [-gain, gain @ kept]])
-        feed = gain @ L @ filtered.R @ L.T @ gain.T
-        return cls(F, N, outputs, feed)
-
-    @property
-    def radius(self) -> float:
-        """Spectral radius of the loop, without the states of the air."""
-        return float(np.abs(np.linalg.eigvals(self.F)).max())
 
     def rms(self, samples: int) -> np.ndarray:
         """Return the root mean square of linear states and inputs, (k + m,), over the second half

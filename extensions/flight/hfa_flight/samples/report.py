@@ -129,10 +129,9 @@ def _compared(
     }
     gain = policy.law.gain
     if gain is not None:
-        loop = policy.filter.loop(gain)
-        linear = loop.rms(round(plan.scenario.duration / policy.dt)).tolist()
+        samples = round(plan.scenario.duration / policy.dt)
+        linear = policy.filter.loop(gain).rms(samples).tolist()
         entries["linear_rms"] = dict(zip(names, linear, strict=True))
-        entries["loop_radius"] = loop.radius
     return entries
 
 
