@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from enum import StrEnum
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -210,9 +211,8 @@ def _judged_states(point: AssessedPoint) -> list[_Found]:
     reach = point.place.reach
     if reach is None or reach.decisive.all():
         return []
-    return [
-        _Found(Severity.NOTE, f"convergence is judged by the states within reach: {reach.states}")
-    ]
+    states = ", ".join(compress(point.point.model.linear, reach.decisive))
+    return [_Found(Severity.NOTE, f"convergence is judged by the states within reach: {states}")]
 
 
 def _delay(point: AssessedPoint) -> list[_Found]:

@@ -108,10 +108,9 @@ class Place:
 
         linear: indices of the linear states
         """
-        if self.equilibrium is None:
+        if self.equilibrium is None or self.lag is None:
             return np.full(len(linear), np.nan)
-        states = self.equilibrium.states[linear]
-        return states if self.lag is None else states + self.lag
+        return self.equilibrium.states[linear] + self.lag
 
 
 @dataclass(frozen=True)

@@ -53,13 +53,11 @@ class Reach(NamedTuple):
     loop: the equilibrium in coordinates of the r modes that count, or the equilibrium itself if all
         modes count.
     own: slow modes of the aircraft that are out of reach.
-    states: names of the states that count.
     """
 
     decisive: np.ndarray
     loop: Equilibrium
     own: tuple[OwnMode, ...]
-    states: str
 
 
 def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> Reach:
@@ -83,8 +81,7 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
     """
     A = equilibrium.A
     B = equilibrium.B
-    names = np.array(deployed.model.linear)
-    everything = Reach(np.ones(len(A), dtype=bool), equilibrium, (), ", ".join(names))
+    everything = Reach(np.ones(len(A), dtype=bool), equilibrium, ())
     values, right = np.linalg.eig(A)
     if np.linalg.cond(right) > _DEFECTIVE:
         return everything
@@ -111,7 +108,7 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
         for value, by_actions in zip(values[slow], unmoved[slow], strict=True)
         for mode in _own_modes(deployed, A, value)
     ]
-    return Reach(decisive, loop, tuple(dict.fromkeys(out_of_reach)), ", ".join(names[decisive]))
+    return Reach(decisive, loop, tuple(dict.fromkeys(out_of_reach)))
 
 
 def left_alone(

@@ -69,17 +69,14 @@ class ControlExcess(NamedTuple):
         return f"{self.input} {value} beyond {short_number(self.limit, self.unit)}"
 
 
-def limits_text(lowest: float, highest: float, unit: str, assumed: bool = False) -> str:
+def limits_text(lowest: float, highest: float, unit: str) -> str:
     """Return limits as text such as "-20 to 20", with angles in degrees.
 
     The text is "none" if both limits are infinite.
-
-    assumed: whether the limits are assumptions of the reader of the aircraft
     """
     if np.isinf([lowest, highest]).all():
         return "none"
-    text = f"{short_number(lowest, unit)} to {short_number(highest, unit)}"
-    return f"{text}, assumed" if assumed else text
+    return f"{short_number(lowest, unit)} to {short_number(highest, unit)}"
 
 
 def flight_envelope(

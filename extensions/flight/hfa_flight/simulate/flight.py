@@ -671,7 +671,7 @@ class Flight(StatesAndInputs, Result, Reported):
             zip(model.states, pairs, strict=True)
         ):
             unit = model.unit(state)
-            limits = limits_text(low, high, unit, is_assumed)
+            limits = limits_text(low, high, unit) + ", assumed" * is_assumed
             names = (state, ANGLE_OF_ATTACK) if state == ALPHA and moving else (state,)
             for name in names:
                 cells = [name, shown_unit(unit)]
