@@ -126,7 +126,7 @@ def flight_cost(game: Game, policy: ca.Function, start: np.ndarray) -> float:
             cost + game.R[1, 1] * v**2,
         ]
 
-    solved = solve_ivp(rate, (0.0, 60.0), [*start, 0.0], method="DOP853", rtol=1e-6, atol=1e-9)
+    solved = solve_ivp(rate, (0.0, 20.0), [*start, 0.0], method="DOP853", rtol=1e-6, atol=1e-9)
     return float(solved.y[2, -1])
 
 

@@ -12,8 +12,7 @@ from scipy.io import savemat
 
 import hfa
 from hfa import BadInputError, Model, Signal
-from hfa_aircraft.waveform import constant
-from hfa_flight import GainSchedule, Scenario, load_gain_schedule
+from hfa_flight import GainSchedule, Scenario, Waveform, load_gain_schedule
 
 FOOT, POUND = 0.3048, 4.4482216152605
 
@@ -101,7 +100,7 @@ def test_a_policy_with_a_reference_follows_no_other() -> None:
     table = GainSchedule(np.array([0.0, 1.0]), np.ones((2, 1, 2)), TANK)
     linear = hfa.linearize(TANK, point)
     tracking = hfa.track(linear, hfa.solve(hfa.game(linear)), {"level": 0.1})
-    up = Scenario(reference=constant(np.array([0.1, 0.0])))
+    up = Scenario(reference=Waveform(np.array([0.1, 0.0]), np.zeros(2)))
     for policy in (table, tracking):
         hfa.fly(TANK, point, policy, 0.1)
         with pytest.raises(BadInputError, match="follows a reference of its own"):
