@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.assessor import Assessor
@@ -142,12 +143,12 @@ def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
 
 def _refuse_beyond(model: Model, name: str, values: Sequence[float]) -> None:
     """Raise BadInputError for a value outside the limits of an input."""
-    signal = model.inputs[name]
+    limits = Limits.of(model, (name,))
     for value in values:
-        if not signal.min <= value <= signal.max:
+        if not limits.within([value]).all():
             raise BadInputError(
                 f"{name} is {model.describe(name, value)}; give a value between "
-                f"{model.describe(name, signal.min)} and {model.describe(name, signal.max)}"
+                f"{limits.between(name)}"
             )
 
 
