@@ -42,8 +42,8 @@ class CompiledLoop:
         arguments = loop.symbols()
         now = loop.at(*arguments)
         observed = (now.error, now.inputs, now.winds, now.angle)
-        self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
-        self.observed = ca.Function(
+        rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
+        seen = ca.Function(
             "loop_observed", [*arguments], [ca.densify(ca.vertcat(*observed))], {"cse": True}
         )
         self._ends = np.cumsum([column.numel() for column in observed[:-1]]).tolist()
@@ -57,7 +57,7 @@ class CompiledLoop:
         scenario = loop.scenario
         step, steps = scenario.step, scenario.steps_per_tick
         is_long = flights * scenario.ticks * steps >= COMPILE_FROM_STEPS
-        self.stepper = RungeKutta(self.rate, self.observed, step, steps, is_long=is_long)
+        self.stepper = RungeKutta(rate, seen, step, steps, is_long=is_long)
 
     def refined(self, parts: int) -> CompiledLoop:
         """Return the loop with several recorded steps in place of each."""
