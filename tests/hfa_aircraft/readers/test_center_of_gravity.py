@@ -1,4 +1,4 @@
-"""Other centers of gravity, compared with own equations in numpy with all rates."""
+"""Other centers of gravity, compared with own equations in numpy and with AVL at both places."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from cli import assert_refused, hfa
 from project import ROOT
 from six_dof import GRAVITY, SixDof, air
 
-from hfa import BadInputError, Model, from_derivatives
+import hfa as tool
+from hfa import BadInputError, Model, from_derivatives, linearize, trim
 
+HERE = Path(__file__).parent
 UAV = tomllib.loads((ROOT / "examples/uav.toml").read_text())
 #: An own aircraft with all entries that a moved center of gravity concerns.
 TABLE = UAV | {
@@ -84,6 +86,51 @@ def test_a_tail_arm_scales_the_damping() -> None:
     own.of |= {"CL_q": share * 5.0, "Cm_q": -share * 5.0 * arm / chord}
     model = from_derivatives(table | {"tail_arm": arm}).with_parameters(cg=0.3)
     assert_equal_rates(model, own)
+
+
+@pytest.mark.slow
+def test_avl_at_two_centers_is_one_aircraft(folder: Path) -> None:
+    """A file about 0.3 moved by 0.1 chord has the matrices and the sheet of a file about 0.375."""
+    models = []
+    for place, x in (("300", 0.3), ("375", 0.375)):
+        text = (ROOT / "examples/glider.toml").read_text()
+        Path(f"{place}.st").write_text((HERE / f"glider_cg_{place}.st").read_text())
+        text = text.replace("glider.st", f"{place}.st").replace("[0.3,", f"[{x},")
+        Path(f"{place}.toml").write_text(f"cg = {x / 0.75!r}\n{text}")
+        models.append(tool.load_model(f"{place}.toml"))
+    ahead, behind = models
+    moved = ahead.with_parameters(cg=0.5)
+    points = [trim(each, free=("gamma",), thrust=0.0) for each in (moved, behind)]
+    found, expected = (linearize(point.model, point) for point in points)
+    sizes = np.abs(expected.A).max(axis=1, keepdims=True)
+    assert (np.abs(found.A - expected.A) < 2e-3 * sizes).all()
+    kept = linearize(ahead, trim(ahead, free=("gamma",), thrust=0.0))
+    assert (np.abs(kept.A - expected.A) > 2e-2 * sizes).any()
+    for name in ("static margin", "elevator per g"):
+        values = [point.sheet[name].value for point in points]
+        assert values[0] == pytest.approx(values[1], rel=3e-3)
+    x = [point.sheet["c.g. x"].value for point in points]
+    assert x == pytest.approx([0.375, 0.375])
+
+
+def test_the_center_does_not_depend_on_units() -> None:
+    """A table in ft, slug and lbf has the same flights at the same cg."""
+    metric = from_derivatives(TABLE | {"tail_arm": 0.9})
+    in_feet = {
+        "units": "english",
+        "wing_area": "0.55 m^2", "span": "2.8956 m", "chord": "0.18994 m", "mass": "13.5 kg",
+        "speed": "35 m/s", "altitude": "100 m", "thrust_height": "0.05 m", "tail_arm": "0.9 m",
+        "thrust": ["0 N", "60 N"],
+        **{name: f"{UAV['mass'][name]} kg m^2" for name in ("Ixx", "Iyy", "Izz", "Ixz")},
+    }  # fmt: skip
+    inner = ("geometry", "mass", "condition")
+    rest = {name: each for name, each in TABLE.items() if name not in (*inner, *in_feet)}
+    english = from_derivatives(rest | in_feet)
+    eigenvalues = []
+    for model in (metric, english):
+        there = model.with_parameters(cg=0.33)
+        eigenvalues.append(np.sort_complex(np.linalg.eigvals(linearize(there, trim(there)).A)))
+    assert eigenvalues[0] == pytest.approx(eigenvalues[1], rel=1e-6, abs=1e-9)
 
 
 def test_the_sheet_repeats_configuration_words(folder: Path) -> None:
