@@ -5,11 +5,9 @@ from __future__ import annotations
 import html
 import re
 from collections.abc import Mapping, Sequence
-from itertools import groupby
 from typing import Any
 
 from hfa_support.reporting.parts import Picture
-from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Cell, Table, printable
 
@@ -31,31 +29,32 @@ _STYLE = (
 )
 
 
-def report_as_markdown(report: Report, level: int) -> str:
-    """Return a report as Markdown without pictures.
+def report_as_markdown(
+    title: str, shown: Sequence[str], notes: Sequence[str], source: str, level: int
+) -> str:
+    """Return a report as Markdown.
 
-    level: level of the heading, increased by one for each nested report
+    title: heading, and further lines that are shown below the heading
+    shown: parts of the report as Markdown
+    notes: notes on the result
+    source: the provenance
+    level: level of the heading
     """
-    first, *others = printable(report.title).split("\n")
+    first, *others = printable(title).split("\n")
     heading = [f"{'#' * level} {first}"] if first else []
-    shown = [
-        _as_markdown(part, level + 1) for part in report.parts if not isinstance(part, Picture)
-    ]
-    notes = (printable(f"Note: {note}") for note in report.notes)
-    return "\n\n".join(filter(None, [*heading, *others, *shown, *notes, report.source]))
+    last = (printable(f"Note: {note}") for note in notes)
+    return "\n\n".join(filter(None, [*heading, *others, *shown, *last, source]))
 
 
-def _as_markdown(part: Any, level: int) -> str:
-    """Return a part of a report as Markdown, those of a tuple separated by blank lines."""
-    if isinstance(part, Report):
-        return report_as_markdown(part, level)
+def as_markdown(part: str | Table | Group | tuple[str | Table, ...]) -> str:
+    """Return a paragraph, a table, or a tuple of these, separated by blank lines, as Markdown."""
     if isinstance(part, Group):
         part = (*([part.table()] if part.rows else []), *part.lines)
     if isinstance(part, Table):
         return markdown_table(part)
     if isinstance(part, str):
         return printable(part)
-    return "\n\n".join(_as_markdown(each, level) for each in part)
+    return "\n\n".join(map(as_markdown, part))
 
 
 def markdown_table(table: Table) -> str:
@@ -64,26 +63,29 @@ def markdown_table(table: Table) -> str:
     return "\n".join([header, "|" + "---|" * len(table.header), *body])
 
 
-def report_as_html(report: Report, level: int) -> str:
-    """Return a report as an HTML fragment without styles, in which pictures are embedded.
+def report_as_html(
+    title: str, shown: Sequence[str], notes: Sequence[str], source: str, level: int
+) -> str:
+    """Return a report as an HTML fragment without styles.
 
-    level: level of the heading, increased by one for each nested report
+    title: heading, and further lines that are shown below the heading
+    shown: parts of the report as HTML
+    notes: notes on the result
+    source: the provenance
+    level: level of the heading
     """
-    first, *others = report.title.split("\n")
+    first, *others = title.split("\n")
     heading = [f"<h{level}>{escaped(first)}</h{level}>"] if first else []
-    shown = [signed_head(report.head)] if report.head else []
-    for is_sheet, parts in groupby(report.parts, key=lambda part: isinstance(part, Group)):
-        made = [_as_html(part, level + 1) for part in parts]
-        shown += ['<div class="sheet">', *made, "</div>"] if is_sheet else made
-    last = [f"Note: {note}" for note in report.notes]
-    last += filter(None, report.source.split("\n"))
+    last = [f"Note: {note}" for note in notes]
+    last += filter(None, source.split("\n"))
     return "\n".join([*heading, *map(paragraph, others), *shown, *map(paragraph, last)])
 
 
-def _as_html(part: Any, level: int) -> str:
-    """Return a part of a report as HTML, with special characters escaped."""
-    if isinstance(part, Report):
-        return report_as_html(part, level)
+def as_html(part: str | Table | Group | tuple[str | Table, ...] | Picture) -> str:
+    """Return a paragraph, a table, a tuple of these, or a picture as HTML.
+
+    Special characters are escaped.
+    """
     if isinstance(part, Picture):
         return part.html()
     if isinstance(part, Group):
@@ -92,7 +94,7 @@ def _as_html(part: Any, level: int) -> str:
         return html_table(part)
     if isinstance(part, str):
         return "\n".join(map(paragraph, part.split("\n")))
-    return "\n".join(_as_html(each, level) for each in part)
+    return "\n".join(map(as_html, part))
 
 
 def html_table(table: Table) -> str:

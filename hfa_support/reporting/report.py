@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -95,9 +96,14 @@ class Report:
 
         level: level of the heading, increased by one for each nested report
         """
-        from hfa_support.reporting.markup import report_as_markdown
+        from hfa_support.reporting.markup import as_markdown, report_as_markdown
 
-        return report_as_markdown(self, level)
+        shown = [
+            part.markdown(level + 1) if isinstance(part, Report) else as_markdown(part)
+            for part in self.parts
+            if not isinstance(part, Picture)
+        ]
+        return report_as_markdown(self.title, shown, self.notes, self.source, level)
 
     def html(self, level: int = 1) -> str:
         """Return the report as an HTML fragment with embedded pictures.
@@ -106,9 +112,16 @@ class Report:
 
         level: level of the heading, increased by one for each nested report
         """
-        from hfa_support.reporting.markup import report_as_html
+        from hfa_support.reporting.markup import as_html, report_as_html, signed_head
 
-        return report_as_html(self, level)
+        shown = [signed_head(self.head)] if self.head else []
+        for is_sheet, parts in groupby(self.parts, key=lambda part: isinstance(part, Group)):
+            made = [
+                part.html(level + 1) if isinstance(part, Report) else as_html(part)
+                for part in parts
+            ]
+            shown += ['<div class="sheet">', *made, "</div>"] if is_sheet else made
+        return report_as_html(self.title, shown, self.notes, self.source, level)
 
     def page(self) -> str:
         """Return the report as a page in HTML with embedded pictures and styles."""
