@@ -96,7 +96,7 @@ def test_avl_at_two_centers_is_one_aircraft(folder: Path) -> None:
         text = (ROOT / "examples/glider.toml").read_text()
         Path(f"{place}.st").write_text((HERE / f"glider_cg_{place}.st").read_text())
         text = text.replace("glider.st", f"{place}.st").replace("[0.3,", f"[{x},")
-        Path(f"{place}.toml").write_text(f"cg = {x / 0.75!r}\n{text}")
+        Path(f"{place}.toml").write_text(text.replace("cg = 0.4", f"cg = {x / 0.75!r}"))
         models.append(tool.load_model(f"{place}.toml"))
     ahead, behind = models
     moved = ahead.with_parameters(cg=0.5)
