@@ -360,3 +360,30 @@ def test_a_sweep_prints_trim_values_and_limits_reached() -> None:
         expected = np.degrees([point["alpha"], point["elevator"]])
         np.testing.assert_allclose([float(each) for each in row[2:4]], expected, rtol=1e-3)
         assert " ".join(row[4:]) == at_limit
+
+
+def test_the_legend_of_two_variables_names_the_lines_that_it_shows() -> None:
+    """The line of the width in the legend has the eigenvalues at the speed in the legend; o and s
+    mark the first and the last thrust.
+    """
+    model = load_model(str(ROOT / "examples" / "uav.toml"))
+    condition = release(usual_condition(model), free=("gamma",))
+    swept = sweep(model, {"speed": [30.0, 40.0], "thrust": [30.0, 60.0]}, condition=condition)
+    figure = swept.figure()
+    (legend,) = figure.legends
+    said = {
+        text.get_text(): line
+        for text, line in zip(legend.get_texts(), legend.get_lines(), strict=True)
+    }
+    drawn = {
+        label: [
+            np.array(line.get_xdata()) + 1j * np.array(line.get_ydata())
+            for line in figure.axes[0].lines
+            if line.get_linewidth() == said[label].get_linewidth() and len(line.get_xdata()) == 2
+        ]
+        for label in ("thin: speed 30 m/s", "thick: speed 40 m/s")
+    }
+    for paths, rows in zip(drawn.values(), ([0, 1], [2, 3]), strict=True):
+        for root in swept.eigenvalues[rows].T:
+            assert any(np.array_equal(path, root) for path in paths)
+    assert [said[f"thrust {value} N"].get_marker() for value in (30, 60)] == ["o", "s"]
