@@ -76,7 +76,7 @@ def load_game(path: str | Path, **changes: Any) -> Game:
 
     Raises BadInputError, which names the file, under the conditions of `stored_game`.
 
-    >>> import hfa
+    >>> import controller
     >>> game = controller.load_game("plant.npz", delta=20.0)  # doctest: +SKIP
     """
     from hfa_support.errors import warn

@@ -55,16 +55,16 @@ def quadratic_at(exact: Solution, kind: str, z: ca.SX) -> ca.SX:
     return -ca.DM(exact.K) @ z
 
 
-def cost_of(
+def excess_cost_rate(
     policy: ca.Function, K: np.ndarray, price: np.ndarray, equilibrium: np.ndarray
 ) -> Expression:
-    """Return the cost rate of a policy as the function z -> v' price v.
+    """Return the rate at which a policy costs more than the exact policy, as z -> v' price v.
 
     v = u(z) + K z - (u(e) + K e) is the deviation from the exact policy, minus its value at the
     equilibrium e.
 
     K: gain of the exact policy u* = -K z
-    price: weight, (m, m)
+    price: price of the inputs of the game, `Solution.price`, (m, m)
     equilibrium: equilibrium of the loop, (n,)
     """
     at_rest = np.array(policy(equilibrium)).ravel() + K @ equilibrium

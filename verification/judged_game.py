@@ -32,7 +32,7 @@ from verification.axis import (
     STEPS,
     Expression,
     Loop,
-    cost_of,
+    excess_cost_rate,
     flow_loop,
     step_loop,
 )
@@ -272,7 +272,7 @@ class JudgedGame:
             more = game.disturbance_gain(X)
 
         def running(equilibrium: np.ndarray) -> Expression:
-            paid = cost_of(critic.policy, self.exact.K, self.exact.price, equilibrium)
+            paid = excess_cost_rate(critic.policy, self.exact.K, self.exact.price, equilibrium)
             if not more.any():
                 return paid
             gained = ca.DM(game.delta * more)

@@ -75,6 +75,7 @@ def usual_class(trimmed: Trimmed) -> tuple[str, str]:
 
     - IV: the model declares a largest load factor of at least 6
     - I, II-L, III: weight up to 12,500 lbf, up to 60,000 lbf, above
+    - I: the model has no weight, or one in a unit that is not of force
 
     These numbers are a convention of this tool. MIL-F-8785C, 1.3, describes the classes in words:
     I small and light, II of medium weight, III large and heavy, IV of high maneuverability.
@@ -86,14 +87,14 @@ def usual_class(trimmed: Trimmed) -> tuple[str, str]:
     )
     if _MANEUVERABLE <= most < math.inf:
         return "IV", f"load factor up to {most:.3g}"
-    if "weight" not in trimmed.model.outputs:
+    unit = trimmed.unit("weight") if "weight" in trimmed.model.outputs else ""
+    unit_per_lbf = conversion("lbf", unit)
+    if unit_per_lbf is None:
         return "I", "weight unknown"
-    unit = trimmed.unit("weight")
-    factor = conversion("lbf", unit) or math.nan
     for class_, most_weight in (("I", _LIGHT), ("II-L", _MEDIUM)):
-        if trimmed["weight"] <= most_weight * factor:
-            return class_, f"weight up to {most_weight * factor:,.0f} {unit}"
-    return "III", f"weight above {_MEDIUM * factor:,.0f} {unit}"
+        if trimmed["weight"] <= most_weight * unit_per_lbf:
+            return class_, f"weight up to {most_weight * unit_per_lbf:,.0f} {unit}"
+    return "III", f"weight above {_MEDIUM * unit_per_lbf:,.0f} {unit}"
 
 
 def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
