@@ -10,7 +10,8 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -25,6 +26,7 @@ import hfa_model
 from hfa import Model, Signal
 from hfa_support.reporting.rows import Row
 from trim import Airplane, graded, trim_report
+from trim.reports.levels import usual_class
 
 EXAMPLES = ROOT / "examples"
 KNOT = 1852.0 / 3600.0
@@ -433,6 +435,33 @@ def test_phugoid_of_level_three_doubles_in_55_seconds() -> None:
         damping = -math.log(2.0) / (seconds * 0.2)
         found = levels(Airplane(), {"phugoid frequency": 0.2, "phugoid damping": damping})
         assert found["phugoid damping"] == level
+
+
+@pytest.mark.parametrize(
+    ("weight", "unit", "largest_load_factor", "class_"),
+    [
+        (12_499.0, "lbf", math.inf, "I"),
+        (12_501.0 * 4.4482216, "N", 5.9, "II-L"),
+        (60_001.0 * 4.4482216, "N", math.inf, "III"),
+        (60_001.0, "lbf", 6.1, "IV"),
+        (60_001.0, "loads", math.inf, "I"),  # a unit that no force has
+    ],
+)
+def test_class_follows_from_weight_and_load_factor(
+    weight: float, unit: str, largest_load_factor: float, class_: str
+) -> None:
+    """The usual class is that of the weight, in any unit of force, or IV if maneuverable."""
+    signals = {"weight": Signal(unit), "load_factor": Signal(max=largest_load_factor)}
+
+    class Loaded(dict[str, float]):
+        model = SimpleNamespace(outputs=signals)
+
+        def unit(self, name: str) -> str:
+            return signals[name].unit
+
+    found, reason = usual_class(cast(Any, Loaded(weight=weight)))
+    assert found == class_
+    assert "nan" not in reason
 
 
 def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
