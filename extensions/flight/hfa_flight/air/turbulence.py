@@ -458,16 +458,24 @@ class AirFilter:
         return cls(A, B, C, air.interval)
 
     @cached_property
+    def noise(self) -> np.ndarray:
+        """Covariance π B B' that the noise adds to the states in a second, (n, n).
+
+        White noise with a one-sided density of 1 per rad/s has the covariance π per second.
+        """
+        return np.asarray(np.pi * self.B @ self.B.T)
+
+    @cached_property
     def covariance(self) -> np.ndarray:
         """Covariance P of the stationary states, (n, n): A P + P A' + π B B' = 0."""
         from scipy.linalg import solve_continuous_lyapunov
 
-        return np.asarray(solve_continuous_lyapunov(self.A, -np.pi * self.B @ self.B.T))
+        return np.asarray(solve_continuous_lyapunov(self.A, -self.noise))
 
     @cached_property
     def step(self) -> tuple[np.ndarray, np.ndarray]:
         """Transition matrix Φ and noise gain G of a tick, x⁺ = Φ x + G ξ, ξ ~ N(0, I)."""
-        Phi, covariance = held_noise(self.A, np.pi * self.B @ self.B.T, self.interval)
+        Phi, covariance = held_noise(self.A, self.noise, self.interval)
         return Phi, _root(covariance)
 
     def risen(self, time: float) -> float:

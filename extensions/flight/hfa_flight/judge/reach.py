@@ -89,26 +89,27 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
     nominal = np.array([deployed.model.inputs[name].nominal for name in deployed.commanded])
     with np.errstate(divide="ignore"):
         seconds = np.minimum(1.0 / np.abs(values.real), HORIZON)
-    by_actions = np.abs(left @ B) @ nominal * seconds
-    unmoved = by_actions < _MOVES * (np.abs(left) @ box)
+    motions = np.abs(left @ B) @ nominal * seconds
+    is_unmoved = motions < _MOVES * (np.abs(left) @ box)
     grown = np.abs(right / box[:, None]).max(axis=0)
-    shown = _share_of_range(equilibrium.C, right / grown, box)
+    shares_of_range = _share_of_range(equilibrium.C, right / grown, box)
     diverges = values.real >= _SETTLES / HORIZON
-    own = (unmoved | (shown < _SHOWS)) & ~diverges
-    slow = own & (values.real > -_SETTLES / HORIZON)
-    if own.all() or not slow.any():
+    out_of_reach = (is_unmoved | (shares_of_range < _SHOWS)) & ~diverges
+    slow = out_of_reach & (values.real > -_SETTLES / HORIZON)
+    if out_of_reach.all() or not slow.any():
         return everything
-    shares = np.abs(right * left.T)
-    decisive = shares[:, own].sum(axis=1) < _MOST * shares.sum(axis=1)
-    basis = _real(values, right, ~own)
-    inverse = np.linalg.inv(np.hstack([basis, _real(values, right, own)]))[: basis.shape[1]]
-    loop = equilibrium.in_basis(basis, inverse)
-    out_of_reach = [
-        mode._replace(why="no action moves" if by_actions else "no observation shows")
-        for value, by_actions in zip(values[slow], unmoved[slow], strict=True)
+    participation = np.abs(right * left.T)
+    of_removed = participation[:, out_of_reach].sum(axis=1)
+    decisive = of_removed < _MOST * participation.sum(axis=1)
+    kept = _real(values, right, ~out_of_reach)
+    inverse = np.linalg.inv(np.hstack([kept, _real(values, right, out_of_reach)]))
+    loop = equilibrium.in_basis(kept, inverse[: kept.shape[1]])
+    slow_modes = [
+        mode._replace(why="no action moves" if no_action_moves else "no observation shows")
+        for value, no_action_moves in zip(values[slow], is_unmoved[slow], strict=True)
         for mode in _own_modes(deployed, A, value)
     ]
-    return Reach(decisive, loop, tuple(dict.fromkeys(out_of_reach)))
+    return Reach(decisive, loop, tuple(dict.fromkeys(slow_modes)))
 
 
 def left_alone(

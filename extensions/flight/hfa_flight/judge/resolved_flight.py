@@ -41,8 +41,8 @@ def resolved_flight(
     """
     model = flight.deployed.model
 
-    def flown(parts: int) -> _Flown:
-        finer = replace(flight, parts=parts * flight.parts)
+    def flown(refinement: int) -> _Flown:
+        finer = replace(flight, steps_per_sample=refinement * flight.steps_per_sample)
         return _Flown(finer, _largest_deviations(finer, places, seed))
 
     def figures(flown: _Flown) -> Figures:
@@ -54,7 +54,7 @@ def resolved_flight(
             for name in model.linear
         }
 
-    checked, error = resolved(flown, figures, flight.dt / flight.parts)
+    checked, error = resolved(flown, figures, flight.dt / flight.steps_per_sample)
     return checked.flight, error
 
 

@@ -39,7 +39,7 @@ def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, 
     Without a cost, the weights of the linear states and the commanded inputs are those of the model
     (`default_weight`).
 
-    Raises BadInputError if a weight of the plant file is not diagonal.
+    Raises BadInputError if a matrix Q or R of a model from a plant file is not diagonal.
     """
     cost = deployed.deployment.cost
     if cost is not None:

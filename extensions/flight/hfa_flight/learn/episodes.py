@@ -130,7 +130,7 @@ class Episodes:
             deployed.deployment.dt,
             deployed.deployment.delay,
             parts_of_a_sample(self.points, deployed.deployment.dt, [*self._boxes]),
-            moves=_moved_by_actions(deployed, self.low, self.high),
+            commands_of=_moved_by_actions(deployed, self.low, self.high),
             winds=() if self._air is None else self._air.names,
         )
         nothing = np.clip(np.zeros(len(self.low)), self.low, self.high)
@@ -326,8 +326,8 @@ class Episodes:
         memory = flight.slices[1]
         inputs = slice(memory.stop - m, memory.stop)
         X, before = now[:n], now[inputs]
-        assert flight.moves is not None  # set by the constructor
-        U = flight.moves(actions, X, before, trim)
+        assert flight.commands_of is not None  # set by the constructor
+        U = flight.commands_of(actions, X, before, trim)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
         after = flight.tick()(now, flying)
         kept, left, outcome = _outcome(flown, n)(now, after, cost, left, limits)

@@ -76,7 +76,7 @@ def surviving_boxes(
     inside = np.random.default_rng(0).uniform(-1.0, 1.0, (_DRAWN, k))
     corners = np.array([*itertools.product((-1.0, 1.0), repeat=k)]) if k <= _CORNERS else sides
     dt = max(flight.dt, _SAMPLE_TIMES[0])  # a constant action needs no shorter samples
-    flight = replace(flight, dt=dt, parts=parts_of_a_sample(points, dt, [*boxes]))
+    flight = replace(flight, dt=dt, steps_per_sample=parts_of_a_sample(points, dt, [*boxes]))
     held = CompiledSamples(
         flight,
         entering=lambda states, _: [states],

@@ -225,7 +225,8 @@ class _Replay:
         # - not a is 1 - a
         # - a and b is a b
         # - a or b is a + b - a b
-        # - a branch that a selects is multiplied by a
+        # - a branch b that a selects, and 0 otherwise, is a b: a truth value if b is the constant 1
+        # - a branch of inf or nan is switched at a = 1/2, because 0 inf is not 0
         is_soft = [place in self.soft for place in places]
         if not any(is_soft) or (code == ca.OP_IF_ELSE_ZERO and not is_soft[0]):
             return _applied(code, operands), False

@@ -297,6 +297,39 @@ class _Loop(NamedTuple):
         return np.asarray(np.sqrt(total / max(samples - begin, 1)))
 
 
+class _Air(NamedTuple):
+    """Turbulence as winds w = W x_air of a filter x_air' = A x_air + G ν.
+
+    `noise` is G G', and `covariance` that of the stationary x_air.
+    """
+
+    A: np.ndarray
+    noise: np.ndarray
+    covariance: np.ndarray
+    winds: tuple[str, ...]
+    W: np.ndarray
+    E: np.ndarray  # derivatives of the rates of the linear states by x_air, (k, len(A))
+
+
+def _air(point: OperatingPoint, turbulence: Turbulence | None, dt: float) -> _Air:
+    """Return the turbulence at a trim, in the states of its filter that reach the winds."""
+    model = point.model
+    if turbulence is None:
+        none = np.zeros((0, 0))
+        return _Air(none, none, none, (), none, np.zeros((len(model.linear), 0)))
+    air = turbulence.air(point, dt, 1, 0)
+    full = AirFilter.of(air)
+    winds_of_states = air.factors.T @ full.C
+    reaching = _reaching(full.A, winds_of_states)
+    block = np.ix_(reaching, reaching)
+    W = winds_of_states[:, reaching]
+    slopes, _ = linearization_at(
+        in_gusts(model), point.states, point.inputs, disturbances=air.names
+    )
+    E = slopes.E[model.state_places(model.linear)] @ W
+    return _Air(full.A[block], full.noise[block], full.covariance[block], air.names, W, E)
+
+
 def _plant(
     linear: LinearModel,
     noise: Mapping[str, float],
@@ -304,48 +337,35 @@ def _plant(
     turbulence: Turbulence | None,
     dt: float,
 ) -> _Plant:
-    """Return aircraft and air in continuous time."""
-    point, model = linear.point, linear.point.model
-    k, m = linear.B.shape
-    A, B, E = linear.A, linear.B, np.zeros((k, 0))
-    scale = [noise.get(name, _UNMEASURED * model.states[name].nominal) for name in linear.states]
-    Aw, noise_of_air = np.zeros((0, 0)), np.zeros((0, 0))
-    winds: tuple[str, ...] = ()
-    W, strongest = np.zeros((0, 0)), np.zeros(0)
-    if turbulence is not None:
-        air = turbulence.air(point, dt, 1, 0)
-        shape = AirFilter.of(air)
-        seen = air.factors.T @ shape.C
-        used = _used(shape.A, seen)
-        slopes, _ = linearization_at(
-            in_gusts(model), point.states, point.inputs, disturbances=air.names
-        )
-        rows = model.state_places(model.linear)
-        winds, W = air.names, seen[:, used]
-        E = slopes.E[rows] @ W
-        covariance = shape.covariance[np.ix_(used, used)]
-        strongest = _STRONGEST * np.sqrt(np.diag(W @ covariance @ W.T))
-        Aw = shape.A[np.ix_(used, used)]
-        noise_of_air = np.pi * (shape.B @ shape.B.T)[np.ix_(used, used)]
-        scale += np.sqrt(np.diag(covariance)).tolist()
-    n = k + len(Aw)
-    whole = np.block([[A, E], [np.zeros((len(Aw), k)), Aw]])
-    G = np.zeros((n, n))
-    G[k:, k:] = noise_of_air
-    drifts = np.zeros(n)
-    drifts[:k] = list(drift.values())
+    """Return aircraft and air in continuous time: the linear states above those of the air."""
+    states = linear.point.model.states
+    air = _air(linear.point, turbulence, dt)
+    (k, m), of_air = linear.B.shape, len(air.A)
+    n = k + of_air
+    noise_of_both = np.zeros((n, n))
+    noise_of_both[k:, k:] = air.noise
     C = np.zeros((len(noise), n))
     C[np.arange(len(noise)), [linear.states.index(name) for name in noise]] = 1.0
-    B = np.vstack([B, np.zeros((n - k, m))])
-    return _Plant(whole, B, C, G, drifts, np.array(scale), winds, W, strongest)
+    units = [noise.get(name, _UNMEASURED * states[name].nominal) for name in linear.states]
+    return _Plant(
+        A=np.block([[linear.A, air.E], [np.zeros((of_air, k)), air.A]]),
+        B=np.vstack([linear.B, np.zeros((of_air, m))]),
+        C=C,
+        noise=noise_of_both,
+        drift=np.append([*drift.values()], np.zeros(of_air)),
+        scale=np.append(units, np.sqrt(np.diag(air.covariance))),
+        winds=air.winds,
+        W=air.W,
+        strongest=_STRONGEST * np.sqrt(np.diag(air.W @ air.covariance @ air.W.T)),
+    )
 
 
-def _used(A: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Return the indices of the states of x' = A x that act on the outputs, seen x."""
-    used = (seen != 0.0).any(axis=0)
+def _reaching(A: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Return the indices of the states of x' = A x that act on the outputs C x."""
+    reaching = (C != 0.0).any(axis=0)
     for _ in range(len(A)):
-        used |= (A[used] != 0.0).any(axis=0)
-    return np.flatnonzero(used)
+        reaching |= (A[reaching] != 0.0).any(axis=0)
+    return np.flatnonzero(reaching)
 
 
 def _unobservable(

@@ -204,30 +204,32 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
 
     Errors and inputs are evaluated at the steps inside the envelope. The final states
     are those after the last of these steps. Root mean squares leave out the first half in
-    turbulence, which begins in calm.
+    turbulence, which begins in calm. `left` and `cycle` are the places of the states or signals
+    that left the envelope or cycle in lists of names, -1 for none.
     """
     scenario = result.loop.scenario
     flight = result.flight
-    left = result.departure
+    departure = result.departure
     states = list(plan.model.states)
     trim = plan.point.u
-    flown = scenario.duration if left is None else left.time
-    end = round(flown / scenario.step)  # 0 if turbulence exceeds the envelope at the start
+    time_flown = scenario.duration if departure is None else departure.time
+    end = round(time_flown / scenario.step)  # 0 if turbulence exceeds the envelope at the start
     begin = end // 2 if scenario.gust is not None and scenario.gust.rises else 0
     errors = flight.errors[:end]
     inputs = flight.inputs[:end]
     angles = flight.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
-    left_number = -1
-    if left is not None:
-        left_number = limited_names(plan.model, scenario.moving_air).index(left.state)
-    cycle_number = -1
+    departed_state = -1
+    if departure is not None:
+        limited = limited_names(plan.model, scenario.moving_air)
+        departed_state = limited.index(departure.state)
+    cycling_signal = -1
     if result.cycle is not None:
-        cycle_number = [*plan.model.inputs, *states].index(result.cycle.name)
+        cycling_signal = [*plan.model.inputs, *states].index(result.cycle.name)
     return {
-        "left": left_number,
-        "cycle": cycle_number,
+        "left": departed_state,
+        "cycle": cycling_signal,
         "factors": [scenario.errors[name] for name in plan.scenario.uncertainty.errors],
-        "flown": flown,
+        "flown": time_flown,
         "rms_error": _rms(errors[begin:]),
         "peak_error": np.abs(errors).max(axis=0, initial=0.0),
         "peak_angle_of_attack": np.abs(angles).max(initial=0.0),

@@ -22,7 +22,7 @@ RULE = (
 def has_returned(model: Model, z: np.ndarray, P: np.ndarray, spent: np.ndarray) -> np.ndarray:
     """Return a mask (N,) of the flights that have returned to the trim at their end.
 
-        z'Pz <= .05 (spent + z'Pz)
+        z'Pz <= TOLERANCE (spent + z'Pz), or |z| <= 1e-9 nominal values in every state
 
     model: the aircraft
     z: deviations of the linear states at the end, (N, k)

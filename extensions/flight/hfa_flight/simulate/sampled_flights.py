@@ -66,32 +66,32 @@ class SampledFlight:
 
     deployed: the policy on its aircraft.
     dt, delay: sample time and delay, s.
-    parts: number of integration steps in a sample.
-    moves: (raw, X, U before, trim) -> U, or None for the actions and inputs of the deployment.
+    steps_per_sample: number of integration steps in a sample.
+    commands_of: (raw, X, U before, trim) -> U, or None for those of the deployment.
     winds: disturbances of the aircraft. They follow the push.
     """
 
     deployed: Deployed
     dt: float
     delay: float
-    parts: int
-    moves: ca.Function | None = None
+    steps_per_sample: int
+    commands_of: ca.Function | None = None
     winds: tuple[str, ...] = ()
 
     @property
-    def whole(self) -> int:
+    def whole_samples_of_delay(self) -> int:
         """Number of complete samples in the delay."""
         return in_samples(self.delay, self.dt).whole
 
     @property
-    def early(self) -> float:
+    def rest_of_delay(self) -> float:
         """Time after a sample, s, during which the earlier of two delayed commands still acts."""
         return in_samples(self.delay, self.dt).rest
 
     @cached_property
     def has_past(self) -> bool:
         """True if the state contains earlier observations, which the deployment's policy uses."""
-        return self.moves is None and self.deployed.past > 0
+        return self.commands_of is None and self.deployed.past > 0
 
     @cached_property
     def sizes(self) -> tuple[int, ...]:
@@ -99,7 +99,8 @@ class SampledFlight:
         model = self.deployed.model
         n = len(model.states)
         past = self.deployed.past if self.has_past else 0
-        return n, len(model.inputs) * (self.whole + 1), past, 2 * n
+        memory = len(model.inputs) * (self.whole_samples_of_delay + 1)
+        return n, memory, past, 2 * n
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
@@ -128,33 +129,38 @@ class SampledFlight:
         return max(1, round(seconds / (self.samples_in_window * self.dt)))
 
     def tick(self) -> ca.Function:
-        """Return the function (state, held) -> state one sample later."""
+        """Return the function (state, held) -> state one sample later.
+
+        The command that acts at the sample keeps acting for the rest of the delay, then the next.
+        """
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         state, held = ca.MX.sym("state", sum(self.sizes)), ca.MX.sym("held", sum(self.held_sizes))
         X, memory, past, _ = _parts(state, self.sizes)
         raw, trim, push = _parts(held, self.held_sizes)
         before = memory[-m:]
-        moves = commands(self.deployed) if self.moves is None else self.moves
-        U = moves(raw, X, before, trim)
+        commands_of = commands(self.deployed) if self.commands_of is None else self.commands_of
+        U = commands_of(raw, X, before, trim)
         p = trim[n + m :]
-        acting = U if self.whole == 0 else memory[(self.whole - 1) * m : self.whole * m]
-        after = X
-        longest = self.dt / self.parts
-        if self.early:
-            early = held_step(model, self.early, steps_of(self.early, longest), self.winds)
-            after, on_the_way = early(after, before, push, p)
-        late = self.dt - self.early
-        moved = held_step(model, late, steps_of(late, longest), self.winds)
-        after, extremes = moved(after, acting, push, p)
-        if self.early:
-            lowest = ca.fmin(on_the_way[:n], extremes[:n])
-            extremes = ca.vertcat(lowest, ca.fmax(on_the_way[n:], extremes[n:]))
-        still_to_act, _ = ca.vertsplit(memory, [0, m * self.whole, m * (self.whole + 1)])
+        whole, rest = self.whole_samples_of_delay, self.rest_of_delay
+        acting = U if whole == 0 else memory[(whole - 1) * m : whole * m]
+        step_late = self._step(self.dt - rest)
+        if rest:
+            between, extremes_early = self._step(rest)(X, before, push, p)
+            after, extremes_late = step_late(between, acting, push, p)
+            extremes = _extremes_of_both(extremes_early, extremes_late)
+        else:
+            after, extremes = step_late(X, acting, push, p)
+        still_to_act, _ = ca.vertsplit(memory, [0, m * whole, m * (whole + 1)])
         if self.has_past:
             past = ca.vertcat(past, self.deployed.observe(X, before, trim))[-past.numel() :]
         later = ca.densify(ca.vertcat(after, U, still_to_act, past, extremes))
         return ca.Function("tick", [state, held], [later])
+
+    def _step(self, seconds: float) -> ca.Function:
+        """Return `held_step` over a part of a sample."""
+        count = steps_of(seconds, self.dt / self.steps_per_sample)
+        return held_step(self.deployed.model, seconds, count, self.winds)
 
     def entering(self) -> ca.Function:
         """Return the function (state, trim) -> inputs of the policy's network."""
@@ -177,7 +183,7 @@ class SampledFlight:
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         inputs = trims[:, n : n + m]
-        memory = np.tile(inputs, (1, self.whole + 1))
+        memory = np.tile(inputs, (1, self.whole_samples_of_delay + 1))
         past = np.zeros((len(states), 0))
         if self.has_past:
             observed = RowFunction(self.deployed.observe)(states, inputs, trims)[0]
@@ -222,8 +228,8 @@ def commands(deployed: Deployed) -> ca.Function:
     """Return the function (outputs of the network, X, U before, trim) -> U of a deployment."""
     arguments = deployed.symbols()
     raw = ca.SX.sym("raw", len(deployed.commanded))
-    moved = deployed.inputs(deployed.action(raw), *arguments)
-    return ca.Function("moves", [raw, *arguments], [ca.densify(moved)])
+    U = deployed.inputs(deployed.action(raw), *arguments)
+    return ca.Function("commands", [raw, *arguments], [ca.densify(U)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,6 +326,14 @@ def _slices(sizes: tuple[int, ...]) -> tuple[slice, ...]:
 def _parts(vector: ca.MX, sizes: tuple[int, ...]) -> list[ca.MX]:
     parts: list[ca.MX] = ca.vertsplit(vector, np.cumsum([0, *sizes]).tolist())
     return parts
+
+
+def _extremes_of_both(early: ca.MX, late: ca.MX) -> ca.MX:
+    """Return [lowest X; highest X] of two parts of a sample from those of each."""
+    lowest_early, highest_early = ca.vertsplit_n(early, 2)
+    lowest_late, highest_late = ca.vertsplit_n(late, 2)
+    lowest = ca.fmin(lowest_early, lowest_late)
+    return ca.vertcat(lowest, ca.fmax(highest_early, highest_late))
 
 
 def _first_result(function: Callable[..., list[np.ndarray]]) -> RowNetwork:

@@ -140,7 +140,7 @@ class Deployed:
     def at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
         """Return the expressions of all states, inputs and outputs at the trim, by name."""
         n, m = len(self.model.states), len(self.model.inputs)
-        if self.varies:
+        if self.varies:  # the trim is that of the original aircraft: its p
             trim = ca.vertcat(trim[: n + m], self.model.p)
         return self.values(trim[:n], trim[n : n + m], trim)
 

@@ -171,10 +171,10 @@ class EquilibriumSearch:
         return self._found(self.base)
 
     def turns(self) -> np.ndarray:
-        """Return the full turn of each angle that the loop does not distinguish from none, (k,).
+        """Return a full turn for each linear state that is an angle the loop cannot tell from a
+        turn more, such as a heading without a heading command, and 0 for the other states, (k,).
 
         The rates, the observations and the commands at random states must agree after a full turn.
-        The value is 0 for an angle that is distinguished, and for other states.
         """
         random = np.random.default_rng(0)
         turns = np.zeros(len(self.rows))
