@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from hfa_flight.needs import is_enough, need_text
-from hfa_flight.plan.interruption import interruption
 from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.report_lines import limits_of_flights, line_with_ratios
 from hfa_flight.plan.search import AFTER, MESHES_AGREE, BestFlights
@@ -17,6 +16,7 @@ from hfa_flight.simulate.returned import RULE
 from hfa_flight.simulate.row import FlightRow
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import NoSolutionError
+from hfa_support.interruption import interruption
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result

@@ -36,10 +36,10 @@ def region(request: RegionRequest) -> int:
 
     flint_or_refusal()
     refuse_no_certificate(request.output)
-    from hfa_flight.plan.interruption import interruptible
     from hfa_prove.certificate import write_certificate
     from hfa_prove.commands.policies import given_policy
     from hfa_prove.search.region import proved_region
+    from hfa_support.interruption import interruptible
 
     given = given_trim(request, required=True)
     disturbances = disturbances_of(request, given.model)
