@@ -66,12 +66,12 @@ class KeptInside(Policy):
         own = self.policy
         policy_held = own.sampler() or (lambda k, _: own.held_inputs(k, k * self.tick))
         command = BoundFunction(self._command())
-        known = Measured(nearest.model)
+        known = Measured(nearest.model, self.delay)
         trim = problem.point.x
         self.changed[0] = 0
 
         def sample(tick: int, measured: np.ndarray) -> np.ndarray:
-            z = known.when_acting(problem.followed_of(trim + measured), self.delay, STILL)
+            z = known.when_acting(problem.followed_of(trim + measured), STILL)
             acted = measured.copy()
             if self.delay:
                 acted[problem.followed_places] = z * problem.sizes[0]
@@ -80,7 +80,7 @@ class KeptInside(Policy):
             v = u[problem.moved] / problem.sizes[1]
             inside = nearest(z, v)
             acts = bool(np.abs(inside - v).max() > _ROUNDING)
-            known.command(inside, self.delay)
+            known.command(inside)
             self.changed[0] += acts
             if acts:
                 u = problem.inputs_of(inside) - problem.point.u

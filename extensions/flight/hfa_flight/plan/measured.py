@@ -17,10 +17,10 @@ _LEAST_BOX = 0.1
 
 
 class Measured:
-    """States when the next command acts, predicted from the measured ones of each sample.
+    """Samples of a flight: states when the next command acts, predicted from the measured ones.
 
     The command of a sample acts from the delay after its sample until the next one acts. Before the
-    first command, the inputs are at trim. The delay of a flight is constant.
+    first command, the inputs are at trim.
 
     A sample is wrong if a value is not finite, or differs from its prediction by more than an
     aircraft plausibly moves in one sample without a known reason. Its prediction from the sample
@@ -28,23 +28,21 @@ class Measured:
     is used: the aircraft has been moved.
 
     model: the model, whose first hold is a sample
+    delay: time from a sample until its command acts, s
     wrong: number of wrong samples of the flight
     """
 
-    def __init__(self, model: HeldModel) -> None:
+    def __init__(self, model: HeldModel, delay: float) -> None:
         k, n, _ = model.scaled.sizes
         self._model = model
+        self._delay = delay
         self._dt = float(model.holds[0])
         lowest, highest = model.scaled.input_limits
         ranges = np.where(np.isfinite(highest - lowest), highest - lowest, 1.0)
-        moves = np.abs(hold_of(*model.scaled.linear_states, self._dt).B) @ ranges
+        moved = np.abs(hold_of(*model.scaled.linear_states, self._dt).B) @ ranges
         box = np.maximum(model.scaled.box, _LEAST_BOX)
         #: Largest difference of a sample from its prediction, (n,).
-        self._most = np.append(_OF_BOX * box + _OF_MOVES * moves, np.ones(n - k))
-        self.clear()
-
-    def clear(self) -> None:
-        """Begin a flight."""
+        self._most = np.append(_OF_BOX * box + _OF_MOVES * moved, np.ones(n - k))
         self.wrong = 0
         #: Commands that may act yet, (m,) each, and number of all commands of the flight.
         self._commands: list[np.ndarray] = []
@@ -52,39 +50,38 @@ class Measured:
         #: States of the last sample: the used ones, then those that were measured in doubt.
         self._last: list[np.ndarray] = []
 
-    def checked(self, z: np.ndarray, delay: float, w: np.ndarray) -> np.ndarray | None:
+    def checked(self, z: np.ndarray, w: np.ndarray) -> np.ndarray | None:
         """Return the states of this sample, or their prediction if it is wrong, (n,).
 
         The result is None if the sample is wrong and no sample before predicts it.
 
         z: measured states, (n,)
-        delay: time from a sample until its command acts, s
         w: winds
         """
-        acting = self._acting(self._count - 1, delay, self._dt)
-        known = [self._moved(each, acting, w) for each in self._last]
-        near = [bool((np.abs(z - each) <= self._most).all()) for each in known]
+        acting = self._acting(self._count - 1, self._dt)
+        predicted = [self._moved(each, acting, w) for each in self._last]
+        near = [bool((np.abs(z - each) <= self._most).all()) for each in predicted]
         used: np.ndarray | None = z
         if not np.isfinite(z).all() or (near and not any(near)):
             self.wrong += 1
-            used = known[0] if known else None
+            used = predicted[0] if predicted else None
         states = (used,) if used is z else (used, z)
         self._last = [each for each in states if each is not None and np.isfinite(each).all()]
         return used
 
-    def when_acting(self, z: np.ndarray, delay: float, w: np.ndarray) -> np.ndarray:
+    def when_acting(self, z: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Return the states when the command of this sample acts, (n,), from those now."""
-        return self._moved(z, self._acting(self._count, delay, delay), w)
+        return self._moved(z, self._acting(self._count, self._delay), w)
 
-    def command(self, v: np.ndarray, delay: float) -> None:
+    def command(self, v: np.ndarray) -> None:
         """Add the command of this sample, (m,), and forget those that have acted before it."""
-        late = in_samples(delay, self._dt).whole
+        late = in_samples(self._delay, self._dt).whole
         self._commands = [*self._commands, v][-late - 2 :]
         self._count += 1
 
-    def _acting(self, sample: int, delay: float, seconds: float) -> list[tuple[np.ndarray, float]]:
+    def _acting(self, sample: int, seconds: float) -> list[tuple[np.ndarray, float]]:
         """Return the inputs that act in some seconds after a sample, each with its duration, s."""
-        late, until = in_samples(delay, self._dt)
+        late, until = in_samples(self._delay, self._dt)
         begin = 0.0
         acting = []
         for number in range(sample - late - 1, sample + 1):
@@ -96,6 +93,7 @@ class Measured:
         return acting
 
     def _command(self, number: int) -> np.ndarray:
+        """Return the command of a sample, 0 before the flight, (m,)."""
         if number < 0:
             return np.zeros(self._model.scaled.sizes[2])
         return self._commands[number - self._count]
@@ -103,6 +101,7 @@ class Measured:
     def _moved(
         self, z: np.ndarray, acting: list[tuple[np.ndarray, float]], w: np.ndarray
     ) -> np.ndarray:
+        """Return the states after inputs that act in turn, each with its duration, (n,)."""
         for v, seconds in acting:
             z = self._model.after(z, v, w, seconds)
         return z

@@ -56,7 +56,7 @@ class Predictive(SampledPolicy):
 
     def reset(self) -> None:
         """Forget the plan, the winds and the times of an earlier flight."""
-        self.controller.reset()
+        self.controller.reset(self.delay)
 
     def begin(self, X: Any) -> None:
         """Begin a flight with a first plan, which takes longer than a sample.
@@ -111,7 +111,7 @@ class Predictive(SampledPolicy):
         """
         z = self.problem.followed_of(X)
         w = None if winds is None else self._values(winds)
-        return self.problem.inputs_of(self.controller(z, self.delay, w))
+        return self.problem.inputs_of(self.controller(z, w))
 
     def _values(self, winds: Mapping[str, float]) -> np.ndarray:
         """Return the winds in the order of the plans."""

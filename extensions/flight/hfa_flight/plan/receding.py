@@ -97,15 +97,17 @@ class RecedingHorizon:
         self.end = end
         self._equilibrium = CheapestEquilibrium(planner.model)
         self.budget = budget
-        self._measured = Measured(planner.model)
         #: Cost below which a flight is at its target.
         self.nothing = _NOTHING * planner.trim.value(np.pad(planner.scaled.box, (0, n - k)))
-        self.reset()
+        self.reset(delay=0.0)
 
-    def reset(self) -> None:
-        """Begin a flight: forget its plans, commands, winds and times."""
+    def reset(self, delay: float) -> None:
+        """Begin a flight: forget the plans, commands, winds and times of the one before.
+
+        delay: time after which inputs act, s
+        """
         self._memory = _Memory(self.planner.trim)
-        self._measured.clear()
+        self._measured = Measured(self.planner.model, delay)
 
     @property
     def wrong(self) -> int:
@@ -117,14 +119,14 @@ class RecedingHorizon:
         """Record of the flight since the last reset."""
         return self._memory.samples
 
-    def begin(self, z: np.ndarray, delay: float = 0.0) -> None:
+    def begin(self, z: np.ndarray, delay: float) -> None:
         """Begin a flight with a first plan that is made before its first sample.
 
         z: expected states at the first sample, (n,)
         delay: time after which inputs act, s
         """
-        self.reset()
-        self._begin_plan(self._measured.when_acting(z, delay, self._memory.target.w))
+        self.reset(delay)
+        self._begin_plan(self._measured.when_acting(z, self._memory.target.w))
         self._memory.waits = True
 
     def rehearse(self) -> None:
@@ -134,31 +136,28 @@ class RecedingHorizon:
         for _ in range(1 + self.planner.grid.most_samples[0].max()):
             self._memory.near = False
             self(z)
-        self.reset()
+        self.reset(delay=0.0)
 
-    def __call__(
-        self, z: np.ndarray, delay: float = 0.0, w: np.ndarray | None = None
-    ) -> np.ndarray:
+    def __call__(self, z: np.ndarray, w: np.ndarray | None = None) -> np.ndarray:
         """Return the inputs v of the next sample, (m,), within their limits.
 
         z: measured deviations of the followed states, (n,), or with w their estimate
-        delay: time after which v acts, s
         w: estimated winds, or None
         """
         began = time.thread_time()
         memory = self._memory
         used: np.ndarray | None = z
         if w is None:
-            used = self._measured.checked(z, delay, memory.target.w)
+            used = self._measured.checked(z, memory.target.w)
         else:
             memory.target = self._equilibrium.near(memory.target, w)
         planned, first = memory.samples.planned, memory.samples.first
         v = np.zeros(self.planner.scaled.sizes[2])  # while nothing is known about the states
         if used is not None:
             with np.errstate(over="ignore", invalid="ignore"):  # the flight may be lost
-                acted = self._measured.when_acting(used, delay, memory.target.w)
+                acted = self._measured.when_acting(used, memory.target.w)
                 v = self._input(acted, began + self.budget)
-        self._measured.command(v, delay)
+        self._measured.command(v)
         if memory.samples.planned > planned and first is not None:
             memory.samples.seconds.append(time.thread_time() - began)
         return v

@@ -62,7 +62,7 @@ class StateDependent(SampledPolicy):
 
     def reset(self) -> None:
         """Forget the commands and counts of an earlier flight."""
-        self.law.reset()
+        self.law.reset(self.delay)
 
     def __call__(self, t: float, X: Any) -> np.ndarray:
         """Return the inputs U of the sample at t, absolute, (m,).
@@ -70,7 +70,7 @@ class StateDependent(SampledPolicy):
         t: s
         X: all states, absolute, (n,) or by name in their order
         """
-        return self.problem.inputs_of(self.law(self.problem.followed_of(X), self.delay))
+        return self.problem.inputs_of(self.law(self.problem.followed_of(X)))
 
     @property
     def unsolved(self) -> int:
@@ -132,8 +132,7 @@ class RiccatiLaw:
         self._limit_weight = limit_weight
         nodes, shares = np.polynomial.legendre.leggauss(_POINTS)
         self._ray = 0.5 * (1.0 + nodes), 0.5 * shares
-        self._measured = Measured(self.nearest.model)
-        self.reset()
+        self.reset(delay=0.0)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes without the compiled function, for copies and pickle."""
@@ -148,25 +147,24 @@ class RiccatiLaw:
         """Number of samples since the last reset in whose place the prediction was used."""
         return self._measured.wrong
 
-    def reset(self) -> None:
-        """Begin a flight."""
-        self._measured.clear()
+    def reset(self, delay: float) -> None:
+        """Begin a flight.
+
+        delay: time after which inputs act, s
+        """
+        self._measured = Measured(self.nearest.model, delay)
         self.unsolved = 0
 
-    def __call__(self, z: np.ndarray, delay: float) -> np.ndarray:
-        """Return the inputs, (m,).
-
-        z: measured states, (n,)
-        delay: time after which the inputs act, s
-        """
-        used = self._measured.checked(z, delay, STILL)
+    def __call__(self, z: np.ndarray) -> np.ndarray:
+        """Return the inputs (m,) from the measured states z (n,)."""
+        used = self._measured.checked(z, STILL)
         v = np.zeros(self._scaled.sizes[2])  # while nothing is known about the states
         if used is not None:
-            acted = self._measured.when_acting(used, delay, STILL)
+            acted = self._measured.when_acting(used, STILL)
             K = self.gain_at(acted)
             v = np.clip(-K @ acted[: K.shape[1]], *self._scaled.input_limits)
             v = self.nearest(acted, v)
-        self._measured.command(v, delay)
+        self._measured.command(v)
         return v
 
     def gain_at(self, z: np.ndarray) -> np.ndarray:
