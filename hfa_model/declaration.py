@@ -15,7 +15,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_model.atmosphere import refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_named
-from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
+from hfa_model.outputs import OUTPUTS, instant_of, outputs_of
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.published import published_data
 from hfa_model.variants import VARIANTS, Variant, variant_named
@@ -50,8 +50,8 @@ class Equations:
         w: disturbances, in the order of `DISTURBANCES`
         """
         winds = winds_named(w._fields, w)
-        moment = moment_of(x, u, p, self.variant, winds)
-        return moment.rates._asdict(), outputs_of(moment)
+        instant = instant_of(x, u, p, self.variant, winds)
+        return instant.rates._asdict(), outputs_of(instant)
 
 
 def check_in_range(x: State) -> None:

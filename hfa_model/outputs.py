@@ -30,7 +30,7 @@ from hfa_model.variants import Variant
 from hfa_model.vectors import Input, Quantity, State
 
 
-class Moment(NamedTuple):
+class Instant(NamedTuple):
     """State, loads and rates at one instant, from which the outputs are computed.
 
     All entries are numbers or CasADi expressions.
@@ -51,13 +51,13 @@ class Moment(NamedTuple):
     rates: State[Quantity]
 
 
-def moment_of(
+def instant_of(
     x: State[Quantity],
     u: Input[Quantity],
     p: Parameters[Quantity],
     variant: Variant,
     winds: Winds = STILL_AIR,
-) -> Moment:
+) -> Instant:
     """Return the state x and input u with the loads and rates that follow from the equations of
     motion.
 
@@ -68,100 +68,107 @@ def moment_of(
     winds: winds at the panels
     """
     loads = aircraft_loads(x, u, density(x.altitude), p, variant, winds)
-    return Moment(x, u, p, winds, loads, rates_from_loads(x, loads, p, variant))
+    return Instant(x, u, p, winds, loads, rates_from_loads(x, loads, p, variant))
 
 
-def outputs_of(moment: Moment) -> dict[str, Quantity]:
+def outputs_of(at: Instant) -> dict[str, Quantity]:
     """Return the outputs of the aircraft at one instant, name -> value, for all of `OUTPUTS`."""
-    return {name: output(moment) for name, (_, output) in OUTPUTS.items()}
+    return {name: output(at) for name, (_, output) in OUTPUTS.items()}
 
 
-def _vertical_acceleration(m: Moment) -> Quantity:
+def _vertical_acceleration(at: Instant) -> Quantity:
     """Return V (α' - q), ft/s^2, normal to the path, positive downward."""
-    return m.x.speed * (m.rates.alpha - m.x.pitch_rate)
+    return at.x.speed * (at.rates.alpha - at.x.pitch_rate)
 
 
-def _load_factor(m: Moment) -> Quantity:
+def _load_factor(at: Instant) -> Quantity:
     """Return n = (L + T sin α) / (m_tot g), the force normal to the path divided by the weight."""
     # L is the lift, T the thrust, and m_tot the mass of the aircraft.
-    return (m.loads.lift + m.loads.thrust * ca.sin(m.x.alpha)) / (3 * m.p.panel_mass * m.p.gravity)
+    return (at.loads.lift + at.loads.thrust * ca.sin(at.x.alpha)) / (
+        3 * at.p.panel_mass * at.p.gravity
+    )
 
 
-def _center_load_factor(m: Moment) -> Quantity:
+def _center_load_factor(at: Instant) -> Quantity:
     """Return the load factor n_c = cos θ - a_z / g of the center panel."""
     # θ is the pitch angle, and a_z the downward acceleration of the panel in body axes.
-    descent = _body_descent(m, center_height(m.x.dihedral, m.p), 1 / 3)
-    return ca.cos(m.x.pitch) - descent / m.p.gravity
+    descent = _body_descent(at, center_height(at.x.dihedral, at.p), 1 / 3)
+    return ca.cos(at.x.pitch) - descent / at.p.gravity
 
 
-def _outer_load_factor(m: Moment) -> Quantity:
+def _outer_load_factor(at: Instant) -> Quantity:
     """Return n_o = cos θ cos η - (a_z cos η + a_y sin η) / g of an outer panel."""
     # The lateral position of the panel is y = (s/2)(1 + cos η), with the span s of a panel.
     # Therefore a_y = y'' = -(s/2)(sin η η'' + cos η η'²). a_z is the downward acceleration of the
     # panel in body axes.
-    sin_eta = ca.sin(m.x.dihedral)
-    cos_eta = ca.cos(m.x.dihedral)
+    sin_eta = ca.sin(at.x.dihedral)
+    cos_eta = ca.cos(at.x.dihedral)
     outward = (
-        -m.p.panel_span / 2 * (sin_eta * m.rates.dihedral_rate + cos_eta * m.x.dihedral_rate**2)
+        -at.p.panel_span / 2 * (sin_eta * at.rates.dihedral_rate + cos_eta * at.x.dihedral_rate**2)
     )
-    descent = _body_descent(m, outer_height(m.x.dihedral, m.p), -1 / 6)
-    return ca.cos(m.x.pitch) * cos_eta - (descent * cos_eta + outward * sin_eta) / m.p.gravity
+    descent = _body_descent(at, outer_height(at.x.dihedral, at.p), -1 / 6)
+    return ca.cos(at.x.pitch) * cos_eta - (descent * cos_eta + outward * sin_eta) / at.p.gravity
 
 
-def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
+def _body_descent(at: Instant, height: Quantity, factor: float) -> Quantity:
     """Return the downward acceleration of a panel in body axes, ft/s^2."""
     # a_z = (V sin α)' - q V cos α - q² z + z'', z = factor s sin η.
-    sin_eta = ca.sin(m.x.dihedral)
-    cos_eta = ca.cos(m.x.dihedral)
-    sin_alpha = ca.sin(m.x.alpha)
-    cos_alpha = ca.cos(m.x.alpha)
-    descent_rate = m.rates.speed * sin_alpha + m.x.speed * cos_alpha * m.rates.alpha
+    sin_eta = ca.sin(at.x.dihedral)
+    cos_eta = ca.cos(at.x.dihedral)
+    sin_alpha = ca.sin(at.x.alpha)
+    cos_alpha = ca.cos(at.x.alpha)
+    descent_rate = at.rates.speed * sin_alpha + at.x.speed * cos_alpha * at.rates.alpha
     bending = (
-        factor * m.p.panel_span * (cos_eta * m.rates.dihedral_rate - sin_eta * m.x.dihedral_rate**2)
+        factor
+        * at.p.panel_span
+        * (cos_eta * at.rates.dihedral_rate - sin_eta * at.x.dihedral_rate**2)
     )
     return (
-        descent_rate - m.x.pitch_rate * m.x.speed * cos_alpha - m.x.pitch_rate**2 * height + bending
+        descent_rate
+        - at.x.pitch_rate * at.x.speed * cos_alpha
+        - at.x.pitch_rate**2 * height
+        + bending
     )
 
 
-def _elastic_moment(m: Moment) -> Quantity:
+def _elastic_moment(at: Instant) -> Quantity:
     """Return H - k_c η' - k_k η, ft lbf, the moment on an outer panel about its hinge."""
     # Unlike the hinge moment H of the loads, the result includes the damper k_c and the spring k_k.
     return (
-        m.loads.hinge_moment
-        - m.p.hinge_damping * m.x.dihedral_rate
-        - m.p.hinge_stiffness * m.x.dihedral
+        at.loads.hinge_moment
+        - at.p.hinge_damping * at.x.dihedral_rate
+        - at.p.hinge_stiffness * at.x.dihedral
     )
 
 
-#: Name of an output -> its unit, and its function of a `Moment`. States are also outputs, under
+#: Name of an output -> its unit, and its function of an `Instant`. States are also outputs, under
 #: their names.
-OUTPUTS: dict[str, tuple[str, Callable[[Moment], Quantity]]] = {
+OUTPUTS: dict[str, tuple[str, Callable[[Instant], Quantity]]] = {
     "vertical_acceleration": ("ft/s^2", _vertical_acceleration),
     "load_factor": ("1", _load_factor),
     "load_factor_center": ("1", _center_load_factor),
     "load_factor_outer": ("1", _outer_load_factor),
     # Angle of attack of the center of mass in the air of the center panel, and of each panel in the
     # air there.
-    "angle_of_attack": ("rad", lambda m: angle_of_attack(m.x, m.winds)),
-    "alpha_air_center": ("rad", lambda m: center_flow(m.x, m.p, m.winds).alpha),
-    "alpha_air_outer": ("rad", lambda m: outer_flow(m.x, m.p, m.winds).alpha),
-    "gamma": ("rad", lambda m: m.x.pitch - m.x.alpha),  # relative to the ground
-    "climb_rate": ("ft/s", lambda m: m.rates.altitude),
+    "angle_of_attack": ("rad", lambda at: angle_of_attack(at.x, at.winds)),
+    "alpha_air_center": ("rad", lambda at: center_flow(at.x, at.p, at.winds).alpha),
+    "alpha_air_outer": ("rad", lambda at: outer_flow(at.x, at.p, at.winds).alpha),
+    "gamma": ("rad", lambda at: at.x.pitch - at.x.alpha),  # relative to the ground
+    "climb_rate": ("ft/s", lambda at: at.rates.altitude),
     # Hinge moment of loads and weight, without and with spring and damper.
-    "hinge_moment": ("ft lbf", lambda m: m.loads.hinge_moment),
+    "hinge_moment": ("ft lbf", lambda at: at.loads.hinge_moment),
     "hinge_moment_total": ("ft lbf", _elastic_moment),
     # Lift of wing and tail of one panel.
-    "lift_center": ("lbf", lambda m: m.loads.center.lift),
-    "lift_outer": ("lbf", lambda m: m.loads.outer.lift),
-    "dynamic_pressure": ("lbf/ft^2", lambda m: density(m.x.altitude) * m.x.speed**2 / 2),
+    "lift_center": ("lbf", lambda at: at.loads.center.lift),
+    "lift_outer": ("lbf", lambda at: at.loads.outer.lift),
+    "dynamic_pressure": ("lbf/ft^2", lambda at: density(at.x.altitude) * at.x.speed**2 / 2),
     # Loads on the entire aircraft; the moment is about the center of mass.
-    "lift": ("lbf", lambda m: m.loads.lift),
-    "drag": ("lbf", lambda m: m.loads.drag),
-    "thrust": ("lbf", lambda m: m.loads.thrust),
-    "pitching_moment": ("ft lbf", lambda m: m.loads.pitching_moment),
-    "weight": ("lbf", lambda m: 3 * m.p.panel_mass * m.p.gravity),
-    "reference_area": ("ft^2", lambda m: 3 * m.p.panel_span * m.p.chord),  # without tails
-    "reference_chord": ("ft", lambda m: m.p.chord),
-    "mach": ("1", lambda m: m.x.speed / speed_of_sound(m.x.altitude)),
+    "lift": ("lbf", lambda at: at.loads.lift),
+    "drag": ("lbf", lambda at: at.loads.drag),
+    "thrust": ("lbf", lambda at: at.loads.thrust),
+    "pitching_moment": ("ft lbf", lambda at: at.loads.pitching_moment),
+    "weight": ("lbf", lambda at: 3 * at.p.panel_mass * at.p.gravity),
+    "reference_area": ("ft^2", lambda at: 3 * at.p.panel_span * at.p.chord),  # without tails
+    "reference_chord": ("ft", lambda at: at.p.chord),
+    "mach": ("1", lambda at: at.x.speed / speed_of_sound(at.x.altitude)),
 }

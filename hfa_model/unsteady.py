@@ -52,7 +52,7 @@ from hfa_model.kinematics import (
     outer_velocity,
     winds_named,
 )
-from hfa_model.outputs import Moment, outputs_of
+from hfa_model.outputs import Instant, outputs_of
 from hfa_model.parameters import Parameters, default_parameters
 from hfa_model.variants import Newton, variant_named
 from hfa_model.vectors import LINEAR_STATES, STATE_SIGNALS, STATES, Quantity
@@ -166,7 +166,7 @@ def unsteady_equations(
     downwash = 2 * lift_coefficient / (math.pi * _aspect_ratio(p))
     downwash_rate = x.speed / p.boom_length * (downwash - x.downwash)
     lag_state_rates = {**center.rates, **outer.rates, **tip_rates, "downwash": downwash_rate}
-    outputs = outputs_of(Moment(x, u, p, winds, loads, rates))
+    outputs = outputs_of(Instant(x, u, p, winds, loads, rates))
     # The reaction of the apparent mass to accelerations is inertia, not lift.
     outputs["lift"] = of_flow.lift
     outputs["pitching_moment"] = of_flow.pitching_moment
