@@ -89,12 +89,12 @@ def flown_until_decayed(
     initial = quadratic_forms(z0, P)
 
     def over(flown: History) -> np.ndarray:
-        value = quadratic_forms(flown.states[:, -1, :-1], P)
+        z_now = flown.states[:, -1, :-1]  # without the cost
+        value = quadratic_forms(z_now, P)
         first = initial[flown.flights]
         mask = np.zeros(flown.states.shape[:2], dtype=bool)
-        # A nan is not near.
-        is_near = value <= FAR_OF_EXPANSION * first
-        mask[:, -1] = has_decayed(value, first, OF_EXPANSION) | ~is_near
+        is_far = ~(value <= FAR_OF_EXPANSION * first)  # so is a nan
+        mask[:, -1] = has_decayed(value, first, OF_EXPANSION) | is_far
         return mask
 
     starts = np.column_stack([z0, np.zeros(len(z0))])

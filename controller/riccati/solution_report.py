@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
@@ -72,13 +73,17 @@ def _gain_table(solution: Solution) -> Iterator[Part]:
     If no number of digits is enough, a line refers to the option -o.
     """
     names = solution.names
-    for digits in (None, *range(5, MOST_DIGITS + 1)):
-        table = matrix_table("K", names.inputs, names.states, solution.K, digits)
+
+    def with_digits(digits: int | None) -> Table:
+        return matrix_table("K", names.inputs, names.states, solution.K, digits)
+
+    usual = with_digits(None)
+    for table in chain([usual], map(with_digits, range(5, MOST_DIGITS + 1))):
         printed = np.array([row[1:] for row in table.rows], dtype=float)
         if _discounted(solution.game, printed).is_stable:
             yield table
             return
-    yield matrix_table("K", names.inputs, names.states, solution.K)
+    yield usual
     yield "The printed digits do not stabilize the plant; write all digits with -o FILE"
 
 

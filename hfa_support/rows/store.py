@@ -28,6 +28,8 @@ from hfa_support.version import VERSION
 #: Attributes of a store that do not belong to the job.
 _OF_ONE_RUN = ("toolchain", "provenance")
 _METADATA = "zarr.json"
+#: Folder of an array with its values.
+_CHUNKS = "c"
 
 
 class RowJob(NamedTuple):
@@ -270,7 +272,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
             f"{path} was started by version {on_one_line(begun)}, but this is version {VERSION}; "
             "finish the store with the former version, or start a new store"
         )
-    other = _first_difference(path, expected)
+    other = _differing_file(path, expected)
     if other:
         raise BadInputError(
             f"{path} is damaged or has another origin: {other} differs from the store of this "
@@ -298,14 +300,15 @@ def _of_the_job(metadata: dict[str, Any]) -> dict[str, Any]:
     return metadata | {"attributes": kept}
 
 
-def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
-    """Return the path of the first file of a store that is not as expected, or ""."""
-    # An unexpected file has other metadata, does not belong to the store, or is a symbolic link. If
-    # the metadata cannot be read, the result is "the metadata of an array".
+def _differing_file(path: Path, expected: Mapping[str, Any]) -> str:
+    """Return the path of a file of a store that is not as expected, "the metadata of an array" if
+    they cannot be read, or "".
+    """
+    # An unexpected file has other metadata, does not belong to the store, or is a symbolic link.
     arrays = {Path(name).parent.name for name in expected}
     for name in expected:
         folder = (path / name).parent
-        allowed = {_METADATA, *arrays} if folder == path else {_METADATA, "c"}
+        allowed = {_METADATA, *arrays} if folder == path else {_METADATA, _CHUNKS}
         for entry in sorted(folder.iterdir()) if folder.is_dir() else []:
             if entry.name not in allowed or entry.is_symlink():
                 return shown(str(entry.relative_to(path)))

@@ -44,10 +44,13 @@ class CommandedTrim(Result):
         return None if self.unheld else not (self.beyond or self.reason)
 
     def excess(self, name: str) -> float:
-        """Return by how much a free variable exceeds its limit, relative to its range."""
+        """Return by how much a free variable exceeds its limit, relative to its range, or the
+        excess itself for a variable without two limits.
+        """
         lowest, highest = self.model.limits[name]
         span = highest - lowest
-        excess = abs(self.needed[name] - self.beyond[name])
+        limit = self.beyond[name]
+        excess = abs(self.needed[name] - limit)
         return excess / span if math.isfinite(span) else excess
 
     def contents(self) -> dict[str, Any]:

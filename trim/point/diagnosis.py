@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -39,23 +39,27 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
         if not broken:
             return "the equations balance, but the search for the least effort does not converge"
         return f"no trim within limits: {'; '.join(broken)}"
-    can_balance = problem.balanced(found)
-    binding = binding_limits(problem, found)
-    notes = [f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"]
-    equations, unknowns = problem.count
-    if equations > unknowns and not can_balance:
-        notes.append(f"{equations} equations for {unknowns} unknowns; free more variables")
-    idle = [name for name in _without_effect(problem, z) if name not in binding]
-    if idle:
-        notes.append(f"no effect of {' and '.join(idle)}; free another variable")
-    elif not can_balance:
-        alike = _alike(problem, z)
-        if alike:
-            notes.append(f"{'; '.join(alike)}; free another variable")
     only_rates = all(row.is_rate for row in problem.system.equations.rows)
     kind = "rates" if only_rates else "equations"
     more = f" and {len(off) - 2} more" if len(off) > 2 else ""
-    return f"no trim: these {kind} do not balance: {', '.join(off[:2])}{more} ({'; '.join(notes)})"
+    causes = "; ".join(_causes(problem, found))
+    return f"no trim: these {kind} do not balance: {', '.join(off[:2])}{more} ({causes})"
+
+
+def _causes(problem: TrimProblem, found: np.ndarray) -> Iterator[str]:
+    """Yield the active limits, and the free variables that are too few or without an effect."""
+    z = problem.clip(found)
+    balances_beyond_limits = problem.balanced(found)
+    binding = binding_limits(problem, found)
+    yield f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"
+    equations, unknowns = problem.count
+    if equations > unknowns and not balances_beyond_limits:
+        yield f"{equations} equations for {unknowns} unknowns; free more variables"
+    idle = [name for name in _without_effect(problem, z) if name not in binding]
+    if idle:
+        yield f"no effect of {' and '.join(idle)}; free another variable"
+    elif not balances_beyond_limits and (alike := _alike(problem, z)):
+        yield f"{'; '.join(alike)}; free another variable"
 
 
 def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str, float]) -> str:

@@ -521,11 +521,13 @@ class _ScaledLimits(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _scaled_limits(limits: Limits, equations: Equations) -> _ScaledLimits:
-    """Return the limits of the unknowns, and the usual range of angles without limits."""
+    """Return the limits of the unknowns, and the usual range of angles without limits, or with
+    assumed ones; it is infinite for other unknowns.
+    """
     is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
     is_assumed = limits.assumed.astype(bool)
-    quarter_turns = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
-    usual = np.where(is_unlimited | is_assumed, quarter_turns, math.inf)
+    usual_ranges = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
+    usual = np.where(is_unlimited | is_assumed, usual_ranges, math.inf)
     return _ScaledLimits(
         limits.lowest / equations.scales,
         limits.highest / equations.scales,

@@ -193,9 +193,11 @@ def _sizes(values: ca.DM) -> np.ndarray:
 
 
 def _climber(
-    errors: ca.SX, z: ca.SX, b: np.ndarray
+    errors: ca.SX, z: ca.SX, half_widths: np.ndarray
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return the function that finds a local maximizer y of a weighted error in the box."""
+    """Return the function that finds a local maximizer y = z / half_widths of a weighted sum of
+    errors (k,), which are expressions of z (n,), in the box |y| <= 1.
+    """
     from scipy.optimize import minimize
 
     w = type(z).sym("w", errors.numel())
@@ -204,10 +206,10 @@ def _climber(
 
     def climb(weights: np.ndarray, start: np.ndarray) -> np.ndarray:
         def descent(y: np.ndarray) -> tuple[float, np.ndarray]:
-            value, slope = ascent(b * y, weights)
-            return -float(value), -np.array(slope).ravel() * b
+            value, slope = ascent(half_widths * y, weights)
+            return -float(value), -np.array(slope).ravel() * half_widths
 
-        bounds = [(-1.0, 1.0)] * len(b)
+        bounds = [(-1.0, 1.0)] * len(half_widths)
         end = minimize(
             descent, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25}
         )

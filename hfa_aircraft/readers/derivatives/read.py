@@ -60,6 +60,10 @@ from hfa_support.units import conversion
 _FORCES = ("CL", "CD", "CY")
 #: Largest deviation of alpha from the reference condition, and of beta from 0, rad.
 _WIDEST = 0.3
+#: Nominal value of alpha, beta and deflections, rad.
+_NOMINAL_ANGLE = 0.1
+#: Usual thrust in cruise as a share of the weight, which is that of a lift-to-drag ratio of 10.
+_CRUISE_THRUST = 0.1
 
 
 def read_model(text: str) -> Model:
@@ -118,8 +122,10 @@ def _model(table: Table) -> Model:
     outputs = {"lift_coefficient": Signal(), "drag_coefficient": Signal()}
     if LARGEST_LIFT in table.values:
         outputs["largest_lift_coefficient"] = Signal()
-    surfaces = {name: Signal("rad", 0.1, *limits) for name, limits in table.surfaces.items()}
-    usual = 0.1 * table.values["mass"] * GRAVITY[table.system]
+    surfaces = {
+        name: Signal("rad", _NOMINAL_ANGLE, *limits) for name, limits in table.surfaces.items()
+    }
+    cruise_thrust = _CRUISE_THRUST * table.values["mass"] * GRAVITY[table.system]
     alpha = table.values.get("alpha", 0.0)
     return rigid_aircraft(
         table.name,
@@ -127,10 +133,12 @@ def _model(table: Table) -> Model:
         system=table.system,
         speed=table.values["speed"],
         altitude=table.values.get("altitude", 0.0),
-        alpha=Signal("rad", 0.1, alpha - _WIDEST, alpha + _WIDEST, alpha, assumed=True),
-        beta=Signal("rad", 0.1, -_WIDEST, _WIDEST, assumed=True),
+        alpha=Signal("rad", _NOMINAL_ANGLE, alpha - _WIDEST, alpha + _WIDEST, alpha, assumed=True),
+        beta=Signal("rad", _NOMINAL_ANGLE, -_WIDEST, _WIDEST, assumed=True),
         inputs={
-            THRUST_INPUT: Signal(FORCE[table.system], usual, *table.thrust, start=usual),
+            THRUST_INPUT: Signal(
+                FORCE[table.system], cruise_thrust, *table.thrust, start=cruise_thrust
+            ),
             **surfaces,
         },
         parameters=_parameters(table),
