@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -137,8 +137,8 @@ class Layout(NamedTuple):
         known = {**output_expressions, **dict(zip(self.names.states, components(x), strict=True))}
         chosen = [known[name] for name in outputs]
         values = list(vectors) if w is None else [*vectors, w]
-        columns = [ca.vertcat(ca.SX(0, 1), *vector) for vector in values]
-        y = ca.densify(ca.SX(ca.vertcat(ca.SX(0, 1), *chosen)))
+        columns = [_column(vector) for vector in values]
+        y = ca.densify(_column(chosen))
         f_there, y_there = ca.substitute([f, y], symbols, columns)
         return f_there, y_there
 
@@ -317,6 +317,11 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
                 f"{layout.name}: the equations return the undeclared {kind}", name, names
             )
     return rates, outputs
+
+
+def _column(entries: Iterable[Any]) -> ca.SX:
+    """Return numbers and expressions as a column, which is of SX even if it is empty."""
+    return ca.vertcat(ca.SX(0, 1), *entries)
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hfa_support.errors import BadInputError
 
-_ELSE = (
+_ADVICE = (
     "export the policy u(x) that was trained with this Q function and select it (for an actor "
     "in the same file: --network policy=NAME)"
 )
@@ -32,7 +32,7 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
             "output"
         )
     if _degree(Q.expand(), states) > 2.0:
-        raise BadInputError(f"Q(x, u) is not quadratic in u; {_ELSE}")
+        raise BadInputError(f"Q(x, u) is not quadratic in u; {_ADVICE}")
     x = ca.SX.sym("x", states)
     u = ca.SX.sym("u", Q.numel_in(0) - states)
     curvature, slope = ca.hessian(Q(ca.vertcat(x, u)), u)
@@ -42,7 +42,9 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
     eigenvalues = np.linalg.eigvalsh(at_origin)
     sign = np.sign(eigenvalues[0])
     if sign == 0.0 or np.any(np.sign(eigenvalues) != sign):
-        raise BadInputError(f"Q(x, u) has neither a minimum nor a maximum over u at x = 0; {_ELSE}")
+        raise BadInputError(
+            f"Q(x, u) has neither a minimum nor a maximum over u at x = 0; {_ADVICE}"
+        )
     root = ca.chol(sign * curvature)
     policy = -ca.solve(root, ca.solve(root.T, sign * slope))
     return ca.Function("policy", [x], [policy])

@@ -20,7 +20,7 @@ _OF_CRITICS = frozenset(("critic", "critics", "value", "values", "target", "targ
 _Q = re.compile(r"(q|qs|qf|vf|qfs)\d*(_?(net|network|function|target)s?)?\d*")
 #: Words in the names of tensors that only training uses.
 _OF_TRAINING = frozenset(("optimizer", "optimizers", "scheduler"))
-_ELSE = "export the network to ONNX with everything that acts on its inputs or outputs"
+_ADVICE = "export the network to ONNX with everything that acts on its inputs or outputs"
 
 
 def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
@@ -75,7 +75,7 @@ def refuse_others(others: Tensors, takes: int, gives: int) -> None:
         if may_scale_inputs or not _is_deviation(name):
             raise BadInputError(
                 f"tensor {shortened(name)!r} {array.shape} is not a layer and may act on the "
-                f"network's inputs or outputs; {_ELSE}"
+                f"network's inputs or outputs; {_ADVICE}"
             )
     for weights in networks.values():
         name, first = next(iter(weights.items()))
@@ -88,7 +88,7 @@ def refuse_others(others: Tensors, takes: int, gives: int) -> None:
         if outputs == takes or inputs == gives or is_parallel:
             raise BadInputError(
                 f"tensor {shortened(name)!r} {first.shape} may be a layer that acts on the "
-                f"network's inputs or outputs; {_ELSE}"
+                f"network's inputs or outputs; {_ADVICE}"
             )
 
 

@@ -14,7 +14,7 @@ from controller.critic.network.row_network import Layer
 from controller.critic.network.tensors import checked_tensors
 from hfa_support.errors import BadInputError, shortened, shown
 
-_ELSE = "export the network to ONNX (torch.onnx.export) and give the ONNX file"
+_ADVICE = "export the network to ONNX (torch.onnx.export) and give the ONNX file"
 
 
 class _Activation(NamedTuple):
@@ -82,7 +82,7 @@ def module_network(module: Any, kind: str, states: int, inputs: int) -> NetworkF
         elif not layers or layers[-1].activation:
             raise BadInputError(
                 f"the network contains the activation {_class_of(part)}, which does not directly "
-                f"follow a linear layer; {_ELSE}"
+                f"follow a linear layer; {_ADVICE}"
             )
         else:
             layers[-1] = layers[-1]._replace(activation=_activation(part))
@@ -119,7 +119,7 @@ def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
         raise BadInputError(
             f"the network contains {shortened(kind)}, but only torch.nn.Sequential with Linear "
             f"and {', '.join(_ACTIVATIONS)}, and modules with a state_dict() of linear layers are "
-            f"supported; {_ELSE}"
+            f"supported; {_ADVICE}"
         )
 
 
@@ -141,6 +141,6 @@ def _activation(module: Any) -> str:
         if getattr(module, setting) != value:
             raise BadInputError(
                 f"{kind} has {setting} = {getattr(module, setting)}, but only {value} is "
-                f"supported; {_ELSE}"
+                f"supported; {_ADVICE}"
             )
     return name

@@ -33,11 +33,19 @@ _STATIC_MARGIN = 3.0
 
 def doubts_about(table: Table) -> Iterator[str]:
     """Yield a sentence for each entry that is probably a mistake. None is refused."""
-    derivatives = table.derivatives
     yield from _of_angles(table)
     yield from _of_inertias(table)
     yield from _of_drag(table)
     yield from _of_chord(table)
+    yield from _of_surfaces(table)
+    yield from _of_lift_slope(table)
+    yield from _of_static_stability(table)
+    yield from _of_damping(table)
+
+
+def _of_surfaces(table: Table) -> Iterator[str]:
+    """Yield a sentence for surfaces without an effect, and for each of an unusual sign."""
+    derivatives = table.derivatives
     idle = [name for name in table.surfaces if not _moves(name, derivatives)]
     if idle:
         yield f"no derivative of {', '.join(idle)} is given: no effect on the aircraft"
@@ -50,6 +58,13 @@ def doubts_about(table: Table) -> Iterator[str]:
                 f"{name} is {derivatives[name]:.3g}, above 0; a positive deflection usually "
                 f"{meaning}; check the sign"
             )
+
+
+def _of_lift_slope(table: Table) -> Iterator[str]:
+    """Yield a sentence if the lift slope is unusual, otherwise those on weight and static margin,
+    which depend on it.
+    """
+    derivatives = table.derivatives
     slope = derivatives["CL_alpha"]
     least, most = _LIFT_SLOPES
     if not least <= abs(slope) <= most:
@@ -66,11 +81,21 @@ def doubts_about(table: Table) -> Iterator[str]:
                 f"Cm_alpha is {derivatives['Cm_alpha']:.3g} per rad, a static margin of "
                 f"{margin:.2g} chords; it may be given per rad (a factor of {180.0 / math.pi:.1f})"
             )
-    if derivatives["Cm_alpha"] > 0.0:
+
+
+def _of_static_stability(table: Table) -> Iterator[str]:
+    """Yield a sentence if the pitching moment increases with alpha."""
+    slope = table.derivatives["Cm_alpha"]
+    if slope > 0.0:
         yield (
-            f"Cm_alpha is {derivatives['Cm_alpha']:.3g}, above 0: the aircraft is statically "
-            "unstable, or the sign is wrong"
+            f"Cm_alpha is {slope:.3g}, above 0: the aircraft is statically unstable, or the sign "
+            "is wrong"
         )
+
+
+def _of_damping(table: Table) -> Iterator[str]:
+    """Yield a sentence for each rate that is not damped, or only weakly."""
+    derivatives = table.derivatives
     if derivatives.get("Cm_q", 0.0) == 0.0:
         yield "Cm_q is 0: the pitch rate is not damped, or the entry is missing"
     for name, least in _DAMPING.items():
