@@ -107,23 +107,24 @@ class Loop:
         if self.equilibrium is None:
             return None
         n = len(start)
-        rule = EndRule(np.finfo(float).max, lambda x: self._values(x) <= self.largest)
+        any_state = np.finfo(float).max  # `largest` decides
+        rule = EndRule(any_state, lambda x: self._values(x) <= self.largest)
         loop = Free(self.stepper, np.append(start, self.first)[None])
         with np.errstate(all="ignore"):
             ticks = math.ceil(self.steps / self.stepper.steps)
             flown, ends = march(loop, ticks, over=rule.over)
         final = flown.states[0, min(ends[0], self.steps)]
+        z_end, (cost, *discount) = final[:n], final[n:].tolist()  # [z; cost; discount]
         if rule.is_over(final[None])[0]:
             return None
-        z = final[:n] - self.equilibrium
+        z = z_end - self.equilibrium
         begin = start - self.equilibrium
         value, initial = self._values(np.vstack([z, begin]))
         converges = has_decayed(value, initial, OF_VALUE)
         if self.by_exact is not None:
             exact = self._values((self.by_exact @ begin)[None])[0]
             converges |= has_decayed(value, exact, OF_EXACT)
-        discount = float(final[n + 1]) if len(final) > n + 1 else 1.0
-        return End(z, float(final[n]), discount) if converges else None
+        return End(z, cost, *(discount or [1.0])) if converges else None
 
     def _values(self, states: np.ndarray) -> np.ndarray:
         """Return V* of each of the states (N, n and more), (N,)."""

@@ -70,7 +70,9 @@ class BoxFlights(Result):
 
     @property
     def sentence(self) -> str:
-        """What the flights say, as text."""
+        """Text: how many flights do not converge, or else the largest excess of their cost, and
+        whether it is resolved.
+        """
         if not self.part:
             return "the exact policy converges from no part of the box"
         if self.lost:

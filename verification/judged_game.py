@@ -107,13 +107,13 @@ class JudgedGame:
             return disturbance_errors(self.game, critic, self.exact, box, limit)
         checks = []
         if critic.L is not None:
-            right = self.exact.disturbance_gain
+            exact_L = self.exact.disturbance_gain
             L = checked_matrix("L", critic.L, LARGEST_CRITIC_ENTRY)
-            if L.shape != right.shape:
+            if L.shape != exact_L.shape:
                 raise BadInputError(
-                    f"L is {shape_text(L.shape)}; give {shape_text(right.shape)} for this plant"
+                    f"L is {shape_text(L.shape)}; give {shape_text(exact_L.shape)} for this plant"
                 )
-            checks.append(error_check("L_rel_error", relative_error(L, right), limit, "L"))
+            checks.append(error_check("L_rel_error", relative_error(L, exact_L), limit, "L"))
         if critic.H is not None:
             exact_H = self.exact.H
             assert exact_H is not None  # in discrete time

@@ -108,7 +108,8 @@ class Critic(Reported):
         """
         if self.network:
             return False
-        if self.feedback is None or self.basis is None:
+        has_separate_gain = self.feedback is None
+        if has_separate_gain or self.basis is None:
             return True
         return self.basis.size == self.basis.quadratic_size
 
@@ -376,9 +377,9 @@ def _feedback(game: Game) -> np.ndarray | None:
 def _with_implied_policy(game: Game, critic: Critic) -> Critic:
     """Return the critic of a value with the policy that it implies in discrete time.
 
-    The policy of a quadratic value is linear, u = -K x, and the critic is unchanged, as it is if it
-    contains a number that is not finite. Otherwise V, ∂V/∂x and the policy become CasADi functions
-    in `network`.
+    V, ∂V/∂x and the policy become CasADi functions in `network`. The critic is unchanged in
+    continuous time, if its value is quadratic (its policy is the K that it has), and if K or P is
+    not finite.
     """
     if not game.is_discrete or critic.is_quadratic or not critic.finite:
         return critic
@@ -390,7 +391,8 @@ def _with_implied_policy(game: Game, critic: Critic) -> Critic:
     if not network:
         assert critic.value is not None  # weights
         network = {"V": critic.value, "gradient": critic.gradient}
-    network["policy"] = policy_of_next(game, critic.gradient, (critic.P + critic.P.T) / 2.0)
+    quadratic_part = (critic.P + critic.P.T) / 2.0
+    network["policy"] = policy_of_next(game, critic.gradient, quadratic_part)
     return replace(critic, network=network, implies_policy=True)
 
 

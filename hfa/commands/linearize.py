@@ -72,24 +72,14 @@ def linearize(request: LinearizeRequest) -> int:
     given = given_trim(request, required=True)
     states = _states(request, given.model)
     point = trimmed_or_shown(request, given)
-    full = _with_winds(
+    all_states = _with_winds(
         given.model, point, request.outputs or states, (*states, *request.residualize)
     )
-    model = full.select(states, request.inputs, residualize=request.residualize)
-    report = linear_model_report(model)
-    if hfa_model.is_hfa(given.model):
-        report = _of_the_hfa(request, given, model, report)
-    report = with_qualities(report, model)
-    if request.bode:
-        from trim.linear.frequency import with_transfers
-
-        report = with_transfers(report, model.system)
-    if _is_printed(model) and request.units != "si":  # the printed matrices are in feet
-        printed = printed_at(point)
-        report = report if printed is None else with_printed_matrices(report, model, printed)
-    usual = full.select(given.model.linear)
-    omitted = reduction_note(model.matrices, usual.matrices, request.residualize)
-    notes = [note for note in (*report.notes, omitted) if note]
+    model = all_states.select(states, request.inputs, residualize=request.residualize)
+    report = _report(request, given, model)
+    declared = all_states.select(given.model.linear)
+    reduction = reduction_note(model.matrices, declared.matrices, request.residualize)
+    notes = [note for note in (*report.notes, reduction) if note]
     report = replace(report, notes=notes).with_data(warnings=notes)
 
     def figure() -> Figure:
@@ -99,6 +89,24 @@ def linearize(request: LinearizeRequest) -> int:
 
     show(request, report, given.source, figure=figure)
     return 0
+
+
+def _report(request: LinearizeRequest, given: GivenTrim, model: LinearModel) -> Report:
+    """Return the report of a linear model with qualities, transfer functions if requested, and the
+    differences from printed matrices.
+    """
+    report = linear_model_report(model)
+    if hfa_model.is_hfa(given.model):
+        report = _of_the_hfa(request, given, model, report)
+    report = with_qualities(report, model)
+    if request.bode:
+        from trim.linear.frequency import with_transfers
+
+        report = with_transfers(report, model.system)
+    if _is_printed(model) and request.units != "si":  # the printed matrices are in feet
+        printed = printed_at(model.point)
+        report = report if printed is None else with_printed_matrices(report, model, printed)
+    return report
 
 
 def _states(request: LinearizeRequest, model: Model) -> tuple[str, ...]:
