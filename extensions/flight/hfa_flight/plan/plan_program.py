@@ -33,6 +33,56 @@ _SOLVED = 0
 _MEMORIES = 8
 
 
+class Range(NamedTuple):
+    """Least and largest values."""
+
+    least: np.ndarray
+    most: np.ndarray
+
+
+class PlanCost(NamedTuple):
+    """Cost of a plan with N holds and S soft limits, as a function of its changes.
+
+    z: states at the nodes of the plan minus those of the target, (N + 1, n)
+    v: inputs of the plan minus those of the target, (N, m)
+    weights: W of each hold, (N, n + m, n + m); the cost of a hold is [z; v]' W [z; v]
+    P: matrix of the cost at the end, (n, n)
+    slack_slopes, slack_curvatures: a slack s >= 0 of a soft limit of a hold costs
+        slope s + curvature s²/2, (N, S) each
+    value: cost of the plan, which decides the units of the program
+    """
+
+    z: np.ndarray
+    v: np.ndarray
+    weights: np.ndarray
+    P: np.ndarray
+    slack_slopes: np.ndarray
+    slack_curvatures: np.ndarray
+    value: float
+
+
+class AlongHolds(NamedTuple):
+    """Values at the ends and at the middles of the holds, such as the derivatives of the states
+    there by the states and inputs at the start of the hold, (N, ..., n + m).
+    """
+
+    ends: np.ndarray
+    middles: np.ndarray
+
+
+class Room(NamedTuple):
+    """Least and largest changes within the limits.
+
+    ends: of the states with soft limits at the end of each hold, (N, S)
+    middles: of the fast ones at the middle of each hold, (N, F)
+    inputs: (N, m)
+    """
+
+    ends: Range
+    middles: Range
+    inputs: Range
+
+
 class Change(NamedTuple):
     """Solution of a quadratic program.
 
@@ -110,56 +160,23 @@ class PlanProgram:
         results = [found[name] for name in ("x", "cost", "lam_a", "lam_x")]
         self._solve = BoundFunction(ca.Function("change", list(given.values()), results))
 
-    def step(
-        self,
-        z: np.ndarray,
-        v: np.ndarray,
-        weights: np.ndarray,
-        P: np.ndarray,
-        prices: tuple[np.ndarray, np.ndarray],
-        slopes: np.ndarray,
-        middle_slopes: np.ndarray,
-        room: tuple[np.ndarray, np.ndarray],
-        middle: tuple[np.ndarray, np.ndarray],
-        inputs: tuple[np.ndarray, np.ndarray],
-        cost: float,
-    ) -> Change:
-        """Return the change that minimizes the model.
+    def step(self, cost: PlanCost, slopes: AlongHolds, room: Room) -> Change:
+        """Return the change that minimizes the cost within the room.
 
         The result may contain values that are not finite.
 
-        z: states at the nodes of the plan minus those of the target, (N + 1, n)
-        v: inputs of the plan minus those of the target, (N, m)
-        weights: W of each hold, (N, n + m, n + m); the cost of a hold is [z; v]' W [z; v]
-        P: matrix of the cost at the end, (n, n)
-        prices: slope and curvature of the cost of a slack s >= 0 of each soft limit of each hold,
-            (N, S) each; a slack costs slope s + curvature s²/2
-        slopes: derivatives of the states after each hold by those before it and by the inputs,
-            (N, n, n + m)
-        middle_slopes: derivatives of the fast states at the middle of each hold, (N, F, n + m)
-        room: least and largest changes within the soft limits at the end of each hold, (N, S)
-        middle: those at the middle of each hold, (N, F)
-        inputs: least and largest changes of the inputs, (N, m)
-        cost: cost of the plan, which decides the units of the program
+        slopes: derivatives of all states at the ends of the holds, (N, n, n + m), and of the fast
+            ones at the middles, (N, F, n + m)
         """
-        count, n, m = len(v), self._n, self._m
-        unit = np.sqrt(max(cost, np.finfo(float).tiny) / _COST)
-        H = 2.0 * np.concatenate([weights.ravel(), 0.5 * prices[1].ravel(), P.ravel()])
-        A = np.concatenate([[1.0, -1.0], slopes.ravel(), middle_slopes.ravel()])
-        pull = 2.0 * np.einsum("kij,kj->ki", weights, np.hstack([z[:-1], v]))
-        gradient = np.append(np.hstack([pull, prices[0]]).ravel(), 2.0 * P @ z[-1])
-        none, free = np.zeros((count, n)), np.full(room[0].shape, np.inf)
-        unmoved = np.full(middle[0].shape, np.inf)
-        least = np.hstack([none, -free, room[0], -unmoved, middle[0]]).ravel()
-        most = np.hstack([none, room[1], free, middle[1], unmoved]).ravel()
-        anywhere = np.full((count, n), np.inf)
-        anywhere[0] = 0.0  # the states now
-        last = np.full(n, np.inf)
-        lowest = np.append(np.hstack([-anywhere, inputs[0], np.zeros(free.shape)]).ravel(), -last)
-        highest = np.append(np.hstack([anywhere, inputs[1], free]).ravel(), last)
-        in_units = (np.clip(each / unit, -_FAR, _FAR) for each in (least, most, lowest, highest))
+        count, n, m = len(cost.v), self._n, self._m
+        unit = np.sqrt(max(cost.value, np.finfo(float).tiny) / _COST)
+        curvatures = cost.weights.ravel(), 0.5 * cost.slack_curvatures.ravel(), cost.P.ravel()
+        H = 2.0 * np.concatenate(curvatures)
+        A = np.concatenate([[1.0, -1.0], slopes.ends.ravel(), slopes.middles.ravel()])
+        limits = *_limits_of_rows(room, n), *_limits_of_unknowns(room, n)
+        in_units = (np.clip(limit / unit, -_FAR, _FAR) for limit in limits)
         changes, change, *_ = self._solve.at(
-            H[self._numbers_of_H], A[self._numbers_of_A], gradient / unit, *in_units
+            H[self._numbers_of_H], A[self._numbers_of_A], _gradient(cost) / unit, *in_units
         )
         changes *= unit
         of_holds = changes[:-n].reshape(count, -1)
@@ -178,6 +195,34 @@ class PlanProgram:
             self._memory = memory
             return int(status)
         return None
+
+
+def _gradient(cost: PlanCost) -> np.ndarray:
+    """Return the derivatives of the cost by the unknowns, at no change and no slack."""
+    both = np.hstack([cost.z[:-1], cost.v])
+    pull = 2.0 * np.einsum("kij,kj->ki", cost.weights, both)
+    return np.append(np.hstack([pull, cost.slack_slopes]).ravel(), 2.0 * cost.P @ cost.z[-1])
+
+
+def _limits_of_rows(room: Room, n: int) -> Range:
+    """Return the limits of the rows of A: the equations, then a row for each side of each limit."""
+    (lowest, highest), (lowest_middle, highest_middle) = room.ends, room.middles
+    equations = np.zeros((len(lowest), n))
+    free, free_middle = np.full(lowest.shape, np.inf), np.full(lowest_middle.shape, np.inf)
+    least = np.hstack([equations, -free, lowest, -free_middle, lowest_middle])
+    most = np.hstack([equations, highest, free, highest_middle, free_middle])
+    return Range(least.ravel(), most.ravel())
+
+
+def _limits_of_unknowns(room: Room, n: int) -> Range:
+    """Return the limits of the unknowns: the first states stay, and slacks are at least 0."""
+    inputs, slacks = room.inputs, room.ends.least.shape
+    states = np.full((len(inputs.least), n), np.inf)
+    states[0] = 0.0
+    at_end = np.full(n, np.inf)
+    least = np.hstack([-states, inputs.least, np.zeros(slacks)]).ravel()
+    most = np.hstack([states, inputs.most, np.full(slacks, np.inf)]).ravel()
+    return Range(np.append(least, -at_end), np.append(most, at_end))
 
 
 def _sparse(numbers: np.ndarray) -> tuple[ca.Sparsity, np.ndarray]:

@@ -12,7 +12,7 @@ from hfa_flight.plan.grid import Grid, gains_of
 from hfa_flight.plan.held_model import STILL, HeldModel
 from hfa_flight.plan.hold import Hold
 from hfa_flight.plan.nearest_inputs import NearestInputs
-from hfa_flight.plan.plan_program import Change, PlanProgram
+from hfa_flight.plan.plan_program import AlongHolds, Change, PlanCost, PlanProgram, Range, Room
 from hfa_flight.plan.scaled import ScaledProblem
 from hfa_flight.plan.target import Target
 from hfa_support.native.bound import BoundFunction
@@ -232,7 +232,7 @@ class Planner:
         """
         slopes = self._slopes_along(plan)
         none = np.zeros(plan.middle.shape)
-        first = self._proposed(plan, slopes, (none, none))
+        first = self._proposed(plan, slopes, AlongHolds(none, none))
         unsolved = int(not first.is_solved)
         if not np.isfinite(first.v).all():
             return None, unsolved
@@ -246,8 +246,8 @@ class Planner:
         if np.isfinite(full.cost) and promised > _WORTH * plan.cost and time.thread_time() < until:
             both = np.hstack([first.z[:-1], first.v])
             ends = full.z[1:] - plan.z[1:] - first.z[1:]
-            middles = full.middle - plan.middle - np.einsum("nij,nj->ni", slopes[1], both)
-            second = self._proposed(plan, slopes, (ends, middles))
+            middles = full.middle - plan.middle - np.einsum("nij,nj->ni", slopes.middles, both)
+            second = self._proposed(plan, slopes, AlongHolds(ends, middles))
             unsolved += not second.is_solved
             bent = np.where(np.isfinite(second.v), second.v - first.v, 0.0)
         for share in _SHARES if bent.any() else _SHARES[1:]:  # the full step has been flown
@@ -260,22 +260,17 @@ class Planner:
         v = np.clip(plan.v + change, *self.scaled.input_limits)
         return self.flown(plan.z[0], v, plan.target, plan.age)
 
-    def _proposed(
-        self,
-        plan: Plan,
-        slopes: tuple[np.ndarray, np.ndarray],
-        correction: tuple[np.ndarray, np.ndarray],
-    ) -> Change:
+    def _proposed(self, plan: Plan, slopes: AlongHolds, correction: AlongHolds) -> Change:
         """Return the result of the quadratic program: changes of inputs, states and cost.
 
         It knows at least the limits of the states that the plan brings beyond half of their room.
 
-        slopes: derivatives at the ends and middles of the holds
-        correction: differences of the states there from their linear prediction
+        slopes: derivatives of the states
+        correction: differences of the states from their linear prediction
         """
         target = plan.target
         lows, highs = self._room
-        ends, middles = plan.z[1:] + correction[0], plan.middle + correction[1]
+        ends, middles = plan.z[1:] + correction.ends, plan.middle + correction.middles
         states = plan.z[1:, self.soft]
         near = (states > _NEAR * highs) | (states < _NEAR * lows)
         needed = set(np.flatnonzero(near.any(axis=0)).tolist())
@@ -286,19 +281,22 @@ class Planner:
         lowest, highest = self.scaled.input_limits
         holds = self.grid.at(plan.age)
         seconds = holds.seconds[:, None]
-        return program.step(
-            plan.z - target.z,
-            plan.v - target.v,
-            holds.weights,
-            target.P,
-            (seconds * self._slopes[soft], seconds * self._curvatures[soft]),
-            slopes[0],
-            slopes[1][:, self.soft[fast]],
-            (lows[soft] - ends, highs[soft] - ends),
-            (lows[fast] - middles, highs[fast] - middles),
-            (lowest - plan.v, highest - plan.v),
-            plan.cost,
+        cost = PlanCost(
+            z=plan.z - target.z,
+            v=plan.v - target.v,
+            weights=holds.weights,
+            P=target.P,
+            slack_slopes=seconds * self._slopes[soft],
+            slack_curvatures=seconds * self._curvatures[soft],
+            value=plan.cost,
         )
+        room = Room(
+            ends=Range(lows[soft] - ends, highs[soft] - ends),
+            middles=Range(lows[fast] - middles, highs[fast] - middles),
+            inputs=Range(lowest - plan.v, highest - plan.v),
+        )
+        of_fast = slopes.middles[:, self.soft[fast]]
+        return program.step(cost, AlongHolds(slopes.ends, of_fast), room)
 
     def _all_programs(self) -> list[tuple[set[int], PlanProgram]]:
         """Return the quadratic programs with the limits of some states, given by number.
@@ -320,19 +318,19 @@ class Planner:
             programs.append((among, program))
         return programs
 
-    def _slopes_along(self, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
+    def _slopes_along(self, plan: Plan) -> AlongHolds:
         """Return the derivatives of the states at the ends and middles of the holds."""
         holds, w = self.grid.at(plan.age), plan.target.w
         z, n = plan.z[:-1], plan.z.shape[1]
         if not len(self._fast):
             ends = self.model.moved_along(z, plan.v, w, holds.seconds)[1]
-            return ends, ends
+            return AlongHolds(ends, ends)
         half = 0.5 * holds.seconds
         middle, begins = self._halves.moved_along(z, plan.v, w, half)
         ends = self._halves.moved_along(middle, plan.v, w, half)[1]
         over = ends[:, :, :n] @ begins
         over[:, :, n:] += ends[:, :, n:]
-        return over, begins
+        return AlongHolds(over, begins)
 
     def guesses(self, z: np.ndarray, target: Target) -> list[Plan]:
         """Return two first plans: the saturated linear optimum, and the inputs of the target.
