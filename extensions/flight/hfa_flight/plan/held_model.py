@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -20,6 +20,32 @@ from hfa_support.native.machine_code import machine_code
 _ERROR = 2.5e-6
 #: Winds of a model in still air.
 STILL = np.zeros(0)
+
+
+class _Symbols(NamedTuple):
+    """Symbols of states (n,), inputs (m,), winds and a duration, s."""
+
+    z: ca.MX
+    v: ca.MX
+    w: ca.MX
+    seconds: ca.MX
+
+
+class _EqualHolds(NamedTuple):
+    """Successive holds `first` to `end` - 1 with the same number of Runge-Kutta steps."""
+
+    steps: int
+    first: int
+    end: int
+
+    @property
+    def number(self) -> int:
+        """Number of the holds."""
+        return self.end - self.first
+
+    def of(self, columns: Any) -> Any:
+        """Return the columns of these holds."""
+        return columns[:, self.first : self.end]
 
 
 class HeldModel:
@@ -43,11 +69,11 @@ class HeldModel:
         return HeldModel, (self.scaled, self.holds, self.winds)
 
     @cached_property
-    def _parts(self) -> list[int]:
+    def _steps_of_holds(self) -> list[int]:
         """Number of Runge-Kutta steps in each hold."""
         constants = self.holds * self.scaled.fastest
-        parts = np.ceil((constants**5 / (120.0 * _ERROR)) ** 0.25)
-        return np.maximum(1, parts).astype(int).tolist()
+        steps = np.ceil((constants**5 / (120.0 * _ERROR)) ** 0.25)
+        return np.maximum(1, steps).astype(int).tolist()
 
     @cached_property
     def slopes(self) -> ca.Function:
@@ -82,36 +108,37 @@ class HeldModel:
         after = ca.densify(rk4(moved, columns, h))
         return ca.Function("step_slopes", [columns, v, w, h], [after])
 
-    def _held(self, step: ca.Function, parts: int) -> ca.Function:
+    def _held(self, step: ca.Function, count: int) -> ca.Function:
         """Return the function (z or [z, S], v, w, seconds) -> z or [z, S] after a hold.
 
-        parts: number of Runge-Kutta steps
+        step: a Runge-Kutta step
+        count: number of the steps
         """
         begin = ca.MX.sym("begin", *step.size_in(0))
         _, v, w, seconds = self._symbols()
-        repeated = (ca.repmat(each, 1, parts) for each in (v, w, seconds / parts))
-        after = step.fold(parts)(begin, *repeated)
-        return ca.Function(f"{step.name()}_{parts}", [begin, v, w, seconds], [after])
+        repeated = (ca.repmat(each, 1, count) for each in (v, w, seconds / count))
+        after = step.fold(count)(begin, *repeated)
+        return ca.Function(f"{step.name()}_{count}", [begin, v, w, seconds], [after])
 
-    def _symbols(self) -> tuple[Any, Any, Any, Any]:
+    def _symbols(self) -> _Symbols:
         _, n, m = self.scaled.sizes
-        names = {"z": n, "v": m, "w": len(self.winds), "seconds": 1}
-        z, v, w, seconds = (ca.MX.sym(name, size) for name, size in names.items())
-        return z, v, w, seconds
+        sizes = (n, m, len(self.winds), 1)
+        return _Symbols(*(ca.MX.sym(*each) for each in zip(_Symbols._fields, sizes, strict=True)))
 
     @cached_property
     def _flown(self) -> BoundFunction:
         """Machine code of (z, v (m, N), w) -> states after each hold, (n, N)."""
-        z, _, w, _ = self._symbols()
-        inputs = ca.MX.sym("inputs", self.scaled.sizes[2], len(self._parts))
-        nodes = [z]
-        for parts, first, last in self._groups():
-            held = self._held(self._step, parts).mapaccum(last - first)
-            seconds = ca.DM(self.holds[first:last]).T
-            over = ca.repmat(w, 1, last - first)
-            nodes.append(held(nodes[-1][:, -1], inputs[:, first:last], over, seconds))
-        after = ca.horzcat(*nodes[1:])
-        return BoundFunction(machine_code(ca.Function("flown", [z, inputs, w], [after])))
+        start = self._symbols()
+        inputs = ca.MX.sym("inputs", start.v.numel(), len(self.holds))
+        seconds = ca.DM(self.holds).T
+        last, nodes = start.z, []
+        for holds in self._runs():
+            flown = self._held(self._step, holds.steps).mapaccum(holds.number)
+            winds = ca.repmat(start.w, 1, holds.number)
+            nodes.append(flown(last, holds.of(inputs), winds, holds.of(seconds)))
+            last = nodes[-1][:, -1]
+        function = ca.Function("flown", [start.z, inputs, start.w], [ca.horzcat(*nodes)])
+        return BoundFunction(machine_code(function))
 
     @cached_property
     def _slopes(self) -> BoundFunction:
@@ -119,40 +146,39 @@ class HeldModel:
         (n, N (1 + n + m)).
         """
         _, n, m = self.scaled.sizes
-        _, _, w, _ = self._symbols()
-        before = ca.MX.sym("before", n, len(self._parts))
-        inputs = ca.MX.sym("inputs", m, len(self._parts))
-        seconds = ca.MX.sym("seconds", 1, len(self._parts))
+        count, w = len(self.holds), self._symbols().w
+        before = ca.MX.sym("before", n, count)
+        inputs = ca.MX.sym("inputs", m, count)
+        seconds = ca.MX.sym("seconds", 1, count)
         slopes = []
-        for parts, first, last in self._groups():
-            held = self._held_slopes(parts).map(last - first)
-            over = ca.repmat(w, 1, last - first)
-            given = before[:, first:last], inputs[:, first:last], over, seconds[first:last]
-            slopes.append(held(*given))
+        for holds in self._runs():
+            held = self._held_slopes(holds.steps).map(holds.number)
+            winds = ca.repmat(w, 1, holds.number)
+            slopes.append(held(holds.of(before), holds.of(inputs), winds, holds.of(seconds)))
         function = ca.Function("slopes", [before, inputs, w, seconds], [ca.horzcat(*slopes)])
         return BoundFunction(machine_code(function))
 
-    def _held_slopes(self, parts: int) -> ca.Function:
-        """Return the function (z, v, w, seconds) -> [z, S] (n, 1 + n + m) after a hold."""
+    def _held_slopes(self, count: int) -> ca.Function:
+        """Return the function (z, v, w, seconds) -> [z, S] (n, 1 + n + m) after `count` steps."""
         z, v, w, seconds = self._symbols()
         _, n, m = self.scaled.sizes
         begin = ca.horzcat(z, ca.DM.eye(n), ca.DM.zeros(n, m))
-        after = self._held(self._step_slopes, parts)(begin, v, w, seconds)
-        return ca.Function(f"slopes_{parts}", [z, v, w, seconds], [ca.densify(after)])
+        after = self._held(self._step_slopes, count)(begin, v, w, seconds)
+        return ca.Function(f"slopes_{count}", [z, v, w, seconds], [ca.densify(after)])
 
-    def _groups(self) -> list[tuple[int, int, int]]:
-        """Return the number of steps, the first hold and the end of each run of equal numbers."""
-        groups, first = [], 0
-        for parts, same in groupby(self._parts):
-            last = first + len(list(same))
-            groups.append((parts, first, last))
-            first = last
-        return groups
+    def _runs(self) -> list[_EqualHolds]:
+        """Return the runs of holds with equal numbers of steps, in order."""
+        runs, first = [], 0
+        for steps, same in groupby(self._steps_of_holds):
+            end = first + len(list(same))
+            runs.append(_EqualHolds(steps, first, end))
+            first = end
+        return runs
 
     @cached_property
     def sample(self) -> ca.Function:
         """Function (z, v, w, seconds) -> z after a hold that is not longer than the first one."""
-        return self._held(self._step, self._parts[0])
+        return self._held(self._step, self._steps_of_holds[0])
 
     @cached_property
     def _one(self) -> BoundFunction:
