@@ -17,12 +17,12 @@ from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, game_at, given
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.plants import loaded_model
-from hfa.options.ranges import given_trims
 from hfa.options.show import show
 from hfa.options.tracking import reference_of, reference_option, with_tracking
 from hfa.options.trims import (
     SeveralTrims,
     at_name,
+    given_trims,
 )
 from hfa_support.errors import BadInputError
 from hfa_support.progress import with_progress

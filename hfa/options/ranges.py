@@ -1,26 +1,12 @@
-"""Conversion of `start:stop:step`, `a,b,c` or one number to the values of a named variable, and the
-trims at each.
-"""
+"""Conversion of `start:stop:step`, `a,b,c` or one number to the values of a named variable."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfa.options.argument_types import number_and_factor, quantity
-from hfa.options.plants import loaded_model
-from hfa.options.trims import (
-    GivenTrim,
-    SeveralTrims,
-    at_name,
-    at_value,
-    held_values,
-    trim_source,
-    trim_with,
-)
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shortened
 from trim.sweeps.sweep_plan import MOST_POINTS, Steps
@@ -87,29 +73,3 @@ def array_of(name: str, values: Range, most: int) -> np.ndarray:
             f"{name} has {len(values):,} points, but at most {most:,} are allowed; give fewer"
         )
     return np.asarray(values[np.arange(values.count)] if isinstance(values, Steps) else values)
-
-
-class GivenTrims(NamedTuple):
-    """Trims at each value of the scheduling variable, in the order given.
-
-    trims: at least one; without a value of the variable, the trim of the condition
-    source: entries of the provenance on all of them
-    """
-
-    trims: list[GivenTrim]
-    source: Mapping[str, Any]
-
-
-def given_trims(request: SeveralTrims, most: int) -> GivenTrims:
-    """Return the trims that the options define.
-
-    most: largest number of trims
-
-    Raises BadInputError for more trims, and as `given_trim` does.
-    """
-    model = loaded_model(request)
-    at = at_value(request, model, value_range)
-    hold = held_values(request, model, quantity)
-    values = [None] if at is None else array_of(f"--{at_name(model)}", at, most).tolist()
-    trims = [trim_with(request, model, value, hold) for value in values]
-    return GivenTrims(trims, trim_source(request, trims[0].common, at, hold))

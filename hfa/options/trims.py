@@ -1,4 +1,4 @@
-"""The trim of a request: its condition, in the names and units of the aircraft."""
+"""The trim of a request, or its trims: the condition, in the names and units of the aircraft."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 from hfa.options.argument_types import each_of, option_errors, quantity, single_quantity, span
 from hfa.options.option import PAPER, option
 from hfa.options.plants import AircraftOptions, aircraft_source, is_own, loaded_model
+from hfa.options.ranges import array_of, value_range
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
 from hfa_support.errors import BadInputError, refuse_unknown
@@ -129,6 +130,32 @@ def given_trim(request: TrimOptions, *, required: bool = False) -> GivenTrim:
     model = loaded_model(request)
     at = at_value(request, model, single_quantity, required=required)
     return trim_with(request, model, at, held_values(request, model, quantity))
+
+
+class GivenTrims(NamedTuple):
+    """Trims at each value of the scheduling variable, in the order given.
+
+    trims: at least one; without a value of the variable, the trim of the condition
+    source: entries of the provenance on all of them
+    """
+
+    trims: list[GivenTrim]
+    source: Mapping[str, Any]
+
+
+def given_trims(request: SeveralTrims, most: int) -> GivenTrims:
+    """Return the trims that the options define.
+
+    most: largest number of trims
+
+    Raises BadInputError for more trims, and as `given_trim` does.
+    """
+    model = loaded_model(request)
+    at = at_value(request, model, value_range)
+    hold = held_values(request, model, quantity)
+    values = [None] if at is None else array_of(f"--{at_name(model)}", at, most).tolist()
+    trims = [trim_with(request, model, value, hold) for value in values]
+    return GivenTrims(trims, trim_source(request, trims[0].common, at, hold))
 
 
 def trim_with(

@@ -23,12 +23,12 @@ from hfa.options.command import Request, command, picture_option
 from hfa.options.option import is_given, option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.plants import aircraft_help
-from hfa.options.ranges import given_trims
 from hfa.options.show import show
 from hfa.options.trims import (
     GivenTrim,
     SeveralTrims,
     at_name,
+    given_trims,
 )
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario, Uncertainty
