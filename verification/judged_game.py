@@ -267,19 +267,19 @@ class JudgedGame:
         X: (n, n), `excess` of K
         """
         game = self.game
-        more = np.zeros_like(self.exact.disturbance_gain)
+        L_above_exact = np.zeros_like(self.exact.disturbance_gain)
         if not game.is_discrete and math.isfinite(game.delta):
-            more = game.disturbance_gain(X)
+            L_above_exact = game.disturbance_gain(X)
 
         def running(equilibrium: np.ndarray) -> Expression:
             paid = excess_cost_rate(critic.policy, self.exact.K, self.exact.price, equilibrium)
-            if not more.any():
+            if not L_above_exact.any():
                 return paid
-            gained = ca.DM(game.delta * more)
+            gained = ca.DM(game.delta * L_above_exact)
             rest = ca.DM(equilibrium)
             return lambda z: paid(z) - ca.sumsqr(gained @ (z - rest))
 
-        return self._loop_of(self._plant(more), critic, b, running)
+        return self._loop_of(self._plant(L_above_exact), critic, b, running)
 
     def plant_loop(
         self, plant: NonlinearPlant, critic: Critic | None, b: np.ndarray

@@ -169,9 +169,10 @@ def _network_facts(verdict: Verdict) -> list[str]:
         if check.kind == "rest"
     ]
     facts = [*cost, *equilibrium] if verdict.rests_at_trim else [*equilibrium, *cost]
-    wrong = [check for check in verdict.checks if check.name in _OF_K and not check.ok]
-    exact = f"K exact within {verdict.limit:g}"
-    return [*facts, wrong[0].reason.partition(":")[0] if wrong else exact]
+    faults_of_K = [check.reason for check in verdict.checks if check.name in _OF_K and not check.ok]
+    if faults_of_K:
+        return [*facts, faults_of_K[0].partition(":")[0]]
+    return [*facts, f"K exact within {verdict.limit:g}"]
 
 
 def grade_text(verdict: Verdict, limit_cost: float | None = None) -> str:

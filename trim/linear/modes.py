@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
@@ -104,32 +104,55 @@ def modes_of(
     shares = weights / weights.sum(axis=0)
     in_families = {state for members in families.values() for state in members}
     alone = {state: (state,) for state in states if state not in in_families}
-    candidates = {**families, **alone}
 
     values = []
     participations = []
-    family_names = []
     for index in np.argsort(-np.abs(eigenvalues), kind="stable"):
         value = complex(eigenvalues[index])
-        if value.imag < 0.0:
-            continue  # the other member of a pair
-        participation = dict(zip(states, shares[:, index].tolist(), strict=True))
-        by_family = {name: _share(participation, members) for name, members in candidates.items()}
-        values.append(value)
-        participations.append(participation)
-        is_neutral = value == 0.0 and np.count_nonzero(eigenvalues == 0.0) > 2
-        family_names.append("neutral" if is_neutral else max(by_family, key=by_family.__getitem__))
-    for family in [name for name in families if name not in family_names]:
-        twice = [
-            i
-            for i, name in enumerate(family_names)
-            if name in families and family_names.count(name) > 1
+        if value.imag >= 0.0:  # a pair is one mode
+            values.append(value)
+            participations.append(dict(zip(states, shares[:, index].tolist(), strict=True)))
+    names = [
+        _largest_family(participation, {**families, **alone}) for participation in participations
+    ]
+    if np.count_nonzero(eigenvalues == 0.0) > 2:
+        names = [
+            "neutral" if value == 0.0 else name for name, value in zip(names, values, strict=True)
         ]
-        shared = {i: _share(participations[i], families[family]) for i in twice}
+    names = _distinguished(_with_missing_families(names, participations, families))
+    return tuple(map(_mode, names, values, participations))
+
+
+def _largest_family(
+    participation: Mapping[str, float], families: Mapping[str, Iterable[str]]
+) -> str:
+    """Return the name of the family with the largest participation in a mode."""
+    by_family = {name: _share(participation, members) for name, members in families.items()}
+    return max(by_family, key=by_family.__getitem__)
+
+
+def _with_missing_families(
+    names: Sequence[str],
+    participations: Sequence[Mapping[str, float]],
+    families: Mapping[str, Iterable[str]],
+) -> list[str]:
+    """Return names of modes, in which a family without a mode replaces one that names several.
+
+    It names that of their modes in which it participates most, if by at least `_SHARED`.
+
+    names: name of a family for each mode
+    """
+    named = list(names)
+    for family in [name for name in families if name not in named]:
+        shared = {
+            mode: _share(participations[mode], families[family])
+            for mode, name in enumerate(named)
+            if name in families and named.count(name) > 1
+        }
         nearest = max(shared, key=shared.__getitem__, default=None)
         if nearest is not None and shared[nearest] >= _SHARED:
-            family_names[nearest] = family
-    return tuple(map(_mode, _distinguished(family_names), values, participations))
+            named[nearest] = family
+    return named
 
 
 def _share(participation: Mapping[str, float], members: Iterable[str]) -> float:
