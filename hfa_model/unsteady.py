@@ -332,19 +332,11 @@ def _with_apparent_mass(
     # The accelerations a = (w_b', q', η''), w_b = V sin α, solve (M + M_a) a = M a_0. M is the
     # inertia of the aircraft, and M_a the inertia of the carried air (`_carried_air`). a_0 are the
     # accelerations due to all loads except -M_a a.
-    forward: Quantity = 0.0
-    downward: Quantity = 0.0
-    pitching_moment = loads.pitching_moment
-    hinge_moment = loads.hinge_moment
-    mass: Any = ca.DM(3, 3)
-    for motion in motions:
-        for plate in _plates(p, air):
-            carried = _carried_air(plate, motion, x, p)
-            forward = forward + carried.forward
-            downward = downward + carried.downward
-            pitching_moment = pitching_moment + carried.pitching_moment
-            hinge_moment = hinge_moment + carried.hinge_moment
-            mass = mass + carried.mass
+    others = _CarriedAir(0.0, 0.0, loads.pitching_moment, loads.hinge_moment, ca.DM(3, 3))
+    carried = [_carried_air(plate, motion, x, p) for motion in motions for plate in _plates(p, air)]
+    forward, downward, pitching_moment, hinge_moment, mass = (
+        sum(parts, first) for first, *parts in zip(others, *carried, strict=True)
+    )
     sin_eta = ca.sin(x.dihedral)
     cos_eta = ca.cos(x.dihedral)
     unaccelerated = _with_forces(x, loads, forward, downward, pitching_moment, hinge_moment)
