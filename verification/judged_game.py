@@ -24,7 +24,7 @@ from controller.riccati.margins import DiskMargin, disk_margin
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.checks import Check, at_least, at_most, below
-from hfa_support.reporting.results import given
+from hfa_support.reporting.results import without_empty
 from hfa_support.reporting.text import Table
 from verification.axis import (
     DECAY,
@@ -162,7 +162,7 @@ class JudgedGame:
         whose = "linear loop with the worst disturbance"
         if game.is_discrete:
             whose += " of the optimum"
-        data = given(
+        data = without_empty(
             graded=cost,
             disk_margin=math.nan if learned is None else learned.disk,
             disk_margin_exact=math.nan if best is None else best.disk,

@@ -18,7 +18,7 @@ from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part
-from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.results import Result, without_empty
 from hfa_support.reporting.text import Table
 from trim.linear.linear_model import LinearModel
 from verification.box import Box
@@ -157,7 +157,7 @@ class NonlinearComparison(Result):
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
-        return {"errors": self.errors, "limit": self.limit, "ok": self.ok} | given(
+        return {"errors": self.errors, "limit": self.limit, "ok": self.ok} | without_empty(
             radius=self.radius, flown=self.flown
         )
 

@@ -13,7 +13,7 @@ from controller.critic.critic import Critic
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, Checked
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.results import Result, without_empty
 from verification.box import Box
 from verification.nonlinear_game import NonlinearComparison
 
@@ -202,7 +202,7 @@ class Verdict(Checked, Result, Reported):
             "K_rel_error": self.K_rel_error,
             "grade": self.grade,
             "checks": [check.contents() | {"kind": check.kind} for check in self.checks],
-        } | given(nonlinear=self.nonlinear)
+        } | without_empty(nonlinear=self.nonlinear)
         for section in self.sections:
             entries |= section.data
         return entries

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from controller.game.basis import basis
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Vector, given
+from hfa_support.reporting.results import Matrix, Result, Vector, without_empty
 from hfa_support.reporting.text import Table, matrix_table
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ class TrainingRun(Result, Reported):
             "W": self.W,
             "residual_norm": self.residual_norm,
             "status": self.outcome,
-        } | given(weight_units=self.weight_units, H=self.H)
+        } | without_empty(weight_units=self.weight_units, H=self.H)
 
     def report(self) -> Report:
         """Return a report with the outcome, the rank of the data, P and K.

@@ -23,7 +23,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Roots, given
+from hfa_support.reporting.results import Matrix, Result, Roots, without_empty
 
 if TYPE_CHECKING:
     import control
@@ -199,7 +199,7 @@ class Solution(Result, Reported):
             "delta": self.delta,
             "delta_min": self.delta_min,
             "delta_margin": self.delta_margin,
-        } | given(
+        } | without_empty(
             discount=self.discount,
             spectral_radius=self.spectral_radius,
             H=self.H,

@@ -24,7 +24,7 @@ from hfa.options.trims import OF_THE_TRIM, GivenTrim, TrimOptions, given_trim
 from hfa_model.variants import VARIANTS
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import MATRIX_FILES
-from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.results import Result, without_empty
 from trim.linear.linear_model import LinearModel
 
 #: Default weights for an aircraft other than the HFA, for notes and helps.
@@ -275,7 +275,7 @@ class NamedGame(Result):
             "input_units": self.game.names.input_units,
             "delta": self.game.delta,
             "warnings": self.warnings,
-        } | given(plant_provenance=dict(self.plant_provenance) or None)
+        } | without_empty(plant_provenance=dict(self.plant_provenance) or None)
 
 
 def _is_solvable_in_steps(game: Game) -> bool:

@@ -39,7 +39,7 @@ class Result:
         for field in fields(self):  # type: ignore[arg-type]  # a dataclass
             value = getattr(self, field.name)
             if field.default is None:
-                entries |= given(**{field.name: value})
+                entries |= without_empty(**{field.name: value})
             else:
                 entries[field.name] = value
         return entries
@@ -55,7 +55,7 @@ class Result:
         return data
 
 
-def given(**entries: Any) -> dict[str, Any]:
+def without_empty(**entries: Any) -> dict[str, Any]:
     """Return the entries that have a value: neither None nor an empty list, tuple or array."""
     return {name: value for name, value in entries.items() if not _is_empty(value)}
 

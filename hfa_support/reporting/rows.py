@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from hfa_support.reporting.named import ByName
-from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.results import Result, without_empty
 from hfa_support.reporting.text import (
     TONES,
     WIDTH,
@@ -63,7 +63,7 @@ class Row(Result):
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
-        return {"value": self.value, "unit": self.unit} | given(
+        return {"value": self.value, "unit": self.unit} | without_empty(
             note=self.note or None, level=self.level
         )
 

@@ -19,7 +19,7 @@ from hfa_support.labels import in_order, labels_of
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.reporting.named import ByName, with_names
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Matrix, Result, Vector, given
+from hfa_support.reporting.results import ByValue, Matrix, Result, Vector, without_empty
 from hfa_support.reporting.text import numbered
 from trim.linear.modes import Mode, fastest_first, modes_of, order_fastest_first
 from trim.point.operating_point import OperatingPoint, origin
@@ -464,7 +464,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
             "modes": self.modes,
             "state_offsets": self.state_offsets,
             "input_offsets": self.input_offsets,
-        } | given(
+        } | without_empty(
             E=self.E,
             F=self.F,
             disturbances=self.disturbances,

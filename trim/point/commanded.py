@@ -9,7 +9,7 @@ from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.results import Result, without_empty
 from trim.point.condition import release
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, trim
@@ -60,7 +60,7 @@ class CommandedTrim(Result):
             "needed": self.needed,
             "beyond": self.beyond,
             "reason": self.reason,
-        } | given(unheld=self.unheld or None)
+        } | without_empty(unheld=self.unheld or None)
 
 
 def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> CommandedTrim:

@@ -7,7 +7,7 @@ from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import given
+from hfa_support.reporting.results import without_empty
 from hfa_support.reporting.rows import Lacking, Row, Sheet
 from hfa_support.reporting.text import Table, degrees
 from trim.linear.modes import Mode, modes_table
@@ -187,7 +187,7 @@ def report_of(trimmed: Trimmed, sheet: Sheet, full: bool) -> Report:
         "modes": modes,
         "search": search,
         "warnings": point.warnings,
-    } | given(
+    } | without_empty(
         dihedral_deg=point.dihedral_deg,
         scheduled=point.scheduled,
         doubts=point.model.about.doubts,

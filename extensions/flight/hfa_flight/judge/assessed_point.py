@@ -20,7 +20,7 @@ from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Delays, Margins
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.results import Result, without_empty
 from trim.point.operating_point import OperatingPoint
 
 
@@ -208,7 +208,7 @@ class AssessedPoint(Result):
                 "equilibrium_inputs": self.equilibrium_inputs,
                 "input_margins": self.input_margins,
             }
-            | given(best=self.best, integration=self.integration)
+            | without_empty(best=self.best, integration=self.integration)
             | ({} if self.in_air is None else {"in_air": self.in_air.data})
         )
 

@@ -21,7 +21,7 @@ from hfa_flight.policies.deployment.notes import notes_on_files
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.results import Result, without_empty
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -173,7 +173,7 @@ class Assessment(Result, Reported):
             "unmet": self.unmet,
             "findings": self.findings,
             "first_line": self.first_line,
-        } | given(variations=self.variations)
+        } | without_empty(variations=self.variations)
 
     def report(self) -> Report:
         """Return the report as text and tables, with its data and a table of all digits."""

@@ -66,7 +66,7 @@ from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.results import Result, given
+from hfa_support.reporting.results import Result, without_empty
 from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
@@ -607,7 +607,7 @@ class Flight(StatesAndInputs, Result, Reported):
             "envelope": envelope_data(self.envelope, bool(self.flight.winds)),
         }
         entries |= {name: getattr(self, name) for name in _STORED}
-        return entries | given(**{name: getattr(self, name) for name in _STORED_IF_ANY})
+        return entries | without_empty(**{name: getattr(self, name) for name in _STORED_IF_ANY})
 
     def report(self) -> Report:
         """Return the report of the flight: outcome, tables of states and inputs, and a picture.
