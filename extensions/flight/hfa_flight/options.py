@@ -58,7 +58,7 @@ _ACTUATORS = "LAG:RATE[:ORDER]"
 #: Options of the game that the law solves.
 _OF_THE_GAME = ("delta", "Q", "R")
 #: Option that replaces the law -> options that have no effect with it.
-_IN_PLACE = {
+_REPLACE_THE_LAW = {
     "controller": ("law", "set", "weights", *_OF_THE_GAME),
     "weights": ("law", "delta", "Q"),
     "deployment": ("law", "set", "weights", "controller", *_OF_THE_GAME, "delay", "command"),
@@ -155,7 +155,7 @@ def flown_law(request: PolicyOptions, usual: str = "") -> str:
 
     usual: the default, or "" for that of the aircraft
     """
-    if any(is_given(request, name) for name in _IN_PLACE):
+    if any(is_given(request, name) for name in _REPLACE_THE_LAW):
         return ""
     return request.law or usual or (EXACT if request.aircraft is None else NONE)
 
@@ -177,16 +177,16 @@ def check_policy(request: PolicyOptions, prices: Sequence[str] = (), usual: str 
     usual: the default law, or "" for that of the aircraft
     """
     options = options_of(type(request))
-    for name, without_effect in _IN_PLACE.items():
+    for name, without_effect in _REPLACE_THE_LAW.items():
         if is_given(request, name):
             reason = f"has no effect with {options[name].names[-1]}; remove this option"
             idle = [each for each in without_effect if each not in prices and each in options]
             refuse(request, idle, reason)
     law = flown_law(request, usual)
     if law == NONE:
-        of_law = [each for each in _OF_THE_GAME if each not in prices]
+        of_game = [each for each in _OF_THE_GAME if each not in prices]
         instead = f"remove this option or --law {NONE}" if request.law else f"add --law {EXACT}"
-        refuse(request, of_law, f"applies only to a law; {instead}")
+        refuse(request, of_game, f"applies only to a law; {instead}")
     if law != PREDICTIVE:
         of_plans = ("horizon", "margin")
         refuse(request, of_plans, f"applies only to --law {PREDICTIVE}; remove this option")

@@ -202,11 +202,13 @@ def assessment_of(
             f"{asked}: {deployed.deployment.origin} has no table [cost]; give a deployment file "
             "with Q and R in [cost], or Q and R in the plant file"
         )
-    progress = progress_of("fly in noise and moving air") if scenarios else None
-    in_air = [  # first, because they refuse a scenario that does not suit the aircraft
-        _in_air(assessor, point, happens, progress)
-        for point, happens in zip(assessor.points, scenarios, strict=bool(scenarios))
-    ]
+    in_air = []
+    if scenarios:  # first, because they refuse a scenario that does not suit the aircraft
+        progress = progress_of("fly in noise and moving air")
+        in_air = [
+            _in_air(assessor, point, happens, progress)
+            for point, happens in zip(assessor.points, scenarios, strict=True)
+        ]
     points = assessor.assessed(progress_of("fly"))
     progress = progress_of("optimize")
     points = [_with_costs(assessor, point, best, progress) for point in points]

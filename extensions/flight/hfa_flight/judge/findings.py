@@ -216,6 +216,7 @@ def _judged_states(point: AssessedPoint) -> list[_Found]:
 
 
 def _delay(point: AssessedPoint) -> list[_Found]:
+    """Return the delay at which the loop becomes unstable. The least one is the worst."""
     if point.delays is None or not point.holds:
         return []
     limit = point.delays.limit

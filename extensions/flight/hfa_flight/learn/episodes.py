@@ -168,7 +168,7 @@ class Episodes:
         self.parameters = self._held[:, trim][:, n + m :]
         self._winds = self._held[:, push.stop - len(flight.winds) : push.stop]
         names = list(model.parameters)
-        self._drawn = [n + m + names.index(name) for name in self.varied]
+        self._places_of_varied = [n + m + names.index(name) for name in self.varied]
 
     @property
     def deployment(self) -> Deployment:
@@ -225,7 +225,7 @@ class Episodes:
             self._air.seed(int(random.integers(2**63)))
         if random is not None and self.varied:
             lowest, highest = np.array(list(self.varied.values())).T
-            trims[:, self._drawn] = random.uniform(lowest, highest, (count, len(lowest)))
+            trims[:, self._places_of_varied] = random.uniform(lowest, highest, (count, len(lowest)))
         if self._air is not None:
             self._air.begin(numbers, owners)
         actions, _, push = self._flight.held_sizes

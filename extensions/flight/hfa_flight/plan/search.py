@@ -264,7 +264,7 @@ class BestFlights:
             if proposal.feasible:
                 finer[name] = proposal
         failed = _Unconfirmed(NONE_WITHIN)
-        guesses = {name: each.cost for name, each in (dict(proposals) | finer).items()}
+        costs = {name: each.cost for name, each in (dict(proposals) | finer).items()}
         for name in _cheapest_first(finer):
             meshes = {INTERVALS: proposals[name].cost, 2 * INTERVALS: finer[name].cost}
             try:
@@ -274,7 +274,7 @@ class BestFlights:
                 continue
             # Near the trim, the linear policy may be cheaper by the errors of the meshes.
             flown = _cheapest_inside([flown, linear]) or flown
-            return Found(flown, best, seconds, meshes, guesses | {name: best.cost}, linear)
+            return Found(flown, best, seconds, meshes, costs | {name: best.cost}, linear)
         raise failed
 
     def _confirmed(self, seconds: float, meshes: dict[int, float], best: Proposal) -> _Confirmed:
@@ -283,9 +283,9 @@ class BestFlights:
         A flight that is dearer than the optimizer's proposal by more than _WORTH, because of
         narrower limits, is compared with those on finer meshes.
         """
-        agreed = None
+        agreed = None  # last proposal on whose cost two meshes agree, with the costs of its meshes
         confirmed: list[_Confirmed] = []
-        refused: list[SimulatedFlight] = []
+        simulated: list[SimulatedFlight] = []  # refused, unless one is confirmed
         intervals = len(best.lengths)
         for _ in range(_DIVISIONS):
             change = difference_of_meshes(meshes)
@@ -293,7 +293,7 @@ class BestFlights:
             reason = f"two meshes differ by {100 * change:.2g} %{alternating}"
             if change <= MESHES_AGREE:
                 flown, followed = self._simulated(best, seconds, _TIGHTER)
-                refused.append(replace(flown, policy=REFUSED))
+                simulated.append(replace(flown, policy=REFUSED))
                 reason = refutation(flown, followed)
                 if not reason:
                     confirmed.append(_Confirmed(flown, followed, meshes))
@@ -313,11 +313,12 @@ class BestFlights:
         if confirmed:
             return min(confirmed, key=lambda each: each.flown.cost)
         if agreed is not None:
-            flown, followed = self._simulated(agreed[0], seconds, _TIGHTEST)
-            refused.append(replace(flown, policy=REFUSED))
+            proposal, meshes = agreed
+            flown, followed = self._simulated(proposal, seconds, _TIGHTEST)
+            simulated.append(replace(flown, policy=REFUSED))
             if not refutation(flown, followed):
-                return _Confirmed(flown, followed, agreed[1])
-        raise _Unconfirmed(reason, refused)
+                return _Confirmed(flown, followed, meshes)
+        raise _Unconfirmed(reason, simulated)
 
     def _alternating(self, proposal: Proposal) -> str:
         """Return a note on each input that alternates between its limits in a proposal, or ""."""

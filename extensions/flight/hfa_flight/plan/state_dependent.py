@@ -130,8 +130,9 @@ class RiccatiLaw:
         self._P = P
         self._kept = [scaled.problem.states.index(name) for name in self.nearest.states]
         self._limit_weight = limit_weight
-        nodes, shares = np.polynomial.legendre.leggauss(_POINTS)
-        self._ray = 0.5 * (1.0 + nodes), 0.5 * shares
+        nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+        #: Points of the ray from the trim to the state, as fractions of it, each with its weight.
+        self._ray = list(zip(0.5 * (1.0 + nodes), 0.5 * weights, strict=True))
         self.reset(delay=0.0)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -170,10 +171,7 @@ class RiccatiLaw:
     def gain_at(self, z: np.ndarray) -> np.ndarray:
         """Return R⁻¹ B(z)' P(z), (m, k)."""
         R = self._scaled.linear_states[3]
-        along = [
-            share * self._slopes_at(point * z)[0] for point, share in zip(*self._ray, strict=True)
-        ]
-        A = np.sum(along, axis=0)
+        A = np.sum([weight * self._slopes_at(point * z)[0] for point, weight in self._ray], axis=0)
         _, B = self._slopes_at(z)
         return np.linalg.solve(R, B.T @ self._solution(A, B, self._weights(z), R))
 

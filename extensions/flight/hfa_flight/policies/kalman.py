@@ -54,6 +54,14 @@ class _Plant(NamedTuple):
     strongest: np.ndarray  # largest estimates of the winds
 
 
+class _Stationary(NamedTuple):
+    """Covariance P = Φ (P - L C P) Φ' + Q, gain L = P C' (C P C' + I)⁻¹, and relative residual."""
+
+    P: np.ndarray
+    L: np.ndarray
+    residual: float
+
+
 @dataclass(frozen=True, eq=False)
 class KalmanFilter(Result):
     """Stationary filter x⁺ = Φ x̂ + Γ u, x̂ = x + L (y - C x) of the deviations from a trim.
@@ -141,33 +149,17 @@ class KalmanFilter(Result):
         drift: Mapping[str, float],
         turbulence: Turbulence | None,
     ) -> Self:
-        """Return the filter, computed in balanced units."""
-        from scipy.linalg import solve_discrete_are
-
+        """Return the filter, computed in units `scale` of the states and `sigma` of the noise."""
         sigma = np.array(list(noise.values()))
         A = plant.A * plant.scale / plant.scale[:, None]
         C = plant.C * plant.scale / sigma[:, None]
         unobservable = _unobservable(plant, A, C, tuple(drift), tuple(noise))
         both = np.outer(plant.scale, plant.scale)
-        moved, air = held_noise(A, plant.noise / both, dt)
+        balanced_Phi, air = held_noise(A, plant.noise / both, dt)
         _, drifted = held_noise(A, np.diag((plant.drift / plant.scale) ** 2), dt)
         Q = air + drifted
         Q = 0.5 * (Q + Q.T)
-        try:
-            P = solve_discrete_are(moved.T, C.T, Q, np.eye(len(C)))
-        except (np.linalg.LinAlgError, ValueError) as error:
-            raise NoSolutionError(
-                f"the Riccati equation of the filter has no solution: {error}"
-            ) from error
-        P = 0.5 * (P + P.T)
-        L = np.linalg.solve(C @ P @ C.T + np.eye(len(C)), C @ P).T
-        left = moved @ (P - L @ C @ P) @ moved.T + Q - P
-        residual = float(np.abs(left).max() / np.abs(P).max())
-        if not residual <= _RESIDUAL:
-            raise NoSolutionError(
-                f"the Riccati equation of the filter is solved only to {residual:.1e}; leave out "
-                "states that no sensor observes"
-            )
+        P, L, residual = _stationary(balanced_Phi, C, Q)
         Phi, Gamma = held(plant.A, plant.B, dt)
         return cls(
             point=point,
@@ -295,6 +287,31 @@ class _Loop(NamedTuple):
                 total[k:] += np.diag(self.feed)
             covariance = self.F @ covariance @ self.F.T + self.N
         return np.asarray(np.sqrt(total / max(samples - begin, 1)))
+
+
+def _stationary(Phi: np.ndarray, C: np.ndarray, Q: np.ndarray) -> _Stationary:
+    """Return the filter of x⁺ = Φ x + (noise of covariance Q), y = C x + (noise of covariance I).
+
+    Raises NoSolutionError if the Riccati equation has no solution, or not to _RESIDUAL.
+    """
+    from scipy.linalg import solve_discrete_are
+
+    try:
+        P = solve_discrete_are(Phi.T, C.T, Q, np.eye(len(C)))
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise NoSolutionError(
+            f"the Riccati equation of the filter has no solution: {error}"
+        ) from error
+    P = 0.5 * (P + P.T)
+    L = np.linalg.solve(C @ P @ C.T + np.eye(len(C)), C @ P).T
+    difference = Phi @ (P - L @ C @ P) @ Phi.T + Q - P
+    residual = float(np.abs(difference).max() / np.abs(P).max())
+    if not residual <= _RESIDUAL:
+        raise NoSolutionError(
+            f"the Riccati equation of the filter is solved only to {residual:.1e}; leave out "
+            "states that no sensor observes"
+        )
+    return _Stationary(P, L, residual)
 
 
 class _Air(NamedTuple):

@@ -52,16 +52,20 @@ class RungeKutta:
     def __call__(
         self, time: float, state: np.ndarray, held: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after each step, and the values observed before it."""
-        begin, held_now, h = self._tick.inputs
-        begin[0], begin[1:], held_now[:], h[:] = time, state[0], held, self.step
+        """Return the states after each step, (1, steps, n), and the values observed before it,
+        (1, steps, k).
+        """
+        # The function makes some of the steps, and is called again at the state after the last.
+        time_and_state, held_now, h = self._tick.inputs
+        time_and_state[0], time_and_state[1:] = time, state[0]
+        held_now[:], h[:] = held, self.step
         after, before = (np.empty((self._calls, part.size)) for part in self._tick.results)
         for call in range(self._calls):
             self._tick()
             after[call], before[call] = self._tick.results
-            begin[:] = after[call, -len(begin) :]
-        rows = (1, self.steps, -1)
-        return after.reshape(rows)[:, :, 1:], before.reshape(rows)
+            time_and_state[:] = after[call, -len(time_and_state) :]
+        of_steps = (1, self.steps, -1)
+        return after.reshape(of_steps)[:, :, 1:], before.reshape(of_steps)
 
     def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Return the values observed at a time, (1, k)."""

@@ -345,9 +345,16 @@ class EquilibriumSearch:
         sampled = self.deployed.sampled
         at = (X, U, self.trim, past)
         slopes = sampled.jacobian()(*at, *sampled(*at))
-        by_states, by_inputs, _, by_past = (np.array(part)[self.columns] for part in slopes[:4])
+        of_commands = [np.array(part)[self.columns] for part in slopes[: len(at)]]
+        by_states, by_inputs, _, by_past = of_commands  # in the order of `at`
         C, D = self._observed_slopes(X, U)
-        return Frames(-by_states[:, self.rows], by_inputs[:, self.columns], by_past, C, D)
+        return Frames(
+            K=-by_states[:, self.rows],
+            K_inputs=by_inputs[:, self.columns],
+            past=by_past,
+            C=C,
+            D=D,
+        )
 
     def _of_the_loop(self, notes: tuple[str, ...]) -> list[str]:
         """Return the notes that concern entries of A or B in the rows of linear states."""
