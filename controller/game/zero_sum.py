@@ -124,31 +124,15 @@ class Game(ByValue, Reported):
             vars(self)[name] = checked_matrix(name, getattr(self, name), LARGEST)
         N = np.zeros(self.B.shape) if self.N is None else self.N
         vars(self)["N"] = checked_matrix("N", N, LARGEST)
-        n = len(self.A)
-        m = self.B.shape[1]
-        if 0 in (n, m):
-            raise BadInputError("A or B is empty; a game needs at least one state and one input")
-        if not self.E.shape[1]:
-            raise BadInputError(
-                "E has no columns; leave E out for the identity, and set delta=inf for a game"
-                " without disturbance"
-            )
-        shapes = {"A": (n, n), "B": (n, m), "E": (n, self.E.shape[1]), "Q": (n, n), "R": (m, m)}
-        shapes["N"] = (n, m)
-        for name, shape in shapes.items():
-            actual = getattr(self, name).shape
-            if actual != shape:
-                rule = f"give {shape_text(shape)}, to match A and B"
-                if name == "A":
-                    rule = "give a square matrix"
-                raise BadInputError(f"{name} is {shape_text(actual)}; {rule}")
+        _refuse_other_shapes(self)
         vars(self)["dt"] = _checked_dt(self.dt)
         check_definite("Q", self.Q, strictly=False)
         check_definite("R", self.R, strictly=self.dt is None)
         if self.N.any() and not is_semidefinite(self.weights):
             raise BadInputError(_indefinite_weights(self))
         _check_discount(self.dt, self.discount)
-        vars(self).update(delta=_checked_delta(self.delta), names=self.names.completed(n, m))
+        names = self.names.completed(*self.B.shape)
+        vars(self).update(delta=_checked_delta(self.delta), names=names)
 
     def _by_name(self, matrix: str, given: Any) -> Any:
         """Return Q or R as a matrix if it is a mapping name -> weight, and otherwise unchanged."""
@@ -341,13 +325,15 @@ class Game(ByValue, Reported):
                 f" {SHORTEST / fastest:.2g} s, or solve the game in continuous time"
             )
         n, m = self.B.shape
-        driven = np.hstack([self.B, self.E])
-        sizes = np.abs(driven / units[:, None]).max(axis=0)  # of each column, a power of two
+        # d/dt [z; v] = [A B E; 0 0] [z; v] with constant v = [u; d], in units in which the entries
+        # of A and the columns of [B E] have similar sizes.
+        held = np.hstack([self.B, self.E]) / units[:, None]
+        sizes = np.abs(held).max(axis=0)  # of each column, a power of two
         sizes = np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0)))) * (fastest or 1.0)
-        rates = np.hstack([A, driven / units[:, None] / sizes])
-        still = np.zeros((rates.shape[1] - n, rates.shape[1]))
-        moved = units[:, None] * expm(dt * np.vstack([rates, still]))[:n]
-        A, B, E = np.split(moved * np.append(1.0 / units, sizes), [n, n + m], axis=1)
+        rates = np.hstack([A, held / sizes])
+        rates_of_held = np.zeros((rates.shape[1] - n, rates.shape[1]))
+        after_step = units[:, None] * expm(dt * np.vstack([rates, rates_of_held]))[:n]
+        A, B, E = np.split(after_step * np.append(1.0 / units, sizes), [n, n + m], axis=1)
         return replace(
             self,
             A=A,
@@ -400,6 +386,28 @@ class Game(ByValue, Reported):
                 f"{what} requires a game in continuous time, but this game has dt; for a game in"
                 " discrete time there are hfa.solve, hfa.learn and hfa.verify"
             )
+
+
+def _refuse_other_shapes(game: Game) -> None:
+    """Raise BadInputError for empty matrices, and for matrices that do not match A and B."""
+    n = len(game.A)
+    m = game.B.shape[1]
+    if 0 in (n, m):
+        raise BadInputError("A or B is empty; a game needs at least one state and one input")
+    if not game.E.shape[1]:
+        raise BadInputError(
+            "E has no columns; leave E out for the identity, and set delta=inf for a game"
+            " without disturbance"
+        )
+    shapes = {"A": (n, n), "B": (n, m), "E": (n, game.E.shape[1]), "Q": (n, n), "R": (m, m)}
+    shapes["N"] = (n, m)
+    for name, shape in shapes.items():
+        actual = getattr(game, name).shape
+        if actual != shape:
+            rule = f"give {shape_text(shape)}, to match A and B"
+            if name == "A":
+                rule = "give a square matrix"
+            raise BadInputError(f"{name} is {shape_text(actual)}; {rule}")
 
 
 def _indefinite_weights(game: Game) -> str:

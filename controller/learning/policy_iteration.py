@@ -85,12 +85,12 @@ class RecordedGame:
         outer = np.outer(scales, scales)
         drifts = pool.drifts - pool.states @ (game.B @ game.F).T
         return cls(
-            basis("quadratic", len(scales)),
-            pool.states / scales,
-            drifts / scales,
-            game.S_control / outer,
-            game.S_disturbance / game.delta**2 / outer,
-            game.without_cross_weights.Q * outer,
+            psi=basis("quadratic", len(scales)),
+            states=pool.states / scales,
+            drifts=drifts / scales,
+            control=game.S_control / outer,
+            disturbance=game.S_disturbance / game.delta**2 / outer,
+            Q=game.without_cross_weights.Q * outer,
         )
 
     @cached_property
