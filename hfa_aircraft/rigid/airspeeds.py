@@ -109,8 +109,10 @@ def _in_standard_air(name: str) -> ca.Function:
 @lru_cache(maxsize=16)
 def _in_own_air(model: Model, name: str, altitude: str) -> ca.Function:
     """Return the function (airspeed, altitude, *parameters) -> true airspeed, ft/s."""
+    # Air density and speed of sound follow from dynamic pressure and Mach number at any one speed,
+    # here the nominal speed.
     speed = recognized(model.states)["speed"]
-    value, height, *p = (ca.SX.sym(each) for each in (name, altitude, *model.parameters))
+    airspeed, height, *p = (ca.SX.sym(each) for each in (name, altitude, *model.parameters))
     start: dict[str, Any] = {
         each: model.signals[each].start for each in (*model.states, *model.inputs)
     }
@@ -121,10 +123,10 @@ def _in_own_air(model: Model, name: str, altitude: str) -> ca.Function:
         output / _per(model, each, unit)
         for output, (each, unit) in zip(ca.vertsplit(outputs), _OF_AIR.items(), strict=True)
     )
-    true = start[speed] / _per(model, speed, "ft/s")
-    density, sound = 2.0 * pressure / true**2, true / mach
+    nominal = start[speed] / _per(model, speed, "ft/s")
+    density, sound = 2.0 * pressure / nominal**2, nominal / mach
     air = Air(None, density * sound**2 / HEAT_RATIO, density, sound)
-    return ca.Function("speed", [value, height, *p], [_true_airspeed(name, value, air)])
+    return ca.Function("speed", [airspeed, height, *p], [_true_airspeed(name, airspeed, air)])
 
 
 def _true_airspeed(name: str, value: Any, air: Air) -> Any:

@@ -76,16 +76,21 @@ def dynamic_pressure(trimmed: Trimmed) -> float | str:
 
 
 def air(trimmed: Trimmed) -> Iterator[Row | Lacking]:
-    """Yield density and temperature, which follow from dynamic pressure, speed and Mach number."""
+    """Yield density and temperature, which follow from dynamic pressure, speed and Mach number, or
+    else the name of the atmosphere.
+    """
     name = trimmed.model.about.atmosphere
     speed = trimmed.roles["speed"]
     pressure = dynamic_pressure(trimmed)
     unit = trimmed.unit(speed)
-    metres = conversion(unit, "m/s")
-    if not name or isinstance(pressure, str) or metres is None or not trimmed[speed]:
-        yield Row("atmosphere", name) if name else Lacking("atmosphere", "")
+    to_metres = conversion(unit, "m/s")
+    if not name:
+        yield Lacking("atmosphere", "")
         return
-    velocity = trimmed[speed] * metres
+    if isinstance(pressure, str) or to_metres is None or not trimmed[speed]:
+        yield Row("atmosphere", name)
+        return
+    velocity = trimmed[speed] * to_metres
     density = 2.0 * pressure / velocity**2
     if unit == "m/s":
         yield Row("density", density, "kg/m^3", name)
