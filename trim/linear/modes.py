@@ -76,10 +76,10 @@ def modes_of(
     The participation of state k in mode i is |w_ki v_ki| / Σ_k |w_ki v_ki|, with right and left
     eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family of
     states with the largest participation. A state without a family is its own family. Of two modes
-    of one family, one is named after a family that would have none, if that family participates in
-    it by at least a fourth, as the spiral in a steep turn. More than two eigenvalues 0, whose
-    eigenvectors are arbitrary, are named "neutral". Equal names are distinguished by "fast" and
-    "slow", or by numbers if there are more than two.
+    of one family, one without oscillation is named after a family that would have none, if that
+    family participates in it by at least a fourth, as the spiral in a steep turn. More than two
+    eigenvalues 0, whose eigenvectors are arbitrary, are named "neutral". Equal names are
+    distinguished by "fast" and "slow", or by numbers if there are more than two.
 
     A: (n, n)
     states: names of the n states
@@ -119,7 +119,7 @@ def modes_of(
         names = [
             "neutral" if value == 0.0 else name for name, value in zip(names, values, strict=True)
         ]
-    names = _distinguished(_with_missing_families(names, participations, families))
+    names = _distinguished(_with_missing_families(names, values, participations, families))
     return tuple(map(_mode, names, values, participations))
 
 
@@ -133,21 +133,23 @@ def _largest_family(
 
 def _with_missing_families(
     names: Sequence[str],
+    values: Sequence[complex],
     participations: Sequence[Mapping[str, float]],
     families: Mapping[str, Iterable[str]],
 ) -> list[str]:
     """Return names of modes, in which a family without a mode replaces one that names several.
 
-    It names that of their modes in which it participates most, if by at least `_SHARED`.
+    It names that of their modes without oscillation in which it participates most, if by at least
+    `_SHARED`.
 
-    names: name of a family for each mode
+    names, values: name of a family and eigenvalue of each mode
     """
     named = list(names)
     for family in [name for name in families if name not in named]:
         shared = {
             mode: _share(participations[mode], families[family])
             for mode, name in enumerate(named)
-            if name in families and named.count(name) > 1
+            if name in families and named.count(name) > 1 and values[mode].imag == 0.0
         }
         nearest = max(shared, key=shared.__getitem__, default=None)
         if nearest is not None and shared[nearest] >= _SHARED:
