@@ -439,14 +439,14 @@ class AirFilter:
         ]
         span = air.turbulence.span
         if span is None:
-            A, B, C = _together(parts)
+            A, B, C = _in_parallel(parts)
             return cls(A, B, np.vstack([C, np.zeros_like(C)]), air.interval)
         span = span / air.feet
         size = air.intensities[2] * np.sqrt(0.8 / air.speed) * (np.pi / (4 * span)) ** (1 / 6)
         size /= air.lengths[2] ** (1 / 3)
         lag = 4 * span / (np.pi * air.speed)
         rolling = np.array([[-1 / lag]]), np.array([[1 / lag]]), np.array([[size]])
-        A, B, C = _together([*parts, rolling])
+        A, B, C = _in_parallel([*parts, rolling])
         for row, sign, share in ((2, 1.0, 4.0), (1, -1.0, 3.0)):
             lag = share * span / (np.pi * air.speed)
             A = np.block([[A, np.zeros((len(A), 1))], [C[[row]] / lag, np.array([[-1 / lag]])]])
@@ -525,25 +525,27 @@ _Filter = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
-    """Return A, b, c of first-order filters in series. The first filter has no zero."""
+    """Return A, b, c of first-order filters in series. The first filter has no zero.
+
+    Filter i with the input e has p x' = e - x and the output (z / p) e + (1 - z / p) x.
+    """
     poles = [pole * tau for pole in reversed(shape.poles)]
     zeros = [0.0, *(zero * tau for zero in reversed(shape.zeros))]
     n = len(poles)
     A = np.zeros((n, n))
     b = np.zeros((n, 1))
-    enters = np.zeros(n)
-    from_noise = 1.0
+    of_states, of_noise = np.zeros(n), 1.0  # input of the next filter: of_states x + of_noise ν
     for row, (zero, pole) in enumerate(zip(zeros, poles, strict=True)):
-        A[row] = enters / pole
+        A[row] = of_states / pole
         A[row, row] = -1 / pole
-        b[row] = from_noise / pole
-        enters = zero / pole * enters
-        enters[row] = 1 - zero / pole
-        from_noise *= zero / pole
-    return A, b, size * enters[None]
+        b[row] = of_noise / pole
+        of_states = zero / pole * of_states
+        of_states[row] = 1 - zero / pole
+        of_noise *= zero / pole
+    return A, b, size * of_states[None]
 
 
-def _together(parts: list[_Filter]) -> _Filter:
+def _in_parallel(parts: list[_Filter]) -> _Filter:
     """Return A, B, C of filters in parallel, each with its own noise input and its own output."""
     from scipy.linalg import block_diag
 

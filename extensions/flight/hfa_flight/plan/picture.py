@@ -63,22 +63,25 @@ def drawn(
 def _draw(
     axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[SimulatedFlight, str]]
 ) -> None:
-    """Draw one state or input of all flights and its limits in a panel."""
+    """Draw one state or input of all flights and its limits in a panel.
+
+    The axis shows the whole range of the first flight and of those that converge.
+    """
     model = problem.model
     unit = model.unit(name)
     limits = model.limits[name]
     if name in problem.envelope.names:
         place = list(problem.envelope.names).index(name)
         limits = (problem.envelope.lowest[place], problem.envelope.highest[place])
-    seen = []
+    shown_whole = []
     for number, (flown, label) in enumerate(flights):
         values = shown_values(_column(model, flown, name), unit)
         style = "-" if number == 0 else "--"
         axes.plot(flown.times, values, style, color=f"C{number}", linewidth=1.1, label=label)
         if number == 0 or flown.converges:
-            seen.append(values)
-    low = min(float(values.min()) for values in seen)
-    high = max(float(values.max()) for values in seen)
+            shown_whole.append(values)
+    low = min(float(values.min()) for values in shown_whole)
+    high = max(float(values.max()) for values in shown_whole)
     room = _BEYOND * max(high - low, 1e-9)
     axes.set_ylim(low - room, high + room)
     for limit in shown_values(np.array(limits), unit):

@@ -66,6 +66,11 @@ _COSTLY_PRICE = 10.0
 _LARGEST_INPUT = 10.0
 #: Linear cost after the first horizon, relative to the initial one.
 _FIRST_TAIL = 3e-4
+#: Step with which this time is searched, in time constants of the slowest mode, largest number of
+#: steps, and factor of the first horizon on the time found.
+_TAIL_STEP = 0.25
+_TAIL_STEPS = 40
+_LONGER_THAN_TAIL = 1.2
 #: Factor by which a horizon is extended, and largest number of extensions.
 _LONGER = 1.6
 _EXTENSIONS = 5
@@ -239,17 +244,13 @@ class BestFlights:
         """
         P = self.problem.P
         slowest = -float(np.linalg.eigvals(self._loop).real.max())
-        step = 0.25 / slowest
-        (move,) = exponentials(self._loop[None] * step)
-        z = start
-        most = float(z @ P @ z)
-        count = 1
-        while count < 40:
-            z = move @ z
-            if z @ P @ z <= _FIRST_TAIL * most:
-                break
-            count += 1
-        return 1.2 * count * step
+        step = _TAIL_STEP / slowest
+        (transition,) = exponentials(self._loop[None] * step)
+        negligible = _FIRST_TAIL * float(start @ P @ start)
+        count, z = 1, transition @ start
+        while z @ P @ z > negligible and count < _TAIL_STEPS:
+            count, z = count + 1, transition @ z
+        return _LONGER_THAN_TAIL * count * step
 
     def _refined(
         self,

@@ -302,7 +302,10 @@ class SampledRows:
         return self._states
 
     def hold(self, tick: int, time: float, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
-        """Return the outputs of the network at a sample, with the trim and the pulse, (F, h)."""
+        """Return the outputs of the network at a sample, with the trim and the pulse, (F, h).
+
+        Trim and pulse are written when flights have ended, and the pulse is removed at its end.
+        """
         raw, trim, push = self._samples.flight.held_slices
         if tick == 0 or flying is not self._flying:
             self._flying = flying
