@@ -27,6 +27,8 @@ _ENTRIES = {
     "flap": "flap",
     "gear": "gear",
 }
+#: Parameter of a table -> its entry, where that has another name.
+_ENTRY_OF_PARAMETER = {"cg": "center_of_gravity"}
 #: Entries that are optional, because 0 or unimportant where they are missing.
 _OPTIONAL = ("center_of_gravity_y", "Ixz")
 
@@ -63,9 +65,10 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
     labels = {name: label for name, label in _ENTRIES.items() if name in found}
     notes = {}
     for name, value in model.changed.items():
-        notes[name] = f"as loaded: {shown_value(value, model.unit(name))}"
-        if name not in found:
-            found[name], labels[name] = (parameters[name], model.unit(name)), name
+        entry = _ENTRY_OF_PARAMETER.get(name, name)
+        notes[entry] = f"as loaded: {shown_value(value, model.unit(name))}"
+        if entry not in found:
+            found[entry], labels[entry] = (parameters[name], model.unit(name)), name
     rows: list[Row | Lacking] = [
         Row(label, *found[name], notes.get(name, ""), digits=6) for name, label in labels.items()
     ]
