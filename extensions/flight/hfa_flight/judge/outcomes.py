@@ -436,8 +436,8 @@ def ends_from_trim(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Simulate flights that begin at their trims, for at most `seconds`.
 
-    Returns the final X (N, n) and the final acting inputs (N, m). All flights end early if all have
-    settled.
+    Returns the final X (N, n) and the last commanded inputs (N, m). All flights end early if all
+    have settled.
     """
     model = points[0].model
     still = STILL * np.array([model.signals[name].nominal for name in model.states])
@@ -447,4 +447,5 @@ def ends_from_trim(
     start = flight.start(trims[:, X], trims)
     flown, _ = samples.fly(start, trims, ticks, over=settled(still), keep=False)
     final = flown.states[:, 0]
-    return final[:, X], final[:, memory][:, : len(model.inputs)]
+    last_command = final[:, memory][:, : len(model.inputs)]
+    return final[:, X], last_command

@@ -242,12 +242,15 @@ class FilteredPolicy(SampledPolicy):
         return np.asarray(begun)
 
     def sampled_modes(self) -> np.ndarray | None:
-        """Return the eigenvalues of the loop near the trim, 1/s, or None without a linear law."""
+        """Return the eigenvalues of the loop near the trim, 1/s, or None without a linear law.
+
+        A mode that is zero after one sample has no finite eigenvalue, and is left out.
+        """
         gain = self.law.gain
         if gain is None:
             return None
-        values = np.linalg.eigvals(self.filter.loop(gain).F)
-        return np.log(values[values != 0.0].astype(complex)) / self.dt
+        of_samples = np.linalg.eigvals(self.filter.loop(gain).F)
+        return np.log(of_samples[of_samples != 0.0].astype(complex)) / self.dt
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: those of its law, and the filter."""

@@ -88,12 +88,12 @@ def read_actor(
 def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: int) -> Actor:
     """Read the actor in a Stable-Baselines3 zip."""
     stored = read_zip(path)
-    said = {
+    of_file = {
         "activation": stored.activation,
         "layout": list(stored.layout),
         "squash": stored.squash,
     }
-    for name, value in said.items():
+    for name, value in of_file.items():
         if name in entries and entries[name] != value:
             raise BadInputError(
                 f"policy.{name} is {shown(entries[name])}, but {path} contains "
@@ -127,11 +127,11 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     squash = bool(entries.get("squash", False))
     stored = stored_gain(path)
     if stored is not None:
-        said = {name: stored[name] for name in _OF_GAIN if name in stored}
-        said["dt"] = sample_time(stored)
+        of_file = {name: stored[name] for name in _OF_GAIN if name in stored}
+        of_file["dt"] = sample_time(stored)
         rows, columns = stored["K"].shape
         chain = f"a gain {rows} x {columns}"
-        return Actor(gain_function(stored["K"]), chain, squash, of_gain=said)
+        return Actor(gain_function(stored["K"]), chain, squash, of_gain=of_file)
     if path.suffix.lower() == ".onnx" and "activation" in entries:
         raise BadInputError(
             f"policy.activation is given, but {path} contains the activations; remove "
