@@ -6,7 +6,7 @@ and an example 100 Hz loop.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -51,6 +51,23 @@ _CALLED = """    double v[HFA_INPUTS];
     for (int i = 0; i < HFA_INPUTS; i++) u[i] = hfa_u0[i] + v[i];"""
 
 
+class _PolicyInC(NamedTuple):
+    """C source of a policy.
+
+    K: gain at the trim, zero for a nonlinear policy
+    formula: comment on the function hfa_policy
+    body: body of this function
+    tables: declaration -> values of the constants that the body reads
+    function: source of the function that the body calls, or ""
+    """
+
+    K: np.ndarray
+    formula: str
+    body: str
+    tables: dict[str, Any]
+    function: str
+
+
 def c_model_texts(
     linear: LinearModel,
     policy: GainPolicy | FunctionPolicy | ScheduledGainPolicy | None,
@@ -72,29 +89,8 @@ def c_model_texts(
     states = units_of(model, model.states)
     inputs = units_of(model, model.inputs)
     winds = or_unused(units_of(model, model.disturbances))
-    gain = policy.K if isinstance(policy, GainPolicy) else np.zeros(linear.B.T.shape)
-    table: dict[str, Any] = {}
-    functions = c_function(_rates(model), "rates", ("x", "u", "w", "p"), ("dx",))
-    formula = "u = u0 - K z: the policy at x. Nothing is limited."
-    body = _LINEAR
-    if isinstance(policy, FunctionPolicy):
-        functions += "\n" + _policy_function(policy)
-        formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."
-        body = _CALLED
-    elif isinstance(policy, ScheduledGainPolicy):
-        schedule = policy.schedule
-        gain = schedule.table.at(linear.point.values[model.schedule])
-        if len(schedule.breakpoints) > 1:
-            table = {
-                "static const double breakpoint": schedule.breakpoints,
-                "static const double gain": schedule.gains,
-            }
-            formula = (
-                f"u = u0 - K({model.schedule}) z: the policy at x, K linear between breakpoints "
-                "and constant\n   beyond; hfa_K is K at x0. Nothing is limited."
-            )
-            place = model.state_places((model.schedule,))[0]
-            body = _SCHEDULED.format(place=place, last=len(schedule.breakpoints) - 2)
+    in_c = _policy_in_c(linear, policy)
+    rates = c_function(_rates(model), "rates", ("x", "u", "w", "p"), ("dx",))
     texts = {
         header: filled(
             header,
@@ -104,7 +100,7 @@ def c_model_texts(
             winds=positions(winds, "HFA_WIND_"),
             linear_states=", ".join(model.linear),
             linear_count=len(model.linear),
-            policy=formula,
+            policy=in_c.formula,
         ),
         source: filled(
             source,
@@ -116,22 +112,51 @@ def c_model_texts(
                     "const double hfa_u0": linear.point.inputs,
                     "const double hfa_A": linear.A,
                     "const double hfa_B": linear.B,
-                    "const double hfa_K": gain,
-                    **table,
+                    "const double hfa_K": in_c.K,
+                    **in_c.tables,
                     "const int hfa_linear_state": model.state_places(model.linear),
                     **name_tables("state", states),
                     **name_tables("input", inputs),
                     **name_tables("wind", winds),
                 }
             ),
-            function=functions,
-            policy=body,
+            function=rates + in_c.function,
+            policy=in_c.body,
         ),
     }
     if policy is not None:
         state, amount = displaced_state(model)
         texts[example] = filled(example, state=state.upper(), amount=amount, unit=model.unit(state))
     return texts
+
+
+def _policy_in_c(
+    linear: LinearModel, policy: GainPolicy | FunctionPolicy | ScheduledGainPolicy | None
+) -> _PolicyInC:
+    """Return the source of a policy, or of u = u0 without one."""
+    no_gain = np.zeros(linear.B.T.shape)
+    of_gain = "u = u0 - K z: the policy at x. Nothing is limited."
+    if isinstance(policy, FunctionPolicy):
+        formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."
+        return _PolicyInC(no_gain, formula, _CALLED, {}, "\n" + _policy_function(policy))
+    if not isinstance(policy, ScheduledGainPolicy):
+        K = no_gain if policy is None else policy.K
+        return _PolicyInC(K, of_gain, _LINEAR, {}, "")
+    model, schedule = linear.point.model, policy.schedule
+    K = schedule.table.at(linear.point.values[model.schedule])
+    if len(schedule.breakpoints) == 1:
+        return _PolicyInC(K, of_gain, _LINEAR, {}, "")
+    formula = (
+        f"u = u0 - K({model.schedule}) z: the policy at x, K linear between breakpoints "
+        "and constant\n   beyond; hfa_K is K at x0. Nothing is limited."
+    )
+    place = model.state_places((model.schedule,))[0]
+    body = _SCHEDULED.format(place=place, last=len(schedule.breakpoints) - 2)
+    tables = {
+        "static const double breakpoint": schedule.breakpoints,
+        "static const double gain": schedule.gains,
+    }
+    return _PolicyInC(K, formula, body, tables, "")
 
 
 def _parameters(model: Model) -> str:

@@ -423,12 +423,13 @@ class EpisodeAir:
         airs = [turbulence.air(point, dt, 1, 0) for point in points]
         filters = [AirFilter.of(air) for air in airs]
         self.names = airs[0].names
-        self._steps = np.array([each.step[0] for each in filters])
-        self._noises = np.array([each.step[1] for each in filters])
-        self._seen = np.array(
+        steps = [each.step for each in filters]
+        self._transitions = np.array([transition for transition, _ in steps])
+        self._noise_gains = np.array([noise_gain for _, noise_gain in steps])
+        self._winds_of_states = np.array(
             [air.factors.T @ each.C for air, each in zip(airs, filters, strict=True)]
         )
-        self._states = np.zeros((count, self._steps.shape[1]))
+        self._states = np.zeros((count, self._transitions.shape[1]))
         self._owners = np.zeros(count, dtype=int)
         self._random = np.random.default_rng()
 
@@ -453,9 +454,9 @@ class EpisodeAir:
         owners = self._owners
         draw = self._random.standard_normal(self._states.shape)
         before = self._states
-        moved = _rowwise(self._steps[owners], before)
-        self._states = moved + _rowwise(self._noises[owners], draw)
-        return _rowwise(self._seen[owners], 0.5 * (before + self._states))
+        moved = _rowwise(self._transitions[owners], before)
+        self._states = moved + _rowwise(self._noise_gains[owners], draw)
+        return _rowwise(self._winds_of_states[owners], 0.5 * (before + self._states))
 
 
 def _rowwise(matrices: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -48,15 +48,15 @@ class TrackingPolicy(Policy):
         """Return the deviations of all inputs as an expression. Inputs that do not move are 0."""
         k = measurements.error.numel()
         m = len(self.moved)
-        knots = (STEPS + 1) * (k + m)
-        begin, proposed, K = ca.vertsplit(held, [0, 1, 1 + knots, 1 + knots + m * k])
+        size = (STEPS + 1) * (k + m)
+        begin, proposed, K = ca.vertsplit(held, [0, 1, 1 + size, 1 + size + m * k])
         step = STEPS * (t - begin) / self.tick
-        hats = [ca.fmax(0.0, 1.0 - ca.fabs(step - knot)) for knot in range(STEPS + 1)]
-        both = ca.mtimes(ca.reshape(proposed, k + m, STEPS + 1), ca.vertcat(*hats))
-        v = both[k:] - ca.mtimes(ca.reshape(K, m, k), measurements.error - both[:k])
-        limited = saturated(v, ca.DM(self.lowest), ca.DM(self.highest))
+        weights = [ca.fmax(0.0, 1.0 - ca.fabs(step - knot)) for knot in range(STEPS + 1)]
+        interpolated = ca.mtimes(ca.reshape(proposed, k + m, STEPS + 1), ca.vertcat(*weights))
+        z_proposed, v_proposed = interpolated[:k], interpolated[k:]
+        v = v_proposed - ca.mtimes(ca.reshape(K, m, k), measurements.error - z_proposed)
         u = ca.SX.zeros(self.count)
-        u[self.moved] = limited
+        u[self.moved] = saturated(v, ca.DM(self.lowest), ca.DM(self.highest))
         return u
 
 
