@@ -253,25 +253,25 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     if _is_single(first):
         return first, words[1:]
     names = {*own_commands(), *_of_others()}
-    both = [" ".join(words[:2]), *(f"{first} {word}" for word in words[2:])]
-    if len(words) > 1 and both[0] in names:
-        return both[0], words[2:]
-    later = [name for name in both[1:] if name in names]
-    if later and words[1].startswith("-"):
+    two_words = " ".join(words[:2])
+    if len(words) > 1 and two_words in names:  # prove cost ...
+        return two_words, words[2:]
+    parted = [f"{first} {word}" for word in words[2:] if f"{first} {word}" in names]
+    if parted and words[1].startswith("-"):  # prove -q cost
         raise BadInputError(
-            f"give both words of the command first: hfa {later[0]} {shortened(words[1])} ..."
+            f"give both words of the command first: hfa {parted[0]} {shortened(words[1])} ..."
         )
     known = words_after(first)
-    if known and len(words) > 1 and not words[1].startswith("-"):
+    if known and len(words) > 1 and not words[1].startswith("-"):  # prove costs
         what = f"unknown word {shortened(words[1])!r} after `hfa {first}`"
         raise BadInputError(f"{what}; {choice_of(words[1].lower(), known)}")
     if first in names:
         return first, words[1:]
-    if known:
+    if known:  # prove
         raise BadInputError(f"`hfa {first}` requires a second word; choose from {', '.join(known)}")
-    later = [word for word in words if word in names]
-    if first.startswith("-") and later:
+    behind = [word for word in words if word in names]
+    if first.startswith("-") and behind:  # -q trim
         raise BadInputError(
-            f"an option is given before the command; write hfa {later[0]} {shortened(first)} ..."
+            f"an option is given before the command; write hfa {behind[0]} {shortened(first)} ..."
         )
     return "", words

@@ -199,5 +199,5 @@ def with_options(parser: Parser, command: Command) -> Parser:
     parser.example = command.example
     called, _, name = parser.prog.partition(" ")
     if called == "hfa":  # otherwise the program has one command, such as python my_command.py
-        parser.words = partial(words_after, name)
+        parser.second_words = partial(words_after, name)
     return parser

@@ -250,14 +250,18 @@ def _factors(
 def _units(
     noun: str, factors: np.ndarray, units: Mapping[str, float]
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield (sentence, divisors) for states or inputs with the wrong sign or in a wrong unit."""
-    for wrong, factor in {"the wrong sign": -1.0, **units}.items():
-        where = np.abs(factors / factor - 1.0) < NEAR
-        if where.any() and not where.all():
+    """Yield (sentence, divisors) for states or inputs with the wrong sign or in a wrong unit.
+
+    factors: (n,) or (m,), factor of each state or input that the errors suggest
+    units: wrong unit -> its factor
+    """
+    for wrong, known in {"the wrong sign": -1.0, **units}.items():
+        where = np.abs(factors / known - 1.0) < NEAR
+        if where.any() and not where.all():  # a factor of all is a common one (`_factors`)
             *numbers, last = (str(index + 1) for index in np.flatnonzero(where))
             subject = f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"
-            verbs = ("has", "have") if factor == -1.0 else ("is", "are")
-            yield f"{subject} {verbs[bool(numbers)]} {wrong}", np.where(where, factor, 1.0)
+            verbs = ("has", "have") if known == -1.0 else ("is", "are")
+            yield f"{subject} {verbs[bool(numbers)]} {wrong}", np.where(where, known, 1.0)
 
 
 def _assigned(away: np.ndarray) -> np.ndarray:

@@ -316,8 +316,8 @@ class Game(ByValue, Reported):
             )
         refuse_unless_positive("dt", dt, " s")
         self.refuse_steps("Game.sampled")
-        A, units = balanced(self.A)
-        fastest = float(np.abs(A).max())
+        scaled_A, units = balanced(self.A)
+        fastest = float(np.abs(scaled_A).max())
         if dt * fastest < SHORTEST and fastest > 0.0:
             raise BadInputError(
                 f"dt = {dt:g} s is too short: A of a step would differ from the identity by less"
@@ -325,12 +325,12 @@ class Game(ByValue, Reported):
                 f" {SHORTEST / fastest:.2g} s, or solve the game in continuous time"
             )
         n, m = self.B.shape
-        # d/dt [z; v] = [A B E; 0 0] [z; v] with constant v = [u; d], in units in which the entries
-        # of A and the columns of [B E] have similar sizes.
+        # d/dt [z; v] = [A B E; 0 0] [z; v] with constant v = [u; d]. With z = units y and
+        # w = sizes v, y' = scaled_A y + (held / sizes) w has entries of similar sizes.
         held = np.hstack([self.B, self.E]) / units[:, None]
         sizes = np.abs(held).max(axis=0)  # of each column, a power of two
         sizes = np.exp2(np.round(np.log2(np.where(sizes > 0.0, sizes, 1.0)))) * (fastest or 1.0)
-        rates = np.hstack([A, held / sizes])
+        rates = np.hstack([scaled_A, held / sizes])
         rates_of_held = np.zeros((rates.shape[1] - n, rates.shape[1]))
         after_step = units[:, None] * expm(dt * np.vstack([rates, rates_of_held]))[:n]
         A, B, E = np.split(after_step * np.append(1.0 / units, sizes), [n, n + m], axis=1)

@@ -30,7 +30,7 @@ class Parser(argparse.ArgumentParser):
         #: Last line of the help.
         self.example = ""
         #: Function that returns second word of the command -> summary, for the help.
-        self.words: Callable[[], Mapping[str, str]] = dict
+        self.second_words: Callable[[], Mapping[str, str]] = dict
         self._words: dict[str, list[str]] = {}
 
     def declare(self, options: Mapping[str, Option]) -> None:
@@ -89,7 +89,7 @@ class Parser(argparse.ArgumentParser):
         if rare:
             text += textwrap.fill(f"more ({self.prog} --help more): {', '.join(rare)}", 80) + "\n"
         texts = [text]
-        if words := self.words():
+        if words := self.second_words():
             lines = [f"  {self.prog} {word:<10}{about}\n" for word, about in words.items()]
             texts.append("".join(lines))
         if self.example:

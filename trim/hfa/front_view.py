@@ -25,6 +25,8 @@ HINGE_COLOR = "#009E73"
 _LONGEST = 0.55
 #: Width of the picture. The height follows from its content.
 _WIDTH = 10.0
+#: Height of title, legend and label, and width of the axes, inches.
+_TITLE_AND_LEGEND, _AXES_WIDTH = 1.9, 9.2
 
 
 class Panel(NamedTuple):
@@ -111,9 +113,11 @@ def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     ):
         axes.plot([], [], color=color, linewidth=2.0, label=name)
     axes.set_aspect("equal")
-    axes.margins(0.02, 0.12)
+    across, upward = 0.02, 0.12  # free shares of the width and the height on each side
+    axes.margins(across, upward)
     width, height = axes.dataLim.size
-    figure.set_figheight(1.9 + 9.2 * (1.24 * height) / (1.04 * width))
+    ratio = (1.0 + 2.0 * upward) * height / ((1.0 + 2.0 * across) * width)
+    figure.set_figheight(_TITLE_AND_LEGEND + _AXES_WIDTH * ratio)
     length = unit_of(aircraft, "ft")
     axes.set_xlabel(f"{length}, seen from the front")
     axes.set_ylabel(length)

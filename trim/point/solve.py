@@ -126,6 +126,8 @@ def trim(
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     """Return the first trim that the searches find."""
+    # Unknowns are balanced if the equations hold, also beyond limits, and solved within limits.
+    # The nearest ones are the last balanced ones, else the end of the first search.
     # A trim in which an angle without limits exceeds 90 deg is returned only if no other trim is
     # found.
     # Raises TrimError if no trim is found.
@@ -152,18 +154,27 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
             nearest = z
     if far_out is not None:
         return far_out
+    raise _failed(problem, nearest, number)
+
+
+def _failed(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimError:
+    """Return the error of a condition without a trim.
+
+    nearest: best unknowns found, (k,)
+    others: number of other initial points
+    """
     from trim.point.diagnosis import binding_limits, failure
 
     message = failure(problem, nearest)
     required = ""
     if problem.balanced(nearest):
         required = "; ".join(binding_limits(problem, nearest).values())
-    if number:
-        message += f"; {number} other initial points failed too"
+    if others:
+        message += f"; {others} other initial points failed too"
     attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
     if rates := attempt._unmoved:
         message += f"; no input of the model changes {' and '.join(rates)}"
-    raise TrimError(message, attempt, required)
+    return TrimError(message, attempt, required)
 
 
 def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
