@@ -19,6 +19,7 @@ _STYLE = (
     "th:first-child,td:first-child{text-align:left}img{max-width:100%}"
     "h1{font-size:1.3em}h2{font-size:1.15em;border-top:2px solid #111;padding-top:.7em}"
     ".sheet{columns:2;column-gap:2em;font-size:11px;line-height:1.3}"
+    ".sheet td:nth-child(2){white-space:nowrap}"
     ".sheet section{break-inside:avoid}.sheet table{width:100%;margin:.4em 0}"
     ".sheet th,.sheet td{padding:.1em .4em;font-weight:normal}.sheet p{margin:.2em 0}"
     ".sheet thead th{font-weight:bold;border-bottom:2px solid #111}"
