@@ -94,8 +94,8 @@ def c_function(
     for each in inner:
         if not each.is_a("SXFunction"):
             raise BadInputError(
-                f"{name}: the function {each.name()} ({each.class_name()}) of the model cannot "
-                "be written as C; use CasADi SX expressions instead"
+                f"{name}: the function {each.name()} of the model, compiled or interpolated, as of "
+                "an FMU, cannot be written as C; use CasADi SX expressions instead"
             )
     called = "".join(
         c_function(each, f"{name}_{each.name()}", ("x",), ("y",), real, operations)
