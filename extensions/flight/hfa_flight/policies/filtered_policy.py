@@ -149,16 +149,8 @@ class FilteredPolicy(SampledPolicy):
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,)."""
         memory = self._new()
         object.__setattr__(self, "_memory", memory)
-        ticks = round(self.dt / (self.tick or self.dt))
         rows = self.point.model.state_places(self.filter.sensors)
-        held = [np.zeros(len(self.point.u))]
-
-        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
-            if tick % ticks == 0:
-                held[0] = self._next(memory, measured[rows])
-            return held[0]
-
-        return sample
+        return self._held_between_samples(lambda _, measured: self._next(memory, measured[rows]))
 
     def _next(self, memory: _Memory, y: np.ndarray) -> np.ndarray:
         """Return the command of the next sample, as deviations from trim, (m,).

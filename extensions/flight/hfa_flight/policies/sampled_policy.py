@@ -25,7 +25,7 @@ class SampledPolicy(Policy):
 
     point: trim from which deviations are measured
     dt: sample time, s
-    tick: tick of the flight, s
+    tick: tick of the flight, s, or 0 before the policy has a flight: a tick is then a sample
     delay: time from a sample until its command acts, s
     """
 
@@ -76,13 +76,23 @@ class SampledPolicy(Policy):
         """
         self.reset()
         states, inputs = self.point.x, self.point.u
-        ticks = round(self.dt / (self.tick or self.dt))
-        held = [np.zeros(len(inputs))]
+        return self._held_between_samples(
+            lambda t, measured: np.asarray(self(t, states + measured)) - inputs
+        )
+
+    def _held_between_samples(
+        self, computed: Callable[[float, np.ndarray], np.ndarray]
+    ) -> Callable[[int, np.ndarray], np.ndarray]:
+        """Return (tick, measured) -> the result of `computed(t, measured)` at the last sample."""
+        seconds = self.tick or self.dt
+        ticks_per_sample = round(self.dt / seconds)
+        held = np.zeros(len(self.point.u))
 
         def sample(tick: int, measured: np.ndarray) -> np.ndarray:
-            if tick % ticks == 0:
-                held[0] = np.asarray(self(tick * self.tick, states + measured)) - inputs
-            return held[0]
+            nonlocal held
+            if tick % ticks_per_sample == 0:
+                held = computed(tick * seconds, measured)
+            return held
 
         return sample
 
