@@ -163,7 +163,7 @@ class Episodes:
         self._held = np.zeros((count, push.stop + 2 * n))
         self.states = self._state[:, X]
         self.inputs = self._state[:, memory.stop - m : memory.stop]
-        self._left = self._state[:, -1]
+        self._remaining = self._state[:, -1]
         self._actions = self._held[:, actions]
         self.parameters = self._held[:, trim][:, n + m :]
         self._winds = self._held[:, push.stop - len(flight.winds) : push.stop]
@@ -186,7 +186,7 @@ class Episodes:
     @property
     def done(self) -> np.ndarray:
         """Number of elapsed samples of each episode, (N,)."""
-        return self.samples - self._left.astype(int)
+        return self.samples - self._remaining.astype(int)
 
     def begin(self, numbers: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """Restart episodes from random initial conditions about random trims.
@@ -284,18 +284,27 @@ class Episodes:
         """
         time = float(self.done[number] * self.deployed.deployment.dt)
         envelope = self._envelopes[self.owners[number]]
-        lowest, highest = self._flight.extremes(self._state[number, :-1])
+        lowest, highest = self._flight.extremes(self._flight_of(number))
         beyond = np.where(lowest < envelope.least, lowest, highest)
         if not envelope.within(beyond).all():
             return _departure_at(envelope, beyond, time)
-        # The state keeps its values if the next values are not numbers.
-        state, held = self._state[number], self._held[number]
-        sizes = sum(self._flight.sizes), sum(self._flight.held_sizes)
-        later = self._flight.tick()(state[: sizes[0]], held[: sizes[1]])
-        after = np.array(later).ravel()[: self.states.shape[1]]
+        after = self._next_states(number)
         if np.isfinite(after).all():
             return f"the command is not a number at {time:.4g} s"
         return _departure_at(envelope, after, time)
+
+    def _next_states(self, number: int) -> np.ndarray:
+        """Return the states after a further sample of an episode, (n,), which may be no numbers.
+
+        An episode keeps its states if the next are no numbers, so these are computed again.
+        """
+        held = self._held[number, : sum(self._flight.held_sizes)]
+        after = np.array(self._flight.tick()(self._flight_of(number), held)).ravel()
+        return after[: self.states.shape[1]]
+
+    def _flight_of(self, number: int) -> np.ndarray:
+        """Return the row of an episode without the number of remaining samples."""
+        return self._state[number, :-1]
 
     def _compiled(self) -> Callable[[], Any]:
         """Return a function that advances all episodes by one sample, in place."""
