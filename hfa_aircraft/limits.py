@@ -83,14 +83,19 @@ class Limits:
         highest = self.model.describe(name, self.highest[index])
         return f"{lowest} and {highest}"
 
-    def broken(self, values: np.ndarray | Sequence[float]) -> list[str]:
-        """Return an error sentence for each of the values (k,) that is not within its limits."""
+    def broken(
+        self, values: np.ndarray | Sequence[float], verb: str = "would have to be"
+    ) -> list[str]:
+        """Return an error sentence for each of the values (k,) that is not within its limits.
+
+        verb: word between the name of the signal and its value, such as "is"
+        """
         sentences = []
         for index in np.flatnonzero(~self.within(values)).tolist():
             name = self.names[index]
             sentences.append(
-                f"{name} would have to be {self.model.describe(name, values[index])}, but must lie"
-                f" between {self.between(name)}"
+                f"{name} {verb} {self.model.describe(name, values[index])}, but must lie between "
+                f"{self.between(name)}"
             )
         return sentences
 

@@ -134,8 +134,8 @@ class AssessedPoint(Result):
         """Sentences on the states that exceed their limits at the equilibrium."""
         if self.equilibrium is None:
             return []
-        broken = flight_envelope(self.point.model, self.point).broken(self.equilibrium.states)
-        return [text.replace("would have to be", "is", 1) for text in broken]
+        envelope = flight_envelope(self.point.model, self.point)
+        return envelope.broken(self.equilibrium.states, verb="is")
 
     @property
     def offset(self) -> np.ndarray:

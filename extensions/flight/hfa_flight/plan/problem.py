@@ -285,12 +285,11 @@ class FlightProblem:
 
         z: initial deviations, (k,)
         """
-        X = self.point.x
-        X[self.places] += z
-        broken = self.envelope.broken(X)
+        away = np.zeros(len(self.point.x))
+        away[self.places] = z
+        broken = self.envelope.broken(self.point.x + away, verb="begins at")
         if broken:
-            what = broken[0].replace("would have to be", "begins at", 1)
-            raise BadInputError(f"{what}; give an initial condition within the limits")
+            raise BadInputError(f"{broken[0]}; give an initial condition within the limits")
 
 
 class OfProblem:
