@@ -135,14 +135,14 @@ class Assessment(Result, Reported):
         rate = f" at {1.0 / self.deployed.deployment.dt:.4g} Hz"
         failing = [point for point in self.points if not point.holds]
         where = where_text(failing or self.points, self.points)
-        verdict = "does not hold" if failing else "holds"
-        if all(point.flights is None for point in self.points):
-            verdict = f"linear loop {verdict}"
-        if len(failing) in (0, len(self.points)):
-            return [f"{verdict} {where}{rate}", f"{verdict} {where}", verdict]
-        holding = f"at {len(self.points) - len(failing)} of {len(self.points)} trims"
-        text = f"{verdict.replace('does not hold', 'holds')} {holding}"
-        return [f"{text}{rate}, not {where}", f"{text}, not {where}", text]
+        is_linear = all(point.flights is None for point in self.points)
+        subject = "linear loop " if is_linear else ""
+        holding = len(self.points) - len(failing)
+        if failing and holding:
+            text = f"{subject}holds at {holding} of {len(self.points)} trims"
+            return [f"{text}{rate}, not {where}", f"{text}, not {where}", text]
+        text = f"{subject}{'does not hold' if failing else 'holds'}"
+        return [f"{text} {where}{rate}", f"{text} {where}", text]
 
     def _failing_changes(self) -> list[str]:
         """Return a list with the phrase on changed aircraft on which the policy does not hold."""
@@ -213,7 +213,10 @@ class Assessment(Result, Reported):
         dearest = self._dearest()
         if dearest is not None and dearest.best is not None:
             lost, flights = dearest.best.lost, dearest.best.compared
-            if self.ok and 2 * lost > flights:
+            # The median of a minority of the flights is no ratio of the policy. A failure says
+            # itself how many flights are lost.
+            is_of_minority = 2 * lost > flights
+            if self.ok and is_of_minority:
                 return [f"{lost} of {flights} costs not compared", "costs not compared"]
             return dearest.best.ratio_texts()
         if any(point.flights is not None for point in self.points):
