@@ -19,15 +19,28 @@ def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str
 
     begin: begin of the line
     outcomes: (name of the policy, ratio or None, how it is lost or "")
+
+    >>> line_with_ratios("Best flight", [("gain of K.csv", 1.2, "leaves"), ("exact", 1.03, "")])
+    'Best flight; exact 1.03x, gain 1.2x (leaves)'
     """
     line = begin
     for name, ratio, loss in reversed(outcomes):
+        says = _ratio_text(ratio, loss)
+        if not says:
+            continue
         kind = name.partition(" of ")[0].removesuffix(", saturated")
         separator = "; " if line == begin else ", "
-        says = loss if ratio is None else f"{ratio:.4g}x{loss and f' ({loss})'}"
         longer = f"{line}{separator}{kind} {says}"
-        line = longer if says and len(longer) <= _FIRST_LINE else line
+        if len(longer) <= _FIRST_LINE:
+            line = longer
     return line
+
+
+def _ratio_text(ratio: float | None, loss: str) -> str:
+    """Return a ratio and how flights are lost as text, such as "1.2x (leaves)"."""
+    if ratio is None:
+        return loss
+    return f"{ratio:.4g}x ({loss})" if loss else f"{ratio:.4g}x"
 
 
 def limits_of_flights(problem: FlightProblem) -> Group:
