@@ -69,7 +69,7 @@ class _Memory:
     target: equilibrium at which the flight ends, and the known winds
     plan: last plan, or None where none is to be continued
     waits: whether the plan was made before the flight, and waits for its first sample
-    near: whether the linear policy has taken over
+    linear_agrees: whether the linear policy takes over at the next sample in its region
     spent: cost since the plan began
     least: least sum of this cost and that of a plan
     """
@@ -77,7 +77,7 @@ class _Memory:
     target: Target
     plan: Plan | None = None
     waits: bool = False
-    near: bool = False
+    linear_agrees: bool = False
     spent: float = 0.0
     least: float = 0.0
     samples: Samples = field(default_factory=Samples)
@@ -134,7 +134,7 @@ class RecedingHorizon:
         k, n, _ = self.planner.scaled.sizes
         z = np.pad(self.planner.scaled.box, (0, n - k))
         for _ in range(1 + self.planner.grid.most_samples[0].max()):
-            self._memory.near = False
+            self._memory.linear_agrees = False
             self(z)
         self.reset(delay=0.0)
 
@@ -165,12 +165,16 @@ class RecedingHorizon:
     def _input(self, z: np.ndarray, until: float) -> np.ndarray:
         """Return the inputs from the states at the time at which they act, (m,).
 
+        They are those of the linear policy once it agreed and z is in its region, and otherwise
+        the first inputs of a plan. The linear policy agrees if z is in its region, and the plan,
+        the flight of the linear policy and z'Pz cost the same within the share _LINEAR.
+
         until: processor time after which no further program begins, s
         """
         memory = self._memory
         target = memory.target
         inside = self.end.contains(z, target)
-        if memory.near and inside:
+        if memory.linear_agrees and inside:
             memory.samples.linear += 1
             memory.plan = None
             return self.end.inputs(z, target)
@@ -178,7 +182,7 @@ class RecedingHorizon:
         memory.samples.planned += 1
         value = target.value(z)
         agree = abs(plan.cost - value) <= _LINEAR * value
-        memory.near = bool(
+        memory.linear_agrees = bool(
             inside and agree and abs(self._linear_cost(z) - value) <= _LINEAR * value
         )
         return plan.v[0]
