@@ -299,7 +299,8 @@ class Scenario(Reported):
     def to_dict(self) -> dict[str, Any]:
         """Return the scenario for JSON, without the uncertainty; of drawn noise its deviations.
 
-        A signal without a formula is represented by the name of its class.
+        The scenario is completed by `on`, so that no signal is None. A signal without a formula is
+        represented by the name of its class.
         """
         plain = ("duration", "step", "tick", "initial", "errors")
         data = {name: getattr(self, name) for name in plain}

@@ -39,13 +39,14 @@ def smooth_rates(problem: FlightProblem, winds: tuple[str, ...] = ()) -> ca.Func
     of_states, of_inputs = problem.sizes
     pairs = zip(problem.state_limits, problem.input_limits, strict=True)
     below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
+    # Random points are within the limits, and each state and each input without limits is within
+    # _NEAR nominal values of the trim.
+    range_of_inputs = (above - below)[len(of_states) :]
+    reach_of_inputs = np.where(np.isfinite(range_of_inputs), np.inf, _NEAR)
+    reach = np.concatenate([np.full(len(of_states), _NEAR), reach_of_inputs])
     rng = np.random.default_rng(0)
-    shape = (_KINK_POINTS, len(below))
-    most = np.full(len(below), _NEAR)
-    is_bounded = np.isfinite(above - below)
-    is_bounded[: len(of_states)] = False
-    most[is_bounded] = np.inf
-    near = rng.uniform(np.maximum(below, -most), np.minimum(above, most), shape)
+    shape = (_KINK_POINTS, len(reach))
+    near = rng.uniform(np.maximum(below, -reach), np.minimum(above, reach), shape)
     rates = problem.rates_in(winds) if winds else problem.rates
     return smoothed(rates, np.pad(near, [(0, 0), (0, len(winds))]), KINK_WIDTH)
 
