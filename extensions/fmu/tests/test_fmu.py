@@ -486,3 +486,12 @@ def test_a_sheet_without_limits_is_written() -> None:
     assert_refused(
         run("trim", "--aircraft", fmu(), "--picture", "x.png"), 2, "no variable has both"
     )
+
+
+@pytest.mark.slow
+def test_costs_of_a_gain_are_compared_without_best_flights() -> None:
+    """A program cannot have the compiled function, but the flights of K and of the LQR cost."""
+    weights = ("--Q", "1,1", "--R", "1")
+    run("solve", "--aircraft", fmu(), *weights, "-o", "K.npz", "-q")
+    words = ("--sample-time", "0.05", "--samples", "2")
+    assert "mean cost" in run("assess", "K.npz", "--aircraft", fmu(), *words).out

@@ -162,7 +162,6 @@ class BestFlights:
     @cached_property
     def flights(self) -> Flights:
         """Simulator of the flights."""
-        _ = self._equations  # refuses a compiled function before the first flight
         return Flights(self.problem, self.count)
 
     @cached_property
@@ -187,6 +186,7 @@ class BestFlights:
         converges. Raises BadInputError if the initial condition is outside the limits.
         """
         self.problem.refuse_outside(start)
+        _ = self._equations  # refuses a compiled function before the first flight
         try:
             return self._confirmed_best(start)
         except _Unconfirmed as error:
