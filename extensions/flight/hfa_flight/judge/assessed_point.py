@@ -221,7 +221,7 @@ def scheduled_value(point: OperatingPoint) -> dict[str, float]:
     model = point.model
     if not model.schedule:
         return {}
-    if model.schedule in model.parameters:
+    if model.schedule in model.parameters:  # `start` is the value of a parameter
         value = model.parameters[model.schedule].start
     else:
         value = float(point.values[model.schedule])

@@ -227,9 +227,11 @@ class Flights:
         """Return the figures that must not depend on the integration step."""
         figures: dict[str, ReportedFigure] = {}
         if flight.converges:
-            figures["the cost"] = ReportedFigure(flight.cost, sys.float_info.min)
+            # Relative to the cost itself, also where that is 0.
+            figures["the cost"] = ReportedFigure(flight.cost, least=sys.float_info.min)
         if flight.departure is not None:
-            figures["the time of the departure"] = ReportedFigure(flight.departure.time, self.tick)
+            time = ReportedFigure(flight.departure.time, least=self.tick)
+            figures["the time of the departure"] = time
         return figures
 
     def priced(self, policy: Policy, rows: Deviations) -> SimulatedFlight:

@@ -39,6 +39,7 @@ class KeptInside(Policy):
     nearest: nearest inputs of a sample that keep the limits
     tick: time between samples, s
     delay: time from a sample until its command acts, s
+    changed: one entry, the number of samples of the last flight whose command was changed
     """
 
     predicts = False
@@ -100,9 +101,10 @@ class KeptInside(Policy):
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
         """Return the policy with the ticks and the delay of a scenario, and the scenario.
 
-        The delay of a deployment becomes that of the scenario, after the nearest inputs.
+        A deployment's delay is added to that of the scenario, which acts after the nearest inputs.
+        The policy itself has no delay then: its states are those when its command acts (`sampler`).
 
-        Raises BadInputError if it is not a whole number of samples.
+        Raises BadInputError (of the scenario) unless the delay is a whole number of samples.
         """
         policy = self.policy
         if isinstance(policy, DeployedPolicy):

@@ -62,13 +62,16 @@ def read_deployment(game: Game, path: str | Path, reading: Reading) -> Critic:
 
 
 def _stated(path: Path, model: Model) -> Stated:
-    """Return what a deployment file states of its game on an aircraft."""
+    """Return the inputs that a deployment moves, () for all, and its cost, empty if Q weighs other
+    signals than the linear states.
+    """
     deployment = Deployment.load(path)
     moved = tuple(deployment.action)
     cost = deployment.cost or {}
     if not set(cost.get("Q", ())) <= set(model.linear):
         cost = {}
-    return Stated(() if set(moved) == set(model.inputs) else moved, cost)
+    is_of_all = set(moved) == set(model.inputs)
+    return Stated(inputs=() if is_of_all else moved, cost=cost)
 
 
 read_deployment.stated = _stated  # type: ignore[attr-defined]  # `CriticReader` may have it
