@@ -1,6 +1,6 @@
 """Catalog of JSBSim's built-in properties, from `properties.json`.
 
-`python -m hfa_jsbsim.catalog` of commit d88f13985 wrote this file from the package jsbsim. It lists
+`python -m hfa_jsbsim.catalog` of commit 3367509be wrote this file from the package jsbsim. It lists
 the properties of small test aircraft with engines of all kinds, whose files define no properties.
 """
 
