@@ -254,15 +254,15 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
         return first, words[1:]
     names = {*own_commands(), *_of_others()}
     two_words = " ".join(words[:2])
-    if len(words) > 1 and two_words in names:  # prove cost ...
+    if len(words) > 1 and two_words in names:  # prove region ...
         return two_words, words[2:]
     parted = [f"{first} {word}" for word in words[2:] if f"{first} {word}" in names]
-    if parted and words[1].startswith("-"):  # prove -q cost
+    if parted and words[1].startswith("-"):  # prove -q region
         raise BadInputError(
             f"give both words of the command first: hfa {parted[0]} {shortened(words[1])} ..."
         )
     known = words_after(first)
-    if known and len(words) > 1 and not words[1].startswith("-"):  # prove costs
+    if known and len(words) > 1 and not words[1].startswith("-"):  # prove regions
         what = f"unknown word {shortened(words[1])!r} after `hfa {first}`"
         raise BadInputError(f"{what}; {choice_of(words[1].lower(), known)}")
     if first in names:

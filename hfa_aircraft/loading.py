@@ -95,7 +95,13 @@ def load_changed(path: str) -> Model:
         base = _in_folder(last.aircraft, str(Path(last.path).parent))
         kind = _format_of(base)
         if kind in ("", COMPILED):
-            raise _code_refused(base, kind, last.path)
+            if not kind:
+                with prefix_errors(last.path):
+                    _refuse_unnamed(base)
+            raise BadInputError(
+                f"{last.path} changes parameters of {shown(base)}, which is code, and a data file "
+                f"executes none; give --aircraft {base} --parameters {last.path}"
+            )
         if not is_parameter_file(base):
             break
         if Path(base).resolve() in paths:
@@ -108,23 +114,6 @@ def load_changed(path: str) -> Model:
     for file in reversed(files):
         model = file.read_as_aircraft(model)
     return model
-
-
-def _code_refused(base: str, kind: str, path: str) -> BadInputError:
-    """Return the error for a data file `path` that names code.
-
-    base: argument of --aircraft
-    kind: "" for Python, `COMPILED` for an FMU
-
-    Raises BadInputError itself if the argument has no form that is known.
-    """
-    if not kind:
-        with prefix_errors(path):
-            _refuse_unnamed(base)
-    return BadInputError(
-        f"{path} changes parameters of {shown(base)}, which is code, and a data file executes "
-        f"none; give --aircraft {base} --parameters {path}"
-    )
 
 
 def is_parameter_file(path: str) -> bool:

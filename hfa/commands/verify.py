@@ -283,15 +283,15 @@ def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Ver
 def _assess_line(request: VerifyRequest, source: str) -> str:
     """Return the command line that assesses the policy of a network at the same trim."""
     is_deployment = Path(source).suffix.lower() == _DEPLOYMENT
-    words = ["hfa assess", source if is_deployment else "DEPLOYMENT.toml"]
+    line = ["hfa assess", source if is_deployment else "DEPLOYMENT.toml"]
     if request.aircraft is not None:
-        words.append(f"--aircraft {request.aircraft}")
+        line.append(f"--aircraft {request.aircraft}")
     if request.dihedral is not None:
-        words.append(f"--dihedral {request.dihedral}")
+        line.append(f"--dihedral {request.dihedral}")
     elif request.at is not None:
-        words.append(f"--at {request.at}")
+        line.append(f"--at {request.at}")
     if any(is_given(request, name) for name in OF_THE_TRIM):
-        words.append("with the same options of the trim")
+        line.append("with the same options of the trim")
     if not is_deployment:
-        words.append(f"(DEPLOYMENT.toml names {source}, its observations and actions)")
-    return " ".join(words)
+        line.append(f"(DEPLOYMENT.toml names {source}, its observations and actions)")
+    return " ".join(line)
