@@ -367,7 +367,9 @@ def test_wrong_arguments_of_a_filter_are_refused(linear, given, said):
         hfa.filter(linear, **given)
 
 
-def test_a_delay_between_samples_is_refused(known, gain):
+def test_a_delay_between_samples_and_a_gain_of_other_sizes_are_refused(known, gain):
+    with pytest.raises(BadInputError, match="size 5 x 5; give 5 x 6"):
+        known.policy(gain[:, 1:])
     with pytest.raises(BadInputError, match=r"the delay is 0\.015 s; the filter takes whole"):
         known.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=0.015))
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.air.names import UPDRAFT
 from hfa_support.errors import refuse_unknown
 from hfa_support.reporting.report import Reported
 
@@ -32,11 +31,6 @@ class Deviations(Reported):
     limited: np.ndarray
     winds: dict[str, np.ndarray]
     cost: np.ndarray | None = None
-
-    @property
-    def updrafts(self) -> np.ndarray:
-        """Updraft at each time, (N,), positive up, in the model's units, or 0 in still air."""
-        return self.winds.get(UPDRAFT, np.zeros(len(self.times)))
 
 
 def series(

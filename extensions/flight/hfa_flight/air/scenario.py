@@ -113,12 +113,12 @@ class Scenario(Reported):
     step: integration step, s
     tick: interval at which the held inputs change, s, a whole number of steps
     initial: (n,), deviation from trim, or () for none
-    reference, disturbance, noise: signals (k,) for the states of the linear model, or None for 0
+    reference, disturbance: signals (k,) for the states of the linear model, or None for 0
     errors: parameter -> factor on the parameter of the simulated aircraft only
     actuators: dynamics of the actuators, or None
     gust: motion of the air, or None
     uncertainty: random quantities, not yet drawn
-    samples: drawn noise, (ticks, k), constant during each tick
+    samples: sensor noise, (ticks, k), constant during each tick, or None
     air: disturbance of the model -> waveform, (1,)
     delay: delay of every command, s, a whole number of ticks
 
@@ -138,7 +138,6 @@ class Scenario(Reported):
     initial: np.ndarray = field(default_factory=lambda: np.zeros(0))
     reference: TimeVector | None = None
     disturbance: TimeVector | None = None
-    noise: TimeVector | None = None
     errors: Mapping[str, float] = field(default_factory=dict)
     actuators: ActuatorBank | None = None
     gust: Gust | None = None
@@ -175,8 +174,12 @@ class Scenario(Reported):
         if not isinstance(self.gust, Gust | None):
             example = "hfa_flight.OneMinusCosine(length=400.0, peak=5.0, speed=68.0)"
             raise BadInputError(f"gust is {shown(self.gust)}; give a gust such as {example}")
-        if self.samples is not None and numbers_in("samples", self.samples).ndim != 2:
-            raise BadInputError(f"samples is {shown(self.samples)}; give noise (ticks, k)")
+        if self.samples is not None:
+            shape = numbers_in("samples", self.samples).shape
+            if len(shape) != 2 or shape[0] < self.ticks:
+                raise BadInputError(
+                    f"samples has shape {shape}; give noise (ticks, k) for {self.ticks} ticks"
+                )
         if self.gust is not None and self.uncertainty.turbulence is not None:
             raise BadInputError(
                 "the scenario has both a gust and random turbulence; remove one of the two"
@@ -205,7 +208,7 @@ class Scenario(Reported):
         """Time at which the last signal, gust or noise ends, s, or inf if one never ends."""
         if self.samples is not None:
             return math.inf
-        sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())
+        sources = (self.reference, self.disturbance, self.gust, *self.air.values())
         ends = [getattr(source, "until", math.inf) for source in sources if source is not None]
         return max(ends, default=0.0)
 
@@ -241,7 +244,6 @@ class Scenario(Reported):
             initial=initial,
             reference=self.reference or no_signal,
             disturbance=self.disturbance or no_signal,
-            noise=self.noise or no_signal,
         )
 
     def following(self, reference: TimeVector, policy: str) -> Scenario:
@@ -304,7 +306,7 @@ class Scenario(Reported):
         """
         plain = ("duration", "step", "tick", "initial", "errors")
         data = {name: getattr(self, name) for name in plain}
-        for name in ("reference", "disturbance", "noise"):
+        for name in ("reference", "disturbance"):
             signal = getattr(self, name)
             data[name] = signal.to_dict() if hasattr(signal, "to_dict") else type(signal).__name__
         gust: Any = self.gust

@@ -83,6 +83,7 @@ class FilteredPolicy(SampledPolicy):
             )
         if isinstance(law, OpenLoop):
             raise BadInputError("a policy without feedback needs no filter; give a policy")
+        law.refuse_other_sizes(known.point)
         own = own_sample_time(law, known.dt)
         if isinstance(law, SampledPolicy):
             law = replace(law.in_air(known.winds), tick=known.dt)

@@ -98,7 +98,7 @@ def policy_and_scenario(
     if isinstance(given, Expansion):
         given = given.policy
     if isinstance(given, ca.Function) and given.n_in() == 1:
-        return function_policy(given.name(), _of_states(given, point), point), scenario
+        return function_policy(given.name(), given, point), scenario
     if callable(given):
         return _python_policy(given, point, scenario.tick), scenario
     if isinstance(given, Deployment):
@@ -107,18 +107,6 @@ def policy_and_scenario(
         return GainPolicy("gain", numbers_in("policy", given)), scenario
     except BadInputError as error:
         raise BadInputError(f"policy is {shown(given)}; {_FORMS}") from error
-
-
-def _of_states(policy: ca.Function, point: OperatingPoint) -> ca.Function:
-    """Return a policy u = π(z), if it has the sizes of the linear model's states and the inputs."""
-    wanted = (len(point.model.linear), len(point.model.inputs))
-    given = (policy.numel_in(0), policy.numel_out(0))
-    if given != wanted:
-        raise BadInputError(
-            f"the policy has {given[0]} arguments and {given[1]} results; give a function of the "
-            f"{wanted[0]} states with {wanted[1]} inputs, or of (t, X)"
-        )
-    return policy
 
 
 def _policy_of_file(path: Path, point: OperatingPoint) -> Any:

@@ -55,6 +55,21 @@ class Policy(Reported):
     held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
     identity: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
 
+    @property
+    def sizes(self) -> tuple[int, int] | None:
+        """Numbers of inputs and of states of the linear model, or None if a trim gave them."""
+        return None
+
+    def refuse_other_sizes(self, point: OperatingPoint) -> None:
+        """Raise BadInputError if the policy is for other numbers of inputs or states."""
+        m, k = len(point.model.inputs), len(point.model.linear)
+        if self.sizes not in (None, (m, k)):
+            own = " x ".join(map(str, self.sizes or ()))
+            raise BadInputError(
+                f"the policy {self.name} has the size {own}; give {m} x {k}, inputs x states of "
+                "the linear model"
+            )
+
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs as deviations from trim, (m,), by default those held."""
         return held
@@ -129,6 +144,12 @@ class GainPolicy(Policy):
         return feedback if self.feedforward is None else feedback + self.feedforward.at(t)
 
     @property
+    def sizes(self) -> tuple[int, int]:
+        """Shape of K."""
+        m, k = self.K.shape
+        return m, k
+
+    @property
     def gain(self) -> np.ndarray:
         """Gain K (m, k)."""
         return self.K
@@ -155,6 +176,11 @@ class FunctionPolicy(Policy):
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs π(z), (m,), clipped to the limits."""
         return self.limited(measurements.error)
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Numbers of results and arguments of π."""
+        return self.function.numel_out(0), self.function.numel_in(0)
 
     @property
     def gain(self) -> np.ndarray:

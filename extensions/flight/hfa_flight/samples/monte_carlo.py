@@ -94,7 +94,7 @@ class MonteCarlo(Reported):
         refuse_unless_whole("seed", self.seed, 0)
         refuse_share(self.share)
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
-        for name in ("reference", "disturbance", "noise"):
+        for name in ("reference", "disturbance"):
             if not hasattr(getattr(self.scenario, name), "to_dict"):
                 raise BadInputError(
                     f"the {name} of a Monte Carlo simulation is not a Waveform; give a Waveform"

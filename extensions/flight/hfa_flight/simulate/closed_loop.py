@@ -21,13 +21,7 @@ from hfa_aircraft.waveform import zero
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
 from hfa_flight.air.scenario import Scenario
-from hfa_flight.policies.policy import (
-    SAME_TIME,
-    FunctionPolicy,
-    GainPolicy,
-    Measurements,
-    Policy,
-)
+from hfa_flight.policies.policy import SAME_TIME, Measurements, Policy
 from hfa_support.errors import BadInputError
 from trim.linear.kinks import linearization_at
 from trim.point.operating_point import OperatingPoint
@@ -242,18 +236,19 @@ class ClosedLoop:
 
       x' = plant(x, a, d(t), w(t))
       a' = actuators(a, u), or a = u without actuators
-      u = policy(t, x + n(t) - x_d(t))
+      u = policy(t, x + n - x_d(t))
 
     x, a and u are the deviations of states, plant inputs and commands from trim. x_d is the
-    reference, n the sensor noise, d a disturbance of the rates and w the motion of the air.
+    reference, n the sensor noise of a tick, d a disturbance of the rates and w the motion of the
+    air.
 
-    scenario: initial x(0), x_d, d and n (default 0), noise samples, gust, other disturbances,
+    scenario: initial x(0), x_d and d (default 0), noise samples, gust, other disturbances,
       actuators and delay
     cost: running cost of the errors z = x - x_d and of the plant inputs a, whose integral is a
       state of the loop, or None
 
-    Raises BadInputError if a signal, a gain or the function of a policy does not have the size of
-    the plant, or a trim input is outside its actuator's position limits.
+    Raises BadInputError if a signal or the policy does not have the size of the plant, or a trim
+    input is outside its actuator's position limits.
     """
 
     plant: Plant
@@ -264,27 +259,16 @@ class ClosedLoop:
     def __post_init__(self) -> None:
         """Raise BadInputError for wrong sizes and for a trim outside the actuators' limits."""
         k = len(self.plant.chosen)
-        m = self.plant.point.u.size
         if self.scenario.actuators is not None:
             self.scenario.actuators.refuse_trim(self.plant.point.u)
-        if isinstance(self.policy, GainPolicy) and self.policy.K.shape != (m, k):
-            raise BadInputError(
-                f"the gain has shape {self.policy.K.shape}; give {m} x {k}, inputs x states"
-            )
-        if isinstance(self.policy, FunctionPolicy):
-            function = self.policy.function
-            sizes = function.numel_out(0), function.numel_in(0)
-            if sizes != (m, k):
-                raise BadInputError(
-                    f"the policy {self.policy.name} computes {sizes[0]} inputs from {sizes[1]} "
-                    f"states; give a policy for {m} inputs and {k} states"
-                )
-        for name in ("reference", "disturbance", "noise"):
-            signal = getattr(self.scenario, name)
-            if signal is not None and signal.size != k:
-                raise BadInputError(
-                    f"the {name} has {signal.size} channels; give {k}, one for each state"
-                )
+        self.policy.refuse_other_sizes(self.plant.point)
+        signals = {name: getattr(self.scenario, name) for name in ("reference", "disturbance")}
+        sizes = {name: each.size for name, each in signals.items() if each is not None}
+        if self.scenario.samples is not None:
+            sizes["noise"] = np.shape(self.scenario.samples)[1]
+        for name, size in sizes.items():
+            if size != k:
+                raise BadInputError(f"the {name} has {size} channels; give {k}, one for each state")
 
     @cached_property
     def state_sizes(self) -> StateParts:
@@ -325,7 +309,7 @@ class ClosedLoop:
         winds = self._winds(t, inputs)
         since = inputs.begin if inputs.begin.numel() else t
         reference = self._reference(t, since)
-        measurements = self._measurements(t, state, inputs, reference)
+        measurements = self._measurements(state, inputs, reference)
         command = self.policy.control(t, measurements, inputs.policy)
         arriving = command
         if inputs.delay.numel():
@@ -398,14 +382,11 @@ class ClosedLoop:
             winds[name] = winds.get(name, 0.0) + waveform.at(t)
         return winds
 
-    def _measurements(
-        self, t: ca.SX, state: StateParts, inputs: HeldParts, reference: Any
-    ) -> Measurements:
+    def _measurements(self, state: StateParts, inputs: HeldParts, reference: Any) -> Measurements:
         """Return the measurements that the policy receives, with sensor noise."""
-        noise = (self.scenario.noise or zero(len(self.plant.chosen))).at(t)
+        states = ca.mtimes(ca.DM(self.plant.chosen), state.plant)
         if inputs.noise.numel():
-            noise = noise + inputs.noise
-        states = ca.mtimes(ca.DM(self.plant.chosen), state.plant) + noise
+            states = states + inputs.noise
         return Measurements(states - reference, states)
 
     def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:

@@ -22,7 +22,6 @@ from hfa_flight.air.names import (
     ANGLE_OF_ATTACK,
     LIMITED_OVER_GROUND,
     OVER_GROUND,
-    UPDRAFT,
     has_angle_of_attack,
 )
 from hfa_flight.air.scenario import MOST_STEPS, Scenario, Uncertainty, with_errors
@@ -699,14 +698,13 @@ class Flight(StatesAndInputs, Result, Reported):
     def history(self) -> dict[str, Any]:
         """Return the time history, absolute, with one row for each tick: name -> array.
 
-        times (N,), states (N, n), inputs (N, m), angles_of_attack (N,), errors (N, k), updrafts
-        (N,), and winds, disturbance -> (N,).
+        times (N,), states (N, n), inputs (N, m), angles_of_attack (N,), errors (N, k), and winds,
+        disturbance that the scenario sets -> (N,).
         """
         every = slice(None, None, round(self.loop.scenario.tick / self.step))
         columns = {
             "times": self.flight.times[every],
             "errors": self.flight.errors[every],
-            "updrafts": self.flight.updrafts[every],
             "winds": {name: values[every] for name, values in self.flight.winds.items()},
             "states": self.states[every],
             "inputs": self.inputs[every],
@@ -721,10 +719,7 @@ class Flight(StatesAndInputs, Result, Reported):
         model = self.point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
         columns = [history["times"], history["states"], history["inputs"]]
-        winds = dict(history["winds"])
-        if UPDRAFT in model.disturbances:
-            winds.setdefault(UPDRAFT, history["updrafts"])
-        for name, values in winds.items():
+        for name, values in history["winds"].items():
             units[name] = in_gusts(model).unit(name)
             columns.append(values)
         if has_angle_of_attack(model):

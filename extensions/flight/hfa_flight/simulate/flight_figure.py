@@ -52,7 +52,8 @@ def flight_figure(flight: DrawnFlight, title: str, figure: Figure | None = None)
     figure = figure or new_figure(10.0, 2.1)
     model, flown = flight.point.model, flight.flown
     input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
-    has_updraft = bool(np.any(flown.updrafts))
+    updraft = flown.winds.get(UPDRAFT, np.zeros(0))
+    has_updraft = bool(np.any(updraft))
     moving = [index for index in range(len(model.states)) if _moves(flight, index)]
     count = len(moving) + len(input_units) + int(has_updraft)
     rows = -(-count // 2)
@@ -68,7 +69,7 @@ def flight_figure(flight: DrawnFlight, title: str, figure: Figure | None = None)
     if has_updraft:
         air = panels[count - 1]
         unit = in_gusts(model).unit(UPDRAFT)
-        air.plot(flown.times, shown_values(flown.updrafts, unit), color="C2")
+        air.plot(flown.times, shown_values(updraft, unit), color="C2")
         finished(air, f"updraft, {shown_unit(unit)}")
     handles, labels = panels[0].get_legend_handles_labels()
     lines = [line for axes in panels for line in axes.get_lines()]

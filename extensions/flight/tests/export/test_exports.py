@@ -162,7 +162,7 @@ def test_an_fmu_behind_a_filter_simulates_the_flight(folder: Path) -> None:
     point, seconds, interval = linear.point, 0.5, 0.025
     policy = hfa.filter(linear, NOISE, "moderate:40000").policy(exact_gain(10.0))
     scenario = Scenario(
-        seconds, 0.001, 0.01, 0.2 * np.eye(7)[0], noise=Waveform(0.1 * np.eye(6)[0], np.zeros(6))
+        seconds, 0.001, 0.01, 0.2 * np.eye(7)[0], samples=np.tile(0.1 * np.eye(6)[0], (50, 1))
     )
     flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
     start = {"speed": point["speed"] + 0.2, "noise_speed": 0.1}
