@@ -217,9 +217,9 @@ def flight_costs(
     both = [
         (one.cost, other.cost)
         for one, other in zip(flown, linear, strict=True)
-        if not (one.lost or other.lost)
+        if one.converges and other.converges
     ]
-    held, lqr_held = ([each for each in some if not each.lost] for some in (flown, linear))
+    held, lqr_held = ([each for each in some if each.converges] for some in (flown, linear))
     rate = None
     if place.equilibrium is not None:
         states = dict(zip(point.model.states, place.equilibrium.states.tolist(), strict=True))
@@ -230,9 +230,9 @@ def flight_costs(
         searched=searched,
         found=table.found,
         refused=table.refused if searched else 0,
-        lost=sum(each.lost for each in flown),
+        lost=len(flown) - len(held),
         seconds=max((each.seconds for each in flown), default=0.0),
-        lqr_lost=sum(each.lost for each in linear),
+        lqr_lost=len(linear) - len(lqr_held),
         both=len(both),
         unresolved=sum(not each.resolved for each in (*held, *lqr_held)),
         policy_over_best=Ratios.of([each.over_best for each in held if each.over_best]),

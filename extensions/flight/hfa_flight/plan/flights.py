@@ -185,9 +185,9 @@ class Flights:
     ) -> SimulatedFlight:
         """Return the simulated flight of a closed loop from an initial condition.
 
-        A flight that is not at the trim after `seconds` is repeated until the slowest mode of a
-        sampled policy has decayed, at most for `_LONGEST`. The simulation ends early if a state
-        deviates by more than `FAR` nominal values. It is repeated with half the step until cost and
+        A flight inside that is not at the trim after `seconds` is repeated until the slowest mode
+        of a sampled policy has decayed, at most for `_LONGEST`. The simulation ends early if a
+        state deviates by more than `FAR` nominal values. It is repeated with half the step until cost and
         departure hardly change, at most three times. A policy in Python is simulated once.
 
         start: initial deviations z, (k,)
@@ -195,7 +195,9 @@ class Flights:
         policy: policy of the loop with other tabulated inputs, or None for the loop's own policy
         """
         flight = self._flown(loop, start, seconds, policy)
-        longer = 0.0 if flight.converges else settling_time(policy or loop.loop.policy)
+        if flight.converges or flight.departure is not None:
+            return flight
+        longer = settling_time(policy or loop.loop.policy)
         return self._flown(loop, start, longer, policy) if longer > seconds else flight
 
     def _flown(
@@ -238,7 +240,7 @@ class Flights:
         """Return a simulated flight with its cost, first departure from the envelope and saturated
         inputs.
 
-        The cost is inf unless the flight has returned to the trim (`has_returned`).
+        The cost is inf if the flight left the envelope or has not returned (`has_returned`).
 
         policy: the simulated policy
         rows: deviations of the simulated states and inputs from the trim
@@ -252,7 +254,8 @@ class Flights:
         left = departure(problem.envelope, rows.times, states, moving_air=False)
         with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
             cost = float(rows.cost[-1]) + float(z[-1] @ problem.P @ z[-1])
-        if not has_returned(problem.model, z[-1:], problem.P, rows.cost[-1:]).all():
+        is_back = has_returned(problem.model, z[-1:], problem.P, rows.cost[-1:]).all()
+        if left is not None or not is_back:
             cost = math.inf
         shares = share_at_limits(problem.model, inputs)
         return SimulatedFlight(

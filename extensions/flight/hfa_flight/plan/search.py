@@ -205,7 +205,7 @@ class BestFlights:
         """
         for _ in range(_EXTENSIONS):
             linear = self.flights.linear(start, (1.0 + AFTER) * horizon)
-            if not linear.lost:
+            if linear.converges:
                 break
             horizon *= _LONGER
         return linear
@@ -400,10 +400,10 @@ class BestFlights:
             "linear loop": self._linear_guess(start),
             "slow decay": self._decay(start, 3.0 / seconds),
         }
-        if linear.lost:
-            first["fast decay"] = self._decay(start, 10.0 / seconds)
-        else:
+        if linear.converges:
             first["linear loop"] = self._guess_of_flight(linear)
+        else:
+            first["fast decay"] = self._decay(start, 10.0 / seconds)
         adapted: list[tuple[Proposal, Proposal]] = []
         proposals = self._solved(start, seconds, first, adapted)
         costs = [proposal.cost for proposal in proposals.values()]
@@ -518,8 +518,8 @@ def difference_of_meshes(meshes: Mapping[int, float]) -> float:
 
 def _cheapest_inside(flights: list[SimulatedFlight]) -> SimulatedFlight | None:
     """Return the cheapest of the flights that return inside the envelope, or None."""
-    inside = [each for each in flights if not each.lost]
-    return min(inside, key=lambda each: each.cost, default=None)
+    converging = [each for each in flights if each.converges]
+    return min(converging, key=lambda each: each.cost, default=None)
 
 
 def _cheapest_first(proposals: Mapping[str, Proposal]) -> list[str]:

@@ -51,9 +51,8 @@ class PolicySummary(Result):
     """Summary of a policy's flights from all initial conditions from which a best flight was found.
 
     policy: name of the policy.
-    lost: number of flights that left the envelope or do not converge to the trim.
+    lost: number of flights that do not converge: that left the envelope or are not at the trim.
     left: number of flights that left the envelope.
-    converged: number of flights that converge to the trim, within the envelope or not.
     median: median of the cost relative to the best flights found, over the flights that converge,
         or None if none converges.
     high: 90 % quantile of this relative cost, or None if no flight converges.
@@ -63,14 +62,15 @@ class PolicySummary(Result):
     policy: str
     lost: int
     left: int
-    converged: int
     median: float | None
     high: float | None
     worst: float | None
 
     def row(self) -> Row:
         """Return the row of a report: the median, with the other figures in its note."""
-        counts = f"{self.left} leave the envelope, {self.converged} converge"
+        counts = f"{self.lost} do not converge"
+        if self.left:
+            counts += f" ({self.left} leave the envelope)"
         if self.median is None:
             return Row(self.policy, "-", note=counts)
         note = f"90 %: {self.high:.4g}, worst: {self.worst:.4g}; {counts}"
@@ -115,7 +115,7 @@ class StartsTable(OfProblem, Result, Reported):
             policy = [each for flown in self.flights for each in flown.policies]
             own = [each for each in policy if each.policy == name]
             what = f"the {name} converges within the limits"
-            held[what] = sum(not each.lost for each in own)
+            held[what] = sum(each.converges for each in own)
         return [
             f"{what} from {count} of {self.starts} initial conditions{need_text(self.share)}"
             for what, count in held.items()
@@ -211,10 +211,9 @@ class StartsTable(OfProblem, Result, Reported):
 
 def _summary(column: Sequence[FlightRow]) -> PolicySummary:
     ratios = [each.over_best for each in column if each.over_best is not None]
-    lost = sum(each.lost for each in column)
+    lost = sum(not each.converges for each in column)
     left = sum(each.departure is not None for each in column)
-    converged = sum(each.converges for each in column)
-    counts = (column[0].policy, lost, left, converged)
+    counts = (column[0].policy, lost, left)
     if not ratios:
         return PolicySummary(*counts, None, None, None)
     median, high = np.quantile(ratios, [0.5, 0.9]).tolist()

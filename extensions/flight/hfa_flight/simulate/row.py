@@ -17,8 +17,8 @@ class FlightRow(Result):
     """Flight of a policy from an initial condition to a trim, without its time history.
 
     policy: name of the policy.
-    cost: cost of the flight and of the linear policy after it, or inf if the flight has not
-        returned to the trim.
+    cost: cost of the flight and of the linear policy after it, or inf if the flight leaves the
+        envelope or has not returned to the trim.
     departure: first departure from the envelope (state, time, value, limit), or None if the flight
         stays within.
     saturated: names of the inputs that reach a limit.
@@ -38,7 +38,7 @@ class FlightRow(Result):
 
     @property
     def converges(self) -> bool:
-        """True if the flight returns to the trim, even if it left the envelope."""
+        """True if the flight stays within the envelope and returns to the trim."""
         return math.isfinite(self.cost)
 
     @property
@@ -52,27 +52,16 @@ class FlightRow(Result):
         return self.integration is None or self.integration.is_resolved
 
     @property
-    def lost(self) -> bool:
-        """True if the flight left the envelope or does not return to the trim."""
-        return bool(self.loss)
-
-    @property
     def loss(self) -> str:
-        """How the flight is lost, or "" if it returns inside the envelope."""
+        """How the flight is lost, or "" if it converges."""
         if self.departure is not None:
             return "leaves the envelope"
-        return "" if self.converges else self._convergence
-
-    @property
-    def _convergence(self) -> str:
-        return (
-            Outcome.CONVERGED if self.converges else f"not at the trim after {self.seconds:.3g} s"
-        )
+        return "" if self.converges else f"not at the trim after {self.seconds:.3g} s"
 
     def outcome(self) -> str:
         """Return the outcome in words, with the state and limit of a departure."""
-        left = "" if self.departure is None else f"{self.departure.text()}; "
-        return left + self._convergence
+        left = None if self.departure is None else self.departure.text()
+        return left or self.loss or Outcome.CONVERGED
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

@@ -64,6 +64,25 @@ def test_policies_in_any_form_are_compared_with_the_best_flight() -> None:
     assert (drifting.policy, drifting.converges) == ("none", False)
 
 
+def test_a_flight_that_leaves_and_comes_back_does_not_converge() -> None:
+    """At the trim at its end, but faster than permitted before: as for `fly`, not returned."""
+    model = cart()
+    point = hfa.trim(model)
+    limits = {"velocity": (-0.5, 1.0)}
+    start = {"position": 2.0, "velocity": 0.0}
+    K = np.array([[1.0, np.sqrt(3.0)]])
+    best = hfa.optimize(model, point, start, limits=limits, policies={"gain": K})
+    left = best.policies[-1]
+    np.testing.assert_allclose(best.compared[-1].states[-1], point.x, atol=1e-2)
+    assert (left.converges, left.over_best, left.departure.state) == (False, None, "velocity")
+    saturated = lambda t, X: np.clip(-K @ list(X), -1.0, 1.0)  # noqa: E731
+    flown = hfa.fly(
+        model, point, saturated, 9.0, initial=start, envelope=limits, weights=(best.Q, best.R)
+    )
+    assert flown.departure.time == pytest.approx(left.departure.time, abs=0.02)
+    assert flown.returned is False
+
+
 @pytest.mark.slow  # test_saturated_double_integrator_cost_equals_closed_form is fast
 def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
     """SciPy's integrator computes the same cost within 0.5 % for the inputs of the best flight.

@@ -24,15 +24,15 @@ PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 def test_the_hfa_leaves_the_envelope_with_exact_policy(capsys: pytest.CaptureFixture[str]) -> None:
     """From the paper's x(0) at 15 deg, the pitch rate leaves the envelope with the exact policy.
 
-    The exact policy and the linear optimum cost more than four times the best flight found.
+    A flight that left has no cost, though it is at the trim at its end.
     """
     assert main(["optimize", "--dihedral", "15", "--start", "speed=5,alpha=2.8648", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     linear, exact = data["policies"]
     assert exact["policy"] == "exact game policy, saturated"
     assert exact["departure"]["state"] == "pitch_rate"
-    assert exact["over_best"] > 4.0
-    assert linear["over_best"] > 4.0
+    assert (exact["converges"], exact["over_best"]) == (False, None)
+    assert (linear["converges"], linear["cost"]) == (False, None)
     assert data["linear_cost"] < 0.5 * data["cost"]
     assert data["start"] == pytest.approx({"speed": 5.0, "alpha": 0.05}, rel=1e-4)
 
