@@ -187,8 +187,8 @@ class Flights:
 
         A flight inside that is not at the trim after `seconds` is repeated until the slowest mode
         of a sampled policy has decayed, at most for `_LONGEST`. The simulation ends early if a
-        state deviates by more than `FAR` nominal values. It is repeated with half the step until cost and
-        departure hardly change, at most three times. A policy in Python is simulated once.
+        state deviates by more than `FAR` nominal values. It is repeated with half the step until
+        cost and departure hardly change, at most three times. A policy in Python is simulated once.
 
         start: initial deviations z, (k,)
         seconds: duration of the flight, s, if it is then at the trim

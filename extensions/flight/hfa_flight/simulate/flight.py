@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -275,14 +276,21 @@ def fly_within(
 def _refuse_invalid(point: OperatingPoint, flight: Deviations) -> None:
     """Raise NoSolutionError if the equations of the model are not valid in a flight."""
     native = point.model.native
-    if native.domain.flown is None:
+    flown = native.domain.flown
+    if flown is None:
         return
     X = native.native_values(native.state_names, flight.states + point.x)
     U = native.native_values(native.input_names, flight.inputs + point.u)
-    reason = native.domain.flown(X, U, native.p)
-    if reason:
+
+    def reason(rows: int) -> str:
+        """Return the reason why the equations are not valid in the first rows, or ""."""
+        return flown(X[:rows], U[:rows], native.p)
+
+    if reason(len(X)):
+        row = bisect_left(range(1, len(X)), True, key=lambda rows: bool(reason(rows)))
         raise NoSolutionError(
-            f"{point.model.title}: no flight: {reason}; it is met by {flight.times[-1]:.4g} s"
+            f"{point.model.title}: no flight: {reason(row + 1)}; it is met at "
+            f"{flight.times[row]:.4g} s"
         )
 
 
