@@ -27,17 +27,12 @@ from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Cell, Table
-from trim.hfa.printed import (
-    comparison_table,
-    entry_bands,
-    has_bands,
-    printed_at,
-    with_bands,
-)
+from trim.hfa.linear_report import linear_model_report
+from trim.hfa.printed import printed_at
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
 from trim.reports.first_lines import subject
-from trim.reports.linear_report import linear_model_report, matrices, units_in_words
+from trim.reports.linear_report import matrices, units_in_words
 from trim.reports.trim_report import trim_report
 from verification.figures import verdict_figure
 
@@ -151,7 +146,7 @@ def angle_report(job: MainJob, angle: Position) -> Report:
     title = f"Dihedral {angle.dihedral_deg:.6g} deg: model, game, critic"
     if model is None:
         return Report(title, (f"No trim: {angle.reason}",), data=data)
-    reports = {"model": _model_report(job, angle, model)}
+    reports = {"model": _model_report(model)}
     if angle.solution is not None:
         reports["solution"] = angle.solution.report()
     if angle.check is not None:
@@ -200,18 +195,14 @@ def point_reports(position: Position) -> PointReports:
     )
 
 
-def _model_report(job: MainJob, angle: Position, model: LinearModel) -> Report:
+def _model_report(model: LinearModel) -> Report:
     """Return the report of the linear model at an angle."""
-    bands = (
-        entry_bands(job.parameters, angle.condition, model) if has_bands(job.parameters) else None
-    )
-    report = with_bands(linear_model_report(model), model, bands)
+    report = linear_model_report(model)
     printed = printed_at(model.point)
     if printed is None or model.point.model.source.native is not None:  # printed values are in feet
         return report
     beside: tuple[Part, ...] = printed_comparison_tables(model, printed)
-    kept = report.parts[len(beside) :]
-    return replace(report, parts=(*beside, _COLORS, *kept, comparison_table(model, printed)))
+    return replace(report, parts=(*beside, _COLORS, *report.parts[len(beside) :]))
 
 
 def page(job: MainJob, report: Report, origin: Provenance) -> str:

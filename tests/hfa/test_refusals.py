@@ -87,8 +87,7 @@ REFUSED = {
         ("--dihedral 15 --limit throttle=1", "throttle is '1'; give LOW:HIGH"),
         (
             "--dihedral 15 --outputs lift_centre",
-            "--outputs contains the unknown name 'lift_centre'; did you mean lift_center? choose from speed, "
-            "alpha",
+            "unknown output 'lift_centre'; did you mean lift_center? choose from speed, alpha",
         ),
         ("--dihedral 15 -o result.xyz", "the suffix '.xyz' is unknown; use .json"),
         ("--dihedral 15 -o folder.json", "folder.json is a folder"),

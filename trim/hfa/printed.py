@@ -30,12 +30,10 @@ from hfa_support.reporting.results import ByValue, Result
 from hfa_support.reporting.text import Table, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
-from trim.hfa.other_dynamics import differences_group, mode_differences
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import level_model
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
-from trim.reports.linear_report import matrices
 
 #: Relative difference below which parameters count as the packaged ones: another seed or machine
 #: changes them by less.
@@ -175,16 +173,6 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
     return None
 
 
-def with_printed_matrices(report: Report, model: LinearModel, published: PublishedModel) -> Report:
-    """Return the report of a linear model, with a table that compares A and B with the printed
-    matrices.
-
-    published: the printed pair (A, B)
-    """
-    beside = replace(report, parts=(*report.parts, comparison_table(model, published)))
-    return beside.with_data(printed={"A": published.A, "B": published.B})
-
-
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
     """Return a table of a linear model's entries and the printed entries.
 
@@ -258,87 +246,11 @@ class Bands(ByValue, Reported):
         )
 
 
-def with_bands(
-    report: Report, model: LinearModel, bands: Bands | None, other: LinearModel | None = None
-) -> Report:
-    """Return the report of a linear model with its error bands, and its differences from other
-    dynamics.
-
-    A sentence in the report states the largest band and the largest difference.
-
-    report: report of the linear model
-    model: the linear model
-    bands: bands of the model's entries, or None if unknown
-    other: the model with the other dynamics at the same condition, or None
+def has_bands(values: Parameters) -> bool:
+    """Return whether parameters equal the identified ones to 1e-7; the covariance of others is
+    unknown.
     """
-    tables = len(matrices(model))
-    sentence = _trust_in(bands, model, other)
-    parts = (*report.parts[:tables], sentence, *report.parts[tables:])
-    found: dict[str, Any] = {}
-    by_matrix: dict[str, np.ndarray] = {}
-    if bands is not None:
-        by_matrix = {"A": bands.A, "B": bands.B}
-        found = {"A_band": bands.A, "B_band": bands.B}
-    if other is not None:
-        differences = mode_differences(model.modes, other.modes)
-        name = other.point.dynamics
-        parts = (*parts, differences_group(name, differences))
-        found |= {
-            "other_dynamics": name,
-            "A_difference": other.A - model.A,
-            "B_difference": other.B - model.B,
-            "mode_differences": differences,
-        }
-    rows = []
-    for row in report.records.rows:
-        matrix, row_name, column = row[:3]
-        band: Any = ""
-        if matrix in by_matrix:
-            columns = model.states if matrix == "A" else model.inputs
-            place = (model.states.index(row_name), columns.index(column))
-            band = by_matrix[matrix][place]
-        rows.append((*row, band))
-    records = Table((*report.records.header, "band"), rows)
-    return replace(report, parts=parts, records=records).with_data(found)
-
-
-def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None) -> str:
-    """Return sentences on the largest error band and the largest difference from other dynamics."""
-    sentences = []
-    if bands is not None:
-        largest = _largest(bands.A, bands.B)
-        sentences.append(f"Largest band of an entry from the printed rounding: {largest}")
-    else:
-        sentences.append(
-            "No error bands: only the six printed states of the identified aircraft have them"
-        )
-    if other is not None:
-        differences = np.abs(other.A - model.A), np.abs(other.B - model.B)
-        own = np.abs(np.hstack([model.A, model.B])).ravel()
-        place = int(np.hstack(differences).argmax())
-        percent = f" ({100.0 * max(d.max() for d in differences) / own[place]:.3g} %)"
-        sentences.append(
-            f"Largest difference of an entry to {other.point.dynamics} dynamics: "
-            f"{_largest(*differences)}{percent if own[place] else ''}"
-        )
-    return "\n".join(sentences)
-
-
-def _largest(A: np.ndarray, B: np.ndarray) -> str:
-    """Return the largest entry of A and B with its name, as text: "0.1 in A(speed, alpha)"."""
-    name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
-    row, column = np.unravel_index(largest.argmax(), largest.shape)
-    return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"
-
-
-def has_bands(parameters: ParameterSet) -> bool:
-    """Return whether error bands exist for these parameters.
-
-    The parameters must have a covariance and equal the identified values to 1e-7. The covariance of
-    other values is unknown.
-    """
-    same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
-    return same and parameters.covariance.size > 0
+    return np.allclose(values, default_parameters().values, rtol=_SAME, atol=0.0)
 
 
 def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
@@ -367,7 +279,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
         raise BadInputError(
             f"error bands exist only for the states {', '.join(LINEAR_STATES)}; select these states"
         )
-    if not has_bands(parameters):
+    if not has_bands(parameters.values) or not parameters.covariance.size:
         raise BadInputError(
             "error bands exist only for the identified parameters with their covariance; "
             "use the parameters.toml of `python -m studies.identification`, unchanged"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.modes import spectrum
 from trim.linear.transfer import ROUNDING, StateSpace, System, Transfer, gain_and_roots
@@ -134,32 +133,28 @@ def bode_frequencies(A: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([even, np.outer(moving, around).ravel()]))
 
 
-def with_transfers(report: Report, system: System) -> Report:
-    """Return the report of a linear model, with its transmission zeros and transfer functions
-    added.
+def transfers_table(functions: Iterable[Transfer]) -> Table:
+    """Return a table of transfer functions without those that are 0."""
+    rows = [
+        (
+            f"{transfer.output} / {transfer.input}",
+            f"{transfer.gain:.6g}",
+            f"{transfer.static:.6g}",
+            _pairs_text(transfer.zeros),
+            _pairs_text(transfer.poles),
+        )
+        for transfer in functions
+        if transfer.gain
+    ]
+    return Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
 
-    Transfer functions that are 0 are omitted from the table.
-    """
-    zeros, functions = system.zeros(), transfers(system)
-    rows = []
-    for transfer in functions:
-        if transfer.gain:
-            rows.append(
-                (
-                    f"{transfer.output} / {transfer.input}",
-                    f"{transfer.gain:.6g}",
-                    f"{transfer.static:.6g}",
-                    _pairs_text(transfer.zeros),
-                    _pairs_text(transfer.poles),
-                )
-            )
-    sentence = (
+
+def zeros_in_words(system: System, zeros: np.ndarray) -> str:
+    """Return a sentence on the transmission zeros of a system."""
+    return (
         f"Transmission zeros from {', '.join(system.inputs)} to {', '.join(system.outputs)}, 1/s: "
         f"{_pairs_text(zeros)}"
     )
-    table = Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
-    report = replace(report, parts=(*report.parts, sentence, table))
-    return report.with_data(zeros=zeros, transfers=functions)
 
 
 def _pairs_text(roots: np.ndarray) -> str:

@@ -55,6 +55,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     disturbances: names of the disturbances w.
     kinks: notes on entries of A and B at kinks, which are means of both sides, and on rates that
         jump.
+    reduction: note on the states that were omitted by choice, or "".
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -78,6 +79,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     output_offsets: Vector
     disturbances: tuple[str, ...]
     kinks: tuple[str, ...]
+    reduction: str = ""
 
     def __post_init__(self) -> None:
         """Make A and B indexable by names."""
@@ -224,12 +226,13 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Notes on the operating point, omitted input dynamics, entries of A and B at kinks, and
-        rates that jump.
+        """Notes on the operating point, omitted input dynamics, entries of A and B at kinks, rates
+        that jump, and omitted states.
         """
         signals = self.model.inputs
         moving = [signals[name].moving for name in self.inputs if signals[name].moving]
-        return [*self.point.warnings, *moving, *self.kinks]
+        reduction = [self.reduction] if self.reduction else []
+        return [*self.point.warnings, *moving, *self.kinks, *reduction]
 
     @property
     def modes(self) -> ByName[Mode]:

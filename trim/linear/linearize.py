@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from trim.linear.kinks import linearization_at
 from trim.linear.linear_model import LinearModel
-from trim.linear.reduction import positions
+from trim.linear.reduction import positions, reduction_note
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
@@ -37,7 +38,8 @@ def linearize(
     point: operating point of the model
     full: whether all states are kept; by default only the model's linear states, for the flexible
         aircraft the paper's six (Section 2.2)
-    states, inputs, residualize: as in `LinearModel.select`, of all states of the model
+    states, inputs, residualize: as in `LinearModel.select`, of all states of the model; a note
+        names the states that are then omitted (`LinearModel.reduction`)
     outputs: names of outputs or states; by default the states of the linear model
     disturbances: names; by default the first disturbance if `outputs` are given, otherwise none
 
@@ -51,10 +53,14 @@ def linearize(
     """
     point._refuse_other(model)
     if states or inputs or residualize:
+        positions("state", (*(states or ()), *residualize), tuple(model.states))
         kept = states or [name for name in model.linear if name not in residualize]
         shown = outputs or tuple(kept)
         whole = linearize(model, point, full=True, outputs=shown, disturbances=disturbances or ())
-        return whole.select(kept, inputs, residualize=residualize)
+        linear = whole.select(kept, inputs, residualize=residualize)
+        declared = whole.select(model.linear)
+        note = reduction_note(linear.matrices, declared.matrices, tuple(residualize))
+        return replace(linear, reduction=note)
     every_state = tuple(model.states)
     states = every_state if full else model.linear
     rows = np.array(model.state_places(states))
@@ -81,6 +87,20 @@ def linearize(
         disturbances=tuple(disturbances),
         kinks=kinks,
     )
+
+
+def direct_disturbances(
+    model: Model, point: OperatingPoint, kept: Sequence[str]
+) -> tuple[str, ...]:
+    """Return all disturbances of a model, or none if one acts on the kept states through an omitted
+    state: a linear model of the kept states has no column for this effect.
+
+    kept: names of the states of the linear model, with those that are residualized
+    """
+    whole = linearize(model, point, full=True, disturbances=tuple(model.disturbances))
+    rows = np.isin(whole.states, kept)
+    through = np.any(whole.A[np.ix_(rows, ~rows)], axis=0) & np.any(whole.E[~rows], axis=1)
+    return () if through.any() else whole.disturbances
 
 
 def level_model(model: Model, scheduled: float) -> LinearModel:

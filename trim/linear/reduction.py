@@ -186,8 +186,8 @@ def reduction_note(kept: Matrices, whole: Matrices, residualized: tuple[str, ...
     eigenvalues = np.linalg.eigvals(whole.A)
     sizes = np.maximum(np.abs(eigenvalues), 1e-12)
     apart = [np.min(np.abs(value - eigenvalues) / sizes) for value in np.linalg.eigvals(kept.A)]
-    advice = "" if residualized else " (--residualize STATES keeps the steady effect of states)"
+    advice = "" if residualized else " (residualize keeps the steady effect of states)"
     return (
-        f"{'; '.join(clauses)}; the eigenvalues differ by up to {100 * float(max(apart)):.2g} %"
+        f"{'; '.join(clauses)}; the eigenvalues differ by up to {max(100 * max(apart), 1e-9):.2g} %"
         f" from the eigenvalues with all {len(whole.states)} states{advice}"
     )

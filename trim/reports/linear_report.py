@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import WIDTH, Table, degrees, matrix_table, wrapped
+from trim.linear.frequency import transfers, transfers_table, zeros_in_words
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
 from trim.reports.first_lines import first_line, mode_lines, without_lines
@@ -38,27 +39,44 @@ class Block(NamedTuple):
     values: np.ndarray
 
 
-def linear_model_report(model: LinearModel) -> Report:
-    """Return a report of a linear model: A, B, the offsets and the modes.
+class Beside(NamedTuple):
+    """What is known of a linear model from elsewhere, for its report.
+
+    accuracy: sentences on the accuracy of the entries
+    others: figures of other models at the same condition
+    printed: tables of entries that were published
+    bands: matrix -> half-widths of the error bands of its entries
+    data: entries by name
+    """
+
+    accuracy: str
+    others: Sequence[Group]
+    printed: Sequence[Table]
+    bands: Mapping[str, np.ndarray]
+    data: Mapping[str, Any]
+
+
+def report_of_linear(
+    model: LinearModel, *, transfer_functions: bool = False, beside: Beside | None = None
+) -> Report:
+    """Return a report of a linear model: A, B, the offsets, the modes and the handling qualities.
 
     C and D are included if the outputs are not the states. The data of the report also contain E
     and F.
+
+    transfer_functions: whether to add the transmission zeros and the transfer functions that are
+        not 0
+    beside: what is known from elsewhere
     """
     point = model.point
     signals = point.model
+    trimmed = Trimmed(point)
+    modes = model.modes
     blocks = _blocks(model)
-    names = (*model.states, *model.inputs)
-    offsets = (*model.state_offsets.tolist(), *model.input_offsets.tolist())
-    offset_rows = [
-        (name, *degrees(value, signals.unit(name)))
-        for name, value in zip(names, offsets, strict=True)
-    ]
     matrix_names = [block.name for block in blocks]
     equations = "x' = A x + B u, "
     if "C" in matrix_names:
         equations += "y = C x + D u, "
-    modes = model.modes
-    trimmed = Trimmed(point)
     title = "\n".join(
         [
             first_line(trimmed, "linearized", modes),
@@ -71,21 +89,44 @@ def linear_model_report(model: LinearModel) -> Report:
             ),
         ]
     )
-    return Report(
-        title=title,
-        parts=[
-            *matrices(model),
-            Table(("offset", "value", "unit"), offset_rows),
-            modes_table(modes, signals.time_unit),
-        ],
-        notes=without_lines(model.warnings),
-        data=model.as_data(),
-        records=_records(model, blocks),
-    )
+    parts: list[Part] = [*matrices(model)]
+    data = model.as_data()
+    if beside is not None:
+        parts.append(beside.accuracy)
+        data |= beside.data
+    names = (*model.states, *model.inputs)
+    offsets = (*model.state_offsets.tolist(), *model.input_offsets.tolist())
+    offset_rows = [
+        (name, *degrees(value, signals.unit(name)))
+        for name, value in zip(names, offsets, strict=True)
+    ]
+    parts.append(Table(("offset", "value", "unit"), offset_rows))
+    parts.append(modes_table(modes, signals.time_unit))
+    if beside is not None:
+        parts += beside.others
+    qualities = tuple(handling_qualities(trimmed))
+    if qualities:
+        of_all = f", all {len(signals.linear)} states" * (len(model.states) < len(signals.linear))
+        parts.append(Group(f"handling qualities{of_all}", qualities))
+        data["handling_qualities"] = {row.name: row for row in qualities}
+    if transfer_functions:
+        system = model.system
+        zeros, functions = system.zeros(), transfers(system)
+        parts += [zeros_in_words(system, zeros), transfers_table(functions)]
+        data |= {"zeros": zeros, "transfers": functions}
+    if beside is not None:
+        parts += beside.printed
+    records = _records(model, blocks, None if beside is None else beside.bands)
+    return Report(title, parts, without_lines(model.warnings), data, records)
 
 
-def _records(model: LinearModel, blocks: list[Block]) -> Table:
-    """Return a table in full precision of the entries and offsets of a linear model."""
+def _records(
+    model: LinearModel, blocks: list[Block], bands: Mapping[str, np.ndarray] | None
+) -> Table:
+    """Return a table in full precision of the entries and offsets of a linear model.
+
+    bands: as in `Beside`, for a column of their own; None without this column
+    """
     # Each row is (matrix, row name, column name, value, unit). An offset has "X0" or "U0" in place
     # of a matrix.
     rows: list[tuple[Any, ...]] = []
@@ -93,12 +134,16 @@ def _records(model: LinearModel, blocks: list[Block]) -> Table:
         for i, row in enumerate(block.rows):
             for j, column in enumerate(block.columns):
                 unit = f"({block.row_units[i]})/({block.column_units[j]})"
-                rows.append((block.name, row, column, block.values[i, j], unit))
+                entry = (block.name, row, column, block.values[i, j], unit)
+                band = bands[block.name][i, j] if bands and block.name in bands else ""
+                rows.append(entry if bands is None else (*entry, band))
     unit_of = model.model.unit
     for offset, names in (("X0", model.states), ("U0", model.inputs)):
         for name in names:
-            rows.append((offset, name, "", model.point.values[name], unit_of(name)))
-    return Table(("matrix", "row", "column", "value", "unit"), rows)
+            entry = (offset, name, "", model.point.values[name], unit_of(name))
+            rows.append(entry if bands is None else (*entry, ""))
+    header = ("matrix", "row", "column", "value", "unit")
+    return Table(header if bands is None else (*header, "band"), rows)
 
 
 def units_in_words(model: LinearModel) -> str:
@@ -154,19 +199,3 @@ def _blocks(model: LinearModel) -> list[Block]:
         blocks.append(Block("C", *outputs, *of_states, model.C))
         blocks.append(Block("D", *outputs, *of_inputs, model.D))
     return blocks
-
-
-def with_qualities(report: Report, linear: LinearModel) -> Report:
-    """Return the report of a linear model with the handling qualities of the aircraft.
-
-    The report is unchanged without handling qualities. If the linear model has fewer states than
-    the aircraft, the heading says of how many the figures are.
-    """
-    qualities = tuple(handling_qualities(Trimmed(linear.point)))
-    if not qualities:
-        return report
-    whole = linear.model.linear
-    of_all = f", all {len(whole)} states" * (len(linear.states) < len(whole))
-    group = Group(f"handling qualities{of_all}", qualities)
-    data = {row.name: row for row in qualities}
-    return replace(report, parts=(*report.parts, group)).with_data(handling_qualities=data)

@@ -109,6 +109,23 @@ def test_a_band_is_two_standard_errors(parameter_set: Any, dynamics: str) -> Non
     np.testing.assert_allclose(np.hstack([bands.A, bands.B]), 2 * errors, rtol=1e-3, atol=1e-9)
 
 
+def test_the_report_has_bands_of_the_identified_parameters_alone() -> None:
+    """The report of a linear model has the bands of its entries, which the command prints too, and
+    none if a parameter is not the identified one.
+    """
+    model = hfa.aircraft()
+    shipped, heavier = (
+        hfa.linearize(each, hfa.trim(each, level_flight(np.radians(10.0))))
+        for each in (
+            model,
+            model.with_parameters(boom_length=model.parameters["boom_length"].start * 1.01),
+        )
+    )
+    bands = bands_of(hfa.paper.default_parameters())
+    np.testing.assert_array_equal(shipped.report().data["A_band"], bands.A)
+    assert "A_band" not in heavier.report().data
+
+
 # Winds at each panel, compared with the released simulation.
 
 NAMES = tuple(hfa.aircraft().disturbances)

@@ -1,0 +1,98 @@
+"""Report of a linear model; of the paper's flexible aircraft with its error bands, other dynamics
+and the printed matrices.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hfa_model.declaration import is_hfa, parameters_of
+from hfa_model.parameters import default_parameters
+from hfa_model.variants import VARIANTS
+from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.rows import Group
+from hfa_support.reporting.text import Table
+from trim.hfa.other_dynamics import differences_group, mode_differences, with_other_dynamics
+from trim.hfa.printed import Bands, comparison_table, entry_bands, has_bands, printed_at
+from trim.linear.linear_model import LinearModel
+from trim.reports.linear_report import Beside, report_of_linear
+
+
+def linear_model_report(model: LinearModel, *, transfer_functions: bool = False) -> Report:
+    """Return a report of a linear model: A, B, the offsets, the modes and the handling qualities.
+
+    C and D are included if the outputs are not the states. The data of the report also contain E
+    and F. For the paper's flexible aircraft, the error bands of the entries, the differences from
+    other dynamics and from the printed matrices are added where they are known.
+
+    transfer_functions: whether to add the transmission zeros and the transfer functions that are
+        not 0
+    """
+    beside = _beside(model) if is_hfa(model.model) else None
+    return report_of_linear(model, transfer_functions=transfer_functions, beside=beside)
+
+
+def _beside(model: LinearModel) -> Beside:
+    """Return what is known of a linear model of the flexible aircraft from elsewhere."""
+    aircraft = model.model
+    names_of_print = (LINEAR_STATES, INPUTS)
+    if aircraft.name not in VARIANTS or (model.states, model.inputs) != names_of_print:
+        return Beside(_accuracy(None, model, None), [], [], {}, {})
+    problem = model.point.problem
+    bands = None
+    if problem is not None and has_bands(parameters_of(aircraft.native)):
+        bands = entry_bands(default_parameters(), problem.asked, model)
+    other = with_other_dynamics(model.point)
+    others: list[Group] = []
+    printed: list[Table] = []
+    data: dict[str, Any] = {}
+    if bands is not None:
+        data |= {"A_band": bands.A, "B_band": bands.B}
+    if other is not None:
+        name = other.point.dynamics
+        differences = mode_differences(model.modes, other.modes)
+        others.append(differences_group(name, differences))
+        data |= {
+            "other_dynamics": name,
+            "A_difference": other.A - model.A,
+            "B_difference": other.B - model.B,
+            "mode_differences": differences,
+        }
+    published = printed_at(model.point)
+    if published is not None and aircraft.source.native is None:  # printed in feet
+        printed.append(comparison_table(model, published))
+        data["printed"] = {"A": published.A, "B": published.B}
+    by_matrix = {} if bands is None else {"A": bands.A, "B": bands.B}
+    return Beside(_accuracy(bands, model, other), others, printed, by_matrix, data)
+
+
+def _accuracy(bands: Bands | None, model: LinearModel, other: LinearModel | None) -> str:
+    """Return sentences on the largest error band and the largest difference from other dynamics."""
+    sentences = []
+    if bands is not None:
+        largest = _largest(bands.A, bands.B)
+        sentences.append(f"Largest band of an entry from the printed rounding: {largest}")
+    else:
+        sentences.append(
+            "No error bands: only the six printed states of the identified aircraft have them"
+        )
+    if other is not None:
+        differences = np.abs(other.A - model.A), np.abs(other.B - model.B)
+        own = np.abs(np.hstack([model.A, model.B])).ravel()
+        place = int(np.hstack(differences).argmax())
+        percent = f" ({100.0 * max(d.max() for d in differences) / own[place]:.3g} %)"
+        sentences.append(
+            f"Largest difference of an entry to {other.point.dynamics} dynamics: "
+            f"{_largest(*differences)}{percent if own[place] else ''}"
+        )
+    return "\n".join(sentences)
+
+
+def _largest(A: np.ndarray, B: np.ndarray) -> str:
+    """Return the largest entry of A and B with its name, as text: "0.1 in A(speed, alpha)"."""
+    name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
+    row, column = np.unravel_index(largest.argmax(), largest.shape)
+    return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"
