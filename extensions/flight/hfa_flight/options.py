@@ -33,7 +33,6 @@ from hfa_flight.air.gusts import Gust, OneMinusCosine
 from hfa_flight.air.names import gust_speed
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, turbulence_of
-from hfa_flight.plan.problem import FlightProblem, flight_problem
 from hfa_flight.policies.laws import LAWS, PREDICTIVE
 from hfa_flight.simulate.envelope import control_limits
 from hfa_support.errors import BadInputError, warn
@@ -198,51 +197,63 @@ def check_policy(request: PolicyOptions, prices: Sequence[str] = (), usual: str 
         )
 
 
-def planning_policy(
-    request: PolicyOptions,
-    linear: LinearModel,
-    limits: Mapping[str, Any],
+def policy_of_law(
+    law: str,
+    game: Game,
+    point: OperatingPoint,
+    limits: Mapping[str, Any] | None = None,
     *,
     is_filtered: bool = False,
+    **settings: float | None,
 ) -> Policy:
-    """Return the policy of a law that plans on the nonlinear model.
+    """Return the policy of a law of a game, without a budget of time for a sample.
 
+    game: game on the linear model at the trim `point`
     limits: state -> (lowest, highest), replacing the limits of the flight envelope
     is_filtered: whether a filter estimates the states, so that limits are narrowed by its errors
+    settings: horizon and margin of the predictive policy, None for the default
     """
-    assert request.law is not None  # the law plans
-    game = _game_of_law(request, linear)
-    game.refuse_cross_weights(f"--law {request.law}")
-    given = {name: getattr(request, name) for name in ("horizon", "margin")}
-    settings = {name: value for name, value in given.items() if value is not None}
-    if is_filtered and request.law == PREDICTIVE:
-        settings.setdefault("margin", _FILTERED_MARGIN)
-    problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
-    return policy_of_law(request.law, problem, game, **settings)
+    from hfa_flight.plan.predictive import predictive
+    from hfa_flight.plan.state_dependent import state_dependent
+
+    if law == EXACT:
+        return exact_policy(game)
+    game.refuse_cross_weights(f"--law {law}")
+    of_game = (point.model, point, game.Q, game.R)
+    if law != PREDICTIVE:
+        return state_dependent(*of_game, delta=game.delta, E=game.E, limits=limits)
+    if is_filtered and settings.get("margin") is None:
+        settings["margin"] = _FILTERED_MARGIN
+    given: dict[str, Any] = {name: each for name, each in settings.items() if each is not None}
+    return predictive(*of_game, delta=game.delta, budget=math.inf, limits=limits, **given)
 
 
-def policy_of_law(law: str, problem: FlightProblem, game: Game, **settings: float) -> Policy:
-    """Return the policy of a law of `LAWS` for a flight problem.
+def exact_policy(game: Game) -> GainPolicy:
+    """Return the exact gain of a game as a policy."""
+    from controller.riccati.gare import unconfirmed_solution
+    from hfa_flight.policies.policy import GainPolicy
 
-    Its samples have no budget of time, so that flights do not depend on the machine.
-
-    settings: horizon and margin of the predictive policy
-    """
-    if law == PREDICTIVE:
-        from hfa_flight.plan.predictive import policy_of
-
-        return policy_of(problem, game, budget=math.inf, **settings)
-    from hfa_flight.plan.state_dependent import state_dependent_of
-
-    return state_dependent_of(problem, game)
+    return GainPolicy(EXACT, unconfirmed_solution(game).K)
 
 
-def _game_of_law(request: PolicyOptions, linear: LinearModel) -> Game:
-    """Return the game that the law solves, and issue the notes on its weights as warnings."""
-    weights = given_weights(request)
+def noted_game(weights: Mapping[str, Any], linear: LinearModel) -> Game:
+    """Return the game of given weights, and issue the notes on the others as warnings."""
     for note in weight_notes(weights, linear):
         warn(note)
     return weighted_game(weights, linear)
+
+
+def behind_a_filter(policy: Policy, scenario: Scenario, point: OperatingPoint) -> Policy:
+    """Return the policy behind the filter of the scenario's noise and turbulence.
+
+    Raises BadInputError without noise.
+    """
+    from hfa_flight.policies.filter import filter
+    from hfa_flight.policies.filtered_policy import own_sample_time
+
+    noise = noise_of_filter(scenario.uncertainty.noise)
+    dt = own_sample_time(policy, scenario.tick)
+    return filter(point.linearize(), noise, scenario.uncertainty.turbulence, dt).policy(policy)
 
 
 def policy_about(request: PolicyOptions, linear: LinearModel) -> GainPolicy | FunctionPolicy:
@@ -252,13 +263,12 @@ def policy_about(request: PolicyOptions, linear: LinearModel) -> GainPolicy | Fu
     saturated at the control limits of the model.
     """
     from controller.critic.critic_file import critic_in
-    from controller.riccati.gare import unconfirmed_solution
     from hfa_flight.policies.policy import GainPolicy, function_policy
 
-    path = request.weights
+    path, weights = request.weights, given_weights(request)
     if path is None:
-        return GainPolicy(EXACT, unconfirmed_solution(_game_of_law(request, linear)).K)
-    game = weighted_game(given_weights(request), linear)
+        return exact_policy(noted_game(weights, linear))
+    game = weighted_game(weights, linear)
     critic = critic_in(path, game, reading_of(request))
     if not critic.linear:
         return function_policy(f"critic of {path}", critic.policy, linear.point)

@@ -38,11 +38,15 @@ from hfa_flight.options import (
     EXACT,
     NONE,
     at_held_altitude,
+    behind_a_filter,
     gust_at,
     gust_option,
     noise_of,
     noise_of_filter,
     noise_option,
+    noted_game,
+    noted_linear_model,
+    policy_of_law,
     turbulence_option,
 )
 from hfa_flight.policies.laws import LAWS
@@ -50,10 +54,10 @@ from hfa_support.errors import BadInputError, choice_of
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
-    from hfa_flight.commands.fly import FlyRequest
     from hfa_flight.judge.assessment import Assessment
     from hfa_flight.policies.deployment.deployed import Deployed
     from hfa_flight.policies.deployment.deployment import Deployment
+    from hfa_flight.samples.monte_carlo import MonteCarlo
 
 _MOST_POINTS = 1000
 _MOST_SAMPLES = 100_000
@@ -294,12 +298,11 @@ def assess(request: AssessRequest) -> int:
 
 def _assess_law(request: AssessRequest) -> int:
     """Fly a law from each trim, print the report of the flights and return the exit code."""
-    from hfa_flight.commands.fly import member_plan
     from hfa_flight.samples.flights_in_air import flights_in_air
 
-    flights = _flights_of_law(request)
+    _refuse_of_law(request)
     given = _given(request)
-    plans = [member_plan(flights, each) for each in given.trims]
+    plans = [_plan_of_law(request, given, trimmed(each)) for each in given.trims]
     assumed = _assumed_trim(request, plans[0].point)
     flown = flights_in_air(plans)
     notes = filter(None, (assumed, *flown.warnings))
@@ -307,13 +310,8 @@ def _assess_law(request: AssessRequest) -> int:
     return 0 if flown.ok else 1
 
 
-def _flights_of_law(request: AssessRequest) -> FlyRequest:
-    """Return the request of `hfa fly` for the flights of a law.
-
-    Raises BadInputError for options that a law does not have, and if all flights are the same.
-    """
-    from hfa_flight.commands.fly import FlyRequest
-
+def _refuse_of_law(request: AssessRequest) -> None:
+    """Raise BadInputError for options that a law does not have, and if all flights are the same."""
     if request.file is not None:
         raise BadInputError(f"{request.file} and --law both give a policy; remove one of the two")
     refuse(request, _OF_DEPLOYMENTS, "cannot be combined with --law; remove one of the two")
@@ -329,11 +327,24 @@ def _flights_of_law(request: AssessRequest) -> FlyRequest:
         )
     if request.samples == 0:
         raise BadInputError("--samples is 0, so --law has no flights; give at least 1")
-    shared = ("law", "seed", "noise", "turbulence", "gust", "filter", "need")
-    return FlyRequest(
-        samples=OF_POLICY if request.samples is None else request.samples,
-        **{name: getattr(request, name) for name in shared},
-    )
+    if request.filter and request.law == NONE:
+        raise BadInputError(f"--filter requires a policy; remove --law {NONE}")
+
+
+def _plan_of_law(request: AssessRequest, given: _Given, point: OperatingPoint) -> MonteCarlo:
+    """Return the plan of the flights of a law from a trim."""
+    from hfa_flight.judge.assess import plan_of
+
+    scenario = _scenario_at(request, given, point)
+    policy = None
+    if request.law is not None and request.law != NONE:
+        game = noted_game({}, noted_linear_model(point.model, point))
+        policy = policy_of_law(request.law, game, point, is_filtered=request.filter)
+    if policy is not None and request.filter:
+        policy = behind_a_filter(policy, scenario, point)
+    samples = OF_POLICY if request.samples is None else request.samples
+    share = request.need.get(SHARE, ALL)
+    return plan_of(policy, point, scenario, samples, request.seed, share)
 
 
 def _assessment(request: AssessRequest, given: _Given, deployed: Deployed) -> Assessment:

@@ -28,13 +28,14 @@ from hfa_flight.options import (
     NONE,
     PolicyOptions,
     ScenarioOptions,
+    behind_a_filter,
     check_policy,
     envelope_of,
     flown_law,
-    noise_of_filter,
+    noted_game,
     noted_linear_model,
-    planning_policy,
     policy_about,
+    policy_of_law,
     require_policy,
     scenario_of,
 )
@@ -48,7 +49,6 @@ from trim.point.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from controller.tracking import Tracking
     from hfa_flight.policies.policy import Policy
-    from hfa_flight.samples.monte_carlo import MonteCarlo
     from hfa_flight.simulate.flight import Flight
 
 _MOST_MEMBERS = 10_000_000
@@ -147,7 +147,7 @@ def fly(request: FlyRequest) -> int:
     oscillation does not decay. Of several flights, every one must pass, or the share of --need.
     """
     if request.members is not None:
-        return _fly_members(request)
+        return _fly_members(request, request.members)
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
     from hfa_flight.simulate.flight import fly
     from trim.linear.linearize import linearize
@@ -263,7 +263,7 @@ def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> Pl
 
         policy = kept_inside(policy, flight_problem(point.model, point), scenario.tick)
     if request.filter:
-        policy = _filtered(policy, scenario, point)
+        policy = behind_a_filter(policy, scenario, point)
     policy, scenario = policy.in_scenario(scenario)
     if request.members is None:
         scenario = scenario.drawn(request.seed, 0, point)
@@ -316,15 +316,22 @@ def _steering(
         if not request.law:
             warn(f"no --law is given: no policy acts (--law {NONE})")
         return open_loop(steps, tuple(model.inputs)), None, None
+    linear = noted_linear_model(model, point)
     if law in LAWS:
-        linear = noted_linear_model(model, point)
-        policy = planning_policy(request, linear, limits, is_filtered=request.filter)
+        policy = policy_of_law(
+            law,
+            noted_game(given_weights(request), linear),
+            point,
+            limits,
+            is_filtered=request.filter,
+            horizon=request.horizon,
+            margin=request.margin,
+        )
         return policy, None, None
     for name in steps.names:
         refuse_unknown("a gain cannot follow a command of", name, model.linear)
     reference = CommandedStates(steps, model.linear) if steps.names else None
     signals = signals_of(request.reference, model)
-    linear = noted_linear_model(model, point)
     policy = policy_about(request, linear)
     if not signals:
         return policy, reference, None
@@ -332,19 +339,6 @@ def _steering(
     tracking = tracking_of(linear, game, policy, signals)
     policy = GainPolicy(policy.name, tracking.K, tracking.inputs)
     return policy, tracking.exact.reference, tracking
-
-
-def _filtered(policy: Policy, scenario: Scenario, point: OperatingPoint) -> Policy:
-    """Return the policy behind the filter of the scenario's noise and turbulence.
-
-    Raises BadInputError without noise.
-    """
-    from hfa_flight.policies.filter import filter
-    from hfa_flight.policies.filtered_policy import own_sample_time
-
-    noise = noise_of_filter(scenario.uncertainty.noise)
-    dt = own_sample_time(policy, scenario.tick)
-    return filter(point.linearize(), noise, scenario.uncertainty.turbulence, dt).policy(policy)
 
 
 def _end_of(result: Flight) -> str:
@@ -357,18 +351,34 @@ def _end_of(result: Flight) -> str:
     return f"{ended}, cost {result.cost:.4g}{ratio}"
 
 
-def _fly_members(request: FlyRequest) -> int:
+def _fly_members(request: FlyRequest, members: int) -> int:
     """Simulate the flights of --samples or --draws, print the report and return the exit code."""
     from hfa_flight.samples.drawn_aircraft import drawn_figure
     from hfa_flight.samples.flights_in_air import flown_report, uncontrolled
+    from hfa_flight.samples.monte_carlo import MonteCarlo
     from hfa_flight.samples.report import member_report
     from hfa_flight.samples.stability import with_stability
     from hfa_flight.samples.store import stream_members
 
     target = request.output
     _refuse_of_members(request)
+    _refuse_contradictions(request)
     given = given_trim(request)
-    plan = member_plan(request, given)
+    spread = None
+    if request.draws is not None:
+        spread = parameter_spread(request, given.common.model, given.parameters)
+    model, point, policy, scenario, envelope, _ = _planned(request, given, trimmed(given))
+    plan = MonteCarlo(
+        members,
+        request.seed,
+        model,
+        point,
+        policy,
+        scenario,
+        envelope,
+        spread,
+        request.need.get(SHARE, ALL),
+    )
     if target is None:
         report = flown_report(plan, request.workers)
     else:
@@ -389,23 +399,6 @@ def _fly_members(request: FlyRequest) -> int:
     in_store = replace(request, output=None)  # the flights are written already
     show(in_store, report, given.source, figure=lambda: drawn_figure(plan), notes=notes)
     return 0 if report.data["ok"] else 1
-
-
-def member_plan(request: FlyRequest, given: GivenTrim) -> MonteCarlo:
-    """Return the plan of the flights of --samples or --draws from a trim.
-
-    Raises BadInputError if options contradict each other.
-    """
-    from hfa_flight.samples.monte_carlo import MonteCarlo
-
-    assert request.members is not None  # --samples or --draws is given
-    _refuse_contradictions(request)
-    spread = None
-    if request.draws is not None:
-        spread = parameter_spread(request, given.common.model, given.parameters)
-    planned = _planned(request, given, trimmed(given))
-    share = request.need.get(SHARE, ALL)
-    return MonteCarlo(request.members, request.seed, *planned[:5], spread, share)
 
 
 def _refuse_of_members(request: FlyRequest) -> None:

@@ -34,7 +34,7 @@ from trim.linear.linearize import linearize
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
-    from hfa_flight.plan.problem import FlightProblem
+    from trim.point.operating_point import OperatingPoint
 
 _MOST_STARTS = 10_000
 #: Name of the policy that solves the game, which does not decide the verdict.
@@ -112,7 +112,9 @@ def _end(request: OptimizeRequest, begin: GivenTrim) -> GivenTrim:
     return trim_with(request, model, at, {**begin.hold, **held})
 
 
-def _policies(request: OptimizeRequest, problem: FlightProblem, game: Game) -> dict[str, Any]:
+def _policies(
+    request: OptimizeRequest, game: Game, point: OperatingPoint, limits: Mapping[str, Any]
+) -> dict[str, Any]:
     """Return the policies to compare with the best flight, by name.
 
     - the exact game policy, unless δ is infinite
@@ -130,7 +132,7 @@ def _policies(request: OptimizeRequest, problem: FlightProblem, game: Game) -> d
     if np.isfinite(game.delta):
         policies[_EXACT] = unconfirmed_solution(game).K
     if request.law:
-        policies[request.law] = policy_of_law(request.law, problem, game)
+        policies[request.law] = policy_of_law(request.law, game, point, limits)
     if request.weights is not None:
         with prefix_errors(request.weights):
             critic = critic_in(request.weights, game, Reading())
@@ -182,7 +184,7 @@ def optimize(request: OptimizeRequest) -> int:
     game = weighted_game(given_weights(request), linearize(model, point))
     game.refuse_cross_weights("the cost of hfa optimize")
     problem = flight_problem(model, point, game.Q, game.R, limits=limits)
-    policies = _policies(request, problem, game)
+    policies = _policies(request, game, point, limits)
     if request.starts is not None:
         progress = ProgressLine("optimize")
         table = flights.optimize_starts(

@@ -120,7 +120,7 @@ def assess(
                 "Uncertainty(noise={...}, turbulence=...))"
             )
         trims = trims_of(model, points)
-        plans = [_plan(deployment, trim, scenario, count, seed, share) for trim in trims]
+        plans = [plan_of(deployment, trim, scenario, count, seed, share) for trim in trims]
         return flights_in_air(plans, progress)
     samples = SAMPLES if samples is None else samples
     refuse_unless_whole("samples", samples, 0)
@@ -144,7 +144,7 @@ def assess(
     )
 
 
-def _plan(
+def plan_of(
     policy: Any, point: OperatingPoint, scenario: Scenario, samples: int, seed: int, share: float
 ) -> MonteCarlo:
     """Return the plan of the flights of a policy from a trim, in noise or moving air."""
@@ -174,7 +174,7 @@ def _in_air(
         )
     samples = min(assessor.samples, _MOST_IN_AIR if is_random else 1)
     policy = assessor.deployed.deployment
-    plan = _plan(policy, point, scenario, samples, assessor.seed, assessor.share)
+    plan = plan_of(policy, point, scenario, samples, assessor.seed, assessor.share)
     return flown_report(plan, 1, progress)
 
 

@@ -31,9 +31,10 @@ _NEAR = 0.5
 #: Price of a soft limit, in units of the largest slope of z'Pz over the usual box, per sample. With
 #: a tenth of it, flights leave the limits where this is cheaper.
 _STIFF = 5.0
-#: Least price of a soft limit, relative to the largest: z'Pz gives a state such as the altitude none.
-#: It sets those of all states of the flexible aircraft but the speed. With a hundredth of it and ten
-#: times of it, 15 flights about x(0) at 5, 10 and 15 deg stay inside and cost the same within 0.3 %.
+#: Least price of a soft limit, relative to the largest: z'Pz gives a state such as the altitude
+#: none. It sets those of all states of the flexible aircraft but the speed. With a hundredth of it
+#: and ten times of it, 15 flights about x(0) at 5, 10 and 15 deg stay inside and cost the same
+#: within 0.3 %.
 _LEAST_PRICE = 0.02
 #: Largest unit of a slack, nominal values.
 _LARGEST_SLACK = 5.0

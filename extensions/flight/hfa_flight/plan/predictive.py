@@ -274,30 +274,12 @@ def predictive(
     """
     if dt is not None:
         refuse_unless_positive("dt", dt, " s")
-    problem = flight_problem(model, point, Q, R, inputs, limits)
-    at_end = game(problem.linear, problem.Q, problem.R, delta=delta)
-    return policy_of(problem, at_end, dt, horizon, margin, budget)
-
-
-def policy_of(
-    problem: FlightProblem,
-    at_end: Game,
-    dt: float | None = None,
-    horizon: float | None = None,
-    margin: float = MARGIN,
-    budget: float | None = None,
-) -> Predictive:
-    """Return the predictive policy of a problem. The arguments are those of `predictive`.
-
-    at_end: game whose P and K are at the end of a plan
-
-    Raises BadInputError for a wrong margin, budget, dt or horizon, and NoSolutionError if the game
-    has no solution.
-    """
     if not 0.0 <= margin < 1.0:
         raise BadInputError(f"margin is {shown(margin)}; give a fraction from 0 to less than 1")
     if budget is not None and not budget > 0.0:
         raise BadInputError(f"budget is {shown(budget)}; give a time above 0 s")
+    problem = flight_problem(model, point, Q, R, inputs, limits)
+    at_end = game(problem.linear, problem.Q, problem.R, delta=delta)
     scaled = ScaledProblem(problem)
     grid = grid_of(scaled, dt, horizon)
     P, K = _end_of(scaled, grid.dt, at_end)

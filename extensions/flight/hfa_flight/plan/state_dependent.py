@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from controller.game.linear_game import game
-from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
 from hfa_flight.plan.grid import sample_time
@@ -253,25 +252,12 @@ def state_dependent(
         raise BadInputError(f"limit_weight is {shown(limit_weight)}; give a number of at least 0")
     problem = flight_problem(model, point, Q, R, limits=limits)
     at_trim = game(problem.linear, problem.Q, problem.R, delta=delta, E=E)
-    return state_dependent_of(problem, at_trim, dt, limit_weight)
-
-
-def state_dependent_of(
-    problem: FlightProblem,
-    at_trim: Game,
-    dt: float | None = None,
-    limit_weight: float = LIMIT_WEIGHT,
-) -> StateDependent:
-    """Return the policy of a problem. The arguments are those of `state_dependent`.
-
-    at_trim: game of the linear model, with E and δ
-    """
     scaled = ScaledProblem(problem)
     of_states = problem.sizes[0][: scaled.sizes[0]]
     P = np.array(solve(at_trim).P) * np.outer(of_states, of_states)
     step = sample_time(scaled, dt)
-    E = np.array(at_trim.E) / of_states[:, None]
-    law = RiccatiLaw(scaled, step, E, at_trim.delta, P, limit_weight)
+    disturbing = np.array(at_trim.E) / of_states[:, None]
+    law = RiccatiLaw(scaled, step, disturbing, at_trim.delta, P, limit_weight)
     weights = [each.tolist() for each in (at_trim.Q, at_trim.R, at_trim.E)]
     identity = {"state-dependent": [weights, at_trim.delta, limit_weight]}
     return StateDependent("state-dependent", problem.point, step, problem, law, identity=identity)
