@@ -1,9 +1,9 @@
 """Operating points, exact linear models, modes and sweeps, for any aircraft."""
 
-from .hfa.front_view import trim_figure as trim_figure
 from .hfa.level_flight import load_condition as load_condition
 from .hfa.linear_report import linear_model_report as linear_model_report
 from .hfa.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
+from .hfa.trim_report import trim_figure as trim_figure, trim_report as trim_report
 from .linear.frequency import transfers as transfers
 from .linear.linear_model import LinearModel as LinearModel
 from .linear.linearize import linearize as linearize
@@ -13,6 +13,6 @@ from .point.condition import release as release, usual_condition as usual_condit
 from .point.solve import TrimError as TrimError
 from .reports.levels import Airplane as Airplane, graded as graded
 from .reports.point_figure import draw_point as draw_point
-from .reports.trim_report import sheet_of as sheet_of, trim_report as trim_report
+from .reports.trim_report import sheet_of as sheet_of
 from .sweeps.interpolated import InterpolatedModel as InterpolatedModel
 from .sweeps.points import trim_points as trim_points

@@ -9,7 +9,6 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import hfa_model
 from hfa.commands.sweep import listed_points
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import one_of
@@ -31,16 +30,13 @@ from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Row, Sheet, matrix_of
+from trim.hfa.trim_report import trim_figure, trim_report
 from trim.point.condition import usual_condition
 from trim.point.solve import TrimError
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
-from trim.reports.point_figure import point_figure, with_range
-from trim.reports.trim_report import report_of, sheet_at, trim_report
-from trim.reports.trimmed import Trimmed
+from trim.reports.point_figure import with_range
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from trim.point.operating_point import OperatingPoint
 
 #: Largest number of sheets.
@@ -79,16 +75,18 @@ class TrimRequest(Request, SeveralTrims):
         "limits"
     )
     full: bool = option("print each equation, all near limits, outputs and participations")
-    class_: str | None = option(
+    class_: str = option(
         f"airplane class of MIL-F-8785C: {', '.join(CLASSES)}; default by weight",
         "CLASS",
         _airplane_class,
+        default="",
         rare=True,
     )
-    category: str | None = option(
+    category: str = option(
         f"flight phase category of MIL-F-8785C: {', '.join(CATEGORIES)}; default B",
         "CATEGORY",
         _category,
+        default="B",
         rare=True,
     )
 
@@ -104,7 +102,7 @@ def trim(request: TrimRequest) -> int:
     if len(trims) == 1 and request.conditions is None:
         point = trimmed_or_shown(request, valid[0])
         report, _ = _sheet(request, valid[0], point)
-        show(request, report, valid[0].source, figure=partial(_figure, point))
+        show(request, report, valid[0].source, figure=partial(trim_figure, point))
         return 0
     if request.picture is not None:
         raise BadInputError("--picture requires a single trim; -o FILE.html contains all pictures")
@@ -194,37 +192,12 @@ def _failed(given: GivenTrim, error: TrimError) -> Report:
 
 def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> tuple[Report, Sheet]:
     """Return the report of a trim, with its picture, and its sheet."""
-    trimmed = Trimmed(point, given.condition)
-    sheet = sheet_at(trimmed, _airplane(request))
-    report = report_of(trimmed, sheet, request.full)
-    if hfa_model.is_hfa(given.model):
-        from trim.hfa.other_dynamics import beside_other_dynamics
-
-        report = beside_other_dynamics(report, point)
-
+    airplane = Airplane(request.class_, request.category)
+    report = trim_report(point, given.condition, full=request.full, airplane=airplane)
     if with_range(point):
-        picture = Picture("trim.png", report.title.partition("\n")[0], partial(_figure, point))
+        picture = Picture("trim.png", report.title.partition("\n")[0], partial(trim_figure, point))
         report = replace(report, parts=(*report.parts, picture))
-    return report, sheet
-
-
-def _figure(point: OperatingPoint) -> Figure:
-    """Return the picture of a trim: the front view of the HFA, or the variables of an aircraft.
-
-    Raises BadInputError if no variable has two limits.
-    """
-    if not hfa_model.is_hfa(point.model):
-        return point_figure(point)
-    from trim.hfa.front_view import trim_figure
-
-    return trim_figure(point.model, point)
-
-
-def _airplane(request: TrimRequest) -> Airplane | None:
-    """Return the class and the category that options give, or None."""
-    if request.class_ is None and request.category is None:
-        return None
-    return Airplane(request.class_ or "", request.category or Airplane().category)
+    return report, report.sheet
 
 
 def _sheet_or_failure(request: TrimRequest, given: GivenTrim | _Refused) -> tuple[Report, Sheet]:

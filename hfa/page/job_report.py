@@ -29,11 +29,11 @@ from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Cell, Table
 from trim.hfa.linear_report import linear_model_report
 from trim.hfa.printed import printed_at
+from trim.hfa.trim_report import trim_report
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
 from trim.reports.first_lines import subject
 from trim.reports.linear_report import matrices, units_in_words
-from trim.reports.trim_report import trim_report
 from verification.figures import verdict_figure
 
 _COLORS = (

@@ -30,10 +30,10 @@ from trim.hfa.front_view import (
     WEIGHT_COLOR,
     panels_from_the_front,
     scale_text,
-    trim_figure,
 )
+from trim.hfa.trim_report import trim_figure
 from trim.point.operating_point import OperatingPoint
-from trim.reports.point_figure import point_figure, with_range
+from trim.reports.point_figure import with_range
 from trim.sweeps.sweep import Sweep
 
 #: A Plotly figure: data, layout and, with a slider, frames.
@@ -158,7 +158,7 @@ def pictures_over(slider: Slider) -> list[InteractivePlot]:
 
 
 def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> InteractivePlot | None:
-    """Return the variables of each trim in percent of their ranges, as `point_figure` draws, or
+    """Return the variables of each trim in percent of their ranges, as `trim_figure` draws, or
     None if no variable has two limits.
     """
     trimmed = next(point for point in trims if point is not None)
@@ -190,7 +190,7 @@ def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interacti
     y = _axis("", type="category", categoryarray=names, automargin=True)
     figure = _figure([fixed], [shares(point) for point in trims], x, y, legend=False)
     text = "Variables of the trim between their limits"
-    return InteractivePlot(name, text, lambda: point_figure(trimmed), (figure,))
+    return InteractivePlot(name, text, lambda: trim_figure(trimmed), (figure,))
 
 
 def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> InteractivePlot:
@@ -202,7 +202,7 @@ def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interactiv
     aircraft = trimmed[0].model
     span = hfa_model.parameters_of(aircraft).panel_span
     length = unit_of(aircraft, "ft")
-    panels = [panel for point in trimmed for panel in panels_from_the_front(aircraft, point)]
+    panels = [panel for point in trimmed for panel in panels_from_the_front(point)]
     largest = max(np.linalg.norm([panel.lift, panel.weight], axis=1).max() for panel in panels)
     scale = _LONGEST * span / float(largest)
     moving = [_drawing(aircraft, point, scale) for point in trims]
@@ -223,14 +223,14 @@ def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interactiv
         f"where it lifts the tips; {scale_text(aircraft, scale)}"
     )
     figure = _figure(_FIXED, moving, x, y, legend=False)
-    return InteractivePlot(name, text, lambda: trim_figure(aircraft, trimmed[0]), (figure,))
+    return InteractivePlot(name, text, lambda: trim_figure(trimmed[0]), (figure,))
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
     """Return the traces of a front view at a trim, or empty traces without a trim."""
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
-    panels = panels_from_the_front(aircraft, point)
+    panels = panels_from_the_front(point)
     half = hfa_model.parameters_of(aircraft).panel_span / 2
     hinges = np.array([[-half, 0.0], [half, 0.0]])
     moment = float(hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment)

@@ -14,7 +14,7 @@ from hfa_support.errors import imported, shortened
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.results import Result, plain
-from hfa_support.reporting.rows import Group
+from hfa_support.reporting.rows import Group, Sheet
 from hfa_support.reporting.text import (
     WIDTH,
     Table,
@@ -48,6 +48,7 @@ class Report:
     head: label -> text of a sheet that is signed, shown in HTML and PDF with lines for a name, a
       date and a signature
     failure: reason why the command fails after it has shown this report, or ""
+    sheet: all rows of a sheet, found by name, also those that `parts` leave out
     """
 
     title: str
@@ -58,6 +59,7 @@ class Report:
     source: str = ""
     failure: str = ""
     head: Mapping[str, str] = field(default_factory=dict)
+    sheet: Sheet = field(default_factory=Sheet)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "data", plain(self.data))

@@ -44,15 +44,15 @@ class Panel(NamedTuple):
     weight: np.ndarray
 
 
-def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel, Panel, Panel]:
+def panels_from_the_front(point: OperatingPoint) -> tuple[Panel, Panel, Panel]:
     """Return the right, the center and the left panel at a trim.
 
     The aircraft's right side is on the left of the picture. The hinges are at (±s/2, 0) for the
     panel span s. An outer panel extends from its hinge at the dihedral angle η. Its middle is
     (s/2)(cos η, sin η) from the hinge, and its lift is along (∓sin η, cos η).
     """
-    parameters = hfa_model.parameters_of(aircraft)
-    loads = hfa_model.loads(aircraft, point.states, point.inputs)
+    parameters = hfa_model.parameters_of(point.model)
+    loads = hfa_model.loads(point.model, point.states, point.inputs)
     half = parameters.panel_span / 2
     weight = np.array([0.0, -parameters.panel_mass * parameters.gravity])
     center = Panel(
@@ -86,13 +86,14 @@ def scale_text(model: Model, scale: float) -> str:
     return f"arrows: {1 / scale:.3g} {unit_of(model, 'lbf')} per {length}"
 
 
-def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
-    """Return a figure of the aircraft from the front at a trim.
+def front_view(point: OperatingPoint) -> Figure:
+    """Return a figure of the flexible aircraft from the front at a trim.
 
     All forces are drawn at the same scale, and the figure states this scale. Angles and lengths are
     true to scale. The hinge moments are printed as text.
     """
-    panels = panels_from_the_front(aircraft, point)
+    aircraft = point.model
+    panels = panels_from_the_front(point)
     span = hfa_model.parameters_of(aircraft).panel_span
     forces = [force for panel in panels for force in (panel.lift, panel.weight)]
     scale = _LONGEST * span / max(float(np.linalg.norm(force)) for force in forces)
@@ -105,7 +106,7 @@ def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
         weight = np.linalg.norm(panel.weight)
         _draw_force(axes, panel.middle, panel.lift * scale, f"{lift:.1f} {unit}", LIFT_COLOR)
         _draw_force(axes, panel.middle, panel.weight * scale, f"{weight:.1f} {unit}", WEIGHT_COLOR)
-    _draw_hinges(axes, aircraft, point)
+    _draw_hinges(axes, point)
     for color, name in (
         (LIFT_COLOR, "lift"),
         (WEIGHT_COLOR, "weight"),
@@ -123,12 +124,12 @@ def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     axes.set_ylabel(length)
     axes.grid(alpha=0.3)
     figure.legend(loc="outside upper center", ncols=3, fontsize=8, frameon=False)
-    axes.set_title(_title(aircraft, point, scale), fontsize=10)
+    axes.set_title(_title(point, scale), fontsize=10)
     return figure
 
 
-def _title(aircraft: Model, point: OperatingPoint, scale: float) -> str:
-    x = point.states
+def _title(point: OperatingPoint, scale: float) -> str:
+    aircraft, x = point.model, point.states
     where = (
         f"dihedral {aircraft.describe('dihedral', x.dihedral)}",
         aircraft.describe("speed", round(x.speed, 2)),
@@ -150,8 +151,9 @@ def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, col
     _label(axes, end, text, color, above=bool(end[1] >= 0))
 
 
-def _draw_hinges(axes: Axes, aircraft: Model, point: OperatingPoint) -> None:
+def _draw_hinges(axes: Axes, point: OperatingPoint) -> None:
     """Draw both hinges on the side without panels, with the hinge moment, the same at both."""
+    aircraft = point.model
     span = hfa_model.parameters_of(aircraft).panel_span
     moment = hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment
     rounded = round(float(moment), 1)

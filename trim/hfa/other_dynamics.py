@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from hfa_model.choice import aircraft
 from hfa_model.declaration import parameters_of
 from hfa_model.variants import VARIANTS
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import Result, plain
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.rows import Group, Row
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import Mode
@@ -61,18 +60,6 @@ def mode_differences(modes: Sequence[Mode], others: Sequence[Mode]) -> tuple[Mod
             percent = 100.0 * abs(other - mode.eigenvalue) / abs(mode.eigenvalue)
             differences.append(ModeDifference(mode.name, mode.eigenvalue, other, percent))
     return tuple(differences)
-
-
-def beside_other_dynamics(report: Report, point: OperatingPoint) -> Report:
-    """Return the report of a trim with the modes of the other dynamics at its condition."""
-    other = with_other_dynamics(point)
-    if other is None:
-        return report
-    differences = mode_differences(point.modes, other.modes)
-    name = other.point.dynamics
-    group = differences_group(name, differences)
-    shown = replace(report, parts=(*report.parts, group))
-    return shown.with_data(other_dynamics=name, mode_differences=plain(differences))
 
 
 def differences_group(other: str, differences: Sequence[ModeDifference]) -> Group:

@@ -50,6 +50,10 @@ class Airplane(NamedTuple):
         return self.class_ in _AGILE
 
 
+#: Class by weight, category B.
+DEFAULT_AIRPLANE = Airplane()
+
+
 class Span(NamedTuple):
     """Smallest and largest value of a level."""
 
@@ -61,13 +65,12 @@ class Span(NamedTuple):
 Limits = Sequence[Span]
 
 
-def chosen_airplane(trimmed: Trimmed, airplane: Airplane | None) -> tuple[Airplane, str]:
+def chosen_airplane(trimmed: Trimmed, airplane: Airplane) -> tuple[Airplane, str]:
     """Return class and category, and the reason for a class that the user did not state, or ""."""
-    given = airplane or Airplane()
-    if given.class_:
-        return given, ""
+    if airplane.class_:
+        return airplane, ""
     class_, why = usual_class(trimmed)
-    return given._replace(class_=class_), why
+    return airplane._replace(class_=class_), why
 
 
 def usual_class(trimmed: Trimmed) -> tuple[str, str]:

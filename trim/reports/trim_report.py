@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import without_empty
-from hfa_support.reporting.rows import Lacking, Row, Sheet
+from hfa_support.reporting.rows import Group, Lacking, Row, Sheet
 from hfa_support.reporting.text import Table, degrees
 from trim.linear.modes import Mode, modes_table
-from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
 from trim.reports.configuration import configuration_rows, inertia_lines
@@ -25,6 +25,7 @@ from trim.reports.first_lines import (
 from trim.reports.flight import flight_rows, same_as_the_table
 from trim.reports.handling_qualities import handling_qualities
 from trim.reports.levels import (
+    DEFAULT_AIRPLANE,
     Airplane,
     chosen_airplane,
     graded,
@@ -40,7 +41,7 @@ from trim.reports.trimmed import Trimmed
 VARIABLES = "trim"
 
 
-def sheet_of(point: OperatingPoint, airplane: Airplane | None = None) -> Sheet:
+def sheet_of(point: OperatingPoint, airplane: Airplane = DEFAULT_AIRPLANE) -> Sheet:
     """Return the sheet of a trim: its figures as rows, found by name.
 
     The groups are condition, configuration, trim (variables with their limits), limits,
@@ -58,7 +59,7 @@ def sheet_of(point: OperatingPoint, airplane: Airplane | None = None) -> Sheet:
     return sheet_at(Trimmed(point), airplane)
 
 
-def sheet_at(trimmed: Trimmed, airplane: Airplane | None) -> Sheet:
+def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
     point = trimmed.given
     configuration = configuration_rows(trimmed)
@@ -81,9 +82,7 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane | None) -> Sheet:
     return Sheet.of(groups, first=VARIABLES)
 
 
-def _modes(
-    trimmed: Trimmed, airplane: Airplane | None
-) -> tuple[str, list[Row | Lacking], list[str]]:
+def _modes(trimmed: Trimmed, airplane: Airplane) -> tuple[str, list[Row | Lacking], list[str]]:
     """Return the group of the modes: eigenvalues, handling qualities and their levels."""
     title = "modes and levels"
     if trimmed.fault:
@@ -130,33 +129,15 @@ def _times(trimmed: Trimmed, mode: Mode) -> str:
     return ", ".join(words)
 
 
-def trim_report(
-    point: OperatingPoint,
-    condition: TrimCondition | None = None,
-    *,
-    full: bool = False,
-    airplane: Airplane | None = None,
+def report_of(
+    trimmed: Trimmed, *, full: bool, airplane: Airplane, others: Sequence[Group] = ()
 ) -> Report:
-    """Return the report of a trim, or of the nearest point if its condition has no trim.
+    """Return the report of a trim with its sheet (`trim.trim_report`).
 
-    Angles are in degrees in the text and in radians in the data. For a point that was not found by
-    a search, and without a condition, the report contains only the states and inputs.
-
-    point: the trim or the nearest point
-    condition: condition of the trim; by default that of its search
-    full: whether to list each equation, the margins of all variables, all outputs, and the
-        participation of the states in the modes
-    airplane: as in `sheet_of`
+    others: figures of other models at the same condition
     """
-    if condition is None and point.problem is None:
-        return saved_report(point)
-    trimmed = Trimmed(point, condition)
-    return report_of(trimmed, sheet_at(trimmed, airplane), full)
-
-
-def report_of(trimmed: Trimmed, sheet: Sheet, full: bool) -> Report:
-    """Return the report of a trim with its sheet (`trim_report`)."""
     point = trimmed.given
+    sheet = sheet_at(trimmed, airplane)
     search, sentences = search_of(trimmed)
     equations = equations_of(trimmed.condition, point)
     nearest = named_nearest(nearest_first(trimmed))
@@ -168,6 +149,7 @@ def report_of(trimmed: Trimmed, sheet: Sheet, full: bool) -> Report:
     if full and modes:
         parts.append(modes_table(modes, point.model.time_unit))
     parts += [tuple(sentences)] if sentences else []
+    parts += others
     controls = control_lines(trimmed, {row.name: row for row in sheet}.get("L/D"))
     title = "\n".join(filter(None, [title_of(trimmed), *stalls, controls]))
     notes = point.warnings if full else without_lines(point.warnings)
@@ -198,7 +180,7 @@ def report_of(trimmed: Trimmed, sheet: Sheet, full: bool) -> Report:
         "data": _revision(point.model),
         "condition": ", ".join(condition_words(trimmed)),
     }
-    return Report(title, parts, notes, data, sheet.records(), head=head)
+    return Report(title, parts, notes, data, sheet.records(), head=head, sheet=sheet)
 
 
 def _revision(model: Model) -> str:

@@ -25,7 +25,7 @@ def test_lift_is_normal_to_panels_and_balances_weight(
     point = model_at(degrees).point
     loads = hfa_model.loads(published_aircraft, point.states, point.inputs)
     p = hfa_model.parameters_of(published_aircraft)
-    axes = trim_figure(published_aircraft, point).axes[0]
+    axes = trim_figure(point).axes[0]
     ends = [line.get_xydata() for line in axes.lines if line.get_linewidth() == 4.0]
     drawn = np.array(
         [np.subtract(text.xy, text.xyann) for text in axes.texts if text.arrow_patch is not None]
