@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa.page.stored import Models, are_those, models_in, read_study
-from hfa_flight.simulate.envelope import limits_text
 from hfa_model import choice
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, beside_unit
@@ -132,5 +131,7 @@ def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
 
 
 def _limit(name: str, lowest: float, highest: float) -> str:
+    from hfa_flight.simulate.envelope import limits_text
+
     unit = choice.aircraft().unit(name)
     return beside_unit(f"{name} {limits_text(lowest, highest, unit)}", unit)

@@ -21,6 +21,7 @@ from hfa.page.compared_with_print import printed_comparison_tables
 from hfa.page.flights import flights_section
 from hfa.page.main_job import MainJob, Position, Slider
 from hfa.page.plots import pictures_over
+from hfa.page.turbulence import flight_in_turbulence
 from hfa_support.errors import missing_package
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
@@ -59,6 +60,7 @@ def main_report(job: MainJob) -> Report:
     swept = job.slider.sweep.report()
     angles = [angle_report(job, angle) for angle in job.angles]
     claims = claims_section(job.claims, job.regeneration)
+    in_air = [flight_in_turbulence(angle) for angle in job.angles[:1]]
     critics = []
     for report in angles:
         if "critic" in report.data:
@@ -69,6 +71,7 @@ def main_report(job: MainJob) -> Report:
         title="",
         parts=(
             *(Report(subject(slider.sweep.model), pictures_over(slider)) for slider in job.sliders),
+            *in_air,
             *angles,
             claims,
             Report("Every entry compared with the printed one", (job.regeneration.picture(),)),
@@ -85,6 +88,7 @@ def main_report(job: MainJob) -> Report:
             "angles": [report.data for report in angles],
             "claims": claims.data or None,
             "flights": None if job.flights is None else job.flights.data,
+            "in_turbulence": in_air[0].data if in_air else None,
             "beside": None if job.beside is None else _first_trim(job.beside),
         },
     )
@@ -216,6 +220,7 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
     # The first parts of a job's report are the pictures of the sliders.
     parts = [part for part in report.parts if isinstance(part, Report)]
     drawn, parts = parts[: len(job.sliders)], parts[len(job.sliders) :]
+    in_air, parts = parts[: len(job.angles[:1])], parts[len(job.angles[:1]) :]
     parts.append(Report("Provenance", (f"{origin.command}\n{origin.text()}",)))
     sections = [(f"part-{number}", part) for number, part in enumerate(parts)]
     links = "".join(_link(name, part.title) for name, part in sections)
@@ -230,7 +235,7 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
     articles = [
         f"<p>{verdict_sentence(job)}</p>{contents}",
         any_value(job.slider, drawn[0], f'<section class="verdicts">{checks}</section>'),
-        f"<section>{'' if flown is None else flown.html(3)}</section>",
+        *(f"<section>{each.html(3)}</section>" for each in (flown, *in_air) if each is not None),
         f'<p class="paper">The paper: {_PAPER}.</p>',
         *(_folded(name, part) for name, part in sections),
     ]

@@ -17,10 +17,12 @@ from project import ROOT
 
 pytest.importorskip("hfa_flight")
 
-from hfa import BadInputError, Model, Signal
+from hfa import BadInputError, Model, Signal, load_model
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa.page.main_job import slider_beside
+from hfa.page.main_job import Position, slider_beside
 from hfa.page.plots import pictures_over
+from hfa.page.turbulence import flight_in_turbulence
+from trim.point.condition import usual_condition
 
 
 @pytest.fixture(autouse=True)
@@ -64,6 +66,16 @@ def written_report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Pa
     return hfa("report", *words), folder
 
 
+def test_a_flight_that_is_not_on_the_page_has_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a trim the reason is said, and without the package of flights that it is missing."""
+    condition = usual_condition(load_model(UAV))
+    nowhere = flight_in_turbulence(Position(0.2, condition, reason="no trim at 11 deg"))
+    assert "no trim at 11 deg" in nowhere.parts[0]
+    monkeypatch.setitem(sys.modules, "hfa_flight.policies.filter", None)
+    missing = flight_in_turbulence(Position(0.2, condition))
+    assert "hfa_flight is not installed" in missing.parts[0]
+
+
 @pytest.mark.slow
 def test_a_report_replaces_the_pictures_of_an_earlier_one(folder: Path) -> None:
     """A report with other angles removes the pictures of the earlier report, and nothing else."""
@@ -93,6 +105,7 @@ def test_the_folder_contains_page_pictures_and_numbers(written_report: tuple[Res
         "beside_trim.png",
         "beside_root_locus.png",
         "critic-15.png",
+        "turbulence.png",
     }
     assert {path.name for path in folder.iterdir()} == names
     text = (folder / "numbers.json").read_text(encoding="utf-8")
@@ -106,9 +119,15 @@ def test_the_folder_contains_page_pictures_and_numbers(written_report: tuple[Res
     )
     linearized = json.loads(hfa("linearize", "--dihedral", "15", "--json").out)
     assert data["angles"][0]["model"]["A"] == linearized["A"]
+    noise = ("speed=.3", "alpha=.17", "pitch=.11", "pitch_rate=.17", "dihedral=.11")
+    sensors = [f"--noise={each}" for each in (*noise, "dihedral_rate=.17")]
+    words = ("fly", "--dihedral", "15", "--filter", "--turbulence", "moderate:40000", *sensors)
+    flown = json.loads(hfa(*words, "--json").out)
+    assert data["in_turbulence"]["ok"] is flown["within_limits"] is True
+    assert data["in_turbulence"]["rms_error"] == pytest.approx(flown["rms_error"], rel=1e-9)
     html = page_of(folder / "report.html")
     assert 'are <strong class="good">regenerated</strong>' in html
-    assert html.count('src="data:image/png;base64,') == html.count("<img ") == 2
+    assert html.count('src="data:image/png;base64,') == html.count("<img ") == 3
     html = html.replace('<a href="https://doi.org/10.3390/electronics15173838">', "")
     assert not any(word in html for word in ("http://", "https://", "<link", 'src="/', "<pre"))
     assert data["provenance"]["parameter_hash"] in html
@@ -163,8 +182,8 @@ def test_an_angle_without_trim_is_reported_with_reason(tmp_path: Path) -> None:
     assert "Learned critics agree with the exact game solution: NO" in result.out
     html = page_of(page)
     assert (
-        html.count("these rates do not balance: dihedral_rate") == 3
-    )  # in the slider, the sweep and the section on the angle
+        html.count("these rates do not balance: dihedral_rate") == 4
+    )  # in the slider, the sweep, the flight in turbulence and the section on the angle
     assert 'game at 59 deg certified</th><td class="words bad">FAIL' in html
 
 
