@@ -26,7 +26,7 @@ def trimmed(given: GivenTrim) -> OperatingPoint:
     by = given.model.schedule
     if given.at is not None and by in given.condition.free:
         typed = f"--{at_name(given.model)} {given.model.describe(by, given.at)}"
-        warn(f"{by} is free: the search begins at {'--start' if given.is_started else typed}")
+        warn(f"{by} is free: the search begins at {'--start' if given.start else typed}")
     try:
         return trim(given.model, given.condition, given.start)
     except TrimError as failure:

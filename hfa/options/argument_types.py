@@ -154,19 +154,6 @@ def linear_state(model: Model, name: str, text: str) -> float:
     return among(model.linear, model, name, text)
 
 
-def single_quantity(model: Model, name: str, text: str) -> float:
-    """Return the value of the scheduling variable at one trim, in internal units.
-
-    Raises BadInputError for text that is not a number. For a list or a range, the message names
-    `hfa sweep`, the command for several values.
-    """
-    if "," in text or ":" in text:
-        raise BadInputError(
-            f"is {shortened(text)!r}; give one number (`hfa sweep` accepts lists and ranges)"
-        )
-    return quantity(model, name, text)
-
-
 def span(model: Model, name: str, text: str) -> tuple[float, float]:
     """Return the limits (low, high) of a named variable, in internal units, from `LOW:HIGH`.
 

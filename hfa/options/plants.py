@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -21,7 +21,7 @@ from hfa_model.parameters import (
     load_parameters,
 )
 from hfa_support.errors import BadInputError
-from hfa_support.provenance import Change, parameter_hash
+from hfa_support.provenance import parameter_hash
 
 if TYPE_CHECKING:
     from hfa_aircraft.uncertain import ParameterSpread
@@ -117,23 +117,14 @@ def is_own(model: Model) -> bool:
     return model.source.text != ""
 
 
-def aircraft_source(
-    request: AircraftOptions, model: Model, held: Mapping[str, float] | None = None
-) -> dict[str, Any]:
-    """Return the entries of the provenance on the aircraft.
+def aircraft_source(request: AircraftOptions, model: Model) -> dict[str, Any]:
+    """Return the entries of the provenance on the aircraft as loaded.
 
     They are the aircraft's file with its digest, or the dynamics and parameters of the HFA.
-
-    held: parameter -> value, for the parameters that the options of a trim set
     """
-    changed = {
-        name: Change(value, model.parameters[name].start, model.parameters[name].unit)
-        for name, value in (held or {}).items()
-        if value != model.parameters[name].start
-    }
     if is_own(model):
         file, digest = model.source.text, model.source.digest
-        source = {"model": f"{file} (SHA-256 {digest[:12]})", "changed": changed}
+        source = {"model": f"{file} (SHA-256 {digest[:12]})", "changed": {}}
         if request.parameters is not None:
             content = hashlib.sha256(Path(request.parameters).read_bytes()).hexdigest()
             source |= {"parameters": request.parameters, "parameter_hash": content[:12]}
@@ -143,12 +134,12 @@ def aircraft_source(
         "dynamics": request.dynamics or "published",
         "parameters": chosen.name,
         "parameter_hash": parameter_hash(chosen.values),
-        "changed": changed_parameters(chosen) | changed,
+        "changed": changed_parameters(chosen),
     }
 
 
 def parameter_spread(
-    request: AircraftOptions, model: Model, held: Mapping[str, float]
+    request: AircraftOptions, model: Model, held: Collection[str]
 ) -> ParameterSpread:
     """Return the uncertain parameters of the aircraft, without those that are held.
 

@@ -55,9 +55,18 @@ def value_range(model: Model, name: str, text: str) -> Range:
     return Steps(start * unit, float(spacing), count)
 
 
-def is_one_value(values: Range) -> bool:
-    """Return whether the values of an option are a single one."""
-    return isinstance(values, tuple) and len(values) == 1
+def single_value(name: str, values: Range) -> float:
+    """Return the only value of a variable.
+
+    name: name of the variable, for the message
+
+    Raises BadInputError if there are several values.
+    """
+    if len(values) > 1:
+        raise BadInputError(
+            f"{name} has {len(values):,} values; give one (`hfa trim` and `hfa sweep` take several)"
+        )
+    return float(values[0])
 
 
 def array_of(name: str, values: Range, most: int) -> np.ndarray:

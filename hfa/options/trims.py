@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
-from hfa.options.argument_types import each_of, option_errors, quantity, single_quantity, span
+from hfa.options.argument_types import each_of, option_errors, quantity, span
 from hfa.options.option import PAPER, option
 from hfa.options.plants import AircraftOptions, aircraft_source, is_own, loaded_model
-from hfa.options.ranges import array_of, value_range
+from hfa.options.ranges import Range, array_of, single_value, value_range
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
 from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.provenance import Change
 from trim.hfa.level_flight import CONDITIONS, load_condition
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -22,8 +23,6 @@ from trim.point.operating_point import OperatingPoint
 OF_THE_TRIM = ("condition", "free", "hold", "isa", "limit", "start")
 #: Forms of several values of a variable, for helps.
 SEVERAL = "a number, a list a,b,c or a range start:stop:step"
-
-T = TypeVar("T")
 
 
 def at_option(about: str, form: str = "VALUE") -> Any:
@@ -78,34 +77,15 @@ class SeveralTrims(TrimOptions):
     dihedral: str | None = dihedral_option(f"dihedral angle: {SEVERAL}", "RANGE")
 
 
-def held_values(
-    request: TrimOptions, model: Model, kind: Callable[[Model, str, str], T]
-) -> dict[str, T]:
-    """Return name -> value of --hold, and of --isa, which sets the parameter isa.
-
-    kind: function (model, name, text) -> value
-
-    Raises BadInputError if both give the parameter, and as `kind` does.
-    """
-    texts = request.hold
-    if request.isa is not None:
-        if ISA in texts:
-            raise BadInputError(f"--isa and --hold {ISA} are the same; give one of them")
-        texts = {**texts, ISA: request.isa}
-    return each_of("--hold", model, texts, kind)
-
-
 class GivenTrim(NamedTuple):
-    """The trim that the options of a request define.
+    """A trim that the options of a request define.
 
     model: the aircraft, with the parameters that the options set
     condition: condition of the trim, with the value of the scheduling variable
-    common: condition without this value, of the aircraft without these parameters
+    common: condition without this value, of the aircraft as loaded
     at: value of the scheduling variable, or None for that of the condition
-    hold: variable or parameter -> value of --hold
-    parameters: parameter -> value, for the parameters that the options set
+    hold: variable or parameter -> value of --hold and --isa
     start: point at which the search begins, or None
-    is_started: whether --start is given
     source: entries of the provenance
     """
 
@@ -114,10 +94,117 @@ class GivenTrim(NamedTuple):
     common: TrimCondition
     at: float | None
     hold: Mapping[str, float]
-    parameters: Mapping[str, float]
     start: OperatingPoint | None
-    is_started: bool
     source: Mapping[str, Any]
+
+
+class TrimInput(NamedTuple):
+    """What the options of a request say about trims, in the units of the model.
+
+    model: the aircraft as loaded
+    aircraft: entries of the provenance on the aircraft
+    condition: condition of --condition, or the default of the model
+    free: variables of --free
+    limits: variable -> (lowest, highest) of --limit
+    at: values of the scheduling variable, or None for that of the condition
+    hold: variable or parameter -> values of --hold and --isa
+    begin: variable -> value of --start
+    start: point of --start, or None
+    """
+
+    model: Model
+    aircraft: Mapping[str, Any]
+    condition: TrimCondition
+    free: tuple[str, ...]
+    limits: Mapping[str, tuple[float, float]]
+    at: Range | None
+    hold: Mapping[str, Range]
+    begin: Mapping[str, float]
+    start: OperatingPoint | None
+
+    @property
+    def is_single(self) -> bool:
+        """Whether each variable has at most one value."""
+        given = [*self.hold.values(), *([] if self.at is None else [self.at])]
+        return all(len(values) == 1 for values in given)
+
+    def single(self) -> GivenTrim:
+        """Return the only trim.
+
+        Raises BadInputError for several values of a variable.
+        """
+        at = None if self.at is None else single_value(f"--{at_name(self.model)}", self.at)
+        return self.trim(at, self.held())
+
+    def held(self) -> dict[str, float]:
+        """Return the values of --hold and --isa, of which each variable has one."""
+        return {name: single_value(f"--hold {name}", each) for name, each in self.hold.items()}
+
+    def trim(self, at: float | None, hold: Mapping[str, float]) -> GivenTrim:
+        """Return one trim.
+
+        at: value of the scheduling variable, or None
+        hold: variable or parameter -> value
+        """
+        model = self.model
+        parameters = self.parameters(hold if at is None else {**hold, model.schedule: at})
+        common = self.common(hold)
+        return GivenTrim(
+            model=model.with_parameters(**parameters),
+            condition=common.at(None if model.schedule in model.parameters else at),
+            common=common,
+            at=at,
+            hold=hold,
+            start=self.start,
+            source=self.source(common, parameters, at),
+        )
+
+    def parameters(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return parameter -> value, for the parameters of the aircraft among some values."""
+        return {name: values[name] for name in self.model.parameters if name in values}
+
+    def common(self, hold: Mapping[str, float]) -> TrimCondition:
+        """Return the condition without the value of the scheduling variable.
+
+        hold: variable or parameter -> value
+
+        Raises BadInputError as `release` does.
+        """
+        held = {name: value for name, value in hold.items() if name not in self.model.parameters}
+        released = release(self.condition, free=self.free, hold=held, limits=self.limits)
+        return replace(released, begin={**released.begin, **self.begin})
+
+    def source(
+        self,
+        common: TrimCondition,
+        parameters: Mapping[str, float],
+        at: float | None = None,
+    ) -> dict[str, Any]:
+        """Return the entries of the provenance on the aircraft and its trim, or trims.
+
+        common: condition without the value of the scheduling variable
+        parameters: parameter -> value, for those that the options set
+        at: value of the scheduling variable, or None for several
+        """
+        model = self.model
+        changed = dict(self.aircraft["changed"])
+        for name, value in parameters.items():
+            loaded = model.parameters[name]
+            if value != loaded.start:
+                changed[name] = Change(value, loaded.start, loaded.unit)
+        source = {**self.aircraft, "changed": changed}
+        if is_own(model):
+            return source | {"condition": {**common.changes, "parameters": dict(parameters)}}
+        condition: Mapping[str, Any] = common.changes
+        if at is not None:
+            single = common.at(at)
+            limits = {name: list(single.limits_of(name)) for name in single.free}
+            condition = {
+                "imposed": dict(single.imposed),
+                "free": list(single.free),
+                "limits": limits,
+            }
+        return source | {"condition": condition, "flight": common.in_words()}
 
 
 def given_trim(request: TrimOptions, *, required: bool = False) -> GivenTrim:
@@ -127,9 +214,41 @@ def given_trim(request: TrimOptions, *, required: bool = False) -> GivenTrim:
 
     Raises BadInputError for an unknown name, an invalid value, or options that contradict.
     """
+    return trim_input(request, required=required).single()
+
+
+def trim_input(
+    request: TrimOptions,
+    *,
+    required: bool = False,
+    scheduled: Callable[[Model, str, str], Range] = value_range,
+) -> TrimInput:
+    """Return what the options say about trims.
+
+    required: whether the paper's aircraft requires --dihedral
+    scheduled: function (model, name, text) -> values of the scheduling variable
+
+    Raises BadInputError for an unknown name, an invalid value, or options that contradict.
+    """
     model = loaded_model(request)
-    at = at_value(request, model, single_quantity, required=required)
-    return trim_with(request, model, at, held_values(request, model, quantity))
+    at = _scheduled(request, model, scheduled)
+    if required and at is None and model.about.names_schedule:
+        raise BadInputError(f"no value of {model.schedule} is given; add --{model.schedule} DEG")
+    hold = each_of("--hold", model, _texts_of_hold(request), value_range)
+    free = tuple(_freed(model, text) for text in request.free)
+    _refuse_doubles(model, free, at, hold)
+    begin, start = _start(request, model)
+    return TrimInput(
+        model=model,
+        aircraft=aircraft_source(request, model),
+        condition=_named_condition(request, model),
+        free=free,
+        limits=each_of("--limit", model, request.limit, span),
+        at=at,
+        hold=hold,
+        begin=begin,
+        start=start,
+    )
 
 
 class GivenTrims(NamedTuple):
@@ -150,36 +269,15 @@ def given_trims(request: SeveralTrims, most: int) -> GivenTrims:
 
     Raises BadInputError for more trims, and as `given_trim` does.
     """
-    model = loaded_model(request)
-    at = at_value(request, model, value_range)
-    hold = held_values(request, model, quantity)
-    values = [None] if at is None else array_of(f"--{at_name(model)}", at, most).tolist()
-    trims = [trim_with(request, model, value, hold) for value in values]
-    return GivenTrims(trims, trim_source(request, trims[0].common, at, hold))
-
-
-def trim_with(
-    request: TrimOptions, model: Model, at: float | None, hold: Mapping[str, float]
-) -> GivenTrim:
-    """Return the trim of the options, at one value of the scheduling variable.
-
-    model: model of the aircraft, without the parameters of --hold
-    at: value of the scheduling variable, or None
-    hold: variable or parameter -> value
-    """
-    parameters = _parameters_in(model, {**hold, model.schedule: at})
-    common, start = common_condition(request, model, at, hold)
-    return GivenTrim(
-        model=model.with_parameters(**parameters),
-        condition=common.at(None if model.schedule in model.parameters else at),
-        common=common,
-        at=at,
-        hold=hold,
-        parameters=parameters,
-        start=start,
-        is_started=request.start is not None,
-        source=trim_source(request, common, at, hold),
+    given = trim_input(request)
+    hold = given.held()
+    values = (
+        [None]
+        if given.at is None
+        else array_of(f"--{at_name(given.model)}", given.at, most).tolist()
     )
+    trims = [given.trim(value, hold) for value in values]
+    return GivenTrims(trims, given.source(trims[0].common, given.parameters(hold)))
 
 
 def at_name(model: Model) -> str:
@@ -187,37 +285,65 @@ def at_name(model: Model) -> str:
     return model.schedule if model.about.names_schedule else "at"
 
 
-def at_value(
-    request: TrimOptions,
-    model: Model,
-    kind: Callable[[Model, str, str], T],
-    *,
-    required: bool = False,
-) -> T | None:
-    """Return the value of --at or --dihedral, or None.
-
-    kind: function (model, name, text) -> value
-    required: whether the option is mandatory for the paper's aircraft
+def _scheduled(
+    request: TrimOptions, model: Model, kind: Callable[[Model, str, str], Range]
+) -> Range | None:
+    """Return the values of --at or --dihedral, or None.
 
     Raises BadInputError if the model has no such option, and as `kind` does.
     """
     if request.dihedral is not None and not model.about.names_schedule:
         raise BadInputError(f"--dihedral applies only to the HFA; {model.name} takes --at VALUE")
     given = {text for text in (request.at, request.dihedral) if text is not None}
+    if not given:
+        return None
+    name = f"--{at_name(model)}"
     if len(given) > 1:
         raise BadInputError(
-            f"--{at_name(model)} is given twice ({' and '.join(sorted(given))}); give one value"
+            f"{name} is given twice ({' and '.join(sorted(given))}); give one value"
         )
-    if given and not model.schedule:
+    if not model.schedule:
         raise BadInputError(
             f"--at must be removed, because {model.name} declares no scheduling variable"
         )
-    if required and not given and model.about.names_schedule:
-        raise BadInputError(f"no value of {model.schedule} is given; add --{model.schedule} DEG")
-    for text in given:
-        with option_errors(f"--{at_name(model)}"):
-            return kind(model, model.schedule, text)
-    return None
+    with option_errors(name):
+        return kind(model, model.schedule, given.pop())
+
+
+def _texts_of_hold(request: TrimOptions) -> Mapping[str, str]:
+    """Return name -> text of --hold, with that of --isa, which sets the parameter isa."""
+    if request.isa is None:
+        return request.hold
+    if ISA in request.hold:
+        raise BadInputError(f"--isa and --hold {ISA} are the same; give one of them")
+    return {**request.hold, ISA: request.isa}
+
+
+def _freed(model: Model, text: str) -> str:
+    """Return the model's name of the variable that --free gives."""
+    if "," in text:
+        options = " ".join(f"--free {name.strip()}" for name in text.split(","))
+        raise BadInputError(f"--free give one variable; write {options}")
+    return model.about.aliases.get(text, text)
+
+
+def _refuse_doubles(
+    model: Model, free: Sequence[str], at: Range | None, hold: Mapping[str, Range]
+) -> None:
+    """Raise BadInputError if two of --free, --hold and --at give the same variable."""
+    for name in free:
+        if name in hold:
+            raise BadInputError(
+                f"{name} is both free and held; remove --free or --hold for this variable"
+            )
+    by = model.schedule
+    is_guess = at is not None and len(at) == 1  # a single value of a free variable
+    others = {"--hold": by in hold, "--free": by in free and not is_guess}
+    for other, gives_it in others.items():
+        if at is not None and gives_it:
+            raise BadInputError(
+                f"{by} is given by both --{at_name(model)} and {other}; remove one of these options"
+            )
 
 
 def _named_condition(request: TrimOptions, model: Model) -> TrimCondition:
@@ -237,99 +363,18 @@ def _named_condition(request: TrimOptions, model: Model) -> TrimCondition:
         return load_condition(request.condition, usual)
 
 
-def common_condition(
-    request: TrimOptions, model: Model, at: object, hold: Mapping[str, Any]
-) -> tuple[TrimCondition, OperatingPoint | None]:
-    """Return the condition of the options without the value of the scheduling variable, and the
-    point of --start.
-
-    at: value or values of the scheduling variable, or None
-    hold: variable or parameter -> value or values of --hold, of which only single values of
-        variables are imposed
-
-    Raises BadInputError if a variable is given twice, and as `release` does.
-    """
-    usual = _named_condition(request, model)
-    free = [_freed(model, text) for text in request.free]
-    refuse_doubles(model, free, at, hold)
-    held = {name: value for name, value in hold.items() if name not in model.parameters}
-    held = {name: value for name, value in held.items() if isinstance(value, float)}
-    limits = each_of("--limit", model, request.limit, span)
-    condition = release(usual, free=free, hold=held, limits=limits)
-    start = _start_of(request, model)
-    if isinstance(start, dict):
-        return replace(condition, begin={**condition.begin, **start}), None
-    return condition, start
-
-
-def _freed(model: Model, text: str) -> str:
-    """Return the model's name of the variable that --free gives."""
-    if "," in text:
-        options = " ".join(f"--free {name.strip()}" for name in text.split(","))
-        raise BadInputError(f"--free give one variable; write {options}")
-    return model.about.aliases.get(text, text)
-
-
-def refuse_doubles(model: Model, free: Sequence[str], at: object, hold: Mapping[str, Any]) -> None:
-    """Raise BadInputError if two of --free, --hold and --at give the same variable."""
-    for name in free:
-        if name in hold:
-            raise BadInputError(
-                f"{name} is both free and held; remove --free or --hold for this variable"
-            )
-    by = model.schedule
-    others = {"--hold": by in hold, "--free": by in free and not isinstance(at, float)}
-    for other, gives_it in others.items():
-        # A single value of a free variable is the initial guess of the search.
-        if at is not None and gives_it:
-            raise BadInputError(
-                f"{by} is given by both --{at_name(model)} and {other}; remove one of these options"
-            )
-
-
-def _start_of(request: TrimOptions, model: Model) -> OperatingPoint | dict[str, float] | None:
-    """Return the initial point of the trim search that --start gives, or some of its values."""
+def _start(request: TrimOptions, model: Model) -> tuple[dict[str, float], OperatingPoint | None]:
+    """Return variable -> initial value, and the initial point, of which --start gives one."""
     text = request.start
     if text is None:
-        return None
+        return {}, None
     with option_errors("--start"):
         if "=" not in text or Path(text).exists():
-            return OperatingPoint.load(Path(text), model)
-        values = {}
+            return {}, OperatingPoint.load(Path(text), model)
+        begin = {}
         for word in text.split(","):
             typed, _, value = word.partition("=")
             name = model.about.aliases.get(typed, typed)
             refuse_unknown("no variable is called", name, model.variables)
-            values[name] = quantity(model, name, value)
-    return values
-
-
-def _parameters_in(model: Model, values: Mapping[str, Any]) -> dict[str, float]:
-    """Return the parameters of a model among values that are single numbers, name -> value."""
-    return {name: values[name] for name in model.parameters if isinstance(values.get(name), float)}
-
-
-def trim_source(
-    request: TrimOptions, common: TrimCondition, at: object, hold: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Return the entries of the provenance on an aircraft and its trim, or trims.
-
-    common: condition without the value of the scheduling variable
-    at: value or values of the scheduling variable, or None
-    hold: variable or parameter -> value or values of --hold
-    """
-    model = common.model
-    held = _parameters_in(model, {**hold, model.schedule: at})
-    source = aircraft_source(request, model, held)
-    if is_own(model):
-        return source | {"condition": {**common.changes, "parameters": held}}
-    condition: Mapping[str, Any] = common.changes
-    if isinstance(at, float):
-        single = common.at(at)
-        limits = {name: list(single.limits_of(name)) for name in single.free}
-        condition = {
-            "imposed": dict(single.imposed),
-            "free": list(single.free),
-            "limits": limits,
-        }
-    return source | {"condition": condition, "flight": common.in_words()}
+            begin[name] = quantity(model, name, value)
+    return begin, None

@@ -9,22 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options.argument_types import option_errors, output_file, quantity, some_of
+from hfa.options.argument_types import option_errors, output_file, some_of
 from hfa.options.command import Request, command
 from hfa.options.option import option
 from hfa.options.output import ProgressLine, print_flushed
-from hfa.options.plants import loaded_model, parameter_set
+from hfa.options.plants import parameter_set
 from hfa.options.ranges import array_of, value_range
 from hfa.options.show import provenance, stated
-from hfa.options.trims import (
-    SEVERAL,
-    SeveralTrims,
-    at_value,
-    common_condition,
-    dihedral_option,
-    held_values,
-    trim_source,
-)
+from hfa.options.trims import SEVERAL, SeveralTrims, dihedral_option, trim_input
 from hfa.page.claims import load_claims
 from hfa.page.flights import load_flights
 from hfa.page.job_report import critic_picture, main_report, page, plotly_script
@@ -115,35 +107,35 @@ def report(request: ReportRequest) -> int:
         )
     if place is not None:
         plotly_script()  # refused before anything is computed if Plotly is missing
-    model = loaded_model(request)
-    hold = held_values(request, model, quantity)
+    asked = trim_input(request)
+    model = asked.model
+    hold = asked.held()
     if "dihedral" in (*request.free, *hold):
         raise BadInputError(
             "dihedral is held or free, but --dihedral and --sweep define the angles of a report; "
             "remove --hold dihedral or --free dihedral"
         )
-    angles = at_value(request, model, value_range)
-    asked = array_of("--dihedral", angles or ASKED, MOST_ASKED)
+    angles = array_of("--dihedral", asked.at or ASKED, MOST_ASKED)
     swept = SWEEP
     if request.sweep is not None:
         with option_errors("--sweep"):
             values = value_range(model, model.schedule, request.sweep)
         swept = array_of("--sweep", values, MOST_SWEPT)
-    condition, start = common_condition(request, model, angles, hold)
+    condition = asked.common(hold)
     beside = None if request.beside is None else slider_beside(request.beside)
     job = main_job(
         parameter_set(request),
         request.dynamics or "published",
-        asked=np.unique(asked).tolist(),
+        asked=np.unique(angles).tolist(),
         swept=np.unique(swept),
         outputs=request.outputs,
         claims=request.claims,
         flight=condition,
-        start=start,
+        start=asked.start,
         progress=ProgressLine("report"),
     )
     job = replace(job, flights=request.flights, beside=beside)
-    source = trim_source(request, condition, angles, hold)
+    source = asked.source(condition, asked.parameters(hold))
     whole = stated(request, main_report(job), source)
     lines = []
     if place is not None:

@@ -15,6 +15,7 @@ from hfa.entry_points import commands
 from hfa.main import BAD_INPUT, FAILED
 
 DIGITS = "9" * 5000
+F16 = f"{Path(__file__).parents[2] / 'examples/f16.py'}:F16"
 
 
 def snapshot(folder: Path) -> dict[str, bytes | None]:
@@ -78,7 +79,7 @@ REFUSED = {
         ("--dihedral 95", "dihedral is 95 deg"),
         (
             "--dihedral 0:20:1",
-            "dihedral is '0:20:1'; give one number (`hfa sweep` accepts lists and ranges)",
+            "dihedral has 21 values; give one (`hfa trim` and `hfa sweep` take several)",
         ),
         (
             "--dihedral 15 --dynamics aristotle",
@@ -99,7 +100,11 @@ REFUSED = {
         ("--dihedral 0:20", "dihedral is '0:20'; give start:stop:step"),
         ("--dihedral 0::1", "--dihedral is ''; give a finite number"),
         ("--dihedral 0:20:0.01 --hold speed=50:80:0.01", "the sweep has 6,005,001 points (maximum"),
-        ("--dihedral 5 --free dihedral", "dihedral is given by both --dihedral and --free"),
+        ("--dihedral 5 --free dihedral", "dihedral is free and swept"),
+        (
+            f"--aircraft {F16} --hold mach=.5 --hold speed=400,500",
+            "speed and mach give the same",
+        ),
     ],
     "solve": [
         ("", "no plant is given; add --dihedral DEG, --aircraft FILE or --model FILE"),

@@ -15,7 +15,7 @@ from hfa.options.argument_types import one_of, output_file
 from hfa.options.command import Request, command
 from hfa.options.option import is_given, option, refuse
 from hfa.options.show import provenance, show_text
-from hfa.options.trims import GivenTrim, given_trim, trim_with
+from hfa.options.trims import GivenTrim, trim_input
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.export.c_text import write_texts
 from hfa_flight.options import (
@@ -118,10 +118,10 @@ def _given_trim(request: ExportRequest) -> GivenTrim:
 
     All options are checked, also those of the trim that the output does not use.
     """
-    given = given_trim(request)
-    if given.at is None and request.aircraft is None:
-        return trim_with(request, given.common.model, _DIHEDRAL, given.hold)
-    return given
+    asked = trim_input(request)
+    if asked.at is None and request.aircraft is None:
+        return asked.trim(_DIHEDRAL, asked.held())
+    return asked.single()
 
 
 def _check_filter(request: ExportRequest) -> None:

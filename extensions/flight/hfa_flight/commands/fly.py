@@ -366,7 +366,8 @@ def _fly_members(request: FlyRequest, members: int) -> int:
     given = given_trim(request)
     spread = None
     if request.draws is not None:
-        spread = parameter_spread(request, given.common.model, given.parameters)
+        held = given.hold if given.at is None else (*given.hold, given.model.schedule)
+        spread = parameter_spread(request, given.common.model, held)
     model, point, policy, scenario, envelope, _ = _planned(request, given, trimmed(given))
     plan = MonteCarlo(
         members,

@@ -25,7 +25,7 @@ from hfa.options.games import WeightOptions, given_weights, weighted_game
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.show import show
-from hfa.options.trims import GivenTrim, TrimOptions, given_trim, trim_with
+from hfa.options.trims import GivenTrim, TrimInput, TrimOptions, trim_input
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import policy_of_law
 from hfa_flight.policies.laws import LAWS
@@ -96,12 +96,12 @@ class OptimizeRequest(Request, TrimOptions, WeightOptions):
     )
 
 
-def _end(request: OptimizeRequest, begin: GivenTrim) -> GivenTrim:
+def _end(request: OptimizeRequest, asked: TrimInput, begin: GivenTrim) -> GivenTrim:
     """Return the trim at which flights end: the given trim, changed by --to.
 
     Raises BadInputError if --to contains a parameter.
     """
-    model = begin.common.model
+    model = asked.model
     held = each_of("--to", model, request.to, quantity)
     for name in held:
         if name in model.parameters:
@@ -109,7 +109,7 @@ def _end(request: OptimizeRequest, begin: GivenTrim) -> GivenTrim:
                 f"--to {name}: {name} is a parameter, which is constant in flight; give a state"
             )
     at = held.pop(model.schedule, begin.at)
-    return trim_with(request, model, at, {**begin.hold, **held})
+    return asked.trim(at, {**begin.hold, **held})
 
 
 def _policies(
@@ -175,8 +175,9 @@ def optimize(request: OptimizeRequest) -> int:
     from hfa_flight.plan.problem import flight_problem
 
     _refuse_contradictions(request)
-    given = given_trim(request)
-    end = _end(request, given)
+    asked = trim_input(request)
+    given = asked.single()
+    end = _end(request, asked, given)
     model = end.model
     deviations = each_of("--start", model, request.deviations, linear_state)
     limits = each_of("--limit", model, request.limits, span)

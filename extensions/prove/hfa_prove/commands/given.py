@@ -10,19 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import quantity
 from hfa.options.games import given_weights
 from hfa.options.option import is_given, refuse
-from hfa.options.plants import loaded_model
-from hfa.options.trims import (
-    OF_THE_TRIM,
-    GivenTrim,
-    at_name,
-    at_value,
-    held_values,
-    refuse_doubles,
-    trim_with,
-)
+from hfa.options.ranges import array_of, single_value
+from hfa.options.trims import OF_THE_TRIM, GivenTrim, at_name, trim_input
 from hfa_prove.certificate import kind_of
 from hfa_prove.commands.options import interval_of
 from hfa_prove.commands.policies import GivenPolicy, given_policy
@@ -67,17 +58,14 @@ def checked_trim(request: CheckRequest, kind: str) -> CheckedTrim:
 
     Raises BadInputError if several values are given for the certificate of a region.
     """
-    model = loaded_model(request)
-    ends = at_value(request, model, interval_of) or ()
-    hold = held_values(request, model, quantity)
+    asked = trim_input(request, scheduled=interval_of)
+    model = asked.model
+    ends = () if asked.at is None else tuple(array_of("--at", asked.at, 2).tolist())
     at = None
-    if kind == "schedule":
-        refuse_doubles(model, request.free, ends or None, hold)
-    elif len(ends) > 1:
-        raise BadInputError(f"--{at_name(model)} is an interval; give one value")
-    elif ends:
-        at = math.radians(ends[0]) if model.is_typed_in_degrees else ends[0]
-    return CheckedTrim(trim_with(request, model, at, hold), ends)
+    if ends and kind != "schedule":
+        typed = single_value(f"--{at_name(model)}", ends)
+        at = math.radians(typed) if model.is_typed_in_degrees else typed
+    return CheckedTrim(asked.trim(at, asked.held()), ends)
 
 
 def _names_one(request: CheckRequest, names: tuple[str, ...]) -> bool:

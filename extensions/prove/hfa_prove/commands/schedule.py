@@ -6,23 +6,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfa.options.argument_types import input_file, positive, quantity
+from hfa.options.argument_types import input_file, positive
 from hfa.options.command import Request, command
 from hfa.options.games import WeightOptions, given_weights
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
-from hfa.options.plants import loaded_model
 from hfa.options.show import provenance, show
 from hfa.options.trims import (
+    TrimInput,
     TrimOptions,
     at_name,
     at_option,
-    at_value,
     dihedral_option,
-    held_values,
-    refuse_doubles,
-    trim_source,
-    trim_with,
+    trim_input,
 )
 from hfa_prove.commands.options import interval_of, not_negative, refuse_no_certificate
 from hfa_support.errors import BadInputError
@@ -76,12 +72,9 @@ def schedule(request: ScheduleRequest) -> int:
     from hfa_prove.search.family import Family, breakpoints_of, exact_gains
     from hfa_prove.search.schedule import prove_schedule
 
-    model = loaded_model(request)
-    low, high = _ends(request, model)
-    hold = held_values(request, model, quantity)
-    refuse_doubles(model, request.free, (low, high), hold)
-    given = trim_with(request, model, None, hold)
-    source = trim_source(request, given.common, (low, high), hold)
+    asked = trim_input(request, scheduled=interval_of)
+    low, high = _ends(asked)
+    given = asked.trim(None, asked.held())
     family = Family(given.model, given.common)
     family.check(low, high)
     if request.weights is not None:
@@ -105,21 +98,20 @@ def schedule(request: ScheduleRequest) -> int:
     )
 
     def write(path: Path) -> None:
-        origin = provenance(request, source).to_dict()
+        origin = provenance(request, given.source).to_dict()
         write_certificate(path, found.statement, found.witness, origin)
 
-    show(request, found.report(), source, write=write)
+    show(request, found.report(), given.source, write=write)
     return 0
 
 
-def _ends(request: ScheduleRequest, model: Model) -> tuple[float, float]:
+def _ends(asked: TrimInput) -> tuple[float, float]:
     """Return LOW and HIGH of the scheduling variable, as typed."""
-    ends = at_value(request, model, interval_of)
-    if ends is None or len(ends) != 2:
+    model = asked.model
+    if asked.at is None or len(asked.at) != 2:
         name = model.schedule or "the scheduling variable"
         raise BadInputError(f"the interval of {name} is missing; give --{at_name(model)} LOW:HIGH")
-    low, high = ends
-    return low, high
+    return asked.at[0], asked.at[1]
 
 
 def gains_of_file(path: Path, model: Model) -> Gains:

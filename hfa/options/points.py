@@ -1,0 +1,150 @@
+"""Points at which trims are computed: a grid of the values of options, or a file of conditions."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa.options.argument_types import quantity
+from hfa.options.option import option
+from hfa.options.ranges import Range, array_of
+from hfa.options.trims import SeveralTrims, TrimInput
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError
+from hfa_support.files import regular_file
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointOptions(SeveralTrims):
+    """The conditions of trims: a grid, or the rows of a file."""
+
+    hold: Mapping[str, str] = option(
+        "hold a variable or parameter at a value, a list or a range; repeatable",
+        "NAME=RANGE",
+        named=True,
+    )
+    conditions: Path | None = option(
+        "a .csv file of conditions in place of a grid: a row of names, rows of values (degrees)",
+        "FILE",
+    )
+
+
+class GivenPoints(NamedTuple):
+    """The points of a request, in the units of the model.
+
+    constants: variable or parameter -> value of --hold, if it is the same at all points
+    axes: variable or parameter -> its values; parameters and the variable of --at are axes
+    listed: whether the axes are the columns of a list, otherwise the points are all combinations
+    """
+
+    constants: Mapping[str, float]
+    axes: Mapping[str, Range]
+    listed: bool
+
+    @property
+    def size(self) -> int:
+        """Number of points."""
+        lengths = [len(values) for values in self.axes.values()]
+        return lengths[0] if self.listed else math.prod(lengths)
+
+    def rows(self, most: int) -> Iterator[dict[str, float]]:
+        """Yield variable or parameter -> value of each point. The last axis varies fastest.
+
+        Raises BadInputError for more than `most` points.
+        """
+        if self.size > most:
+            raise BadInputError(f"{self.size:,} points are asked for (maximum {most}); give fewer")
+        columns = [array_of(name, each, most).tolist() for name, each in self.axes.items()]
+        points = zip(*columns, strict=True) if self.listed else product(*columns)
+        for point in points:
+            yield {**self.constants, **dict(zip(self.axes, point, strict=True))}
+
+
+def given_points(given: TrimInput, listing: Path | None) -> GivenPoints:
+    """Return the points of the options --at, --hold and --conditions.
+
+    listing: file of --conditions, or None
+
+    Raises BadInputError for a variable that two of them give, and as `listed_points` does.
+    """
+    model = given.model
+    values = given.hold if given.at is None else {model.schedule: given.at, **given.hold}
+    columns = {} if listing is None else listed_points(listing, model)
+    for name, each in values.items():
+        if name in columns or (columns and len(each) > 1):
+            raise BadInputError(
+                f"give {name} either as a column of {listing} or by an option with one value"
+            )
+    for name in (*values, *columns):
+        if name in given.free:
+            raise BadInputError(f"{name} is free and swept; remove --free {name} or its values")
+    for group in model.alternatives:
+        both = [name for name in group if name in values or name in columns]
+        if len(both) > 1:
+            raise BadInputError(f"{both[0]} and {both[1]} give the same; remove one of them")
+    constants = {name: each[0] for name, each in given.hold.items() if len(each) == 1}
+    axes: dict[str, Range] = {
+        name: each
+        for name, each in values.items()
+        if name not in constants or name in model.parameters
+    }
+    if not columns:
+        single_first = dict(sorted(axes.items(), key=lambda axis: len(axis[1]) > 1))
+        return GivenPoints(constants, single_first, listed=False)
+    count = len(next(iter(columns.values())))
+    repeated = {name: (each[0],) * count for name, each in axes.items()}
+    return GivenPoints(constants, columns | repeated, listed=True)
+
+
+def listed_points(path: Path, model: Model) -> dict[str, tuple[float, ...]]:
+    """Return name -> value at each point, from a CSV file of trim points. A column may have a unit
+    in its heading, "gamma [deg]".
+    """
+    try:
+        lines = regular_file(path).read_text("utf-8-sig").splitlines()
+        numbered_rows = [
+            (number, row)
+            for number, row in enumerate(csv.reader(lines), start=1)
+            if any(cell.strip() for cell in row)
+        ]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise BadInputError(
+            f"{path} cannot be read ({error}); give a readable CSV file of conditions"
+        ) from error
+    header, title_row = numbered_rows[0] if numbered_rows else (1, [])
+    if any(";" in title for title in title_row):
+        raise BadInputError(
+            f"{path}: row {header} contains a semicolon; separate the columns by commas, and write "
+            "numbers with a decimal point"
+        )
+    headings = [name.strip().removesuffix("]").partition(" [") for name in title_row]
+    names = [name for name, _, _ in headings]
+    point_rows = numbered_rows[1:]
+    if not point_rows or len({*names}) < len(names):
+        raise BadInputError(
+            f"{path}: row {header} contains a name twice, or no values follow; give a row of "
+            "different names, then a row of values for each point"
+        )
+    for name in names:
+        what = f"{path}: the column of row {header} is unknown:"
+        model.refuse_unheld(what, name, tuple(model.parameters))
+    table = np.empty((len(point_rows), len(names)))
+    for index, (number, row) in enumerate(point_rows):
+        if len(row) != len(names):
+            raise BadInputError(
+                f"{path}: row {number} has {len(row)} cells, but row {header} has {len(names)}; "
+                "correct the row"
+            )
+        for column, ((name, _, unit), text) in enumerate(zip(headings, row, strict=True)):
+            try:
+                table[index, column] = quantity(model, name, f"{text.strip()} {unit}".strip())
+            except BadInputError as error:
+                raise BadInputError(f"{path}: row {number}, column {name} {error}") from error
+    return {name: tuple(values.tolist()) for name, values in zip(names, table.T, strict=True)}
