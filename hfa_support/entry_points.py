@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 COMMANDS = "hfa.commands"
 #: Group of aircraft readers: scheme, as "jsbsim" of jsbsim:NAME, or suffix -> (text -> Model).
 AIRCRAFT = "hfa.aircraft"
-#: Group of critic readers: suffix, as ".abc" -> function (game, path, Reading) -> Critic.
+#: Group of critic readers: suffix, as ".abc" -> (path -> CriticFile).
 CRITICS = "hfa.critics"
 
 

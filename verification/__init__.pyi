@@ -6,8 +6,4 @@ from .critic_errors import relative_error as relative_error
 from .figures import verdict_figure as verdict_figure
 from .regeneration import regenerate_all as regenerate_all
 from .reports import verdict_report as verdict_report
-from .scope import (
-    NonlinearPlant as NonlinearPlant,
-    Scope as Scope,
-    nonlinear_plant as nonlinear_plant,
-)
+from .scope import Scope as Scope, nonlinear_plant as nonlinear_plant

@@ -70,22 +70,21 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
     return figure
 
 
-def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
+def verdicts_figure(verdicts: Mapping[str, Verdict]) -> Figure:
     """Return a figure of the errors and excess costs of several critics, in their order.
 
     For a single critic, the result is its `verdict_figure`.
 
     verdicts: source of each critic -> its verdict
-    origin: name of the plant, for the title
     """
+    judged = list(verdicts.values())
     if len(verdicts) == 1:
-        (verdict,) = verdicts.values()
-        return verdict_figure(verdict)
+        return verdict_figure(judged[0])
     figure = new_figure(12.0, 4.2)
+    origin = judged[0].exact.names.origin
     figure.suptitle(f"Critics on {origin}, against the exact game solution")
     axes = figure.add_subplot()
     positions = np.arange(len(verdicts))
-    judged = list(verdicts.values())
     curves = {
         "error of P": np.array([verdict.P_rel_error for verdict in judged]),
         "error of K": np.array([verdict.K_rel_error for verdict in judged]),

@@ -281,17 +281,12 @@ class JudgedGame:
 
         return self._loop_of(self._plant(L_above_exact), critic, b, running)
 
-    def plant_loop(
-        self, plant: NonlinearPlant, critic: Critic | None, b: np.ndarray
-    ) -> Loop | None:
-        """Return the closed loop of the nonlinear plant with its saturated inputs, or None in
-        discrete time.
+    def plant_loop(self, plant: NonlinearPlant, critic: Critic | None, b: np.ndarray) -> Loop:
+        """Return the closed loop of the nonlinear plant with its saturated inputs.
 
         critic: the critic, or None for the exact policy
         b: half-widths of the box of states, (n,)
         """
-        if self.game.is_discrete:
-            return None
         z = ca.SX.sym("z", len(b)) if critic is None else critic.symbols
         u = -ca.DM(self.exact.K) @ z if critic is None else critic.policy(z)
         own = [] if critic is None else [self.game.A - self.game.B @ critic.K]

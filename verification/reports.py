@@ -280,13 +280,10 @@ def checks_part(checks: Sequence[Check]) -> Part:
     return tuple(lines)
 
 
-def verdicts_report(
-    verdicts: Mapping[str, Verdict], origin: str, limit_cost: float | None = None
-) -> Report:
+def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = None) -> Report:
     """Return a report with a table of several critics of one game.
 
     verdicts: file -> verdict
-    origin: name of the plant
     limit_cost: limit of the cost above the optimum, percent. With a limit, only the cost decides
         each verdict. With None, all checks must pass.
     """
@@ -318,6 +315,7 @@ def verdicts_report(
         )
     passed = sum(verdict.holds(limit_cost) for verdict in verdicts.values())
     ok = passed == len(verdicts)
+    origin = next(iter(verdicts.values())).exact.names.origin
     parts: list[Part] = []
     if limit_cost is not None:
         parts.append(f"Decided by the cost limit {limit_cost:g} percent")

@@ -62,15 +62,12 @@ class Scope:
 
     box: box of states in which V, its gradient and the policies are compared; by default the
         `usual_box` of the game
-    plant: nonlinear plant about its trim, in which a critic that is not quadratic is also
-        simulated, or None
-    flights: number of initial conditions from which such a critic is simulated
+    flights: number of initial conditions from which a critic that is not quadratic is simulated
     """
 
     box: Box | None = None
-    plant: NonlinearPlant | None = None
     flights: int = FLIGHTS
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for another type of plant or number of flights."""
+        """Raise BadInputError for another number of flights."""
         refuse_unless_whole("Scope: flights", self.flights, 0)

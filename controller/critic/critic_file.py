@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import re
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from controller.critic.critic import Critic, from_parts, from_q_function, polynomial_policy
 from controller.critic.features import is_list
-from controller.critic.reading import DIMENSIONS, CriticReader, Reading, Stated, in_plant_units
+from controller.critic.reading import DIMENSIONS, CriticFile, Reading, in_plant_units
 from controller.game.basis import Basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
@@ -28,7 +29,6 @@ from hfa_support.files import MATRIX_FILES
 from hfa_support.matrices import checked_matrix
 
 if TYPE_CHECKING:
-    from hfa_aircraft.model import Model
     from trim.linear.linear_model import LinearModel
 
 #: Suffixes of critic files that the project reads. Arrays may contain a network.
@@ -37,8 +37,8 @@ OWN_FILES = (*MATRIX_FILES, ".onnx", ".pkl", ".pt", ".pth", ".safetensors", ".zi
 _ALIASES = {"weights": "W", "gains": "K", "state_labels": "states", "input_labels": "inputs"}
 
 
-def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
-    """Return the critic in a file of a network (`is_network`) or of arrays.
+def critic_file(path: str | Path) -> CriticFile:
+    """Return a critic file: of a network (`is_network`), of arrays, or of an installed package.
 
     - A file of arrays contains at least one of W (also `weights`), P and K (also `gains`).
     - An array without a name is W, P or K according to its shape.
@@ -48,25 +48,38 @@ def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> C
 
     Arrays in other units than those of the plant are converted.
 
+    Raises BadInputError, which names the file, if it cannot be read.
+    """
+    file = Path(path)
+    suffix = file.suffix.lower()
+    if suffix not in critic_suffixes():
+        raise BadInputError(
+            f"{path}: the suffix {file.suffix!r} is unknown; use {', '.join(critic_suffixes())}"
+        )
+    if suffix not in OWN_FILES:
+        with prefix_errors(path), file_faults(path):
+            read: CriticFile = loaded(offered(CRITICS, OWN_FILES)[suffix])(path)
+            return read
+    if is_network(file):
+        from controller.critic.network.critic import critic_of_network
+
+        return CriticFile(partial(critic_of_network, path), is_network=True)
+    entries = entries_in(path)
+    return CriticFile(partial(_critic_of, entries), plant=", ".join(words(entries, "plant")))
+
+
+def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
+    """Return the critic in a file (`critic_file`).
+
     path: the critic file
     game: the game whose states and inputs the critic uses
     reading: options; None for the defaults
 
     Raises BadInputError, which names the file, if the file does not contain a critic of this game.
     """
-    reading = reading or Reading()
-    file = Path(path)
-    if file.suffix.lower() not in critic_suffixes():
-        raise BadInputError(
-            f"{path}: the suffix {file.suffix!r} is unknown; use {', '.join(critic_suffixes())}"
-        )
-    if is_network(file):
-        read = _network_reader(file.suffix.lower())
-        with prefix_errors(path), file_faults(path):
-            return read(game, path, reading)
-    entries = entries_in(path)
+    file = critic_file(path)
     with prefix_errors(path):
-        return _critic_of(entries, game, reading)
+        return file.critic(game, reading or Reading())
 
 
 def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
@@ -210,26 +223,6 @@ def is_network(path: Path) -> bool:
     except Exception:  # any damage; reading the arrays reports it
         return False
     return any(re.search(r"(^|\.)weight$", name) for name in names)
-
-
-def _network_reader(suffix: str) -> CriticReader:
-    """Return the reader of network files: that of the project, or of an installed package."""
-    if suffix in OWN_FILES:
-        from controller.critic.network import critic as networks
-
-        return networks.read_critic
-    reader: CriticReader = loaded(offered(CRITICS, OWN_FILES)[suffix])
-    return reader
-
-
-def stated_in(path: Path, model: Callable[[], Model]) -> Stated:
-    """Return what a critic file states of its game: nothing, if its reader has no `stated`.
-
-    model: function that returns the aircraft
-    """
-    entry = offered(CRITICS, OWN_FILES).get(path.suffix.lower())
-    stated = None if entry is None else getattr(loaded(entry), "stated", None)
-    return Stated() if stated is None else stated(path, model())
 
 
 def entries_in(path: str | Path) -> dict[str, Any]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -46,30 +45,22 @@ class Reading:
         return basis_of(self.basis or "quadratic", len(game.A), game.names.states)
 
 
-class Stated(NamedTuple):
-    """What a critic file states of its game.
+class CriticFile(NamedTuple):
+    """A critic file that was read, and what it states of its game.
 
-    inputs: the inputs that its policy moves, () for all
-    cost: "Q" and "R" -> name -> weight, empty without a cost of states and inputs
+    critic: function (game, settings) -> the critic, as a function of the game's states. Raises
+        BadInputError if the file contains no critic of this game.
+    is_network: whether the settings of networks apply
+    plant: name of the plant, "" if the file has none
+    inputs: the inputs that the policy moves, () if the file has none
+    cost: "Q" and "R" -> name -> weight, empty if the file has none
     """
 
+    critic: Callable[[Game, Reading], Critic]
+    is_network: bool = False
+    plant: str = ""
     inputs: tuple[str, ...] = ()
     cost: Mapping[str, Mapping[str, float]] = {}
-
-
-class CriticReader(Protocol):
-    """Function that reads critic files of one format, registered as an entry point of
-    `hfa.critics`.
-
-    It may have an attribute `stated`, a function of the path and the aircraft that returns what the
-    file states of its game (`Stated`).
-    """
-
-    def __call__(self, game: Game, path: str | Path, reading: Reading) -> Critic:
-        """Return the critic in a file, as a function of the game's states.
-
-        Raises BadInputError if the file cannot be read as a critic of this game.
-        """
 
 
 def in_plant_units(

@@ -71,25 +71,24 @@ def solve(request: SolveRequest) -> int:
     if request.order is None:
         refuse(request, ("picture",), "shows the nonlinear game; add --order D")
     at = request.dihedral or request.at or ""
-    if request.plant is not None:
-        refuse(request, _OF_ONE_TRIM, "requires the equations of an aircraft; remove --model")
-    elif "," in at or ":" in at:
+    if request.plant is None and ("," in at or ":" in at):
         return _solve_table(request)
     named = given_game(request)
+    if named.linear is None:
+        refuse(request, _OF_ONE_TRIM, "requires the equations of an aircraft; remove --model")
     reference = reference_of(request.reference, named)
     with named.asking_for_time():
         solution = gare.solve(named.game, ProgressLine("solve"))
-        solved = solution.report()
+        report = solution.report()
     figure = None
-    if request.order is not None:
-        assert named.linear is not None  # --order requires an aircraft
+    if request.order is not None and named.linear is not None:
         expansion = expand(named.linear, solution, request.order)
         figure = expansion.figure
         expanded = expansion.report()
-        parts = (*solved.parts, expanded.title, *expanded.parts)
-        solved = replace(solved, parts=parts).with_data(expanded.data)
-    solved = with_tracking(solved, reference, named, solution.P, solution.K)
-    show(request, solved.with_data(named), named.source, figure=figure, notes=named.warnings)
+        parts = (*report.parts, expanded.title, *expanded.parts)
+        report = replace(report, parts=parts).with_data(expanded.data)
+    report = with_tracking(report, reference, named, solution.P, solution.K)
+    show(request, report.with_data(named), named.source, figure=figure, notes=named.warnings)
     return 0
 
 

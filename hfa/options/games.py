@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from controller.critic.reading import CriticFile
 from controller.game.linear_game import game as game_of
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
@@ -21,8 +22,7 @@ from hfa.options.argument_types import input_file, listed_numbers, number
 from hfa.options.option import option, refuse
 from hfa.options.plants import is_own
 from hfa.options.trims import OF_THE_TRIM, GivenTrim, TrimOptions, given_trim
-from hfa_model.variants import VARIANTS
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import Result, without_empty
 from trim.linear.linear_model import LinearModel
@@ -106,30 +106,64 @@ def given_weights(request: WeightOptions) -> dict[str, Any]:
     return {name: value for name, value in given.items() if value is not None}
 
 
-def weighted_game(weights: Mapping[str, Any], linear: LinearModel) -> Game:
-    """Return the game on a linear model, with given weights and default values for the others."""
-    return replace(game_of(linear, **weights), names=plant_names(linear))
+def given_game(
+    request: GameOptions, inputs: Sequence[str] = (), deployment: CriticFile | None = None
+) -> NamedGame:
+    """Return the game of the options, on a plant file or on an aircraft at a trim.
 
+    inputs, deployment: as for `weighted_game`; a deployment is not used with a plant file
 
-def _sources(weights: Collection[str], of_file: Collection[str]) -> dict[str, str]:
-    """Return the source of each weight.
-
-    The result is "Q", "R" and "delta" -> "given", "file" or "default", and "N" if given.
-
-    weights: names of the given weights
-    of_file: names of the weights that the plant file contains
+    Raises BadInputError in these cases:
+    - The plant file is not valid, or is combined with an option of the aircraft.
+    - Neither a dihedral angle nor a plant file is given for the paper's flexible aircraft.
+    Raises NoSolutionError if the aircraft has no trim.
     """
-    sources = dict.fromkeys(("Q", "R", "delta"), "default")
-    sources |= {name: "file" for name in of_file if name in (*sources, "N")}
-    return sources | dict.fromkeys(weights, "given")
+    if request.plant is not None:
+        return _game_of_file(request, request.plant, inputs)
+    if request.aircraft is None and request.at is None and request.dihedral is None:
+        raise BadInputError(
+            "no plant is given; add --dihedral DEG, --aircraft FILE or --model FILE"
+        )
+    return game_at(given_trim(request), given_weights(request), inputs, deployment)
 
 
-def weight_notes(weights: Collection[str], linear: LinearModel) -> tuple[str, ...]:
-    """Return notes on the weights of a file, and on default weights of a user's aircraft.
+def game_at(
+    given: GivenTrim,
+    weights: Mapping[str, Any],
+    inputs: Sequence[str] = (),
+    deployment: CriticFile | None = None,
+) -> NamedGame:
+    """Return the game on the linear model of an aircraft at a trim (`weighted_game`)."""
+    linear = trimmed(given).linearize()
+    named = weighted_game(weights, linear, inputs, deployment)
+    warnings = (*linear.point.warnings, *linear.kinks, *named.warnings)
+    return replace(named, warnings=warnings, source=given.source)
 
-    weights: names of the given weights
+
+def weighted_game(
+    weights: Mapping[str, Any],
+    linear: LinearModel,
+    inputs: Sequence[str] = (),
+    deployment: CriticFile | None = None,
+) -> NamedGame:
+    """Return the game on a linear model, with notes on weights that no option gives.
+
+    weights: given weights; others are those of the deployment, else of the model's file, else
+        default values
+    inputs: inputs that move, or () for those of the deployment; the weights of others are not used
+    deployment: critic file whose cost is used if it weighs linear states, or None
     """
-    sources = _sources_at(weights, linear)
+    cost: Mapping[str, Any] = {}
+    if deployment is not None and set(deployment.cost.get("Q", ())) <= set(linear.states):
+        cost = deployment.cost
+    if deployment is not None and set(deployment.inputs) < set(linear.inputs):
+        inputs = inputs or deployment.inputs
+    used = {**cost, **weights}
+    if inputs and isinstance(used.get("R"), Mapping):
+        used["R"] = {name: 1.0 for name in linear.inputs if name not in inputs} | used["R"]
+    game = replace(game_of(linear, **used), names=plant_names(linear))
+    about = linear.model.about
+    sources = _sources(weights, cost, about.weights if about.weights_source == "file" else ())
     notes: tuple[str, ...] = ()
     if stored := [name for name, source in sources.items() if source == "file"]:
         notes += (f"used: {' and '.join(stored)} of {linear.model.name}",)
@@ -137,54 +171,22 @@ def weight_notes(weights: Collection[str], linear: LinearModel) -> tuple[str, ..
     if is_own(linear.model) and missing:
         taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
         notes += (f"{' and '.join(missing)} not given; used: {', '.join(taken)}",)
-    return notes
+    return NamedGame(game, notes, linear=linear, weights_from=sources).moved_by(inputs)
 
 
-def _sources_at(weights: Collection[str], linear: LinearModel) -> dict[str, str]:
-    """Return the source of each weight of a game on a linear model, which may be from a file."""
-    about = linear.model.about
-    return _sources(weights, about.weights if about.weights_source == "file" else ())
+def _sources(
+    given: Iterable[str], deployed: Iterable[str], of_file: Iterable[str]
+) -> dict[str, str]:
+    """Return the source of each weight, Q, R, delta and, if it is not 0 by default, N.
 
-
-def given_game(request: GameOptions, weights: Mapping[str, Any] | None = None) -> NamedGame:
-    """Return the game of the options, on a plant file or on an aircraft at a trim.
-
-    weights: weights in place of those of the options, or None
-
-    Raises BadInputError in these cases:
-    - The plant file is not valid, or is combined with an option of the aircraft.
-    - Neither a dihedral angle nor a plant file is given for the paper's flexible aircraft.
-    Raises NoSolutionError if the aircraft has no trim.
+    given, deployed, of_file: names of the weights of options, a deployment, the plant's file
     """
-    weights = given_weights(request) if weights is None else weights
-    if request.plant is not None:
-        return _game_of_file(request, request.plant, weights)
-    _refuse_no_plant(request)
-    return game_at(given_trim(request), weights)
+    sources = dict.fromkeys(("Q", "R", "delta"), "default")
+    sources |= {name: "file" for name in of_file if name in (*sources, "N")}
+    return sources | dict.fromkeys(deployed, "deployment") | dict.fromkeys(given, "given")
 
 
-def _refuse_no_plant(request: GameOptions) -> None:
-    """Raise BadInputError if neither an aircraft, a dihedral angle nor a plant file is given."""
-    is_of_paper = request.aircraft is None and (request.dynamics or "published") in VARIANTS
-    if is_of_paper and request.at is None and request.dihedral is None:
-        raise BadInputError(
-            "no plant is given; add --dihedral DEG, --aircraft FILE or --model FILE"
-        )
-
-
-def game_at(given: GivenTrim, weights: Mapping[str, Any]) -> NamedGame:
-    """Return the game on the linear model of an aircraft at a trim."""
-    linear = trimmed(given).linearize()
-    return NamedGame(
-        weighted_game(weights, linear),
-        warnings=(*linear.point.warnings, *linear.kinks, *weight_notes(weights, linear)),
-        linear=linear,
-        weights_from=_sources_at(weights, linear),
-        source=given.source,
-    )
-
-
-def _game_of_file(request: GameOptions, plant: Path, weights: Mapping[str, Any]) -> NamedGame:
+def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> NamedGame:
     """Return the game on a plant file.
 
     Raises BadInputError if an option of the aircraft or its trim is given.
@@ -198,15 +200,16 @@ def _game_of_file(request: GameOptions, plant: Path, weights: Mapping[str, Any])
         )
     of_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "units", "dynamics")
     refuse(request, of_aircraft, "applies only to the aircraft; remove this option or --model")
+    weights = given_weights(request)
     stored = stored_game(plant, defaults=paper_defaults, **weights)
     return NamedGame(
         stored.game,
         warnings=stored.notes,
         plant_provenance=stored.provenance,
         has_time=stored.has_time,
-        weights_from=_sources(weights, stored.stated),
+        weights_from=_sources(weights, (), stored.stated),
         source={"model": str(plant)},
-    )
+    ).moved_by(inputs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +221,7 @@ class NamedGame(Result):
     plant_provenance: provenance of a plant read from a file
     linear: linear model of the aircraft, or None for a plant from a file
     has_time: False if the plant file does not state whether time is continuous or discrete
-    weights_from: name -> "given", "file" or "default", for Q, R and delta
+    weights_from: name -> "given", "deployment", "file" or "default", for Q, R and delta
     source: entries of the provenance
     """
 
@@ -241,10 +244,16 @@ class NamedGame(Result):
         """Return one line of text with Q, R, delta, N unless it is 0, the source of each, and E."""
         return weights_line(self.game, self.weights_from)
 
-    def select(self, inputs: Sequence[str]) -> NamedGame:
-        """Return the game in which only the named inputs move (`Game.select`)."""
-        linear = None if self.linear is None else self.linear.select(inputs=inputs)
-        return replace(self, game=self.game.select(inputs), linear=linear)
+    def moved_by(self, inputs: Sequence[str]) -> NamedGame:
+        """Return the game in which only these inputs move (`Game.select`), or all of ().
+
+        Raises BadInputError, which names --inputs, for an unknown or repeated name.
+        """
+        if not inputs:
+            return self
+        with prefix_errors("--inputs"):
+            linear = None if self.linear is None else self.linear.select(inputs=inputs)
+            return replace(self, game=self.game.select(inputs), linear=linear)
 
     @contextmanager
     def asking_for_time(self) -> Iterator[None]:

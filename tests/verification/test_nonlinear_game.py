@@ -59,7 +59,8 @@ def compared(critic: hfa.Critic, linear: LinearModel, game: Game) -> Any:
 def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -> None:
     """The exact value passes there, and its linear part on the linear game.
 
-    Without the aircraft it is judged on the linear game, where it fails.
+    Without the aircraft or with taylor=False it is judged on the linear game, where it fails, and
+    with the aircraft also simulated within the limits of its inputs.
     """
     linear, game, expansion = case(order)
     critic = hfa.from_weights(game, expansion.weights, basis=basis)
@@ -74,7 +75,10 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -
     assert verdict.nonlinear.flown is not None
     assert verdict.nonlinear.flown.excess < 1e-9
     assert verdict.nonlinear.radius.degree == order
-    assert not hfa.verify(game, critic, scope=QUICK).ok
+    for aircraft, is_flown in ((None, False), (linear, True)):
+        verdict = hfa.verify(game, critic, scope=QUICK, linear=aircraft, taylor=False)
+        assert (verdict.ok, verdict.nonlinear) == (False, None)
+        assert (verdict.data()["network"]["reach_nonlinear"] is not None) == is_flown
 
 
 def judged(expansion: Expansion, game: Game, linear: LinearModel, change: ca.SX, z: ca.SX):

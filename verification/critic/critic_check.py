@@ -29,7 +29,7 @@ from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import critic_errors, relative_error
 from verification.judged_game import JudgedGame
-from verification.scope import LIMIT, Scope
+from verification.scope import LIMIT, Scope, nonlinear_plant
 from verification.verdict import Section, Verdict, explained
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def verify(
     limit: float = LIMIT,
     scope: Scope | None = None,
     linear: LinearModel | None = None,
-    taylor: bool = False,
+    taylor: bool | None = None,
     progress: Progress | None = None,
 ) -> Verdict:
     """Return the verdict on a critic, compared with the exact solution of its game.
@@ -83,7 +83,8 @@ def verify(
     limit: limit of the errors and the residual
     scope: further data for the checks; by default `Scope()`
     linear: the linear model of the game at a trim of an aircraft, or None
-    taylor: whether a network is judged on the nonlinear game, which requires `linear`
+    taylor: whether the critic is judged on the nonlinear game, which requires `linear` and a critic
+        that is not quadratic; by default only a polynomial is
     progress: called with (parts done, parts, text) of the comparison there, or None
 
     Raises NoSolutionError if the game has no certified solution, and BadInputError if `game` is not
@@ -105,7 +106,8 @@ def verify(
     box = usual_box(judged.game) if scope.box is None else _given_box(scope.box, judged.game)
 
     nonlinear, about_nonlinear = None, None
-    if linear is not None and not given.is_quadratic and (taylor or given.has_weights):
+    in_series = given.has_weights if taylor is None else taylor
+    if linear is not None and not given.is_quadratic and in_series:
         nonlinear, about_nonlinear = _nonlinear(given, linear, judged, limit, box, scope, progress)
     part = given if nonlinear is None else given.linear_part
     errors = critic_errors(judged.game, part, judged.exact, limit, box.half_widths)
@@ -115,7 +117,8 @@ def verify(
     if nonlinear is None and not given.is_quadratic:
         from verification.network.search import findings_of
 
-        found = findings_of(judged, given, box.half_widths, limit, scope)
+        plant = None if linear is None or game.is_discrete else nonlinear_plant(linear)
+        found = findings_of(judged, given, box.half_widths, limit, scope.flights, plant)
 
     checks = [*errors, *loop.checks]
     if given.P is not None and given.finite:

@@ -93,24 +93,24 @@ def fly(
         flights = min(flights, _WIDE_FLIGHTS)
     losses = costs_above_optimum(judged, critic, b, flights)
     loop = judged.loop(critic, b)
-    nonlinear = nonlinear_exact = None
-    if plant is not None:
-        nonlinear = judged.plant_loop(plant, critic, b)
-        nonlinear_exact = judged.plant_loop(plant, None, b)
     rest = loop.equilibrium
     equilibrium_cost = 0.0
     if rest is not None:
         equilibrium_cost = judged.cost(rest, np.array(critic.policy(rest)).ravel())
     few = min(FEW, flights)
-    return FlightResults(
+    results = FlightResults(
         flights=flights,
         cost_lost_flown_percent=float(losses.max()),
         cost_lost_flown_mean_percent=float(losses.mean()),
         rest_point=rest,
         equilibrium_cost=equilibrium_cost,
         reach=_reach(loop, b, few),
-        reach_nonlinear=None if nonlinear is None else _reach(nonlinear, b, few),
-        reach_nonlinear_exact=None if nonlinear_exact is None else _reach(nonlinear_exact, b, few),
+    )
+    if plant is None:
+        return results
+    return results._replace(
+        reach_nonlinear=_reach(judged.plant_loop(plant, critic, b), b, few),
+        reach_nonlinear_exact=_reach(judged.plant_loop(plant, None, b), b, few),
     )
 
 

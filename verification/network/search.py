@@ -30,7 +30,7 @@ from verification.network.mistakes import bias_text
 from verification.verdict import Section
 
 if TYPE_CHECKING:
-    from verification.scope import Scope
+    from verification.scope import NonlinearPlant
 
 #: Number of states at which the errors are computed. Half of them are corners of the box.
 STARTS = 20_000
@@ -78,17 +78,24 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
 
 
 def findings_of(
-    judged: JudgedGame, critic: Critic, b: np.ndarray, limit: float, scope: Scope
+    judged: JudgedGame,
+    critic: Critic,
+    b: np.ndarray,
+    limit: float,
+    flights: int,
+    plant: NonlinearPlant | None,
 ) -> Findings:
     """Return the errors of a critic over the box |z_i| <= b_i, and the results of its simulations.
 
     limit: largest relative error that passes
+    flights: number of initial conditions of simulations
+    plant: nonlinear plant in continuous time, or None
     """
     origin, worst = search(judged.exact, critic, b)
     # The errors of a polynomial are bounded, and its bounds are checked.
     errors = search_checks(critic, judged.exact, origin, worst, limit) if critic.network else []
     checks = list(errors)
-    flown = fly(judged, critic, b, scope.flights, scope.plant)
+    flown = fly(judged, critic, b, flights, plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, b, limit))
         lost = "not all flights from the box converge"

@@ -19,7 +19,7 @@ from controller.critic.reading import Reading
 from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
-from hfa_support.errors import BadInputError, prefix_errors, shortened, warn
+from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened, warn
 
 #: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
 OUTPUTS = ("V", "gradient", "policy", "V+policy")
@@ -90,7 +90,7 @@ def from_network(
         return _of_states(game, stored, scales, origin, ",".join(parts.values()))
 
 
-def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
+def critic_of_network(path: str | Path, game: Game, reading: Reading) -> Critic:
     """Return the critic of the network in a file.
 
     Warns that a .zip file is read without its normalizer, clip and action map. Raises BadInputError
@@ -108,14 +108,15 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
             f"{path}: the network is judged without normalizer, clip and action map; give a "
             "deployment file, --weights DEPLOYMENT.toml, to judge it with them"
         )
-    return from_network(
-        game,
-        path,
-        network=reading.network,
-        activation=reading.activation,
-        scale=reading.scale,
-        basis=reading.psi(game),
-    )
+    with prefix_errors(path), file_faults(path):
+        return from_network(
+            game,
+            path,
+            network=reading.network,
+            activation=reading.activation,
+            scale=reading.scale,
+            basis=reading.psi(game),
+        )
 
 
 def _of_states(

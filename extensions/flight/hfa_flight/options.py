@@ -22,7 +22,7 @@ from hfa.options.argument_types import (
     whole,
 )
 from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
-from hfa.options.games import WeightOptions, given_weights, weight_notes, weighted_game
+from hfa.options.games import WeightOptions, given_weights, weighted_game
 from hfa.options.option import is_given, option, options_of, refuse
 from hfa.options.trims import TrimOptions
 from hfa_aircraft.model import Model
@@ -238,9 +238,10 @@ def exact_policy(game: Game) -> GainPolicy:
 
 def noted_game(weights: Mapping[str, Any], linear: LinearModel) -> Game:
     """Return the game of given weights, and issue the notes on the others as warnings."""
-    for note in weight_notes(weights, linear):
+    named = weighted_game(weights, linear)
+    for note in named.warnings:
         warn(note)
-    return weighted_game(weights, linear)
+    return named.game
 
 
 def behind_a_filter(policy: Policy, scenario: Scenario, point: OperatingPoint) -> Policy:
@@ -268,7 +269,7 @@ def policy_about(request: PolicyOptions, linear: LinearModel) -> GainPolicy | Fu
     path, weights = request.weights, given_weights(request)
     if path is None:
         return exact_policy(noted_game(weights, linear))
-    game = weighted_game(weights, linear)
+    game = weighted_game(weights, linear).game
     critic = critic_in(path, game, reading_of(request))
     if not critic.linear:
         return function_policy(f"critic of {path}", critic.policy, linear.point)

@@ -172,7 +172,7 @@ def fly(request: FlyRequest) -> int:
     weights = None
     plans = flown_law(request) in LAWS
     if plans or request.Q is not None or request.R is not None:
-        game = weighted_game(given_weights(request), linearize(model, point))
+        game = weighted_game(given_weights(request), linearize(model, point)).game
         weights = (game.Q, game.R)
     simulated = partial(
         fly,
@@ -335,7 +335,7 @@ def _steering(
     policy = policy_about(request, linear)
     if not signals:
         return policy, reference, None
-    game = weighted_game(given_weights(request), linear)
+    game = weighted_game(given_weights(request), linear).game
     tracking = tracking_of(linear, game, policy, signals)
     policy = GainPolicy(policy.name, tracking.K, tracking.inputs)
     return policy, tracking.exact.reference, tracking

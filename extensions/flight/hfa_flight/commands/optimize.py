@@ -182,7 +182,7 @@ def optimize(request: OptimizeRequest) -> int:
     deviations = each_of("--start", model, request.deviations, linear_state)
     limits = each_of("--limit", model, request.limits, span)
     point = trimmed(end)
-    game = weighted_game(given_weights(request), linearize(model, point))
+    game = weighted_game(given_weights(request), linearize(model, point)).game
     game.refuse_cross_weights("the cost of hfa optimize")
     problem = flight_problem(model, point, game.Q, game.R, limits=limits)
     policies = _policies(request, game, point, limits)

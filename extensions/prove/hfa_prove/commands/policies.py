@@ -104,7 +104,7 @@ def given_policy(request: LoopOptions, given: GivenTrim) -> GivenPolicy:
     if not given.model.inputs:
         none = Gain(np.zeros((0, len(linear.states))), {})
         return GivenPolicy.of_gain(linear, none, "no inputs", None)
-    game = weighted_game(given_weights(request), linear)
+    game = weighted_game(given_weights(request), linear).game
     if request.policy is not None:
         known = [("P of the game", unconfirmed_solution(game).P)]
         return _deployment(request.policy, linear, known)

@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic, from_functions
-from controller.critic.reading import Reading, Stated
+from controller.critic.reading import CriticFile, Reading
 from controller.critic.symbols import symbols_for
 from controller.game.zero_sum import Game
-from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_support.errors import BadInputError
 from trim.linear.linear_model import LinearModel
 
 
-def read_deployment(game: Game, path: str | Path, reading: Reading) -> Critic:
+def read_deployment(path: str | Path) -> CriticFile:
+    """Return a deployment file as a critic file, with its inputs and its cost."""
+    deployment = Deployment.load(path)
+    return CriticFile(
+        partial(_critic, path, deployment),
+        is_network=True,
+        inputs=tuple(deployment.action),
+        cost=deployment.cost or {},
+    )
+
+
+def _critic(path: str | Path, deployment: Deployment, game: Game, reading: Reading) -> Critic:
     """Return the policy of a deployment file in continuous time, u(z) in deviations from the trim.
 
     The policy has its observations, normalizer, box and maps of actions, but neither sample time
@@ -40,7 +51,6 @@ def read_deployment(game: Game, path: str | Path, reading: Reading) -> Critic:
         raise BadInputError(
             "a deployment file states how its policy is read; remove --basis, --network and --set"
         )
-    deployment = Deployment.load(path)
     deployed = Deployed(deployment, linear.point.model)
     _refuse_other_inputs(deployed, game)
     by_flights = f"type hfa assess {path}, with the same aircraft and trim, to judge it as deployed"
@@ -59,22 +69,6 @@ def read_deployment(game: Game, path: str | Path, reading: Reading) -> Critic:
         f"with its action boxes, without sample time ({deployment.dt:g} s), delay and input limits"
     )
     return from_functions(game, z, {"policy": u}, ", ".join(parts))
-
-
-def _stated(path: Path, model: Model) -> Stated:
-    """Return the inputs that a deployment moves, () for all, and its cost, empty if Q weighs other
-    signals than the linear states.
-    """
-    deployment = Deployment.load(path)
-    moved = tuple(deployment.action)
-    cost = deployment.cost or {}
-    if not set(cost.get("Q", ())) <= set(model.linear):
-        cost = {}
-    is_of_all = set(moved) == set(model.inputs)
-    return Stated(inputs=() if is_of_all else moved, cost=cost)
-
-
-read_deployment.stated = _stated  # type: ignore[attr-defined]  # `CriticReader` may have it
 
 
 def _refuse_other_inputs(deployed: Deployed, game: Game) -> None:
