@@ -20,6 +20,14 @@ _PLATFORMS = {
     "win32": ("win64", "windows", ".dll"),
 }
 _PROCESSORS = {"AMD64": "x86_64", "arm64": "aarch64"}
+#: Type of a number -> its lowest and highest value. False is 0 and true is 1.
+_RANGES = {
+    **dict.fromkeys(("Float64", "Float32"), (-math.inf, math.inf)),
+    "Boolean": (0, 1),
+    **dict.fromkeys(("Integer", "Enumeration"), (-(2**31), 2**31 - 1)),
+    **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}
 #: Largest number of names in a sentence.
 _MOST_NAMED = 6
 
@@ -44,9 +52,15 @@ class Variable(NamedTuple):
         return self.kind == "Float64"
 
     @property
-    def is_boolean(self) -> bool:
-        """Whether the variable is a scalar truth value, 0 or 1."""
-        return self.kind == "Boolean"
+    def is_whole(self) -> bool:
+        """Whether the variable is a whole number: an integer, an enumeration or a truth value."""
+        return self.kind in _RANGES and not self.kind.startswith("Float")
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether the variable is a parameter, or an input of a type that no trim solves for."""
+        is_setting = self.causality == "input" and not self.is_real
+        return self.kind in _RANGES and (self.causality == "parameter" or is_setting)
 
     @property
     def is_discrete(self) -> bool:
@@ -62,7 +76,7 @@ class Description(NamedTuple):
     has_directional: whether it declares directional derivatives
     indicators: names of the event indicators
     states, rates, inputs, parameters, outputs: the variables that a model has; `rates` are the
-        derivatives of `states`
+        derivatives of `states`, and `parameters` are constant, also inputs that are no real numbers
     names: name in the FMU -> name in the model, of the states, inputs, parameters and outputs
     offered: sentences on the variables that a model has and does not have
     """
@@ -164,23 +178,41 @@ def _read(root: ElementTree.Element) -> Description:
                 f"the state {shortened(name)} is {variables[name].kind}; export it with scalars "
                 "of 64 bits"
             )
-    of_inputs = [each for each in variables.values() if each.causality == "input"]
-    of_parameters = [each for each in variables.values() if each.causality == "parameter"]
+    inputs = [each for each in variables.values() if each.causality == "input" and each.is_real]
+    constants = [each for each in variables.values() if each.is_constant]
     of_outputs = [variables[name] for name in outputs if name not in states]
-    numbers = [each for each in of_parameters if each.is_real or each.is_boolean]
-    not_real = [each.name for each in (*of_inputs, *of_outputs) if not each.is_real]
-    not_real += [each.name for each in of_parameters if each not in numbers]
-    real_inputs = [each for each in of_inputs if each.is_real]
     real_outputs = [each for each in of_outputs if each.is_real]
-    of_model = [*states, *(each.name for each in (*real_inputs, *numbers, *real_outputs))]
-    names_in_model = identifiers(of_model)
-    discrete = [names_in_model[each.name] for each in real_inputs if each.is_discrete]
-    booleans = [names_in_model[each.name] for each in numbers if each.is_boolean]
+    taken = [*(variables[name] for name in states), *inputs, *constants, *real_outputs]
+    names_in_model = identifiers([each.name for each in taken])
+    known = [each for each in variables.values() if each.causality in ("input", "parameter")]
+    left_out = [each for each in (*known, *of_outputs) if each not in taken]
+    unlisted = [state for rate, state in state_of.items() if rate not in rates]
+
+    def named(these: list[Variable]) -> list[str]:
+        return [names_in_model[each.name] for each in these]
+
     said = (
-        ("parameters that --hold sets: {}", [names_in_model[each.name] for each in numbers]),
-        ("Boolean parameters, 0 or 1: {}", booleans),
-        ("left out: integers, texts, arrays, and inputs and outputs of truth values: {}", not_real),
-        ("inputs that the FMU changes in steps are taken as continuous: {}", discrete),
+        ("parameters that --hold sets: {}", named(constants)),
+        (
+            "parameters of whole numbers (1 is true, 0 false): {}",
+            named([each for each in constants if each.is_whole]),
+        ),
+        (
+            "left out: texts, arrays, and outputs that are not real numbers: {}",
+            [each.name for each in left_out],
+        ),
+        (
+            "inputs that the FMU changes in steps are taken as continuous: {}",
+            named([each for each in inputs if each.is_discrete]),
+        ),
+        (
+            "no states, because ModelStructure does not list their derivatives: {}",
+            [name for name in unlisted if name not in states],
+        ),
+        (
+            "states without a unit, which the sheet of an aircraft requires: {}",
+            named([variables[name] for name in states if not variables[name].unit]),
+        ),
     )
     return Description(
         version,
@@ -191,8 +223,8 @@ def _read(root: ElementTree.Element) -> Description:
         tuple(shortened(name) for name in indicators),
         tuple(variables[name] for name in states),
         tuple(variables[name] for name in rates),
-        tuple(real_inputs),
-        tuple(numbers),
+        tuple(inputs),
+        tuple(constants),
         tuple(real_outputs),
         names_in_model,
         tuple(sentence.format(_listed(names)) for sentence, names in said if names),
@@ -207,43 +239,42 @@ def _variables(
     variables: dict[str, Variable] = {}
     states: dict[str, str] = {}
     for element in root.findall("ModelVariables/*"):
-        real = element if version == 3 else next(iter(element))
-        declared = types.get(real.get("declaredType"))
+        typed = element if version == 3 else next(iter(element))
+        declared = types.get(typed.get("declaredType"))
+        items = [] if declared is None else declared.findall(".//Item")
         if declared is not None and version == 2:
             declared = next(iter(declared), None)
-        attributes = {**(declared.attrib if declared is not None else {}), **real.attrib}
-        is_scalar = real.find("Dimension") is None
-        kind = "Float64" if real.tag == "Real" else real.tag
-        name, is_number = element.attrib["name"], kind == "Float64" and is_scalar
-        if kind == "Boolean" and is_scalar:
-            is_true = attributes.get("start", "false") in ("true", "1")
-            attributes = {"min": "0", "max": "1", "start": str(int(is_true))}
-            is_number = True
-        low, high, nominal, start = (
-            float(attributes.get(key) or default) if is_number else default
-            for key, default in (
-                ("min", -math.inf),
-                ("max", math.inf),
-                ("nominal", 0),
-                ("start", 0),
-            )
-        )
+        attributes = {**(declared.attrib if declared is not None else {}), **typed.attrib}
+        kind = "an array" if typed.find("Dimension") is not None else typed.tag
+        kind = "Float64" if kind == "Real" else kind
+        lowest, highest = _RANGES.get(kind, (0, 0))
+        if items:
+            values = [int(each.attrib["value"]) for each in items]
+            lowest, highest = min(values), max(values)
+        usual = {"min": lowest, "max": highest, "nominal": 0, "start": 0}
+        given = attributes if kind in _RANGES else {}
+        low, high, nominal, start = (_number(given.get(key) or usual[key]) for key in usual)
+        name = element.attrib["name"]
         variables[name] = Variable(
             name,
             int(element.attrib["valueReference"]),
-            kind if is_scalar else "an array",
+            kind,
             element.get("causality", "local"),
             element.get("variability", "continuous"),
             attributes.get("unit", ""),
             *(abs(nominal), low, high, start),
         )
-        if "derivative" in real.attrib:
-            states[name] = real.attrib["derivative"]
+        if "derivative" in typed.attrib:
+            states[name] = typed.attrib["derivative"]
     if version == 2:
         names = list(variables)
         return variables, {name: names[int(index) - 1] for name, index in states.items()}
     of_reference = {str(each.reference): name for name, each in variables.items()}
     return variables, {name: of_reference[reference] for name, reference in states.items()}
+
+
+def _number(text: str | float) -> float:
+    return float(text == "true") if text in ("true", "false") else float(text)
 
 
 def _listed(names: list[str]) -> str:

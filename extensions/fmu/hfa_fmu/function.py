@@ -6,7 +6,7 @@ expressions. What is NaN is no trim and no flight.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import casadi as ca
@@ -19,7 +19,8 @@ from hfa_fmu.library import FmuError, Instance
 STEP = 2e-6
 #: Time at which the rates are compared with those at time 0.
 _LATER = 7.381
-#: Largest change of a rate with time, relative to the nominal value of its state.
+#: Largest change of a rate that is a function of its arguments, relative to the nominal value of its
+#: state.
 _STEADY = 1e-7
 
 
@@ -37,14 +38,12 @@ class Evaluator:
         nominals: list[np.ndarray],
         count: int,
         events: tuple[str, ...] = (),
-        booleans: Sequence[bool] = (),
     ) -> None:
         """Make the evaluator.
 
         nominals: nominal values of x, u and p
         count: number of rates and outputs
         events: names of the event indicators
-        booleans: whether each of p is a truth value, which has no derivative
         """
         self.events = events
         self.nominals = np.concatenate(nominals)
@@ -55,7 +54,6 @@ class Evaluator:
         self._steady_at = b""
         self._nan = np.full(count, np.nan).tobytes()
         self._states, self.count = len(nominals[0]), count
-        self._booleans = self.of_dynamics + np.flatnonzero(booleans)
         self.instance = instance
 
     def values(self, v: np.ndarray, time: float = 0.0) -> np.ndarray:
@@ -77,7 +75,7 @@ class Evaluator:
         return ""
 
     def along(self, v: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Return the derivative of f along a direction, (m,).
+        """Return the derivative of f along a direction of x and u, (m,).
 
         It is that of the FMU if it gives one, and otherwise
         (f(v + h d) - f(v - h d)) / (2 h), with |h d_i| <= STEP nominal_i.
@@ -85,7 +83,7 @@ class Evaluator:
         Raises FmuError if a call fails, if the rates depend on time, or at an event.
         """
         self._refuse_doubtful(v)
-        if self.gives_slopes and not direction[self.of_dynamics :].any():
+        if self.gives_slopes:
             self.refuse_events(v, direction)
             dynamics = direction[: self.of_dynamics].tolist()
             return np.array(self.instance.along(v.tobytes(), dynamics))
@@ -123,11 +121,13 @@ class Evaluator:
     def write_along(
         self, v: memoryview, _: memoryview, direction: memoryview, result: memoryview
     ) -> None:
-        """Write the derivative along a direction, or NaN and the reason in `fault`. That by a truth
-        value is NaN without a reason, because no result needs it.
+        """Write the derivative along a direction, or NaN and the reason in `fault`.
+
+        CasADi asks for the derivatives by all arguments. Those by parameters, which no result
+        needs and whole numbers do not have, are NaN without a reason.
         """
         along = np.frombuffer(direction)
-        if along[self._booleans].any():
+        if along[self.of_dynamics :].any():
             result[:] = self._nan
             return
         try:
@@ -146,14 +146,25 @@ class Evaluator:
             self.fault, self._fault_at = str(error), v.tobytes()
 
     def _refuse_doubtful(self, v: np.ndarray) -> None:
-        """Raise FmuError if the rates depend on time."""
+        """Raise FmuError if the rates depend on time, or on states that were set before."""
         if self._steady_at == v.tobytes():
             return
-        n, now = self._states, self.values(v)
-        change = np.abs(self.values(v, _LATER) - now)[:n]
-        if (change > _STEADY * np.maximum(np.abs(now[:n]), self.nominals[:n])).any():
+        now = self.values(v)
+        if self._differ(self.values(v, _LATER), now):
             raise FmuError("its rates depend on time")
+        if self.events:
+            self.instance.renew()
+            if self._differ(self.values(v), now):
+                raise FmuError(
+                    "its rates depend on earlier states: an event has a memory, such as a "
+                    "hysteresis"
+                )
         self._steady_at = v.tobytes()
+
+    def _differ(self, values: np.ndarray, others: np.ndarray) -> bool:
+        n = self._states
+        tolerance = _STEADY * np.maximum(np.abs(others[:n]), self.nominals[:n])
+        return bool((np.abs(values - others)[:n] > tolerance).any())
 
 
 class _Callback(ca.Callback):

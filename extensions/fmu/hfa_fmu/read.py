@@ -98,7 +98,10 @@ def _interface(folder: Path, description: Description) -> Interface:
     of, resources = description, folder / "resources"
     groups = (of.states, of.rates, of.inputs, of.outputs)
     states, rates, inputs, outputs = ([each.reference for each in group] for group in groups)
-    parameters = [Parameter(each.reference, each.is_boolean, each.start) for each in of.parameters]
+    parameters = [
+        Parameter(of.names[each.name], each.reference, each.kind, each.is_whole, each.start)
+        for each in of.parameters
+    ]
     return Interface(
         str(library_of(folder, of)),
         of.version,
@@ -147,8 +150,7 @@ def _model(
         np.array([each.nominal for each in group.values()])
         for group in (states, inputs, parameters)
     ]
-    booleans = [each.is_boolean for each in of.parameters]
-    evaluator = Evaluator(instance, nominals, len(states) + len(outputs), of.indicators, booleans)
+    evaluator = Evaluator(instance, nominals, len(states) + len(outputs), of.indicators)
     begun = _beside_events(evaluator, np.array(start), len(states))
     about = _about(evaluator, of, begun)
     of_events = _of_events(of.indicators, begun.tolist() != start)

@@ -7,13 +7,15 @@
  *   dead, stuck: the library aborts or does not return when it is initialized
  *   timed: torque (1 + .3 sin(t + 1));  kinked: - |rate| beside - damping rate
  *   nodd: directional derivatives fail;  scaled: one of them is 10 % off
- *   event: beyond an angle of .5, after an event, the damping is doubled;  jump: it sets rate = 0 */
+ *   event: beyond an angle of .5, after an event, the damping is doubled;  jump: it sets rate = 0
+ *   push: it adds 1 to the torque;  memory: once doubled, the damping is normal again only below an angle of .1
+ * `links`, an integer or enumeration of value reference 10, divides gravity. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { ANGLE, RATE, TORQUE, GRAVITY, LENGTH, DAMPING, D_ANGLE, D_RATE, HEIGHT, SIZE };
-typedef struct { double v[SIZE], time; const char *token; int damped, ready; } Model;
+typedef struct { double v[SIZE], time; const char *token; int damped, ready, links, jumped; } Model;
 
 static int is(const Model *m, const char *fault) { return strstr(m->token, fault) != NULL; }
 
@@ -27,8 +29,9 @@ static int evaluate(Model *m)
 {
     double *v = m->v, damping = v[DAMPING] * (m->damped ? 2 : 1);
     double torque = v[TORQUE] * (is(m, "timed") ? 1 + .3 * sin(m->time + 1) : 1);
+    if (is(m, "push") && m->damped) torque += 1;
     v[D_ANGLE] = v[RATE];
-    v[D_RATE] = -v[GRAVITY] / v[LENGTH] * sin(v[ANGLE]) - damping * v[RATE] + torque;
+    v[D_RATE] = -v[GRAVITY] / m->links / v[LENGTH] * sin(v[ANGLE]) - damping * v[RATE] + torque;
     if (is(m, "kinked")) v[D_RATE] -= fabs(v[RATE]);
     v[HEIGHT] = -v[LENGTH] * cos(v[ANGLE]);
     while (is(m, "hangs") && v[ANGLE] > 1) ;
@@ -68,6 +71,12 @@ static int set_moon(Model *m, int on)
     return m->ready ? 3 : 0;
 }
 
+static int set_links(Model *m, int links)
+{
+    m->links = links;
+    return m->ready ? 3 : 0;
+}
+
 static int end_initialization(Model *m) { m->ready = 1; return is(m, "unready") ? 2 : 0; }
 
 static int along(Model *m, const unsigned *z, size_t nz, const unsigned *k, size_t nk,
@@ -87,11 +96,17 @@ static int rates(Model *m, double *x)
     return status;
 }
 
-/* The event: angle = .5. */
+/* The event: angle = .5, or .1 with memory. */
+static double beyond(const Model *m)
+{
+    return m->v[ANGLE] - (is(m, "memory") && m->damped ? .1 : .5);
+}
+
 static int happen(Model *m)
 {
-    m->damped = is(m, "event") && m->v[ANGLE] > .5;
-    if (m->damped && is(m, "jump")) m->v[RATE] = 0;
+    m->damped = is(m, "event") && beyond(m) > 0;
+    m->jumped = m->damped && is(m, "jump");
+    if (m->jumped) m->v[RATE] = 0;
     if (is(m, "dead")) abort();
     while (is(m, "stuck")) ;
     return 0;
@@ -103,6 +118,7 @@ static Model *make(const char *token)
     start(m);
     m->token = strdup(token);
     m->time = m->damped = m->ready = 0;
+    m->links = 1;
     return m;
 }
 
@@ -125,12 +141,14 @@ int fmi3SetFloat64(void *c, const unsigned *r, size_t n, const double *x, size_t
 #define EMPTY(type) \
     int fmi3Get##type(void *c, const unsigned *r, size_t n, void *x, size_t m) { return 0; } \
     int fmi3Set##type(void *c, const unsigned *r, size_t n, const void *x, size_t m) { return 0; }
-EMPTY(Float32) EMPTY(Int8) EMPTY(UInt8) EMPTY(Int16) EMPTY(UInt16) EMPTY(Int32) EMPTY(UInt32)
-EMPTY(Int64) EMPTY(UInt64) EMPTY(String)
+EMPTY(Float32) EMPTY(Int8) EMPTY(UInt8) EMPTY(Int16) EMPTY(UInt16) EMPTY(UInt32)
+EMPTY(UInt64) EMPTY(String)
+int fmi3SetInt32(void *c, const unsigned *r, size_t n, const int *x, size_t m) { return set_links(c, x[0]); }
+int fmi3SetInt64(void *c, const unsigned *r, size_t n, const long long *x, size_t m) { return set_links(c, x[0]); }
 int fmi3SetBoolean(void *c, const unsigned *r, size_t n, const _Bool *x, size_t m) { return set_moon(c, x[0]); }
 int fmi3UpdateDiscreteStates(void *c, char *a, char *b, char *d, char *e, char *f, double *t)
-{ *a = *b = *d = *e = *f = 0; *a = is(c, "endless"); *t = 0.0; return happen(c); }
-int fmi3GetEventIndicators(void *c, double *x, size_t n) { x[0] = ((Model *)c)->v[ANGLE] - .5; return 0; }
+{ *a = *b = *d = *e = *f = 0; *a = is(c, "endless"); *t = 0.0; happen(c); *e = ((Model *)c)->jumped; return 0; }
+int fmi3GetEventIndicators(void *c, double *x, size_t n) { x[0] = beyond(c); return 0; }
 int fmi3CompletedIntegratorStep(void *c, int n, int *a, int *b) { *a = *b = 0; return 0; }
 int fmi3SetContinuousStates(void *c, const double *x, size_t n) { memcpy(((Model *)c)->v, x, 16); return 0; }
 int fmi3GetContinuousStates(void *c, double *x, size_t n) { memcpy(x, ((Model *)c)->v, 16); return 0; }
@@ -159,15 +177,16 @@ int fmi2SetReal(void *c, const unsigned *r, size_t n, const double *x) { return 
 #define EMPTY(type) \
     int fmi2Get##type(void *c, const unsigned *r, size_t n, void *x) { return 0; } \
     int fmi2Set##type(void *c, const unsigned *r, size_t n, const void *x) { return 0; }
-EMPTY(Integer) EMPTY(String)
+EMPTY(String)
+int fmi2SetInteger(void *c, const unsigned *r, size_t n, const int *x) { return set_links(c, x[0]); }
 int fmi2SetBoolean(void *c, const unsigned *r, size_t n, const int *x) { return set_moon(c, x[0]); }
-int fmi2NewDiscreteStates(void *c, void *info) { memset(info, 0, 32); *(int *)info = is(c, "endless"); return happen(c); }
+int fmi2NewDiscreteStates(void *c, void *info) { memset(info, 0, 32); *(int *)info = is(c, "endless"); happen(c); ((int *)info)[3] = ((Model *)c)->jumped; return 0; }
 int fmi2CompletedIntegratorStep(void *c, int n, int *a, int *b) { *a = *b = 0; return 0; }
 int fmi2SetContinuousStates(void *c, const double *x, size_t n) { memcpy(((Model *)c)->v, x, 16); return 0; }
 int fmi2GetContinuousStates(void *c, double *x, size_t n) { memcpy(x, ((Model *)c)->v, 16); return 0; }
 int fmi2GetDerivatives(void *c, double *x, size_t n)
 { return rates(c, x); }
-int fmi2GetEventIndicators(void *c, double *x, size_t n) { x[0] = ((Model *)c)->v[ANGLE] - .5; return 0; }
+int fmi2GetEventIndicators(void *c, double *x, size_t n) { x[0] = beyond(c); return 0; }
 int fmi2GetNominalsOfContinuousStates(void *c, double *x, size_t n) { x[0] = x[1] = 1.0; return 0; }
 int fmi2GetDirectionalDerivative(void *c, const unsigned *z, size_t nz, const unsigned *k, size_t nk,
                                  const double *seed, double *out) { return along(c, z, nz, k, nk, seed, out); }

@@ -19,6 +19,7 @@ import pytest
 from cli import SCRIPT, assert_refused, hfa as run
 
 import hfa
+from hfa_aircraft.layout import components
 
 COMPILER = shutil.which("cc") or ""
 REFERENCE = os.environ.get("REFERENCE_FMUS")
@@ -283,19 +284,24 @@ def test_a_sweep_has_no_trim_where_the_library_fails() -> None:
     assert angles.tolist() == [True, False]
 
 
+@pytest.mark.parametrize("units", [(), ("--units", "si")])
 @pytest.mark.parametrize(
     ("fault", "said", "angle"), [("error", "returns error", 1.0), ("event", "event", 0.5)]
 )
 def test_a_flight_into_a_failure_or_an_event_is_refused(
-    fault: str, said: str, angle: float
+    fault: str, said: str, angle: float, units: tuple[str, ...]
 ) -> None:
-    """It begins at rest with a rate of 3.5 rad/s; the time of the angle of 1 rad or of the event."""
-    given = ("--aircraft", fmu(fault), "--initial", "rate=200", "--duration", "2")
-    refused = run("fly", *given, "--law", "none")
+    """It begins at rest with a rate of 3.5 rad/s; the time of the angle of 1 rad or of the event.
+
+    The FMU's height in ft makes `--units si` convert.
+    """
+    text = description(fault=fault).replace('unit="m"', 'unit="ft"')
+    given = ("--aircraft", packed(text, "linux64"), *units, "--law", "none", "--duration")
+    refused = run("fly", *given, "2", "--initial", "rate=200")
     assert_refused(refused, 1, said)
     met = float(re.search(r"it is met at\s+([0-9.]+) s", refused.err)[1])
     assert 1.0 < met * np.radians(200.0) / angle < 1.3
-    calm = run("fly", *given[:2], "--initial", "rate=1", "--duration", "0.1", "--law", "none")
+    calm = run("fly", *given, "0.1", "--initial", "rate=1")
     assert calm.out.startswith("PASS")
 
 
@@ -326,30 +332,111 @@ def test_differences_replace_derivatives_that_fail() -> None:
     assert "fmi2GetDirectionalDerivative returns error" in " ".join(point.report().text().split())
 
 
-@pytest.mark.parametrize("version", [2, 3])
-def test_fixed_and_boolean_parameters_are_held(version: int) -> None:
-    """The damping is fixed; with the Boolean `the.moon`, gravity is 1.62 in place of 9.81."""
+def added(version: int, head: str, kind: str, of_kind: str) -> str:
+    """Return the entry of a variable that the pendulum has in addition."""
+    if version == 3:
+        return f"<{kind} {head} {of_kind}/>"
+    return f"<ScalarVariable {head}><{kind} {of_kind}/></ScalarVariable>"
+
+
+def with_parameters(version: int, kind: str = "", causality: str = "parameter") -> str:
+    """Return a pendulum with a fixed damping, a Boolean `the.moon` and a number of `links`.
+
+    kind: FMI's type of the number of links
+    causality: that of the two
+    """
     text = description(version, damping='causality="parameter" variability="fixed" initial="exact"')
-    moon = 'name="the.moon" valueReference="3" causality="parameter" variability="fixed"'
-    value = 'start="false"'
-    lines = {
-        2: f"<ScalarVariable {moon}><Boolean {value}/></ScalarVariable>",
-        3: f"<Boolean {moon} {value}/>",
+    how = f'causality="{causality}" variability="{"discrete" if causality == "input" else "fixed"}"'
+    moon = added(version, f'name="the.moon" valueReference="3" {how}', "Boolean", 'start="false"')
+    kind = kind or ("Integer" if version == 2 else "Int32")
+    declared = 'start="1"' + ' declaredType="Links"' * (kind == "Enumeration")
+    links = added(version, f'name="links" valueReference="10" {how}', kind, declared)
+    items = "".join(
+        f'<Item name="{name}" value="{value}"/>' for value, name in ((1, "a"), (4, "b"))
+    )
+    typed = {
+        2: f'<SimpleType name="Links"><Enumeration>{items}</Enumeration></SimpleType>',
+        3: f'<EnumerationType name="Links">{items}</EnumerationType>',
     }
-    text = text.replace("</ModelVariables>", f"{lines[version]}</ModelVariables>")
-    written = packed(text, "x86_64-linux" if version == 3 else "linux64", version)
-    model = hfa.load_model(written)
-    assert list(model.parameters) == ["length", "damping", "the_moon"]
-    for moon_value, gravity in ((1, 1.62), (0, 9.81)):
-        A = hfa.trim(model.with_parameters(the_moon=moon_value, damping=0.7)).linearize().A
-        np.testing.assert_allclose(A[1], [-gravity / 2.0, -0.7], atol=1e-8)
+    text = text.replace("</TypeDefinitions>", f"{typed[version]}</TypeDefinitions>")
+    text = text.replace("</ModelVariables>", f"{moon}{links}</ModelVariables>")
+    return packed(text, "x86_64-linux" if version == 3 else "linux64", version)
+
+
+@pytest.mark.parametrize("causality", ["parameter", "input"])
+@pytest.mark.parametrize("kind", ["", "Enumeration"])
+@pytest.mark.parametrize("version", [2, 3])
+def test_parameters_of_all_types_are_held(version: int, kind: str, causality: str) -> None:
+    """The damping is fixed; gravity is 9.81, or 1.62 on `the.moon`, divided by the links.
+
+    Inputs of truth values and whole numbers are held, too.
+    """
+    model = hfa.load_model(with_parameters(version, kind, causality))
+    assert [*model.inputs, *model.parameters] == [
+        "torque",
+        "length",
+        "damping",
+        "the_moon",
+        "links",
+    ]
+    for moon, gravity in ((1, 1.62), (0, 9.81)):
+        changed = model.with_parameters(the_moon=moon, damping=0.7, links=4)
+        A = hfa.trim(changed).linearize().A
+        np.testing.assert_allclose(A[1], [-gravity / 8.0, -0.7], atol=1e-8)
+
+
+def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number() -> None:
+    """A derivative by a parameter would be a difference over a step that no whole number has."""
+    written = with_parameters(2)
     said = " ".join(run("trim", "--aircraft", written, "--hold", "the_moon=1").out.split())
-    assert "parameters that --hold sets: length, damping, the_moon" in said
-    assert "Boolean parameters, 0 or 1: the_moon" in said
-    refused = run("trim", "--aircraft", written, "--hold", "the_moon=0.5")
-    assert_refused(refused, 2, "a Boolean parameter is 0.5; hold it at 0 or 1")
-    refused = run("trim", "--aircraft", written, "--hold", "the_moon=true")
-    assert_refused(refused, 2, "'true'; give a finite number (1 for true, 0 for false)")
+    assert "parameters that --hold sets: length, damping, the_moon, links" in said
+    assert "whole numbers (1 is true, 0 false): the_moon, links" in said
+    for typed, refusal in (
+        ("the_moon=0.5", "the parameter the_moon is 0.5; hold it at a whole number"),
+        ("links=1.5", "the parameter links is 1.5; hold it at a whole number"),
+        ("links=3e9", "give at most"),
+        ("the_moon=2", "give at most 1"),
+        ("the_moon=true", "'true'; give a finite number (1 for true, 0 for false)"),
+    ):
+        assert_refused(run("trim", "--aircraft", written, "--hold", typed), 2, refusal)
+    model = hfa.load_model(written)
+    symbols = model.layout.symbols("x", "u", "p")
+    rates, _ = model.layout.expressions([components(each) for each in symbols], ())
+    slopes = ca.Function("slopes", symbols, [ca.jacobian(rates, each) for each in symbols])
+    by_state, by_input, by_parameter = slopes([0.3, 0.0], [0.0], model.p)
+    assert np.isfinite(by_state.full()).all()
+    assert np.isfinite(by_input.full()).all()
+    assert np.isnan(by_parameter.full()).all()
+    assert model.about.fault() == ""
+
+
+def test_a_trim_beyond_an_event_has_the_equations_there() -> None:
+    """Beyond an angle of .5, the event adds 1 to the torque; the search begins at .3."""
+    point = hfa.trim(hfa.load_model(fmu("event push")), hold={"torque": 2.5})
+    assert point["body_angle"] == pytest.approx(math.asin(2.0 * 3.5 / 9.81), abs=1e-9)
+
+
+def test_values_do_not_depend_on_what_was_evaluated_before() -> None:
+    """The damping is doubled beyond .5, and normal again only below .1: a hysteresis."""
+    model = hfa.load_model(fmu("event memory"))
+    for angle, damping in ((0.3, 0.5), (0.6, 1.0), (0.3, 0.5)):
+        point = hfa.trim(model, hold={"body_angle": angle}, free=["torque"])
+        assert point.linearize().A[1, 1] == pytest.approx(-damping, abs=1e-8)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_what_modelstructure_leaves_out_and_units_are_said(version: int) -> None:
+    """A state without an entry in ModelStructure is none; units are missing."""
+    text = description(version).replace('unit="rad/s"', "")
+    listed = {
+        2: '<Derivatives><Unknown index="6" dependencies="2"/>',
+        3: '<ContinuousStateDerivative valueReference="6" dependencies="1"/>',
+    }
+    text = text.replace(listed[version], "<Derivatives>" * (version == 2))
+    folder = "x86_64-linux" if version == 3 else "linux64"
+    notes = hfa.load_model(packed(text, folder, version)).about.notes
+    assert any(each.endswith("does not list their derivatives: body.angle") for each in notes)
+    assert any(each.endswith("sheet of an aircraft requires: rate") for each in notes)
 
 
 @pytest.mark.parametrize("version", [2, 3])
