@@ -8,7 +8,7 @@
  *   timed: torque (1 + .3 sin(t + 1));  kinked: - |rate| beside - damping rate
  *   nodd: directional derivatives fail;  scaled: one of them is 10 % off
  *   event: beyond an angle of .5, after an event, the damping is doubled;  jump: it sets rate = 0
- *   push: it adds 1 to the torque;  memory: once doubled, the damping is normal again only below an angle of .1
+ *   memory: once doubled, the damping is normal again only below an angle of .1
  * `links`, an integer or enumeration of value reference 10, divides gravity. */
 #include <math.h>
 #include <stdlib.h>
@@ -29,7 +29,6 @@ static int evaluate(Model *m)
 {
     double *v = m->v, damping = v[DAMPING] * (m->damped ? 2 : 1);
     double torque = v[TORQUE] * (is(m, "timed") ? 1 + .3 * sin(m->time + 1) : 1);
-    if (is(m, "push") && m->damped) torque += 1;
     v[D_ANGLE] = v[RATE];
     v[D_RATE] = -v[GRAVITY] / m->links / v[LENGTH] * sin(v[ANGLE]) - damping * v[RATE] + torque;
     if (is(m, "kinked")) v[D_RATE] -= fabs(v[RATE]);

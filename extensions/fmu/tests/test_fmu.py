@@ -400,20 +400,27 @@ def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number() -> 
     ):
         assert_refused(run("trim", "--aircraft", written, "--hold", typed), 2, refusal)
     model = hfa.load_model(written)
-    symbols = model.layout.symbols("x", "u", "p")
-    rates, _ = model.layout.expressions([components(each) for each in symbols], ())
-    slopes = ca.Function("slopes", symbols, [ca.jacobian(rates, each) for each in symbols])
-    by_state, by_input, by_parameter = slopes([0.3, 0.0], [0.0], model.p)
+    by_state, by_input, by_parameter = rates_of(model).jacobian()([0.3, 0.0], [0.0], model.p, 0.0)
     assert np.isfinite(by_state.full()).all()
     assert np.isfinite(by_input.full()).all()
     assert np.isnan(by_parameter.full()).all()
     assert model.about.fault() == ""
 
 
-def test_a_trim_beyond_an_event_has_the_equations_there() -> None:
-    """Beyond an angle of .5, the event adds 1 to the torque; the search begins at .3."""
-    point = hfa.trim(hfa.load_model(fmu("event push")), hold={"torque": 2.5})
-    assert point["body_angle"] == pytest.approx(math.asin(2.0 * 3.5 / 9.81), abs=1e-9)
+def rates_of(model: hfa.Model) -> ca.Function:
+    """Return the function (x, u, p) -> rates."""
+    symbols = model.layout.symbols("x", "u", "p")
+    rates, _ = model.layout.expressions([components(each) for each in symbols], ())
+    return ca.Function("rates", symbols, [rates])
+
+
+def test_rates_beyond_an_event_are_those_there() -> None:
+    """rate' = - gravity / length sin(angle) - damping rate, with doubled damping beyond .5."""
+    model = hfa.load_model(fmu("event"))
+    rates = rates_of(model)
+    for angle, damping in ((0.3, 0.5), (0.6, 1.0), (0.3, 0.5)):
+        found = rates([angle, 1.0], 0.0, model.p).full()[1, 0]
+        assert found == pytest.approx(-9.81 / 2.0 * math.sin(angle) - damping, abs=1e-12)
 
 
 def test_values_do_not_depend_on_what_was_evaluated_before() -> None:
