@@ -19,8 +19,8 @@ from hfa_fmu.library import FmuError, Instance
 STEP = 2e-6
 #: Time at which the rates are compared with those at time 0.
 _LATER = 7.381
-#: Largest change of a rate that is a function of its arguments, relative to the nominal value of its
-#: state.
+#: Largest change of a rate that is a function of its arguments, relative to the nominal value of
+#: its state.
 _STEADY = 1e-7
 
 
