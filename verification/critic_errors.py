@@ -159,8 +159,8 @@ def box_errors(
         V_errors = np.abs(P - exact.P) * corner
         V_sizes = np.abs(exact.P) * corner
         u_errors = np.abs(critic.K - exact.K) @ box
-        if critic.feedback is not None:
-            u_errors += 0.5 * np.abs(critic.feedback) @ (higher_slopes / box)
+        if critic.slope_gain is not None:
+            u_errors += 0.5 * np.abs(critic.slope_gain) @ (higher_slopes / box)
     u_scale = np.sqrt(np.diag(game.price(exact.P)))
     policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
     checks = [error_check("policy_rel_error", policy, limit, "the policy in the box")]

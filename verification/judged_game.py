@@ -141,7 +141,7 @@ class JudgedGame:
             cost = flight_cost(self.game, self.exact, K)
         except NoSolutionError:  # rounding hides whether A - B K is stable
             cost = flight_cost(self.game, self.exact, np.full_like(K, math.inf))
-        if math.isfinite(self.game.delta) and critic.finite:
+        if math.isfinite(self.game.delta) and critic.is_finite:
             reason = f"the closed loop has an L2 gain of {cost.gain:.4g}, not below delta"
             checks.append(below("l2_gain", cost.gain, self.game.delta, reason, kind="gain"))
         return LinearLoop(checks, cost.worst, self._loop_section(K, cost))

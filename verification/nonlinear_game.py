@@ -224,7 +224,7 @@ def _silent(done: float, total: float, what: str = "", /) -> None:
 
 def _is_policy_given(critic: Critic) -> bool:
     """Return whether a critic's policy is its own, and does not follow from its value."""
-    return critic.value is None or critic.feedback is None
+    return critic.value is None or critic.slope_gain is None
 
 
 def _by_value(critic: Critic, expansion: Expansion) -> ca.Function:

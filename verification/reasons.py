@@ -78,7 +78,7 @@ def reason_for(judged: JudgedGame, critic: Critic, limit: float) -> str:
 def _reason_for_policy(judged: JudgedGame, critic: Critic, P: np.ndarray) -> str:
     """Return a sentence on the wrong policy of a critic with a right P, or ""."""
     exact = judged.exact
-    if critic.feedback is not None and critic.is_quadratic:
+    if critic.slope_gain is not None and critic.is_quadratic:
         return (
             "P is right within the limit; the K that follows from it is off by"
             f" {relative_error(critic.K, exact.K):.2g}: it needs more digits of P"

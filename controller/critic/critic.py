@@ -40,8 +40,8 @@ class Critic(Reported):
     basis: ψ, or None without weights
     constant: V(0), or 0 if V is unknown
     precision: floating-point type of the numbers in the critic's file
-    feedback: (m, n), R⁻¹B', if the policy follows from the value as u = -½ R⁻¹B' ∂V/∂z; None for an
-        independent policy, and in discrete time
+    slope_gain: (m, n), R⁻¹B', if the policy follows from the value as u = -½ R⁻¹B' ∂V/∂z; None for
+        an independent policy, and in discrete time
     F: (m, n), R⁻¹N' of a game with cross weights, if the policy follows from the value as
         u = -½ R⁻¹B' ∂V/∂z - F z; None for 0
     L: (k, n), gain of the learned worst disturbance d = L z, or None if none was learned
@@ -67,7 +67,7 @@ class Critic(Reported):
     basis: Basis | None = None
     constant: float = 0.0
     precision: str = "float64"
-    feedback: np.ndarray | None = None
+    slope_gain: np.ndarray | None = None
     F: np.ndarray | None = None
     L: Matrix | None = None
     H: Matrix | None = None
@@ -92,29 +92,18 @@ class Critic(Reported):
         return not self.weights[self.basis.quadratic_size :].any()
 
     @property
-    def finite(self) -> bool:
+    def is_finite(self) -> bool:
         """True if no entry of K and P is NaN or exceeds `LARGEST_CRITIC_ENTRY` in magnitude."""
         matrices = [matrix for matrix in (self.K, self.P) if matrix is not None]
         return all(bool(np.all(np.abs(matrix) <= LARGEST_CRITIC_ENTRY)) for matrix in matrices)
 
     @property
-    def linear(self) -> bool:
-        """True if the form of the critic makes the policy linear, u = -K z.
-
-        - a gain or a matrix P: True
-        - weights: True if the basis contains only the monomials z_i z_j, or if a separate K is
-          given
-        - a `network`: False
-        """
-        if self.network:
-            return False
-        has_separate_gain = self.feedback is None
-        if has_separate_gain or self.basis is None:
-            return True
-        return self.basis.size == self.basis.quadratic_size
+    def has_linear_policy(self) -> bool:
+        """True if the policy is u = -K z: of a quadratic critic, or with a separate K."""
+        return not self.network and (self.slope_gain is None or self.is_quadratic)
 
     @property
-    def wide(self) -> bool:
+    def is_wide(self) -> bool:
         """True for a network that is too large for SX symbols and is therefore an MX function.
 
         Only the first available function of "V", "gradient" and "policy" is examined.
@@ -140,14 +129,14 @@ class Critic(Reported):
         z = self.symbols
         if self.network:  # of V: u = -½ R⁻¹B' ∂V/∂z - F z
             assert self.gradient is not None
-            assert self.feedback is not None
-            u = -0.5 * ca.DM(self.feedback) @ self.gradient(z)
+            assert self.slope_gain is not None
+            u = -0.5 * ca.DM(self.slope_gain) @ self.gradient(z)
             if self.F is not None:
                 u -= ca.DM(self.F) @ z
         else:  # -K z, and the same slope of the terms of V beyond z'Pz
             u = -ca.DM(self.K) @ z
-            if self.feedback is not None:
-                u -= 0.5 * ca.DM(self.feedback) @ ca.gradient(self._beyond_quadratic(z), z)
+            if self.slope_gain is not None:
+                u -= 0.5 * ca.DM(self.slope_gain) @ ca.gradient(self._beyond_quadratic(z), z)
         return ca.Function("policy", [z], [ca.densify(u)])
 
     @cached_property
@@ -235,7 +224,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
         n = len(game.A)
         raise BadInputError(f"P is {shape_text(P.shape)}; give {n} x {n}, states x states")
     K = game.gain((P + P.T) / 2.0)  # z'Pz depends on this part
-    return Critic(K, P, "P", feedback=_feedback(game), is_discrete=game.is_discrete)
+    return Critic(K, P, "P", slope_gain=_slope_gain(game), is_discrete=game.is_discrete)
 
 
 def from_parts(
@@ -288,7 +277,9 @@ def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
         z = ca.SX.sym("z", K.shape[1])
         network["policy"] = ca.Function("policy", [z], [ca.densify(-ca.DM(K) @ z)])
     origin = f"{critic.origin} and K"
-    return replace(critic, K=K, origin=origin, feedback=None, network=network, implies_policy=False)
+    return replace(
+        critic, K=K, origin=origin, slope_gain=None, network=network, implies_policy=False
+    )
 
 
 def polynomial_policy(weights: np.ndarray, scales: np.ndarray) -> ca.Function:
@@ -361,7 +352,7 @@ def from_functions(
         origin,
         constant=0.0 if V is None else float(network["V"](np.zeros(len(game.A)))),
         precision=precision,
-        feedback=_feedback(game) if u is None else None,
+        slope_gain=_slope_gain(game) if u is None else None,
         F=game.F if u is None and game.N.any() else None,
         network=network,
         is_discrete=game.is_discrete,
@@ -369,7 +360,7 @@ def from_functions(
     return critic if u is not None else _with_implied_policy(game, critic)
 
 
-def _feedback(game: Game) -> np.ndarray | None:
+def _slope_gain(game: Game) -> np.ndarray | None:
     """Return R⁻¹B' of the policy that a value implies, or None in discrete time."""
     return None if game.is_discrete else game.R_inverse_B_transposed
 
@@ -381,7 +372,7 @@ def _with_implied_policy(game: Game, critic: Critic) -> Critic:
     continuous time, if its value is quadratic (its policy is the K that it has), and if K or P is
     not finite.
     """
-    if not game.is_discrete or critic.is_quadratic or not critic.finite:
+    if not game.is_discrete or critic.is_quadratic or not critic.is_finite:
         return critic
     from controller.critic.implied_policy import policy_of_next
 
@@ -495,7 +486,7 @@ def from_weights(
         basis=psi,
         constant=constant,
         precision=precision,
-        feedback=_feedback(game),
+        slope_gain=_slope_gain(game),
         has_weights=True,
         is_discrete=game.is_discrete,
     )

@@ -121,7 +121,7 @@ def verify(
         found = findings_of(judged, given, box.half_widths, limit, scope.flights, plant)
 
     checks = [*errors, *loop.checks]
-    if given.P is not None and given.finite:
+    if given.P is not None and given.is_finite:
         checks += judged.value_checks(given.P, limit)
     sections = [Section((f"Box of states: {box.about}",), {"box": box}), loop.section]
     if found is not None:
@@ -240,7 +240,7 @@ def _reason(judged: JudgedGame, critic: Critic, box: np.ndarray, limit: float) -
     from verification.network.mistakes import mistake_of_policy
     from verification.reasons import reason_for
 
-    if not critic.finite:
+    if not critic.is_finite:
         return ""
     if critic.network and critic.weights is None:
         size = np.abs(judged.exact.K).max()

@@ -87,9 +87,9 @@ def fly(
     flights: number of initial conditions. At most `_WIDE_FLIGHTS` are used for a wide network
     plant: nonlinear plant of a critic in continuous time, or None
     """
-    if not flights or not critic.finite or not judged.is_stable(critic.K):
+    if not flights or not critic.is_finite or not judged.is_stable(critic.K):
         return FlightResults()
-    if critic.wide:
+    if critic.is_wide:
         flights = min(flights, _WIDE_FLIGHTS)
     losses = costs_above_optimum(judged, critic, b, flights)
     loop = judged.loop(critic, b)

@@ -25,7 +25,7 @@ def mistake_of_policy(critic: Critic, exact: Solution, box: np.ndarray, limit: f
     box: half-widths of the box of states, (n,)
     limit: largest error that passes
     """
-    count = STATES_OF_WIDE if critic.wide else STATES
+    count = STATES_OF_WIDE if critic.is_wide else STATES
     states = np.random.default_rng(2).uniform(-1.0, 1.0, (count, len(box)))
     states[1::2] = np.sign(states[1::2])
     states *= box

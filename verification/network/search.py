@@ -128,7 +128,7 @@ def search_checks(
 
 def starts_of(critic: Critic) -> int:
     """Return the number of states at which the errors of a critic are computed."""
-    return STARTS_OF_WIDE if critic.wide else STARTS
+    return STARTS_OF_WIDE if critic.is_wide else STARTS
 
 
 def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple[list[str], ca.SX]:
@@ -169,7 +169,7 @@ def search(exact: Solution, critic: Critic, box: np.ndarray) -> tuple[float, tup
     names, errors = errors_of(exact, critic, box, z)
     errors_at = ca.Function("errors_at", [z], [errors])
     climb = _climber(errors, z, box)
-    climbs = 0 if critic.wide else CLIMBS
+    climbs = 0 if critic.is_wide else CLIMBS
     # Each corner of the unit box is followed by a state inside.
     starts = starts_in(np.ones(len(box)), starts_of(critic), seed=0)
     reached = []

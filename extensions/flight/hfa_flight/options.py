@@ -271,9 +271,9 @@ def policy_about(request: PolicyOptions, linear: LinearModel) -> GainPolicy | Fu
         return exact_policy(noted_game(weights, linear))
     game = weighted_game(weights, linear).game
     critic = critic_in(path, game, reading_of(request))
-    if not critic.linear:
+    if not critic.has_linear_policy:
         return function_policy(f"critic of {path}", critic.policy, linear.point)
-    kind = "gain" if critic.feedback is None else "weights"
+    kind = "gain" if critic.slope_gain is None else "weights"
     return GainPolicy(f"{kind} of {path}", critic.K)
 
 

@@ -119,7 +119,7 @@ class Flights:
         name: name of the policy in reports
         given: policy in any form that `hfa.fly` accepts
         """
-        if isinstance(given, Critic) and not given.linear:
+        if isinstance(given, Critic) and not given.has_linear_policy:
             return self._of_function(name, given.policy)
         scenario = self.scenario(self.tick)
         policy, scenario = policy_and_scenario(given, self.problem.point, scenario)

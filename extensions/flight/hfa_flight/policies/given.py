@@ -83,7 +83,7 @@ def policy_and_scenario(
         return OpenLoop("none", held=np.zeros((1, len(inputs)))), scenario
     if isinstance(given, Mapping):
         return open_loop(command_steps(given), inputs), scenario
-    if isinstance(given, Critic) and not given.linear:
+    if isinstance(given, Critic) and not given.has_linear_policy:
         return function_policy(given.origin, given.policy, point), scenario
     if isinstance(given, Tracking):
         policy = GainPolicy("tracking", given.K, given.inputs)

@@ -33,9 +33,9 @@ def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]
     Raises BadInputError unless the policy is a polynomial of degree at most `HIGHEST_POLICY` and 0
     at z = 0.
     """
-    if critic.linear:
+    if critic.has_linear_policy:
         return {}
-    if critic.wide or not critic.policy.is_a("SXFunction"):
+    if critic.is_wide or not critic.policy.is_a("SXFunction"):
         raise BadInputError(
             "the policy is a network; give K, P, or the weights W of a polynomial critic"
         )
