@@ -125,7 +125,7 @@ def _run(words: list[str], find: Find) -> int:
         if request.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))
         try:
-            return command.run(request)
+            return _computed(command, request)
         except BadInputError as error:
             names = [each.names for each in options_of(command.request).values()]
             if not error.options or error.options[0] not in chain(*names):
@@ -143,6 +143,20 @@ def _run(words: list[str], find: Find) -> int:
                 f"{program} requires the module {error.name}; type python -m pip install "
                 f"{' '.join(command.install)}"
             ) from error
+
+
+def _computed(command: Command, request: Request) -> int:
+    """Run a command and return its exit code. With --json, print what a failed search found."""
+    try:
+        if command.given is None:
+            return command.run(request)
+        return command.run(request, command.given(request))
+    except NoSolutionError as error:
+        if request.json and error.found is not None:
+            from hfa.options.show import show_text
+
+            show_text(request, error.found, error.source)
+        raise
 
 
 def _with_option(words: list[str], option: tuple[str, ...]) -> list[str]:

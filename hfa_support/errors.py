@@ -10,11 +10,12 @@ import difflib
 import math
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from numbers import Integral
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -36,7 +37,14 @@ class BadInputError(ValueError):
 
 
 class NoSolutionError(RuntimeError):
-    """Exception for a valid request without a certifiable solution (exit code 1)."""
+    """Exception for a valid request without a certifiable solution (exit code 1).
+
+    found: report of what was found in place of a solution, or None
+    source: entries of the provenance of this report
+    """
+
+    found: Any = None
+    source: Mapping[str, Any] = MappingProxyType({})
 
 
 class NotFiniteError(NoSolutionError, FloatingPointError):

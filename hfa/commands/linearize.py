@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import hfa_model
-from hfa.commands.trim import trimmed_or_shown
+from hfa.options.advice import trimmed
 from hfa.options.command import Request, command, picture_option
 from hfa.options.option import option
 from hfa.options.plants import aircraft_help
 from hfa.options.show import show
-from hfa.options.trims import TrimOptions, given_trim
+from hfa.options.trims import GivenTrim, TrimOptions, scheduled_trim
 from hfa_support.errors import BadInputError
 from trim.hfa.linear_report import linear_model_report
 from trim.linear.linearize import direct_disturbances
@@ -55,13 +55,12 @@ class LinearizeRequest(Request, TrimOptions):
     bode: bool = option("add transmission zeros and transfer functions")
 
 
-@command(LinearizeRequest)
-def linearize(request: LinearizeRequest) -> int:
+@command(LinearizeRequest, scheduled_trim)
+def linearize(request: LinearizeRequest, given: GivenTrim) -> int:
     """Linearize exactly at a trim, and report matrices, modes and handling qualities. --bode adds
     transfer functions. Error bands and differences from printed matrices are added where known."""
-    given = given_trim(request, required=True)
     aircraft = given.model
-    point = trimmed_or_shown(request, given)
+    point = trimmed(given)
     winds = tuple(aircraft.disturbances)
     if not hfa_model.is_hfa(aircraft):
         kept = (*(request.states or aircraft.linear), *request.residualize)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 from hfa.options.command import Request, command, output_option, picture_option
 from hfa.options.option import refuse
 from hfa.options.output import ProgressLine
-from hfa.options.points import PointOptions, given_points
+from hfa.options.points import GivenPoints, PointOptions, given_points
 from hfa.options.ranges import array_of
 from hfa.options.show import provenance, show, show_text
-from hfa.options.trims import at_name, trim_input
+from hfa.options.trims import at_name
 from hfa.options.workers import WorkerOptions
 from hfa_support.errors import BadInputError, warn
 from trim.sweeps.sweep import MOST_POINTS, NETCDF, run_plan
@@ -40,8 +40,8 @@ class SweepRequest(Request, PointOptions, WorkerOptions):
     picture: Path | None = picture_option("the root locus")
 
 
-@command(SweepRequest)
-def sweep(request: SweepRequest) -> int:
+@command(SweepRequest, given_points)
+def sweep(request: SweepRequest, points: GivenPoints) -> int:
     """Trim and linearize an aircraft over a grid of conditions, and track its modes.
 
     Any variable of a trim (--hold speed=60:70:2) and any parameter of the aircraft
@@ -50,41 +50,38 @@ def sweep(request: SweepRequest) -> int:
     store = request.output
     if store is None or store.suffix.lower() != STORE:
         refuse(request, OF_A_STORE, f"requires a store; add -o FILE{STORE}")
-        return _in_memory(request)
+        return _in_memory(request, points)
     refuse(request, ("picture",), "is not available for a sweep into a store; remove this option")
-    return _in_store(request, store)
+    return _in_store(request, store, points)
 
 
-def _plan(request: SweepRequest, stored: bool) -> tuple[SweepPlan, dict[str, Any]]:
-    """Return the plan of the sweep, and the entries of the provenance.
+def _plan(points: GivenPoints, stored: bool) -> SweepPlan:
+    """Return the plan of the sweep.
 
     stored: whether the sweep is written to a store
 
     Raises BadInputError if nothing is swept or if an axis is invalid.
     """
-    given = trim_input(request)
-    points = given_points(given, request.conditions)
-    condition = given.common(points.constants)
-    by = given.model.schedule
+    model = points.trims.model
+    condition = points.condition()
+    by = model.schedule
     if not points.axes:
         raise BadInputError(
-            f"no variable is swept; give --{at_name(given.model)} RANGE, --hold NAME=RANGE or "
+            f"no variable is swept; give --{at_name(model)} RANGE, --hold NAME=RANGE or "
             "--conditions FILE.csv"
         )
     is_named = by in (*points.axes, *points.constants, *condition.free)
-    if not points.listed and given.model.about.names_schedule and not is_named:
+    if not points.listed and model.about.names_schedule and not is_named:
         warn(f"no --{by} is given: every point is at 0 deg")
     axes: dict[str, Any] = dict(points.axes)
     if not stored:
         axes = {name: array_of(name, each, MOST_POINTS) for name, each in axes.items()}
-    plan = SweepPlan(axes, given.model, condition, given.start, points.listed)
-    return plan, given.source(condition, given.parameters(points.constants))
+    return SweepPlan(axes, model, condition, points.trims.start, points.listed)
 
 
-def _in_memory(request: SweepRequest) -> int:
+def _in_memory(request: SweepRequest, points: GivenPoints) -> int:
     """Run a sweep whose results are printed, and return 1 if no point has a trim, otherwise 0."""
-    plan, source = _plan(request, stored=False)
-    result = run_plan(plan, progress=ProgressLine("sweep"))
+    result = run_plan(_plan(points, stored=False), progress=ProgressLine("sweep"))
     report = result.report()
     figure: Callable[[], Figure] | None = result.figure
     notes = list(report.notes)
@@ -94,17 +91,24 @@ def _in_memory(request: SweepRequest) -> int:
     # Notes are printed on standard error, so that standard output contains only the table.
     is_netcdf = request.output is not None and request.output.suffix.lower() == NETCDF
     write = result.save if is_netcdf else None
-    show(request, replace(report, notes=()), source, figure=figure, write=write, notes=notes)
+    show(
+        request,
+        replace(report, notes=()),
+        points.source(),
+        figure=figure,
+        write=write,
+        notes=notes,
+    )
     return 0 if result.trimmed.any() else 1
 
 
-def _in_store(request: SweepRequest, store: Path) -> int:
+def _in_store(request: SweepRequest, store: Path, points: GivenPoints) -> int:
     """Run a sweep into a store, and return 1 if no point has a trim, otherwise 0."""
     from trim.sweeps.store import reported_sweep
 
-    plan, source = _plan(request, stored=True)
+    source = points.source()
     report = reported_sweep(
-        plan,
+        _plan(points, stored=True),
         store,
         workers=request.workers,
         resume=request.resume,

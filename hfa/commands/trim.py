@@ -13,8 +13,9 @@ from hfa.options.argument_types import one_of
 from hfa.options.command import Request, command, output_option, picture_option
 from hfa.options.option import option
 from hfa.options.points import GivenPoints, PointOptions, given_points
-from hfa.options.show import show, show_text
-from hfa.options.trims import GivenTrim, TrimInput, trim_input
+from hfa.options.show import show
+from hfa.options.trims import GivenTrim
+from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
@@ -70,39 +71,23 @@ class TrimRequest(Request, PointOptions):
     )
 
 
-@command(TrimRequest)
-def trim(request: TrimRequest) -> int:
+@command(TrimRequest, given_points)
+def trim(request: TrimRequest, points: GivenPoints) -> int:
     """Trim the aircraft and print a sheet: variables, limits, configuration, loads, performance,
     stability, modes and their levels by MIL-F-8785C. Several values give one sheet each."""
-    asked = trim_input(request, required=request.conditions is None)
-    if asked.is_single and request.conditions is None:
-        given = asked.single()
-        point = trimmed_or_shown(request, given)
+    if not points.listed:
+        points.trims.refuse_unscheduled()
+    if points.trims.is_single and not points.listed:
+        given = points.trims.single()
+        point = trimmed(given)
         report = _sheet(request, given, point)
         show(request, report, given.source, figure=partial(trim_figure, point))
         return 0
     if request.picture is not None:
         raise BadInputError("--picture requires a single trim; -o FILE.html contains all pictures")
-    points = given_points(asked, request.conditions)
-    report = _sheets(request, asked, points)
-    source = asked.source(asked.common(points.constants), asked.parameters(points.constants))
-    show(request, report, source)
+    source = points.source()
+    show(request, _sheets(request, points), source)
     return 0
-
-
-def trimmed_or_shown(request: Request, given: GivenTrim) -> OperatingPoint:
-    """Return a trim. Prints the nearest point with --json before TrimError is raised."""
-    try:
-        return trimmed(given)
-    except TrimError as error:
-        if request.json:
-            show_text(request, _nearest(given, error), given.source)
-        raise
-
-
-def _nearest(given: GivenTrim, error: TrimError) -> Report:
-    """Return the report of the nearest point of a condition without a trim."""
-    return trim_report(error.attempt, given.condition).with_data(reason=str(error))
 
 
 def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> Report:
@@ -115,7 +100,7 @@ def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> Rep
     return replace(report, parts=(*report.parts, picture))
 
 
-def _sheets(request: TrimRequest, asked: TrimInput, points: GivenPoints) -> Report:
+def _sheets(request: TrimRequest, points: GivenPoints) -> Report:
     """Return the report of several trims, each with its sheet, or with the reason why it has none.
 
     Raises the first BadInputError if each point is refused.
@@ -124,12 +109,12 @@ def _sheets(request: TrimRequest, asked: TrimInput, points: GivenPoints) -> Repo
     refused: list[BadInputError] = []
     for values in points.rows(_MOST_SHEETS):
         try:
-            given = asked.trim(None, values)
+            given = points.trims.trim(None, values)
             reports.append(_sheet(request, given, trimmed(given)))
         except TrimError as error:
-            reports.append(_failed(asked, values, error, _nearest(given, error).data))
+            reports.append(_failed(points.trims.model, values, error, error.found.data))
         except BadInputError as error:
-            reports.append(_failed(asked, values, error, {"reason": str(error)}))
+            reports.append(_failed(points.trims.model, values, error, {"reason": str(error)}))
             refused.append(error)
     if len(refused) == len(reports):
         raise refused[0]
@@ -144,14 +129,13 @@ def _sheets(request: TrimRequest, asked: TrimInput, points: GivenPoints) -> Repo
 
 
 def _failed(
-    asked: TrimInput, values: Mapping[str, float], error: Exception, data: Mapping[str, Any]
+    model: Model, values: Mapping[str, float], error: Exception, data: Mapping[str, Any]
 ) -> Report:
     """Return the report of one of several conditions that has no trim: its values and the reason.
 
     values: variable or parameter -> value
     data: data of the report
     """
-    model = asked.model
     words = ", ".join(f"{name} {model.describe(name, value)}" for name, value in values.items())
     title = f"{words}: {error}"
     rows = [Row(name, value, model.unit(name)) for name, value in values.items()]

@@ -7,6 +7,7 @@ from math import isclose
 from hfa.options.trims import GivenTrim, at_name
 from hfa_support.errors import BadInputError, warn
 from hfa_support.reporting.text import shown_value
+from trim.hfa.trim_report import trim_report
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, explained, trim
@@ -34,12 +35,17 @@ def trimmed(given: GivenTrim) -> OperatingPoint:
 
 
 def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
-    """Return the error of a failed trim, with its reason, doubts, and options that help."""
+    """Return the error of a failed trim, with its reason, doubts, options that help, and the report
+    of the nearest point.
+    """
     error = explained(failure, given.model, given.condition)
     doubts = [f"check: {doubt}" for doubt in given.model.about.doubts]
     advice = "" if error is not failure else _advice(given, failure)  # the aircraft explains it
     said = "; ".join(filter(None, (str(error), *doubts, advice)))
-    return TrimError(said, error.attempt, error.required)
+    advised = TrimError(said, error.attempt, error.required)
+    advised.found = trim_report(error.attempt, given.condition).with_data(reason=said)
+    advised.source = given.source
+    return advised
 
 
 def _advice(given: GivenTrim, failure: TrimError) -> str:

@@ -54,13 +54,16 @@ class Command(NamedTuple):
     """A command of `hfa`.
 
     request: class whose fields are the options
-    run: function that maps a request to the exit code, with the help as its docstring
+    run: function (request) -> exit code, or (request, given) -> exit code, with the help as its
+        docstring
+    given: function that reads from the request what the command is about, or None
     install: optional packages that the command requires, as pip names them
     example: last line of the help
     """
 
     request: type[Request]
-    run: Callable[[Any], int]
+    run: Callable[..., int]
+    given: Callable[[Any], Any] | None = None
     install: tuple[str, ...] = ()
     example: str = ""
 
@@ -68,9 +71,14 @@ class Command(NamedTuple):
 R = TypeVar("R", bound=Request)
 
 
-def command(request: type[R]) -> Callable[[Callable[[R], int]], Command]:
-    """Return a decorator that makes a `Command` from a function (request) -> exit code.
+def command(
+    request: type[R], given: Callable[[R], Any] | None = None
+) -> Callable[[Callable[..., int]], Command]:
+    """Return a decorator that makes a `Command` from a function.
+
+    The function is (request) -> exit code, or (request, given) -> exit code.
 
     request: class of the requests, whose fields are the options
+    given: function (request) -> what the command is about, such as `given_trim`, or None
     """
-    return lambda run: Command(request, run)
+    return lambda run: Command(request, run, given)

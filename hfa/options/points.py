@@ -8,17 +8,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfa.options.argument_types import quantity
 from hfa.options.option import option
 from hfa.options.ranges import Range, array_of
-from hfa.options.trims import SeveralTrims, TrimInput
+from hfa.options.trims import SeveralTrims, TrimInput, trim_input
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.files import regular_file
+from trim.point.condition import TrimCondition
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,11 +40,13 @@ class PointOptions(SeveralTrims):
 class GivenPoints(NamedTuple):
     """The points of a request, in the units of the model.
 
+    trims: what the options say about the trims
     constants: variable or parameter -> value of --hold, if it is the same at all points
     axes: variable or parameter -> its values; parameters and the variable of --at are axes
     listed: whether the axes are the columns of a list, otherwise the points are all combinations
     """
 
+    trims: TrimInput
     constants: Mapping[str, float]
     axes: Mapping[str, Range]
     listed: bool
@@ -53,6 +56,21 @@ class GivenPoints(NamedTuple):
         """Number of points."""
         lengths = [len(values) for values in self.axes.values()]
         return lengths[0] if self.listed else math.prod(lengths)
+
+    def condition(self) -> TrimCondition:
+        """Return the condition of all points, without the values of the axes.
+
+        Raises BadInputError if --free gives an axis.
+        """
+        for name in self.axes:
+            if name in self.trims.free:
+                raise BadInputError(f"{name} is free and swept; remove --free {name} or its values")
+        return self.trims.common(self.constants)
+
+    def source(self) -> dict[str, Any]:
+        """Return the entries of the provenance on all points."""
+        parameters = self.trims.parameters(self.constants)
+        return self.trims.source(self.condition(), parameters)
 
     def rows(self, most: int) -> Iterator[dict[str, float]]:
         """Yield variable or parameter -> value of each point. The last axis varies fastest.
@@ -67,14 +85,14 @@ class GivenPoints(NamedTuple):
             yield {**self.constants, **dict(zip(self.axes, point, strict=True))}
 
 
-def given_points(given: TrimInput, listing: Path | None) -> GivenPoints:
+def given_points(request: PointOptions) -> GivenPoints:
     """Return the points of the options --at, --hold and --conditions.
-
-    listing: file of --conditions, or None
 
     Raises BadInputError for a variable that two of them give, and as `listed_points` does.
     """
+    given = trim_input(request)
     model = given.model
+    listing = request.conditions
     values = given.hold if given.at is None else {model.schedule: given.at, **given.hold}
     columns = {} if listing is None else listed_points(listing, model)
     for name, each in values.items():
@@ -82,9 +100,6 @@ def given_points(given: TrimInput, listing: Path | None) -> GivenPoints:
             raise BadInputError(
                 f"give {name} either as a column of {listing} or by an option with one value"
             )
-    for name in (*values, *columns):
-        if name in given.free:
-            raise BadInputError(f"{name} is free and swept; remove --free {name} or its values")
     for group in model.alternatives:
         both = [name for name in group if name in values or name in columns]
         if len(both) > 1:
@@ -97,10 +112,10 @@ def given_points(given: TrimInput, listing: Path | None) -> GivenPoints:
     }
     if not columns:
         single_first = dict(sorted(axes.items(), key=lambda axis: len(axis[1]) > 1))
-        return GivenPoints(constants, single_first, listed=False)
+        return GivenPoints(given, constants, single_first, listed=False)
     count = len(next(iter(columns.values())))
     repeated = {name: (each[0],) * count for name, each in axes.items()}
-    return GivenPoints(constants, columns | repeated, listed=True)
+    return GivenPoints(given, constants, columns | repeated, listed=True)
 
 
 def listed_points(path: Path, model: Model) -> dict[str, tuple[float, ...]]:

@@ -128,6 +128,12 @@ class TrimInput(NamedTuple):
         given = [*self.hold.values(), *([] if self.at is None else [self.at])]
         return all(len(values) == 1 for values in given)
 
+    def refuse_unscheduled(self) -> None:
+        """Raise BadInputError for the paper's aircraft without --dihedral."""
+        by = self.model.schedule
+        if self.at is None and self.model.about.names_schedule:
+            raise BadInputError(f"no value of {by} is given; add --{by} DEG")
+
     def single(self) -> GivenTrim:
         """Return the only trim.
 
@@ -207,33 +213,32 @@ class TrimInput(NamedTuple):
         return source | {"condition": condition, "flight": common.in_words()}
 
 
-def given_trim(request: TrimOptions, *, required: bool = False) -> GivenTrim:
+def given_trim(request: TrimOptions) -> GivenTrim:
     """Return the single trim that the options define.
-
-    required: whether the paper's aircraft requires --dihedral
 
     Raises BadInputError for an unknown name, an invalid value, or options that contradict.
     """
-    return trim_input(request, required=required).single()
+    return trim_input(request).single()
+
+
+def scheduled_trim(request: TrimOptions) -> GivenTrim:
+    """Return the single trim that the options define; the paper's aircraft requires --dihedral."""
+    asked = trim_input(request)
+    asked.refuse_unscheduled()
+    return asked.single()
 
 
 def trim_input(
-    request: TrimOptions,
-    *,
-    required: bool = False,
-    scheduled: Callable[[Model, str, str], Range] = value_range,
+    request: TrimOptions, scheduled: Callable[[Model, str, str], Range] = value_range
 ) -> TrimInput:
     """Return what the options say about trims.
 
-    required: whether the paper's aircraft requires --dihedral
     scheduled: function (model, name, text) -> values of the scheduling variable
 
     Raises BadInputError for an unknown name, an invalid value, or options that contradict.
     """
     model = loaded_model(request)
     at = _scheduled(request, model, scheduled)
-    if required and at is None and model.about.names_schedule:
-        raise BadInputError(f"no value of {model.schedule} is given; add --{model.schedule} DEG")
     hold = each_of("--hold", model, _texts_of_hold(request), value_range)
     free = tuple(_freed(model, text) for text in request.free)
     _refuse_doubles(model, free, at, hold)

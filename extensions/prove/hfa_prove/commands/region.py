@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from hfa.options.command import command
 from hfa.options.output import ProgressLine
 from hfa.options.show import provenance, show
-from hfa.options.trims import given_trim
+from hfa.options.trims import scheduled_trim
 from hfa_prove.commands.options import refuse_no_certificate
 from hfa_prove.commands.request import RegionRequest, disturbances_of
 
@@ -41,7 +41,7 @@ def region(request: RegionRequest) -> int:
     from hfa_prove.search.region import proved_region
     from hfa_support.interruption import interruptible
 
-    given = given_trim(request, required=True)
+    given = scheduled_trim(request)
     disturbances = disturbances_of(request, given.model)
     policy = given_policy(request, given)
     problem = policy.problem(given.common.limits)
