@@ -10,6 +10,7 @@ import pytest
 from exact_riccati import exact_solution
 from game_samples import game_models
 from pages import printed_matrices
+from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_lyapunov
 from tolerances import SAME_FORMULA
 
@@ -137,6 +138,43 @@ def test_the_bracket_of_minimum_delta_is_narrow(game: Game) -> None:
     assert smallest.margin(7.0) == pytest.approx(7.0 / smallest.value)
     with pytest.raises(NoSolutionError, match="below delta_min"):
         solve(game.with_delta(0.999999 * smallest.refused))
+
+
+def value_of_long_games(game: Game) -> np.ndarray | None:
+    """Return the limit of the values of ever longer games, or None if they grow without bound."""
+    A, E, n = game.A, game.E, len(game.A)
+    P = np.zeros((n, n))
+    if not game.is_discrete:
+
+        def rate(_: float, p: np.ndarray) -> np.ndarray:
+            P = p.reshape(n, n)
+            return (A.T @ P + P @ A + game.Q - P @ game.S @ P).ravel()
+
+        grown = lambda _, p: np.abs(p).max() - 1e6  # noqa: E731
+        grown.terminal = True
+        found = solve_ivp(rate, (0.0, 2e3), P.ravel(), "LSODA", rtol=1e-8, atol=1e-9, events=grown)
+        return None if found.status else found.y[:, -1].reshape(n, n)
+    for _ in range(200):
+        rest = game.delta**2 * np.eye(E.shape[1]) - E.T @ P @ E
+        if np.linalg.eigvalsh(rest).min() <= 0.0:
+            return None
+        M = P + P @ E @ np.linalg.solve(rest, E.T @ P)
+        K = np.linalg.solve(game.R + game.B.T @ M @ game.B, game.B.T @ M @ A)
+        P = game.Q + A.T @ M @ (A - game.B @ K)
+    return P
+
+
+@pytest.mark.parametrize("dt", [None, True])
+def test_a_game_just_below_the_smallest_delta_has_no_value(dt: bool | None) -> None:
+    """Values of ever longer games have a limit 0.1 % above it, which is P, and none 0.1 % below."""
+    A, B, E = (np.random.default_rng(1).standard_normal((3, k)) for k in (3, 2, 1))
+    game = Game(0.5 * A, B, E, np.eye(3), np.eye(2), dt=dt)
+    smallest = minimum_delta(game).value
+    above, below = (game.with_delta(factor * smallest) for factor in (1.001, 0.999))
+    assert pytest.approx(value_of_long_games(above), rel=1e-8) == solve(above).P
+    assert value_of_long_games(below) is None
+    with pytest.raises(NoSolutionError, match="below delta_min"):
+        solve(below)
 
 
 @pytest.mark.parametrize("q", [1.0, 1e-6, 1e-10, 1e-14])

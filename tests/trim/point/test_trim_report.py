@@ -85,7 +85,9 @@ GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 @pytest.mark.parametrize("condition", [LEVEL, GLIDE], ids=["level", "glide"])
 def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCondition) -> None:
-    """Pressure, Mach number and hinge moment of the report, and T cos α - D = W sin γ in a glide."""
+    """Pressure, Mach number and hinge moment of the report, and the balance along and across the
+    path in a glide: T cos α - D = W sin γ, L + T sin α = W cos γ.
+    """
     point = trim(aircraft, condition)
     gamma = point.values["gamma"]
     figures = SimpleNamespace(
@@ -103,6 +105,8 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
     assert loads.thrust * math.cos(alpha) - loads.drag == pytest.approx(
         figures.weight * math.sin(gamma), abs=1e-6
     )
+    across = figures.lift + loads.thrust * math.sin(alpha)
+    assert across == pytest.approx(figures.weight * math.cos(gamma), rel=1e-9)
     force = figures.dynamic_pressure * figures.S / 3.0
     assert figures.lift_coefficient_outer * force == pytest.approx(loads.outer.lift, rel=5e-4)
     assert figures.hinge_moment_total == pytest.approx(0.0, abs=1e-6)

@@ -6,7 +6,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from ended_runs import assert_resumed_bits_equal, leaves_nothing, proc
+from ended_runs import assert_resumed_bits_equal, leaves_nothing, proc, result_of, run
 
 from hfa.exit_codes import INTERRUPTED, TERMINATED
 
@@ -40,5 +40,8 @@ def test_an_ended_run_leaves_no_workers_or_folders(
 @proc
 @pytest.mark.slow
 def test_a_resumed_run_gives_identical_bits(tmp_path: Path) -> None:
-    """A run that is ended at random moments and resumed gives identical bits."""
+    """A run that is ended at random moments and resumed gives identical bits; so does one process."""
     assert_resumed_bits_equal(tmp_path, THREE_CHUNKS)
+    one = ["1" if word == "2" else word for word in THREE_CHUNKS]
+    assert run(tmp_path / "one", *one).code == 0
+    assert result_of(tmp_path / "one") == result_of(tmp_path / "whole")

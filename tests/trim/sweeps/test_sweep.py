@@ -11,6 +11,7 @@ import pytest
 import xarray
 from cli import assert_refused, hfa
 from matplotlib import pyplot
+from own_models import F16
 from project import ROOT
 
 import hfa_model
@@ -177,6 +178,16 @@ def test_no_row_depends_on_its_neighbors(aircraft: Model) -> None:
     np.testing.assert_array_equal(
         trim_points(heavy, variables[:2], values[7:8, :2]).A, whole.A[7:8]
     )
+
+
+def test_no_row_of_the_f16_depends_on_its_neighbors() -> None:
+    """Its tables and turns are searched in blocks, as many processes do: the bits are equal."""
+    values = np.random.default_rng(2).uniform([350.0, 0.28], [600.0, 0.38], (60, 2))
+    whole = trim_points(F16, ("speed", "xcg"), values)
+    for rows in (slice(7, 8), slice(20, 50)):
+        part = trim_points(F16, ("speed", "xcg"), values[rows])
+        for name in ("A", "B", "states", "inputs"):
+            np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[rows])
 
 
 def test_each_point_has_the_expected_status(aircraft: Model) -> None:
