@@ -52,23 +52,6 @@ def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder: Path) 
 
 
 @pytest.mark.slow
-def test_too_weak_an_engine_leads_to_the_steepest_climb() -> None:
-    """The advice holds full thrust; the climb found is T cos α - D = W sin γ with T = 60 N."""
-    refused = hfa("trim", "--aircraft", UAV, "--hold", "gamma=45")
-    assert refused.code == 1
-    advice = re.search(r"with (.*) in place of --hold \(gamma (.*) deg\)", refused.err)
-    assert advice is not None
-    found = answer("trim", "--aircraft", UAV, *advice[1].split())
-    point, figures = found["operating_point"], found["sheet"]
-    assert point["inputs"]["thrust"] == 60.0
-    along = 60.0 * np.cos(point["states"]["alpha"]) - figures["drag"]["value"]
-    gamma = np.arcsin(along / (13.5 * 9.80665))
-    assert figures["gamma"]["value"] == pytest.approx(gamma, rel=1e-6)
-    assert np.degrees(gamma) == pytest.approx(float(advice[2]), rel=1e-4)
-    assert np.degrees(gamma) > 15.0
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("case", ["bank", "heavy", "climb"])
 def test_no_advice_leads_to_a_falling_aircraft(case: str, tmp_path: Path) -> None:
     """No rate of an attitude is freed by advice without a load factor. Freed by the user, the first

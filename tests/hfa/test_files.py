@@ -139,16 +139,6 @@ def test_two_runs_write_the_same_bytes(
     assert second.read_bytes() == first.read_bytes()
 
 
-@pytest.mark.parametrize(("name", "opening"), [("a.md", "|---|"), ("a.html", "<table>")])
-def test_a_report_is_written_as_text(name: str, opening: str) -> None:
-    """-o FILE.md or FILE.html writes the report to one file, without links to pictures."""
-    assert hfa("solve", "--dihedral", "15", "-o", name).code == DONE
-    assert [path.name for path in Path().iterdir()] == [name]
-    text = Path(name).read_text(encoding="utf-8")
-    assert opening in text
-    assert "![" not in text  # no picture is written with it
-
-
 @pytest.mark.parametrize(
     ("suffix", "opening"),
     [

@@ -7,7 +7,6 @@ import importlib.util
 import json
 import shlex
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,39 +27,6 @@ TABLES = {
     "fly --dihedral 10 --duration 0.1": (),
     "learn --dihedral 10": (),
 }
-
-
-@pytest.fixture(scope="module")
-def linearized() -> dict[str, Any]:
-    """Return the JSON data of `hfa linearize` at 10 deg, with the gain K of `hfa solve`."""
-    model = json.loads(hfa("linearize", "--dihedral", "10", "--json").out)
-    return model | {"K": json.loads(hfa("solve", "--dihedral", "10", "--json").out)["K"]}
-
-
-def assert_solved_and_checked(plant: Path, gain: Path, linearized: dict[str, Any]) -> None:
-    solved = json.loads(hfa("solve", "--model", str(plant), "-q", "--json").out)
-    np.testing.assert_allclose(solved["K"], linearized["K"], rtol=1e-8, atol=1e-10)
-    assert (solved["states"], solved["inputs"]) == (linearized["states"], linearized["inputs"])
-    result = hfa("verify", "--model", str(plant), "--weights", str(gain), "-q", "--json")
-    assert (result.code, json.loads(result.out)["ok"]) == (0, True)
-
-
-def test_csv_files_with_headers_are_read(linearized: dict[str, Any], tmp_path: Path) -> None:
-    """`hfa solve` and `hfa verify` read A, B and K from three CSV files with headers."""
-    for name, columns in (
-        ("A", linearized["states"]),
-        ("B", linearized["inputs"]),
-        ("K", linearized["states"]),
-    ):
-        np.savetxt(
-            tmp_path / f"{name}.csv",
-            linearized[name],
-            "%.17g",
-            ",",
-            header=",".join(columns),
-            comments="",
-        )
-    assert_solved_and_checked(tmp_path / "A.csv", tmp_path / "K.csv", linearized)
 
 
 @pytest.mark.slow

@@ -69,22 +69,3 @@ def test_plants_in_si_are_read(tmp_path: Path, suffix: str) -> None:
     assert hfa("linearize", "--dihedral", "12", "--units", "si", "-o", plant).code == 0
     found = answer("solve", "--model", plant)
     assert (found["states"][0], found["state_units"][:2]) == ("speed", ["m/s", "rad"])
-
-
-AT = ("--dihedral", "12")
-
-
-@pytest.mark.slow
-def test_a_critic_in_other_units_passes(tmp_path: Path) -> None:
-    """P and K written in SI units are correct for plants in English units, and vice versa."""
-    files = {}
-    for system, words in {"english": (), "si": ("--units", "si")}.items():
-        for command in ("solve", "linearize"):
-            files[command, system] = str(tmp_path / f"{command}-{system}.npz")
-            assert hfa(command, *AT, *words, "-o", files[command, system]).code == 0
-    assert hfa("verify", *AT, "--weights", files["solve", "si"]).code == 0
-    for system in ("english", "si"):
-        result = hfa(
-            "verify", "--model", files["linearize", "si"], "--weights", files["solve", system]
-        )
-        assert result.code == 0, (result.out, result.err)

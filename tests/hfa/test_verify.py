@@ -16,21 +16,6 @@ from hfa.main import FAILED
 # Verify.
 
 
-@pytest.mark.parametrize(
-    ("kind", "suffix"), [pytest.param("K", "mat", marks=pytest.mark.slow), ("W", "json")]
-)
-def test_verify_passes_an_exact_critic_file(game: Game, kind: str, suffix: str) -> None:
-    """A file with the exact P, K or W passes. The error of P is null if only K is given."""
-    exact = solve(game)
-    row, column = np.triu_indices(6)
-    weights = np.where(row == column, 1.0, 2.0) * exact.P[row, column]
-    file = stored(f"critic.{suffix}", **{kind: {"W": weights, "P": exact.P, "K": exact.K}[kind]})
-    data = answer("verify", *AT_15, "--weights", file)
-    assert data["ok"] is True
-    assert data["K_rel_error"] <= 1e-14
-    assert (data["P_rel_error"] is None) == (kind == "K")
-
-
 # The cost of a critic.
 
 

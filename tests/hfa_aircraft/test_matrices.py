@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
-import cli
 import control
 import numpy as np
 import pytest
@@ -115,20 +113,3 @@ def test_a_gain_closes_the_loop_and_has_margins() -> None:
     assert (margin.phase, margin.crossover) == pytest.approx((phase, crossover), rel=1e-6)
     with pytest.raises(BadInputError, match="K is 2 x 1; give 1 x 2"):
         linear.closed_loop(K.T)
-
-
-@pytest.mark.parametrize("suffix", [".npz", ".json"])
-def test_modes_of_given_matrices_are_printed(suffix: str, folder: Path) -> None:
-    """`hfa linearize --model FILE` reports the eigenvalues of A, with and without B."""
-    A = np.array([[0.0, 1.0], [-2.0, -0.3]])
-    for matrices in ({"A": A}, {"A": A, "B": np.array([[0.0], [1.0]])}):
-        file = f"plant{suffix}"
-        if suffix == ".npz":
-            np.savez(file, **matrices)
-        else:
-            Path(file).write_text(json.dumps({name: M.tolist() for name, M in matrices.items()}))
-        result = cli.hfa("linearize", "--model", file, "--json")
-        assert result.code == 0, result.err
-        (mode,) = json.loads(result.out)["modes"]
-        assert mode["frequency"] == pytest.approx(2.0**0.5)
-        assert mode["damping"] == pytest.approx(0.15 / 2.0**0.5)

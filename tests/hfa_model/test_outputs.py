@@ -9,8 +9,7 @@ import pytest
 from random_points import equations, random_points, wind_of
 
 import hfa_model
-from hfa import Model, trim
-from hfa.paper import level_flight
+from hfa import Model
 from hfa_model import STATES, Input, Parameters, State
 
 
@@ -94,21 +93,3 @@ def test_panel_load_factors_follow_the_moving_panels(
         across = np.array([np.sin(theta) * np.cos(eta), np.sin(eta), np.cos(theta) * np.cos(eta)])
         felt = (gravity - acceleration) @ across / gravity[2]
         assert outputs(aircraft, x, u)[name] == pytest.approx(felt, rel=2e-5, abs=2e-5)
-
-
-def test_an_updraft_increases_only_the_air_angle(published_aircraft: Model) -> None:
-    """An updraft increases the angle of attack by w/V and the load factor, but not gamma."""
-    point = trim(published_aircraft, level_flight(0.2))
-    x = np.array(point.states)
-    u = np.array(point.inputs)
-    still = outputs(published_aircraft, x, u)
-    rising = outputs(published_aircraft, x, u, 5.0)
-    assert rising["alpha_air_center"] - still["alpha_air_center"] == pytest.approx(
-        5.0 / 68.0, rel=0.01
-    )
-    assert rising["angle_of_attack"] == pytest.approx(
-        rising["alpha_air_center"], abs=1e-12
-    )  # all rates are 0 here
-    assert still["angle_of_attack"] == point.states.alpha
-    assert rising["load_factor"] > still["load_factor"]
-    assert rising["gamma"] == still["gamma"]

@@ -70,8 +70,3 @@ def rates_function(dynamics: Any) -> ca.Function:
     """Return the CasADi Function (x, u, p) -> dX/dt of these dynamics."""
     vectors = symbols()
     return ca.Function("rates", vectors, [state_rates(*vectors, dynamics)])
-
-
-def rising(updraft: Any) -> Any:
-    """Return a record of the winds of air that rises by `updraft` ft/s at every panel."""
-    return wind_of(updraft=updraft)

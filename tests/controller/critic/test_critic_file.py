@@ -14,8 +14,6 @@ from tolerances import FEW_ROUNDINGS
 from controller import basis, critic_in
 from hfa import BadInputError, Game, from_weights
 from hfa.extend import Reading
-from hfa.paper import published_game
-from hfa_model import published_models
 
 #: Game with two states and two inputs: 3 weights, 4 entries of P and of K.
 GAME = Game(
@@ -27,31 +25,9 @@ GAME = Game(
     10.0,
 )
 I2 = np.eye(2)
-P6 = np.diag(np.arange(1.0, 7.0)) + 0.1
-K5 = np.arange(30.0).reshape(5, 6)
-TIMES = np.array([0.0, 0.1, 0.3])
 W = np.arange(9.0).reshape(3, 3)
 K = np.arange(12.0).reshape(3, 2, 2)
 pytestmark = pytest.mark.usefixtures("folder")
-
-
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("all.npz", {"W": basis("quadratic", 6).weights(P6), "P": P6, "K": K5}),
-        ("row.npz", {"weights": np.arange(21.0)}),
-        ("gain.json", {"K": K5, "delta": 200.0, "certificate": {"ok": True}}),
-    ],
-)
-def test_parts_of_a_critic_file_are_read(name: str, content: dict[str, Any]) -> None:
-    """W, P and K of a critic file are read under their names and aliases."""
-    game = published_game(published_models()[0].A, published_models()[0].B)
-    critic = critic_in(stored(name, **content), game)
-    W = content.get("W", content.get("weights"))
-    assert (critic.weights is None) == (W is None)
-    assert W is None or np.array_equal(critic.weights, W)
-    for key in "PK":
-        assert key not in content or np.array_equal(getattr(critic, key), content[key])
 
 
 STEPS = replace(GAME, A=0.2 * GAME.A, dt=True)
@@ -130,14 +106,6 @@ def test_a_critic_with_one_quartic_weight_is_not_quadratic() -> None:
     for place in (3, 4):
         changed = weights + 1e-300 * np.eye(5)[place]
         assert not from_weights(GAME, changed, "quadratic+quartic").is_quadratic
-
-
-@pytest.mark.parametrize("times", [{}, {"t": TIMES}])
-def test_one_row_is_read_as_one_critic(times: dict[str, Any]) -> None:
-    """A file with one row of weights and P is read as one critic with this P."""
-    P = np.array([[0.0, 0.5], [0.5, 2.0]])
-    critic = critic_in(stored("h.npz", W=W[0], P=P, **times), GAME)
-    np.testing.assert_array_equal(critic.P, P)
 
 
 def test_the_files_basis_applies_unless_another_is_named() -> None:

@@ -163,16 +163,6 @@ def test_flexible_aircraft_satisfies_the_identity(degree: int) -> None:
         assert expansion.residual <= ROUNDING
 
 
-def test_linear_plant_has_no_further_terms() -> None:
-    linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
-    solution = hfa.solve(hfa.game(linear, [1.0, 1.0], [2.0], delta=5.0))
-    expansion = expand(linear, solution, 5)
-    for terms in (expansion.value_terms, expansion.policy_terms):
-        assert [bool(term.any()) for term in terms] == [True, False, False, False]
-    P = expansion.basis.matrix(expansion.weights)
-    assert pytest.approx(solution.P, rel=1e-14) == P
-
-
 # Refusals
 # --------------------------------------------------------------------------------------------------
 

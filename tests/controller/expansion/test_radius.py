@@ -63,18 +63,6 @@ def costs(expansion: Expansion, z: np.ndarray, finer: float = 1.0) -> np.ndarray
     return flown[-1]
 
 
-@pytest.mark.parametrize("degree", [3, 4, 5])
-def test_relative_error_falls_with_the_power_of_the_degree(degree: int) -> None:
-    """The error of V2 + ... + V_{d-1} falls by 2^(d-2) if the state is halved."""
-    reference = expanded(5)
-    error = []
-    for size in (0.1, 0.05):
-        z0 = states_at(reference, size, 20, 2)
-        value = np.array(reference.value_to(degree - 1)(z0))[0]
-        error.append(np.abs(value / costs(reference, z0, finer=10.0) - 1.0).max())
-    assert error[0] / error[1] == pytest.approx(2.0 ** (degree - 2), rel=0.15)
-
-
 def test_flights_inside_the_radius_agree_and_some_outside_do_not() -> None:
     expansion = expanded(4)
     for radius in expansion.radii:

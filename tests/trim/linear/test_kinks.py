@@ -10,16 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import casadi as ca
-import numpy as np
 import pytest
 from cli import hfa
-from extension import Extension
 
 from hfa import Model, Signal, TrimCondition, linearize, sweep, trim
-from hfa.paper import level_flight
 from trim import usual_condition
-
-stores = Extension("trim.sweeps.store")
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
 _SYMBOL = ca.SX.sym("x")
@@ -96,17 +91,6 @@ def test_each_point_of_a_sweep_has_the_slopes_of_its_own_kinks() -> None:
     assert note.endswith("(9 of 11 points, the first at 0)")
 
 
-@pytest.mark.slow
-def test_a_store_counts_its_kinks(tmp_path: Path) -> None:
-    """The sweep in a store has the matrices of that in memory, and its warning counts the kinks."""
-    result = swept()
-    dataset = stores.stream_sweep(result.plan, tmp_path / "a.zarr")
-    assert dataset.kinks.values.tolist() == [0, *[1] * KINKS, 0]
-    (note,) = stores.stored_sweep(result.plan, dataset, tmp_path / "a.zarr").warnings
-    assert note.startswith("kinks at 9 points")
-    np.testing.assert_array_equal(dataset.A, result.A)
-
-
 def test_several_kinks_at_one_point_have_their_own_slopes() -> None:
     """v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u)."""
 
@@ -125,20 +109,6 @@ def test_several_kinks_at_one_point_have_their_own_slopes() -> None:
         pytest.approx([1.5], abs=1e-9),
     ]
     assert [note.split()[1] for note in point.kinks] == ["A(v,", "A(v,", "B(v,"]
-
-
-def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
-    """A model of the flexible aircraft has a kink at 11 km, where the temperature stops falling.
-
-    At 40,000 ft the model has no kink.
-    """
-    tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
-    kinks = []
-    for altitude in (tropopause, 40_000.0):
-        point = trim(published_aircraft, level_flight(0.1, altitude=altitude))
-        kinks.append(linearize(published_aircraft, point, full=True).kinks)
-    assert "A(speed, altitude)" in " ".join(kinks[0])
-    assert kinks[1] == ()
 
 
 KINKED = """

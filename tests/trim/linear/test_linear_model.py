@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import hfa as run
 from known_models import model_at, released_simulation
 
 import hfa
@@ -149,19 +148,6 @@ def point_of(aircraft: Model, degrees: float = 11.0, **given: float) -> Operatin
     return trim(aircraft, level_flight(math.radians(degrees), **given))
 
 
-def test_select_returns_rows_and_columns_by_name(
-    published_aircraft: Model, point: OperatingPoint
-) -> None:
-    """`select` returns the rows and columns of the named states, with their units and offsets."""
-    model = linearize(published_aircraft, point, full=True)
-    part = model.select(("pitch_rate", "speed"))
-    rows = [STATES.index("pitch_rate"), STATES.index("speed")]
-    np.testing.assert_array_equal(part.A, model.A[np.ix_(rows, rows)])
-    np.testing.assert_array_equal(part.B, model.B[rows])
-    assert (part.states, part.state_units) == (("pitch_rate", "speed"), ("rad/s", "ft/s"))
-    np.testing.assert_array_equal(part.state_offsets, [0.0, 68.0])
-
-
 def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
     """The columns of E for wind at the center and at the outer panels add up to that of uniform
     wind.
@@ -225,17 +211,3 @@ def test_an_entry_is_compared_in_half_units_and_percent(
     assert entry.half_units == pytest.approx(half_units, rel=1e-4, abs=0.0)
     assert entry.percent == pytest.approx(percent, nan_ok=True)
     assert (entry.is_zero, entry.name) == (is_zero, "A(alpha, speed)")
-
-
-def test_the_report_names_the_largest_difference_to_newton() -> None:
-    """`hfa linearize` names the entry of A or B that differs most between the two dynamics."""
-    published, newton = (model_at(10.0, dynamics) for dynamics in ("published", "newton"))
-    largest = {}
-    for name, columns in (("A", published.states), ("B", published.inputs)):
-        off = np.abs(getattr(published, name) - getattr(newton, name))
-        row, column = np.unravel_index(off.argmax(), off.shape)
-        largest[off.max()] = f"{name}({published.states[row]}, {columns[column]})"
-    text = " ".join(run("linearize", "--dihedral", "10").out.split())
-    _, _, after = text.partition("Largest difference of an entry to newton dynamics: ")
-    size = max(largest)
-    assert after.startswith(f"{size:.2g} in {largest[size]}")

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import casadi as ca
-import numpy as np
 import pytest
 from project import ROOT
 from sheet_values import values
@@ -50,23 +49,6 @@ def test_lift_drag_and_thrust_balance_the_weight(name: str) -> None:
     power = thrust * math.cos(alpha) * point["speed"]
     shown = {"hp": 1.0 / 550.0, "kW": 1e-3}[data["sheet"]["power required"]["unit"]]
     assert figures["power required"] == pytest.approx(power * shown, rel=2e-3)
-
-
-@pytest.mark.parametrize("name", [f"{ROOT}/examples/uav.dml", "hfa", BOEING])
-def test_the_static_margin_is_that_of_differences(name: str) -> None:
-    """Central differences of lift and moment about alpha give the margin of the report."""
-    pytest.importorskip("hfa_jsbsim")
-    point, data = trimmed(name)
-    names = ("lift", "pitching_moment")
-    step = 1e-4
-    sides = []
-    for change in (-step, step):
-        state = point.states._replace(alpha=point["alpha"] + change)
-        # The moment due to the rate of alpha vanishes in a trim only.
-        sides.append(point.model.outputs_at(state, point.inputs, names))
-    lift, moment = (sides[1][name] - sides[0][name] for name in names)
-    margin = -moment / (lift * data["sheet"]["c"]["value"])
-    assert data["sheet"]["static margin"]["value"] == pytest.approx(margin, rel=1e-3)
 
 
 def test_the_static_margin_is_that_of_the_table() -> None:
@@ -126,39 +108,12 @@ def test_thrust_available_is_that_of_full_throttle() -> None:
 
 
 @pytest.mark.slow
-def test_thrust_available_of_a_table_of_thrust_is_that_of_full_throttle() -> None:
-    """The thrust at full throttle of the 737."""
-    pytest.importorskip("hfa_jsbsim")
-    point, data = trimmed("jsbsim:737")
-    full = point.model.outputs_at(point.states, point.inputs._replace(throttle=1.0), ("thrust",))
-    assert data["sheet"]["thrust available"]["value"] == pytest.approx(full["thrust"])
-    assert full["thrust"] > 1.5 * point["thrust"]
-
-
-@pytest.mark.slow
 def test_thrust_of_a_propeller_whose_speed_is_a_state_is_not_invented() -> None:
     """The thrust of the Cessna follows the speed of its propeller."""
     point = hfa.trim(hfa.load_model("jsbsim:c172p"))
     data = point.report().data
     assert "thrust available" not in values(data)
     assert "rpm0" in data["not_in_model"]["thrust available"]
-
-
-@pytest.mark.slow
-def test_the_stall_margin_is_that_of_the_peak_of_the_lift() -> None:
-    """At the speed ratio of the report, the largest lift over alpha carries the same lift."""
-    pytest.importorskip("hfa_jsbsim")
-    point, data = trimmed("jsbsim:737")
-    figures = values(data)
-
-    def lift(alpha: float) -> float:
-        states = point.states._replace(alpha=math.radians(alpha))
-        return point.model.outputs_at(states, point.inputs, ("lift",))["lift"]
-
-    peak = max(np.linspace(5.0, 30.0, 251).tolist(), key=lift)
-    largest = max(map(lift, np.linspace(peak - 0.1, peak + 0.1, 251).tolist()))
-    ratio = math.sqrt(largest / figures["lift"])
-    assert figures["speed / stall speed"] == pytest.approx(ratio, rel=1e-4)
 
 
 def test_a_model_without_forces_says_what_it_lacks() -> None:

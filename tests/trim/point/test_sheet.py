@@ -270,16 +270,6 @@ def test_the_configuration_is_that_of_the_data() -> None:
     assert "c.g., flap, gear: not in this model" in sheet("hfa")[0].report().text()
 
 
-@pytest.mark.slow
-def test_the_configuration_of_jsbsim_is_that_of_its_file() -> None:
-    """Mass and span of the 737, and rows of its flap and gear."""
-    pytest.importorskip("hfa_jsbsim")
-    found = sheet("jsbsim:737")[1]["sheet"]
-    assert found["mass"]["value"] == pytest.approx(107_000.0 / 32.174, rel=1e-4)
-    assert (found["b"]["value"], found["b"]["unit"]) == (94.7, "ft")
-    assert {"flap", "gear", "c.g. x"} <= {*found}
-
-
 #: Rows of a sheet that an engineer signs, or the ends of the names of their figures.
 ROWS = (
     *("calibrated airspeed", "L/D", "power required", "thrust available", "rate of climb left"),
@@ -493,40 +483,6 @@ def test_a_sheet_of_degrees_taken_as_radians_is_doubted(folder: Path) -> None:
     said = " ".join((result.out + result.err).split())
     for name in ("elevator is 25 rad", "rudder is 25 rad", "no rigid body"):
         assert name in said
-
-
-@pytest.mark.slow
-def test_several_conditions_have_one_sheet_each(folder: Path) -> None:
-    """Lists of angles and of held values give a grid of sheets, in JSON and HTML."""
-    words = ("trim", "--dihedral", "5,15", "--hold", "speed=67,68")
-    data = json.loads(command(*words, "--json").out)
-    assert [
-        (round(each["dihedral_deg"], 9), each["operating_point"]["states"]["speed"])
-        for each in data["sheets"]
-    ] == [(5.0, 67.0), (5.0, 68.0), (15.0, 67.0), (15.0, 68.0)]
-    assert command(*words, "-o", "sheets.csv").code == 0
-    rows = list(csv.DictReader(Path("sheets.csv").read_text("utf-8").splitlines()))
-    assert [float(row["speed [ft/s]"]) for row in rows] == [67.0, 68.0, 67.0, 68.0]
-    assert [float(row["dihedral [deg]"]) for row in rows] == pytest.approx([5.0, 5.0, 15.0, 15.0])
-
-
-def test_published_and_newton_dynamics_differ_by_mode_in_percent() -> None:
-    """At 7 deg the fast dihedral mode is the fastest real one, in `trim` and in `linearize`."""
-    pairs, fastest = {}, {}
-    for dynamics in ("published", "newton"):
-        linear = hfa.paper.level_model(hfa.aircraft(dynamics), math.radians(7.0))
-        values = np.linalg.eigvals(linear.A)
-        fastest[dynamics] = values[values.imag == 0.0].real.min()
-        pairs[dynamics] = min(values[values.real > -10.0], key=lambda value: -abs(value.imag))
-    percent = 100.0 * abs(pairs["newton"] / pairs["published"] - 1.0)
-    for verb in ("trim", "linearize"):
-        data = json.loads(command(verb, "--dihedral", "7", "--json").out)
-        by_mode = {entry["mode"]: entry for entry in data["mode_differences"]}
-        fast, pair = by_mode["dihedral (fast)"], by_mode["short period"]
-        assert (fast["eigenvalue"][1], fast["other"][1]) == (0.0, 0.0)
-        assert fast["eigenvalue"][0] == pytest.approx(fastest["published"])
-        assert fast["other"][0] == pytest.approx(fastest["newton"])
-        assert pair["percent"] == pytest.approx(percent)
 
 
 def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:

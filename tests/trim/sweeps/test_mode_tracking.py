@@ -7,7 +7,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from own_models import F16
 
 from hfa import Model, Signal, sweep
 
@@ -51,24 +50,6 @@ def test_modes_keep_their_columns_over_a_grid() -> None:
     at = swept.values
     expected = np.stack([-3.0 + at[:, 0], -1.0 - at[:, 0] + at[:, 1], np.full(24, -0.1)], axis=1)
     np.testing.assert_allclose(swept.eigenvalues, expected, atol=1e-11)
-
-
-@pytest.mark.slow
-def test_a_complex_pair_is_tracked_as_one_mode() -> None:
-    """A complex pair that becomes two real eigenvalues is tracked as one mode, the lower first.
-
-    At 502 ft/s the short period of the F-16 is real, on both sides of the phugoid pair.
-    """
-    result = sweep(F16, {"speed": [300.0, 502.0], "altitude": [0.0, 10_000.0]}, listed=True)
-    short, phugoid = (result.modes[name].eigenvalue for name in ("short period", "phugoid"))
-    for values, eigenvalues in zip(result.A, np.hstack([short, phugoid]), strict=True):
-        exact = np.linalg.eigvals(values)
-        assert np.abs(exact[:, None] - eigenvalues).min(axis=0).max() < 1e-9
-    assert short[0, 0] == short[0, 1].conjugate() != short[0, 1]
-    assert short[1].imag.tolist() == [0.0, 0.0]
-    assert short[1, 0].real < phugoid[1].real.min()
-    assert phugoid[1].real.max() < short[1, 1].real
-    assert phugoid[1, 0] == phugoid[1, 1].conjugate() != phugoid[1, 1]
 
 
 def test_a_pair_that_becomes_real_keeps_its_columns() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -86,18 +85,6 @@ def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
         np.testing.assert_allclose(result.A[i], linearize(model, point).A, rtol=1e-9, atol=1e-9)
     without = {"slow": 4} | {each: 1 for each in CASES if "limit" in each}
     assert np.count_nonzero(~result.trimmed) == without.get(name, 0)
-
-
-def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> None:
-    """The report of a sweep to -16 deg notes the range of the paper. That of a sweep to -15 deg
-    does not.
-    """
-    within, beyond = (
-        sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
-        for lowest in (-15.0, -16.0)
-    )
-    warning = "dihedral -16 deg is beyond the paper's range, which ends at -15 deg"
-    assert (list(within), list(beyond)) == ([], [warning])
 
 
 LISTS = [
@@ -289,29 +276,6 @@ def test_a_store_is_resumed_with_its_own_sweep_only(more: str, store: Path) -> N
 # Printed reports.
 
 
-def test_a_long_sweep_prints_its_ends(
-    published_aircraft: Model,
-) -> None:
-    """The report of a long sweep prints its first and last rows and all points without a trim."""
-    speeds = np.linspace(68.0, 75.0, 401)
-    speeds[[100, *range(200, 222)]] = 30.0
-    result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
-    text = result.report().text(width=None)
-    assert "trimmed at 378 of 401 points" in text
-    assert "(361 more)" in text
-    assert len(re.findall(r"^ *5\.7\d* {2,}", text, re.MULTILINE)) == 80
-    assert text.count("5.72958, 30: ") == 20
-    assert "3 more points have no trim" in text
-    records = result.records()
-    assert len(records.rows) == 401
-    kept, failed = (dict(zip(records.header, records.rows[i], strict=True)) for i in (7, 100))
-    assert (kept["status"], kept["reason"], failed["status"]) == ("trimmed", "", "failed")
-    assert failed["reason"] == result.reasons[100]
-    assert kept["speed [ft/s]"] == kept["state speed [ft/s]"] == speeds[7]
-    assert kept["input throttle [1]"] == result.inputs[7, 0]
-    assert kept["A(speed, pitch_rate) [(ft/s^2)/(rad/s)]"] == result.A[7, 0, 3]
-
-
 def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:
     """Paths over the trimmed points begin at o and end at s."""
     speeds = [30.0, *np.linspace(56.0, 100.0, 9)]
@@ -332,23 +296,6 @@ def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:
             np.testing.assert_array_equal(marked, roots[row, shown])
     assert [axes.get_xlabel() for axes in (whole, near)] == ["real part, 1/s"] * 2
     pyplot.close("all")
-
-
-@pytest.mark.slow
-def test_points_trimmed_alone_are_counted(tmp_path: Path) -> None:
-    """A note states how many points were trimmed one by one, in memory and in a store.
-
-    These are the points without a trim, and all if there are more unknowns than equations.
-    """
-    free = ("sweep", "--dihedral", "5", "--free", "alpha")
-    square = (*free, "--hold", "aileron_outer=0", "--hold", "speed=17:68:1")
-    answer = hfa(*square, "--json")
-    alone = sum(map(bool, json.loads(answer.out)["reasons"]))
-    assert 20 <= alone < 30
-    answers = [answer.err, hfa(*square, "-o", str(tmp_path / "a.zarr")).err]
-    assert all(f"{alone} of 52 points were trimmed one by one" in said for said in answers)
-    answer = hfa(*free, "--hold", "speed=64:68:0.2")
-    assert "21 of 21 points were trimmed one by one" in answer.err
 
 
 def test_a_sweep_prints_trim_values_and_limits_reached() -> None:

@@ -276,19 +276,6 @@ def test_errors_are_those_of_their_definitions() -> None:
 # The box: that of the aircraft if the plant has its names, otherwise a stated convention.
 
 
-def test_a_plant_like_the_aircraft_has_its_box() -> None:
-    """For a plant of the aircraft's size without signal names, the default box is used.
-
-    The half-widths of the default box are the balanced units of the game, in which P is of size 1.
-    """
-    Q = np.diag([1.0, 1e6, 1.0, 1.0, 1.0, 1.0])
-    game = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), Q, np.eye(5), 5.0)
-    data = verify(game, from_gain(game, gain(game))).to_dict()
-    assert data["box"]["name"] == "balanced box"
-    sizes = np.array(data["box"]["half_widths"]) * np.sqrt(np.diag(value(game)))
-    assert sizes.max() < 3.0 * sizes.min()
-
-
 @pytest.mark.parametrize(
     ("change", "speed"),
     [

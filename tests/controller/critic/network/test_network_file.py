@@ -6,11 +6,9 @@ import json
 import os
 import pickle
 import zipfile
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 from network_files import read, refusal, safetensors_file, square_layers, torch_file, two_layers
@@ -76,41 +74,7 @@ def test_layers_are_evaluated_in_the_order_of_their_numbers(
         read_critic(path, game, activation="tanh", network="policy")
 
 
-def test_one_output_for_one_state_and_two_inputs_needs_a_kind() -> None:
-    """With one state, V and its gradient have the same size; with the kind V, 3 z² has P = 3."""
-    plant = Game([[-1.0]], [[1.0, 1.0]], [[1.0]], [1.0], [1.0, 1.0], delta=10.0)
-    z = ca.SX.sym("z")
-    square = ca.Function("f", [z], [3 * z**2])
-    with pytest.raises(BadInputError, match="may be V or gradient"):
-        from_network(plant, square)
-    critic = from_network(plant, square, network="V")
-    np.testing.assert_allclose(critic.P, [[3.0]])
-
-
 # Wide layers.
-
-
-def test_wide_networks_are_kept_as_matrix_functions(game: Game) -> None:
-    """A wide network is kept as a matrix function.
-
-    Its value and gradient equal an evaluation in NumPy.
-    """
-    rng = np.random.default_rng(8)
-    sizes = (6, 150, 150, 1)
-    layers = {
-        f"{2 * index}.weight": rng.normal(size=(k, n)) / np.sqrt(n)
-        for index, (n, k) in enumerate(pairwise(sizes))
-    }
-    critic = from_network(game, torch_file("wide.pt", layers), activation="tanh")
-    assert critic.value is not None
-    assert critic.gradient is not None
-    assert critic.value.is_a("MXFunction")
-    A, B, C = layers.values()
-    first = np.tanh(A @ X[0])
-    second = np.tanh(B @ first)
-    assert float(critic.value(X[0])) == pytest.approx((C @ second).item(), rel=1e-12)
-    slopes = (C * (1 - second**2)) @ (B * (1 - first**2)) @ A
-    assert np.array(critic.gradient(X[0])).ravel() == pytest.approx(slopes.ravel(), rel=1e-11)
 
 
 # Names, and several networks in one file.

@@ -104,27 +104,6 @@ def test_v_and_a_policy_are_checked_together(game: Game) -> None:
     assert set(from_network(game, path).network) == {"gradient"}
 
 
-FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i, 7))])
-
-
-@pytest.mark.parametrize("basis", ["quadratic", FEATURES.removeprefix("1, ")])
-def test_scale_applies_to_the_inputs_of_a_basis(game: Game, basis: str) -> None:
-    """A layer on a basis, named or of formulas, is evaluated at the scaled states."""
-    weights = np.arange(1.0, 22.0)
-    scale = np.array([0.5, 6.0, 1.0, 4.0, 3.0, 0.25])
-    path = stored("layer.npz", weight=weights[None], bias=np.zeros(1))
-    own = from_network(game, path, basis=basis)
-    scaled = from_network(game, path, basis=basis, scale=scale)
-    np.testing.assert_allclose(scaled.P, own.P * np.outer(scale, scale), rtol=1e-12)
-    assert scaled.P[0, 1] != own.P[0, 1]
-    z = ca.SX.sym("z", 6)
-    squares = ca.Function("squares", [z], [z**2])
-    path = stored("squares.npz", weight=weights[None, :6], bias=np.full(1, 2.0))
-    critic = from_network(game, path, basis=squares, scale=scale)
-    assert critic.value is not None
-    assert float(critic.value(np.ones(6))) == pytest.approx(2.0 + weights[:6] @ scale**2)
-
-
 def test_kind_of_an_npy_file_follows_from_shape(game: Game) -> None:
     """The shape of the array in an .npy file determines whether the array is W, P or K.
 
@@ -186,23 +165,6 @@ def test_a_state_dict_needs_its_activation() -> None:
     asked = hfa(*line.partition(" --set")[0].split()[1:])
     assert asked.code == BAD_INPUT
     assert asked.err.rstrip().endswith(f"; type {line}")
-
-
-@pytest.mark.parametrize("kind", ["V", "policy"])
-def test_the_name_of_a_function_decides_on_one_input(kind: str) -> None:
-    """On a plant with one input, a function named V is the value and one named policy is u."""
-    plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
-    exact = solve(plant)
-    z = ca.SX.sym("z", 2)
-    exact_outputs = {"V": ca.bilin(ca.DM(exact.P), z, z), "policy": -ca.DM(exact.K) @ z}
-    function = ca.Function(kind, [z], [exact_outputs[kind]])
-    critic = from_network(plant, function)
-    assert kind in critic.network
-    scope = Scope(flights=2)
-    assert verify(plant, critic, scope=scope).ok
-    unnamed = from_network(plant, ca.Function("f", [z], [exact_outputs[kind]]))
-    assert "read as the policy" in unnamed.origin
-    assert "read as the policy" in str(verify(plant, unnamed, scope=scope))
 
 
 def test_one_layer_on_one_state_is_a_policy_unless_v_is_asked_for() -> None:
