@@ -193,7 +193,6 @@ class AssessedPoint(Result):
             | {
                 "K": None if equilibrium is None else equilibrium.K,
                 "delay_limit": None if delays is None else delays.limit,
-                "delay_limit_fine": None if delays is None else delays.fine,
                 "delay_searched": None if delays is None else delays.searched,
                 "disk_margin": None if margins is None else margins.disk.disk,
                 "cost_lost": self.cost,

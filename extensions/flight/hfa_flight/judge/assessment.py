@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,16 +25,13 @@ from hfa_support.reporting.results import Result, without_empty
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Name of a requirement -> sentence if it is not satisfied. The cost is in continuous time and
-#: sampled.
+#: Name of a requirement -> sentence if it is not satisfied.
 NEEDS = {
     "delay": "a delay of {:g} s is not tolerated",
     "margin": "the disk margin is not at least {:g}",
     "cost": "the linear cost is not within {:g} % of the optimum",
     SHARE: "fewer than the share {:g} of the flights converge",
 }
-#: Largest number of columns of the first line.
-_FIRST_LINE = 80
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,28 +106,15 @@ class Assessment(Result, Reported):
 
     @property
     def first_line(self) -> str:
-        """Verdict, the trims at which the policy holds or the worst failure, and the cost ratio.
-
-        The line has at most 80 columns. If necessary, shorter texts are chosen.
-        """
+        """Verdict, the trims at which the policy holds or the worst failure, and the cost ratio."""
         is_linear = LINEAR in self.deployed.model.about.notes
         verdict = verdict_text(self.ok) + (" on the linear plant" if is_linear else "")
-        ratios = self._cost_ratios()
-        texts = self._verdicts()
-        for text in texts:
-            for ratio in ratios:
-                line = f"{verdict}: {text}; {ratio}"
-                if len(line) <= _FIRST_LINE:
-                    return line
-        room = _FIRST_LINE - len(f"{verdict}: ; {ratios[-1]}")
-        return f"{verdict}: {shorten(texts[-1], room, placeholder=' ...')}; {ratios[-1]}"
+        return f"{verdict}: {self._held()}; {self._cost_ratio()}"
 
-    def _verdicts(self) -> list[str]:
-        """Return the sentence of the verdict, followed by shorter forms of it."""
+    def _held(self) -> str:
+        """Return the trims at which the policy holds, or the worst failure."""
         if self.holds and not self.ok:
-            failure = self.findings[0].text
-            shortest = failure.partition(":")[0].partition(";")[0]
-            return [failure, failure.partition(" (")[0], shortest]
+            return self.findings[0].text
         rate = f" at {1.0 / self.deployed.deployment.dt:.4g} Hz"
         failing = [point for point in self.points if not point.holds]
         where = where_text(failing or self.points, self.points)
@@ -139,10 +122,8 @@ class Assessment(Result, Reported):
         subject = "linear loop " if is_linear else ""
         holding = len(self.points) - len(failing)
         if failing and holding:
-            text = f"{subject}holds at {holding} of {len(self.points)} trims"
-            return [f"{text}{rate}, not {where}", f"{text}, not {where}", text]
-        text = f"{subject}{'does not hold' if failing else 'holds'}"
-        return [f"{text} {where}{rate}", f"{text} {where}", text]
+            return f"{subject}holds at {holding} of {len(self.points)} trims{rate}, not {where}"
+        return f"{subject}{'does not hold' if failing else 'holds'} {where}{rate}"
 
     def _failing_changes(self) -> list[str]:
         """Return a list with the phrase on changed aircraft on which the policy does not hold."""
@@ -208,24 +189,18 @@ class Assessment(Result, Reported):
         priced = [point for point in self.points if point.best is not None]
         return max(priced, key=lambda point: point.best.median if point.best else 0.0, default=None)
 
-    def _cost_ratios(self) -> list[str]:
-        """Return a phrase on the ratio of the policy's costs, and shorter forms of it."""
+    def _cost_ratio(self) -> str:
+        """Return a phrase on the ratio of the policy's costs."""
         dearest = self._dearest()
         if dearest is not None and dearest.best is not None:
-            lost, flights = dearest.best.lost, dearest.best.compared
-            # The median of a minority of the flights is no ratio of the policy. A failure says
-            # itself how many flights are lost.
-            is_of_minority = 2 * lost > flights
-            if self.ok and is_of_minority:
-                return [f"{lost} of {flights} costs not compared", "costs not compared"]
-            return dearest.best.ratio_texts()
+            return dearest.best.ratio_text()
         if any(point.flights is not None for point in self.points):
-            return ["no costs were compared"]
-        linear = [point.cost.largest for point in self.points if point.cost is not None]
+            return "no costs were compared"
+        linear = [point.cost.worst for point in self.points if point.cost is not None]
         if not linear:
-            return ["no flight was simulated"]
+            return "no flight was simulated"
         ratio = f"{1.0 + max(linear) / 100.0:.3g}x the linear optimum"
-        return [f"cost {ratio}, no flight was simulated", f"{ratio}, no flight"]
+        return f"cost {ratio}, no flight was simulated"
 
     def figure(self) -> Figure:
         """Return a figure of spectral radius versus delay, and of flights or disk margins."""
@@ -250,4 +225,4 @@ def _meets(point: AssessedPoint, name: str, need: float) -> bool:
         return point.reaches(need)
     if point.cost is None:
         return False
-    return point.cost.largest <= need
+    return point.cost.worst <= need

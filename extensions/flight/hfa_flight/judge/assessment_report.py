@@ -69,9 +69,8 @@ def loop_rows(point: AssessedPoint) -> list[Row]:
     ]
     if point.cost is not None:
         rows += [
-            Row("cost", point.cost.worst, "%", "worst, linear, above the optimum"),
+            Row("cost", point.cost.worst, "%", "worst of the sampled loop above the optimum"),
             Row("mean", point.cost.mean, "%", "the same on average"),
-            Row("sampled", point.cost.sampled_worst, "%", "worst of the sampled loop with delay"),
         ]
     return [row for row in rows if _exists(row.value)]
 

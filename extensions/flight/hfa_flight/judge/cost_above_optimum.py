@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.cost import flight_cost
-from controller.riccati.gare import unconfirmed_solution
 from hfa_flight.judge.weights import weights_at
 from hfa_flight.plan.hold import hold_of
 from hfa_flight.policies.deployment.deployed import Deployed
@@ -24,26 +22,17 @@ _COSTS_NOTHING = 1e-12
 
 @dataclass(frozen=True)
 class CostAboveOptimum(Result):
-    """Cost above the optimum for deviations from the equilibrium, percent, or inf if unbounded.
+    """Cost of the sampled loop above the optimum for deviations from the equilibrium, percent.
 
-    worst: worst case of u = -K x in continuous time, without delay. K includes the effect of an
-        observed input. nan for a policy that uses several samples, or whose inputs do not settle at
-        a constant state.
-    mean: mean over all initial conditions, as for `worst`.
-    sampled_worst: worst case of the sampled loop with delay, relative to the optimum with inputs
-        that are held for a sample, without delay. Both costs are integrals over time.
-    sampled_mean: mean over all initial conditions, as for `sampled_worst`.
+    The cost of the loop with its delay is relative to the optimum with inputs that are held for a
+    sample, without delay. Both are integrals over time. They are inf if the loop is unstable.
+
+    worst: worst case.
+    mean: mean over all initial conditions.
     """
 
     worst: float
     mean: float
-    sampled_worst: float
-    sampled_mean: float
-
-    @property
-    def largest(self) -> float:
-        """Larger of `worst` and `sampled_worst`. nan is ignored."""
-        return float(np.fmax(self.worst, self.sampled_worst))
 
 
 def cost_above_optimum(
@@ -57,18 +46,10 @@ def cost_above_optimum(
     """
     game = lqr_at(deployed, equilibrium)
     try:
-        worst = math.nan
-        mean = math.nan
-        gain = equilibrium.gain
-        if equilibrium.frames is None and gain is not None:
-            continuous = flight_cost(game, unconfirmed_solution(game), gain)
-            worst = continuous.worst
-            mean = continuous.mean
         _, optimum = hold_of(game.A, game.B, game.Q, game.R, chain.dt).forever()
     except NoSolutionError as error:
         return f"the cost has no optimum here: {error}"
-    sampled_worst, sampled_mean = _sampled_costs(game, optimum, chain)
-    return CostAboveOptimum(worst, mean, sampled_worst, sampled_mean)
+    return _above(game, optimum, chain)
 
 
 def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
@@ -84,15 +65,14 @@ def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
     return Game(equilibrium.A, equilibrium.B, E, Q, R, math.inf)
 
 
-def _sampled_costs(game: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
-    """Return the worst and the mean cost of a sampled loop above the optimum, percent."""
+def _above(game: Game, optimum: np.ndarray, chain: Chain) -> CostAboveOptimum:
+    """Return the cost of a sampled loop above the optimum, 0 if no deviation has a cost."""
     # At the first sample, delayed commands have their equilibrium values, and earlier observations
-    # equal the present ones. If the loop is unstable, both results are inf. If no deviation has a
-    # cost, both are 0.
+    # equal the present ones.
     from scipy.linalg import solve_discrete_lyapunov
 
     if chain.radius >= 1.0:
-        return math.inf, math.inf
+        return CostAboveOptimum(math.inf, math.inf)
     x = np.eye(chain.states, len(chain.F))
     weights = np.zeros_like(chain.F)
     for seconds, acting in chain.acting:
@@ -104,7 +84,8 @@ def _sampled_costs(game: Game, optimum: np.ndarray, chain: Chain) -> tuple[float
     values, vectors = np.linalg.eigh(optimum)
     paid = values > _COSTS_NOTHING * max(float(values[-1]), 0.0)
     if not paid.any():
-        return 0.0, 0.0
+        return CostAboveOptimum(0.0, 0.0)
     root = vectors[:, paid] / np.sqrt(values[paid])
     lost = np.linalg.eigvalsh(root.T @ (X - optimum) @ root)
-    return 100.0 * max(float(lost[-1]), 0.0), 100.0 * max(float(lost.mean()), 0.0)
+    percent = [100.0 * max(float(each), 0.0) for each in (lost[-1], lost.mean())]
+    return CostAboveOptimum(*percent)

@@ -249,7 +249,7 @@ def _steady_state_error(point: AssessedPoint) -> list[_Found]:
 def _linear_cost(point: AssessedPoint) -> list[_Found]:
     if point.cost is None or not point.holds:
         return []
-    worst = point.cost.largest
+    worst = point.cost.worst
     if not math.isfinite(worst):
         text = "linear cost without bound"
     elif worst < _SAME_COST:

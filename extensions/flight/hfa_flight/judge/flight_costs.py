@@ -117,31 +117,23 @@ class FlightCosts(Result):
         """Number of initial conditions that are compared: those with a best flight, or all."""
         return self.found if self.searched else self.starts
 
-    def ratio_texts(self) -> list[str]:
-        """Return the median of `ratios` as phrases that name the comparison, longest first.
+    def ratio_text(self) -> str:
+        """Return the median of `ratios` as a phrase that names the comparison.
 
-        If most flights of the policy, or all of the LQR, are lost, the phrases say this instead.
+        If most flights of the policy, or all of the LQR, are lost, the phrase says this instead.
         """
         best = "" if self.found else f", no best {'found' if self.searched else 'searched'}"
         if 2 * self.lost > self.compared:
-            lost = f"{self.lost} of {self.compared}"
-            end = f"leave or have not returned after {self.seconds:.3g} s{best}"
-            return [
-                f"{lost} flights {end}",
-                f"{lost} {end}",
-                f"{lost} fail{best}",
-            ]
+            lost = f"{self.lost} of {self.compared} flights"
+            return f"{lost} leave or have not returned after {self.seconds:.3g} s{best}"
         if self.ratios is None:
-            fails = "no flight of the exact gain returns"
-            return [f"{fails}{best}", f"the exact gain fails{best}"]
+            return f"no flight of the exact gain returns{best}"
+        ratio = f"median cost {_number(self.median)}x the"
         if not self.found:
-            ratio = f"{_number(self.median)}x the exact gain"
-            return [f"median cost {ratio}'s{best}", f"{ratio}'s{best}", f"{ratio}{best}"]
-        ratio = f"{_number(self.median)}x the best flight"
+            return f"{ratio} exact gain's{best}"
         if self.lqr_over_best is None:
-            return [f"median cost {ratio}", ratio]
-        with_lqr = f"{ratio} (LQR {_number(self.lqr_over_best.median)}x)"
-        return [f"median cost {with_lqr}", with_lqr, ratio]
+            return f"{ratio} best flight"
+        return f"{ratio} best flight (LQR {_number(self.lqr_over_best.median)}x)"
 
     def sentences(self) -> list[str]:
         """Return sentences on the mean costs and on the range of the ratios."""

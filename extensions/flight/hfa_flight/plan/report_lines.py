@@ -8,14 +8,9 @@ from hfa_flight.plan.problem import FlightProblem
 from hfa_flight.simulate.envelope import limits_text
 from hfa_support.reporting.rows import Group, Row
 
-#: Largest number of columns of a first line.
-_FIRST_LINE = 80
-
 
 def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str]]) -> str:
-    """Return a first line with the cost ratios of policies, in at most `_FIRST_LINE` columns.
-
-    The policies given last come first. Those that do not fit are left out.
+    """Return a first line with the cost ratios of policies, the last one first.
 
     begin: begin of the line
     outcomes: (name of the policy, ratio or None, how it is lost or "")
@@ -23,17 +18,13 @@ def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str
     >>> line_with_ratios("Best flight", [("gain of K.csv", 1.2, "leaves"), ("exact", 1.03, "")])
     'Best flight; exact 1.03x, gain 1.2x (leaves)'
     """
-    line = begin
-    for name, ratio, loss in reversed(outcomes):
-        says = _ratio_text(ratio, loss)
-        if not says:
-            continue
-        kind = name.partition(" of ")[0].removesuffix(", saturated")
-        separator = "; " if line == begin else ", "
-        longer = f"{line}{separator}{kind} {says}"
-        if len(longer) <= _FIRST_LINE:
-            line = longer
-    return line
+    said = [(name, _ratio_text(ratio, loss)) for name, ratio, loss in reversed(outcomes)]
+    texts = [
+        f"{name.partition(' of ')[0].removesuffix(', saturated')} {says}"
+        for name, says in said
+        if says
+    ]
+    return f"{begin}; {', '.join(texts)}" if texts else begin
 
 
 def _ratio_text(ratio: float | None, loss: str) -> str:

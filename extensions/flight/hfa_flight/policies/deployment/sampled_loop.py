@@ -26,8 +26,6 @@ from hfa_flight.policies.deployment.equilibrium import Equilibrium
 
 #: Largest delay that is searched, s.
 MOST_SECONDS = 3.0
-#: Steps per sample of the search for the first unstable delay.
-_PARTS = 20
 
 
 class Chain(NamedTuple):
@@ -140,13 +138,11 @@ class Delays(NamedTuple):
     radii: spectral radius with delays of 0, 1, 2, ... samples, up to `searched`.
     limit: first unstable delay in complete samples, s, not below the deployed delay, or None if
         there is none up to `searched`.
-    fine: first unstable delay to 5 % of a sample, s, or None if there is none up to `searched`.
     searched: longest delay that was examined, s.
     """
 
     radii: tuple[float, ...]
     limit: float | None
-    fine: float | None
     searched: float
 
 
@@ -166,20 +162,8 @@ def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays
     for samples in range(most + 1):
         radii.append(chain_of(equilibrium, dt, samples * dt).radius)
         if samples >= first and radii[-1] >= 1.0:
-            fine = _first_unstable_delay(equilibrium, dt, deployed_delay, samples)
-            return Delays(tuple(radii), samples * dt, fine, samples * dt)
-    return Delays(tuple(radii), None, None, most * dt)
-
-
-def _first_unstable_delay(
-    equilibrium: Equilibrium, dt: float, deployed_delay: float, samples: int
-) -> float:
-    """Return the first unstable delay within one sample, s."""
-    for part in range(1, _PARTS):
-        delay = (samples - 1 + part / _PARTS) * dt
-        if delay >= deployed_delay and chain_of(equilibrium, dt, delay).radius >= 1.0:
-            return delay
-    return samples * dt
+            return Delays(tuple(radii), samples * dt, samples * dt)
+    return Delays(tuple(radii), None, most * dt)
 
 
 class Margins(NamedTuple):
