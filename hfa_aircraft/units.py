@@ -1,10 +1,11 @@
-"""Conversion of a model to SI units, or of its degrees to radians.
+"""Conversion of a model to SI units, or to coherent units with radians.
 
 The declaration and the equations are converted. All later computations are then in these units.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -15,7 +16,14 @@ import numpy as np
 from hfa_aircraft.about import Domain, Source, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
-from hfa_support.units import radian_factor, radian_unit, si_factor, si_unit
+from hfa_support.units import (
+    ENGLISH_BASES,
+    SI_BASES,
+    coherent_unit,
+    conversion,
+    si_factor,
+    si_unit,
+)
 
 
 class _System(NamedTuple):
@@ -30,7 +38,6 @@ class _System(NamedTuple):
 
 
 _SI = _System(si_unit, si_factor)
-_RADIANS = _System(radian_unit, radian_factor)
 
 
 def in_si(model: Model) -> Model:
@@ -43,12 +50,24 @@ def in_si(model: Model) -> Model:
 
 
 @lru_cache(maxsize=16)
-def in_radians(model: Model) -> Model:
-    """Return a model with all angles in radians, as the figures of reports require.
+def coherent(model: Model) -> Model:
+    """Return a model in radians and units of one system, as the figures of reports require.
 
-    A model without a signal in degrees is returned unchanged.
+    The system is that of feet, slugs and pounds if a unit has feet, and SI otherwise. Signals in
+    units of it are unchanged, and all signals of a model whose time is not in seconds.
     """
-    return _converted(model, _RADIANS, in_radians)
+    if model.time_unit != "s":
+        return model
+    words = " ".join(signal.unit for signal in model.signals.values())
+    bases = ENGLISH_BASES if re.search(r"\bft\b", words) else SI_BASES
+
+    def unit_of_system(unit: str) -> str:
+        return coherent_unit(unit, bases)
+
+    def factor(unit: str) -> float:
+        return conversion(unit, unit_of_system(unit)) or 1.0
+
+    return _converted(model, _System(unit_of_system, factor), coherent)
 
 
 def _converted(model: Model, system: _System, reload: Callable[[Model], Model]) -> Model:

@@ -11,6 +11,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,8 @@ _SI = {
     "lbf": ("N", _POUND * _GRAVITY),
     "slug": ("kg", _POUND * _GRAVITY / _FOOT),
 }
+#: Units of force, length and mass.
+ENGLISH_BASES, SI_BASES = ("lbf", "ft", "slug"), ("N", "m", "kg")
 
 
 class _Unit(NamedTuple):
@@ -59,6 +62,7 @@ _UNITS = {
     "s": _Unit(1.0, _TIME),
     "min": _Unit(_MINUTE, _TIME),
     "h": _Unit(_HOUR, _TIME),
+    "day": _Unit(24.0 * _HOUR, _TIME),
     "rad": _Unit(1.0, _ANGLE),
     **dict.fromkeys(("deg", "°", "degree", "degrees"), _Unit(math.pi / 180.0, _ANGLE)),
     "N": _Unit(1.0, _FORCE),
@@ -83,14 +87,24 @@ def si_factor(unit: str) -> float:
     return math.prod(sizes.get(name, 1.0) ** power for name, power in _powers(unit).items())
 
 
-def radian_unit(unit: str) -> str:
-    """Return a unit with radians in place of degrees, for example rad/s for deg/s."""
-    return re.sub(r"\bdeg\b", "rad", unit)
+def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:
+    """Return the unit of a quantity that force, length and mass of one system give, with rad and s:
+    ft/s for kt. A unit of this size and an unknown unit are unchanged.
 
-
-def radian_factor(unit: str) -> float:
-    """Return the conversion factor from a unit to `radian_unit` of it."""
-    return float(math.radians(1.0) ** _powers(unit)["deg"])
+    bases: units of force, length and mass: ("lbf", "ft", "slug")
+    """
+    measured = _measured(unit)
+    if measured is None:
+        return unit
+    m, kg, s, rad = measured.exponents
+    force = int(kg == 1 and s <= -2)
+    exponents = (force, m - force, kg - force, rad, s + 2 * force)
+    powers = dict(zip((*bases, "rad", "s"), exponents, strict=True))
+    words = {name: f"{name}^{abs(power)}".removesuffix("^1") for name, power in powers.items()}
+    above = " ".join(words[name] for name, power in powers.items() if power > 0) or "1"
+    below = " ".join(words[name] for name, power in powers.items() if power < 0)
+    found = f"{above}/{below}" if below else above
+    return unit if math.isclose(conversion(unit, found) or 1.0, 1.0, rel_tol=1e-12) else found
 
 
 def conversion(stated: str, unit: str) -> float | None:
@@ -140,6 +154,7 @@ def split_unit(text: str) -> tuple[str, str]:
     return (found[1], found[2]) if found else (text, "")
 
 
+@lru_cache(maxsize=256)
 def _measured(unit: str) -> _Unit | None:
     """Return a product of units as one unit, or None if it contains an unknown unit."""
     powers = _powers(unit)

@@ -1,4 +1,4 @@
-"""One aircraft in radians and degrees, meters and feet: every figure is equal."""
+"""One aircraft in radians and degrees, meters and feet, and both: every figure is equal."""
 
 from __future__ import annotations
 
@@ -18,29 +18,35 @@ STATES = ("speed", "alpha", "pitch", "pitch_rate")
 
 
 class Units(NamedTuple):
-    """Units of angles, lengths and forces."""
+    """Units of angles, lengths and forces, and those of the chord and the thrust if different."""
 
     angle: str
     length: str
     force: str
+    chord: str = ""
+    thrust: str = ""
 
     def sizes(self) -> tuple[float, float, float]:
         """Return how many of these units a radian, a meter and a newton are."""
-        sizes = [conversion(si, unit) for si, unit in zip(("rad", "m", "N"), self, strict=True)]
+        sizes = [conversion(si, unit) for si, unit in zip(("rad", "m", "N"), self[:3], strict=True)]
         return tuple(sizes)  # type: ignore[return-value]  # the units are known
 
 
 ALL = [Units(angle, *rest) for angle in ("rad", "deg") for rest in (("m", "N"), ("ft", "lbf"))]
+MIXED = [Units("rad", "m", "N", "cm", "lbf"), Units("deg", "ft", "lbf", "in", "N")]
 
 
 def aircraft(units: Units) -> Model:
     """Return a small aircraft whose signals are in some units."""
     angle, length, force = units.sizes()
+    of_chord, of_thrust = units.chord or units.length, units.thrust or units.force
+    thrust_size = conversion("N", of_thrust) or math.nan
+    chord_size = conversion("m", of_chord) or math.nan
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         speed, alpha, pitch = x.speed / length, x.alpha / angle, x.pitch / angle
         pitch_rate, elevator = x.pitch_rate / angle, u.elevator / angle
-        thrust = u.thrust / force
+        thrust = u.thrust / thrust_size
         weight, area, chord, gravity = 12262.5, 17.1, 1.74, 9.81
         pressure = 0.5 * 1.225 * speed**2
         lift = pressure * area * (0.41 + 4.44 * alpha + 0.355 * elevator)
@@ -64,7 +70,7 @@ def aircraft(units: Units) -> Model:
             "pitching_moment": moment * force * length,
             "dynamic_pressure": pressure * force / length**2,
             "reference_area": area * length**2,
-            "reference_chord": chord * length,
+            "reference_chord": chord * chord_size,
             "largest_lift_coefficient": 1.5,
             "load_factor": across,
             "mach": speed / 340.0,
@@ -81,7 +87,10 @@ def aircraft(units: Units) -> Model:
             "pitch": turned,
             "pitch_rate": Signal(f"{units.angle}/s", nominal=0.1 * angle),
         },
-        {"thrust": forces._replace(min=0.0, max=6000.0 * force), "elevator": turned},
+        {
+            "thrust": Signal(of_thrust, 1000.0 * thrust_size, 0.0, 6000.0 * thrust_size),
+            "elevator": turned,
+        },
         equations,
         outputs={
             "gamma": turned,
@@ -89,7 +98,7 @@ def aircraft(units: Units) -> Model:
             "pitching_moment": Signal(f"{units.length} {units.force}"),
             "dynamic_pressure": Signal(f"{units.force}/{units.length}^2"),
             "reference_area": Signal(f"{units.length}^2"),
-            "reference_chord": Signal(units.length),
+            "reference_chord": Signal(of_chord),
             **dict.fromkeys(("largest_lift_coefficient", "load_factor", "mach"), Signal()),
         },
         trim={"speed": 50.0 * length, "gamma": 0.05 * angle, "pitch_rate": 0.0},
@@ -158,7 +167,27 @@ def test_the_figures_are_those_of_the_coefficients(reference: dict[str, float]) 
     assert {name: reference[name] for name in exact} == pytest.approx(exact, rel=1e-9)
 
 
-@pytest.mark.parametrize("units", ALL[1:], ids="-".join)
+@pytest.mark.parametrize("units", [*ALL[1:], *MIXED], ids="-".join)
 def test_figures_do_not_depend_on_units(units: Units, reference: dict[str, float]) -> None:
-    """Sheet, levels, modes, closed loop and flight are equal in degrees and in feet."""
+    """Sheet, levels, modes, closed loop and flight are equal in degrees, in feet, and in mixed units."""
     assert figures(units) == pytest.approx(reference, rel=1e-6, nan_ok=True)
+
+
+def test_handling_qualities_are_per_second() -> None:
+    """The frequency of a model in minutes, 3 rad/min, is 0.05 rad/s; its eigenvalues are per
+    minute.
+    """
+    model = Model(
+        "slow",
+        {"angle": Signal("rad"), "rate": Signal("rad/min")},
+        {"torque": Signal()},
+        lambda x, u, p, w: ({"angle": x.rate, "rate": -9.0 * x.angle - x.rate + u.torque}, {}),
+        trim={"torque": 0.0},
+        modes={"short period": ("angle", "rate")},
+    )
+    point = hfa.trim(model)
+    frequency, eigenvalue = (
+        point.sheet[f"short period {name}"] for name in ("frequency", "eigenvalue")
+    )
+    assert (frequency.value, frequency.unit) == (pytest.approx(0.05), "rad/s")
+    assert (abs(eigenvalue.value), eigenvalue.unit) == (pytest.approx(3.0), "1/min")

@@ -97,7 +97,7 @@ def draw_bode(system: System, figure: Figure) -> Figure:
         above.grid(alpha=0.3)
         below.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 1.8, 3.6, 9, 10]))
         below.tick_params(labelbottom=True)
-        below.set_xlabel("frequency, rad/s")
+        below.set_xlabel(f"frequency, rad/{system.time_unit}")
         below.grid(alpha=0.3)
         if column == 0:
             above.set_ylabel("magnitude, dB")
@@ -133,8 +133,11 @@ def bode_frequencies(A: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([even, np.outer(moving, around).ravel()]))
 
 
-def transfers_table(functions: Iterable[Transfer]) -> Table:
-    """Return a table of transfer functions without those that are 0."""
+def transfers_table(functions: Iterable[Transfer], time: str) -> Table:
+    """Return a table of transfer functions without those that are 0.
+
+    time: unit of time
+    """
     rows = [
         (
             f"{transfer.output} / {transfer.input}",
@@ -146,14 +149,15 @@ def transfers_table(functions: Iterable[Transfer]) -> Table:
         for transfer in functions
         if transfer.gain
     ]
-    return Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
+    header = ("transfer function", "gain", "at s = 0", f"zeros 1/{time}", f"poles 1/{time}")
+    return Table(header, rows)
 
 
 def zeros_in_words(system: System, zeros: np.ndarray) -> str:
     """Return a sentence on the transmission zeros of a system."""
     return (
-        f"Transmission zeros from {', '.join(system.inputs)} to {', '.join(system.outputs)}, 1/s: "
-        f"{_pairs_text(zeros)}"
+        f"Transmission zeros from {', '.join(system.inputs)} to {', '.join(system.outputs)}, "
+        f"1/{system.time_unit}: {_pairs_text(zeros)}"
     )
 
 

@@ -325,7 +325,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
             {name: signals[name] for name in names}
             for names in (self.states, self.inputs, self.outputs)
         )
-        return System(StateSpace(self.A, self.B, self.C, self.D), states, inputs, outputs)
+        matrices = StateSpace(self.A, self.B, self.C, self.D)
+        return System(matrices, states, inputs, outputs, self.model.time_unit)
 
     @property
     def eigenvalues(self) -> np.ndarray:
@@ -422,8 +423,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """Draw the poles and zeros with pyplot, and return the Axes."""
         from trim.linear.responses import draw_poles
 
-        title = f"{self.model.title}: poles x and zeros o, 1/{self.model.time_unit}"
-        return draw_poles(self.system, title)
+        return draw_poles(self.system, self.model.title)
 
     def nyquist(self, inputs: Names = None, outputs: Names = None) -> Axes:
         """Draw the Nyquist plot from one input to one output with pyplot, and return the Axes."""

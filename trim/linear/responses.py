@@ -146,7 +146,7 @@ def draw_poles(system: System, title: str) -> Axes:
 
     axes: Axes = pyplot.figure(layout="constrained").subplots()
     control.pole_zero_plot(system.to_control(), ax=axes)
-    axes.set_title(title)
+    axes.set_title(f"{title}: poles x and zeros o, 1/{system.time_unit}")
     return axes
 
 

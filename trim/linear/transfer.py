@@ -61,12 +61,14 @@ class System:
 
     matrices: A, B, C and D
     states, inputs, outputs: name -> signal, in the order of the vectors
+    time_unit: unit of time
     """
 
     matrices: StateSpace
     states: Mapping[str, Signal]
     inputs: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
+    time_unit: str
 
     def scaled(self) -> StateSpace:
         """Return the matrices with each signal in units of its nominal value.

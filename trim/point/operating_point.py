@@ -19,7 +19,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Record, Result
 from hfa_support.reporting.text import in_degrees
 from hfa_support.schema import NUMBER, checked
-from hfa_support.units import conversion, radian_factor, si_unit
+from hfa_support.units import conversion, si_unit
 from trim.point.status import BALANCE, Status
 
 if TYPE_CHECKING:
@@ -305,17 +305,19 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         }
 
     @cached_property
-    def in_radians(self) -> OperatingPoint:
-        """The point with all angles in radians, from which the figures of reports are computed."""
-        from hfa_aircraft.units import in_radians
+    def coherent(self) -> OperatingPoint:
+        """The point in radians and coherent units (`hfa_aircraft.units.coherent`), from which the
+        figures of reports are computed.
+        """
+        from hfa_aircraft.units import coherent
 
-        model = in_radians(self.model)
+        model = coherent(self.model)
         if model is self.model:
             return self
         states, inputs = (
             values._replace(
                 **{
-                    name: value * radian_factor(self.model.unit(name))
+                    name: value * (conversion(self.model.unit(name), model.unit(name)) or 1.0)
                     for name, value in values._asdict().items()
                 }
             )

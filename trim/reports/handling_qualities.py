@@ -59,11 +59,11 @@ def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
 
 
 def _eigenvalues(trimmed: Trimmed, family: str) -> list[complex]:
-    """Return the eigenvalues of all modes with a given name, one for each conjugate pair."""
+    """Return the eigenvalues, 1/s, of all modes with a given name, one for each conjugate pair."""
     if family not in trimmed.model.modes:
         return []
-    modes = trimmed.modes
-    return [mode.eigenvalue for mode in modes if mode.name.partition(" (")[0] == family]
+    modes = [mode for mode in trimmed.modes if mode.name.partition(" (")[0] == family]
+    return [mode.eigenvalue * trimmed.per_second for mode in modes]
 
 
 def _real_eigenvalue(trimmed: Trimmed, family: str) -> float | None:
@@ -96,7 +96,7 @@ def _bank_per_sideslip(trimmed: Trimmed) -> Iterator[Row]:
     pair = [value for value in _eigenvalues(trimmed, "dutch roll") if value.imag]
     if not {*names} <= {*states} or not pair:
         return
-    values, vectors = np.linalg.eig(trimmed.A)
+    values, vectors = np.linalg.eig(trimmed.A * trimmed.per_second)
     shape = np.abs(vectors[:, int(np.argmin(np.abs(values - pair[0])))])
     bank, sideslip = (shape[states.index(name)] for name in names)
     if sideslip:

@@ -112,7 +112,7 @@ def report_of_linear(
     if transfer_functions:
         system = model.system
         zeros, functions = system.zeros(), transfers(system)
-        parts += [zeros_in_words(system, zeros), transfers_table(functions)]
+        parts += [zeros_in_words(system, zeros), transfers_table(functions, system.time_unit)]
         data |= {"zeros": zeros, "transfers": functions}
     if beside is not None:
         parts += beside.printed

@@ -15,7 +15,7 @@ from hfa_aircraft.layout import Linearization
 from hfa_aircraft.model import Model, recognized
 from hfa_support.errors import BadInputError, NoSolutionError, NotFiniteError
 from hfa_support.reporting.named import ByName
-from hfa_support.units import conversion, radian_factor
+from hfa_support.units import conversion
 from trim.linear.kinks import linearization_at
 from trim.linear.modes import Mode, modes_of
 from trim.point.condition import TrimCondition, usual_condition
@@ -89,11 +89,11 @@ class LargestLift(NamedTuple):
 class Trimmed:
     """An operating point with the results that several figures need, each computed once.
 
-    Angles are in radians, and other values in the units of the model.
+    Values are in radians and coherent units.
 
     given: the point in the units of the condition
     condition: condition of the trim
-    point: the point with angles in radians
+    point: the point in coherent units
     model: its model
     roles: role in the motion of a rigid body -> state ("speed", "alpha", "theta", ...)
     """
@@ -104,7 +104,7 @@ class Trimmed:
             known = given.problem
             condition = usual_condition(given.model) if known is None else known.asked
         self.condition = condition
-        self.point = given.in_radians
+        self.point = given.coherent
         self.model: Model = self.point.model
         self.roles = recognized(self.model.states)
 
@@ -198,6 +198,11 @@ class Trimmed:
             return ByName()
         return ByName(modes_of(self.A, self.model.linear, self.model.modes))
 
+    @property
+    def per_second(self) -> float:
+        """Factor from the model's unit of time to seconds, of eigenvalues."""
+        return conversion(f"1/{self.model.time_unit}", "1/s") or 1.0
+
     @cached_property
     def quasi_steady(self) -> Slopes:
         """Derivatives with lags residualized, x2 = -A22⁻¹ (A21 x1 + B2 u), by the other states.
@@ -287,7 +292,7 @@ class Trimmed:
             except (BadInputError, NoSolutionError):  # beyond the limits
                 return None
         slope = (values[1] - values[0]) / (2.0 * _KNOTS)
-        return slope * radian_factor(given.model.unit(name))
+        return slope * (conversion(given.model.unit(name), self.unit(name)) or 1.0)
 
     # Thrust and lift.
 
