@@ -17,10 +17,11 @@ from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from hfa_support.rows.store import RowJob, array_of_rows, fill_store
 from trim.linear.modes import fastest_first
+from trim.point.condition import TrimCondition
 from trim.point.system import TrimSystem
 from trim.sweeps.points import STATUS, TRIMMED
 from trim.sweeps.sweep import run_points, slow_note, trimmed_words
-from trim.sweeps.sweep_arrays import ARRAYS, labels_of
+from trim.sweeps.sweep_arrays import arrays_of, at_limit, labels_of, limited
 from trim.sweeps.sweep_plan import SweepPlan
 
 #: Number of points in a chunk: at least half a second of work, about 90 MB of results.
@@ -117,12 +118,16 @@ def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
 
 
 def _stored_points(*task: Any) -> dict[str, Any]:
-    """Return the results of `run_points` and the eigenvalues of A, fastest first."""
+    """Return the results of `run_points`, the eigenvalues of A, fastest first, and the limits
+    reached.
+    """
     rows = run_points(*task)
+    condition: TrimCondition = task[3]
     trimmed = rows["status"] == TRIMMED
     eigenvalues = np.full(rows["states"].shape, np.nan, dtype=complex)
     eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(rows["A"][trimmed]))
-    return rows | {"eigenvalues": eigenvalues}
+    reached = at_limit(condition, rows["states"], rows["inputs"])
+    return rows | {"eigenvalues": eigenvalues, "at_limit": reached * trimmed[:, None]}
 
 
 def reported_sweep(
@@ -154,14 +159,14 @@ def _template(plan: SweepPlan) -> Any:
     chunk = CHUNK if system.equations.square else SLOW_CHUNK
     chunk = min(chunk, plan.count)
     sizes = {"state": len(states), "rate": len(states), "mode": len(states), "input": len(inputs)}
+    sizes["limited"] = len(limited(plan.condition))
 
     arrays = {}
-    for name, array in ARRAYS.items():
+    for name, array in arrays_of(model).items():
         shape = (plan.count, *(sizes[axis] for axis in array.axes))
-        fill = complex(np.nan, np.nan) if name == "eigenvalues" else np.nan
         axes = (_POINT, *array.axes)
         if 0 not in shape:  # a model without inputs has no B
-            arrays[name] = array_of_rows(axes, shape, fill, chunk, array.attributes)
+            arrays[name] = array_of_rows(axes, shape, array.fill, chunk, array.attributes)
     status = {
         "long_name": "outcome of the trim",
         "flag_values": list(range(len(STATUS))),
@@ -176,7 +181,7 @@ def _template(plan: SweepPlan) -> Any:
     arrays["kinks"] = array_of_rows((_POINT,), (plan.count,), np.int16(-1), chunk, kinks)
     arrays["one_by_one"] = array_of_rows((_POINT,), (plan.count,), np.int8(0), chunk, slow)
 
-    coordinates: dict[str, Any] = dict(labels_of(model, rates=states))
+    coordinates: dict[str, Any] = dict(labels_of(plan.condition, rates=states))
     for name, unit in zip(plan.variables, plan.units, strict=True):
         varied = {"long_name": "what is varied", "units": unit}
         coordinates[name] = array_of_rows((_POINT,), (plan.count,), np.nan, chunk, varied)

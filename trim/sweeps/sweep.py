@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model, recognized
 from hfa_aircraft.signals import StatesAndInputs, record
 from hfa_support.errors import BadInputError, NoSolutionError, imported, refuse_unknown
@@ -45,7 +44,7 @@ from trim.sweeps.points import (
     parameters_at,
     trim_points,
 )
-from trim.sweeps.sweep_arrays import ARRAYS, labels_of
+from trim.sweeps.sweep_arrays import arrays_of, at_limit, labels_of, limited
 from trim.sweeps.sweep_plan import SweepPlan
 from trim.tables import draw_curves, write_netcdf
 
@@ -417,30 +416,25 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         names = [each for each in (alpha, *inputs) if each and each not in self.variables]
         values = {name: self[name] for name in names}
         units = {name: model.unit(name) for name in names}
-        at_limit = self._at_limit()
 
         def row(i: int) -> tuple[str, ...]:
             numbers = [shown_value(values[name][i], units[name], ".4g") for name in names]
-            return *numbers, at_limit(i)
+            return *numbers, self._at_limit_words(i)
 
         header = [f"{name} {shown_unit(unit)}".removesuffix(" 1") for name, unit in units.items()]
         return self._over_points([*header, _AT_LIMIT], row)
 
-    def _at_limit(self) -> Callable[[int], str]:
-        """Return the function from the number of a point with a trim to its free states and its
-        inputs at a limit as text, "thrust highest", or "none"."""
-        model, condition = self.model, self.plan.condition
-        free = tuple(name for name in condition.free if name in model.states)
-        limited = (*free, *model.inputs)
-        limits = Limits.of(model, limited, condition.limits)
-        at_trims = np.hstack([self.states[:, model.state_places(free)], self.inputs])
-        ends = {"lowest": limits.at_lowest(at_trims), "highest": limits.at_highest(at_trims)}
+    @cached_property
+    def at_limit(self) -> np.ndarray:
+        """Which free states and inputs are at their lowest (-1) or highest (1) limit, (N, k)."""
+        return at_limit(self.plan.condition, self.states, self.inputs)
 
-        def words(i: int) -> str:
-            at = [f"{limited[k]} {end}" for end in ends for k in np.flatnonzero(ends[end][i])]
-            return ", ".join(at) or "none"
-
-        return words
+    def _at_limit_words(self, i: int) -> str:
+        """Return the variables at a limit at a point with a trim, "thrust highest", or "none"."""
+        names = limited(self.plan.condition)
+        ends = {-1: "lowest", 1: "highest"}
+        sides = zip(names, self.at_limit[i].tolist(), strict=True)
+        return ", ".join(f"{name} {ends[side]}" for name, side in sides if side) or "none"
 
     def _over_points(self, names: Sequence[str], cells: Callable[[int], tuple[str, ...]]) -> Table:
         """Return a table with a row of the swept values and of some cells for each point.
@@ -493,14 +487,13 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                     f"{matrix}({row_name}, {column}) [{model.entry_unit(row_name, column)}]"
                     for column in names
                 ]
-        at_limit = self._at_limit()
 
         def row(i: int) -> tuple[Any, ...]:
             reason = self.reasons[i]
             outcome = (
                 (str(Status.FAILED), reason, "")
                 if reason
-                else (str(Status.TRIMMED), "", at_limit(i))
+                else (str(Status.TRIMMED), "", self._at_limit_words(i))
             )
             numbers = (
                 self.states[i],
@@ -532,7 +525,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return (*self.variables, *self.model.states, *self.model.inputs)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return states, inputs, A, B, eigenvalues and reasons over the axes. Requires xarray.
+        """Return states, inputs, A, B, eigenvalues, limits reached and reasons over the axes.
+        Requires xarray.
 
         The axes are those of the grid, or "point" for a list.
         """
@@ -547,15 +541,15 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             swept = {name: (name, np.array(plan.axes[name])) for name in plan.axes}
         coordinates: dict[str, Any] = {
             **swept,
-            **labels_of(self.model, rates=self.model.linear),
+            **labels_of(plan.condition, rates=self.model.linear),
             "linear_state": list(self.model.linear),
         }
         if self.mode_names:
             coordinates["mode"] = list(self.mode_names)
         variables: dict[str, Any] = {"reason": (axes, np.array(self.reasons).reshape(plan.sizes))}
-        for name, array in ARRAYS.items():
+        for name, array in arrays_of(self.model).items():
             values = getattr(self, name)
-            # In memory, A has columns for the linear states alone. ARRAYS names those of the store.
+            # In memory, A has columns for the linear states alone.
             own_axes = ("rate", "linear_state") if name == "A" else array.axes
             reshaped = values.reshape(*plan.sizes, *values.shape[1:])
             variables[name] = ((*axes, *own_axes), reshaped, array.attributes)

@@ -3,54 +3,85 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from trim.point.condition import TrimCondition
 
 
 class SweepArray(NamedTuple):
     """Array in the result of a sweep, whose first axes are the points of the sweep.
 
     axes: names of the further axes
-    units: unit of all entries, or name of the coordinate that contains the unit of each entry
-    meaning: description
+    attributes: by the CF conventions, description and unit; `units_of` names the coordinates that
+        contain the unit of each entry, if these have different units
+    fill: value and type of an entry that is not computed yet
     """
 
     axes: tuple[str, ...]
-    units: str
-    meaning: str
-
-    @property
-    def attributes(self) -> dict[str, str]:
-        """Attributes of the array by the CF conventions: description and unit.
-
-        If the entries have different units, the attribute `units_of` replaces `units`.
-        """
-        kind = "units" if self.units == "1/s" else "units_of"
-        return {"long_name": self.meaning, kind: self.units}
+    attributes: dict[str, Any]
+    fill: Any = np.nan
 
 
-ARRAYS = {
-    "states": SweepArray(("state",), "state_unit", "X0"),
-    "inputs": SweepArray(("input",), "input_unit", "U0"),
-    "A": SweepArray(("rate", "state"), "rate_unit / state_unit", "dx'/dx"),
-    "B": SweepArray(("rate", "input"), "rate_unit / input_unit", "dx'/du"),
-    "eigenvalues": SweepArray(
-        ("mode",), "1/s", "of A; fastest first in a Zarr store, otherwise one mode in each column"
-    ),
-}
+def arrays_of(model: Model) -> dict[str, SweepArray]:
+    """Return the arrays of a sweep, name -> array, with the axes that they have in a store."""
+    columns = "fastest first in a Zarr store, otherwise one mode in each column"
+    return {
+        "states": SweepArray(("state",), {"long_name": "X0", "units_of": "state_unit"}),
+        "inputs": SweepArray(("input",), {"long_name": "U0", "units_of": "input_unit"}),
+        "A": SweepArray(
+            ("rate", "state"), {"long_name": "dx'/dx", "units_of": "rate_unit / state_unit"}
+        ),
+        "B": SweepArray(
+            ("rate", "input"), {"long_name": "dx'/du", "units_of": "rate_unit / input_unit"}
+        ),
+        "eigenvalues": SweepArray(
+            ("mode",),
+            {"long_name": f"of A; {columns}", "units": f"1/{model.time_unit}"},
+            complex(np.nan, np.nan),
+        ),
+        "at_limit": SweepArray(
+            ("limited",),
+            {"long_name": "-1 at the lowest limit, 1 at the highest, 0 between and without a trim"},
+            np.int8(0),
+        ),
+    }
 
 
-def labels_of(model: Model, rates: tuple[str, ...]) -> dict[str, tuple[str, np.ndarray]]:
+def limited(condition: TrimCondition) -> tuple[str, ...]:
+    """Return the free states and the inputs of a sweep, whose limits a trim can reach."""
+    free = (name for name in condition.free if name in condition.model.states)
+    return (*free, *condition.model.inputs)
+
+
+def at_limit(condition: TrimCondition, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    """Return which `limited` variables are at their lowest (-1) or highest (1) limit, (N, k).
+
+    states: (N, n), nan without a trim
+    inputs: (N, m)
+    """
+    names = limited(condition)
+    limits = Limits.of(condition.model, names, condition.limits)
+    places = [[*condition.model.states, *condition.model.inputs].index(name) for name in names]
+    values = np.hstack([states, inputs])[:, places]
+    return limits.at_highest(values).astype(np.int8) - limits.at_lowest(values).astype(np.int8)
+
+
+def labels_of(
+    condition: TrimCondition, rates: tuple[str, ...]
+) -> dict[str, tuple[str, np.ndarray]]:
     """Return the xarray coordinates of states, rates and inputs: names and units along each axis.
 
     rates: names of the states whose rates are the rows of A and B
     """
+    model = condition.model
     states = tuple(model.states)
     inputs = tuple(model.inputs)
     labels = {
+        "limited": ("limited", _words(limited(condition))),
         "state": ("state", _words(states)),
         "state_unit": ("state", _words(model.units(states))),
         "rate": ("rate", _words(rates)),

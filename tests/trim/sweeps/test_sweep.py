@@ -231,7 +231,10 @@ def test_an_extreme_parameter_is_refused(parameters: Parameters, name: str, valu
 # Stores.
 
 
-WORDS_OF_STORE = ("--dihedral", "5,10", "--hold", "speed=64,68", "--free", "alpha")
+WORDS_OF_STORE = (
+    *("--dihedral", "5,10", "--hold", "speed=64,68", "--free", "alpha"),
+    *("--hold", "aileron_center=20"),  # its limit
+)
 
 
 @pytest.fixture(scope="module")
@@ -255,8 +258,11 @@ def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(
     np.testing.assert_allclose(fast.dihedral, np.radians([5.0, 10.0]))
     np.testing.assert_allclose(fast.states.sel(state="speed"), 68.0)
     grid = {"dihedral": np.radians([5.0, 10.0]), "speed": [64.0, 68.0]}
-    condition = release(LEVEL_FLIGHT, free=("alpha",))
+    condition = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_center": np.radians(20.0)})
     expected = sweep(published_aircraft, grid, condition=condition)
+    np.testing.assert_array_equal(dataset.at_limit, expected.at_limit)
+    reached = abs(dataset.at_limit).sum("point")
+    assert reached.sel(limited="aileron_center") == reached.sum() == 4
     names = list(expected.model.linear)
     np.testing.assert_allclose(dataset.A.sel(rate=names, state=names), expected.A, rtol=1e-12)
     assert dataset.attrs["condition"]["free"] == ["alpha"]
@@ -311,6 +317,9 @@ def test_a_sweep_prints_trim_values_and_limits_reached() -> None:
     records = swept.records()
     column = records.header.index("at limit")
     assert [row[column] for row in records.rows] == ["none", "thrust highest"]
+    reached = swept.to_xarray().at_limit[0]
+    assert reached.sel(limited="thrust").values.tolist() == [0, 1]
+    assert abs(reached).sum() == 1
     for row, at_limit, thrust in zip(
         rows, ("none", "thrust highest"), (0.5 * full, full), strict=True
     ):
