@@ -43,10 +43,9 @@ from hfa_flight.simulate.envelope import (
 )
 from hfa_flight.simulate.flight_figure import DrawnFlight, flight_figure
 from hfa_flight.simulate.limit_cycle import (
-    Decay,
     LimitCycle,
     duration_for,
-    oscillation,
+    limit_cycle,
     slowest_recognized,
 )
 from hfa_flight.simulate.returned import RULE, has_returned
@@ -91,8 +90,7 @@ _STORED = (
     *("largest_deviation", "rms_error", "share_at_limits", "policy", "warnings"),
 )
 _STORED_IF_ANY = (
-    *("decay", "integration", "largest_difference_from_linear"),
-    *("cost", "cost_to_go", "returned"),
+    *("integration", "largest_difference_from_linear", "cost", "cost_to_go", "returned"),
 )
 #: Nominal values of the states to which changes of smaller deviations are relative.
 _SMALL = 1e-3
@@ -267,10 +265,10 @@ def fly_within(
     flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
     _refuse_invalid(loop.plant.point, flight)
     left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
-    cycle, decay = None, None
+    cycle = None
     if left_at is None:
-        cycle, decay = oscillation(loop.plant.point.model, flight, loop.scenario.driven_until)
-    return Flight(envelope, loop, flight, left_at, cycle, decay=decay)
+        cycle = limit_cycle(loop.plant.point.model, flight, loop.scenario.driven_until)
+    return Flight(envelope, loop, flight, left_at, cycle)
 
 
 def _refuse_invalid(point: OperatingPoint, flight: Deviations) -> None:
@@ -306,7 +304,6 @@ class Flight(StatesAndInputs, Result, Reported):
     cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit, or null if there is
         none.
     predicted: flight of the linear model, or None if it was not simulated
-    decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
     integration: change of the reported figures with half the integration step, or None for a policy
         that cannot be simulated with it
 
@@ -325,7 +322,6 @@ class Flight(StatesAndInputs, Result, Reported):
     departure: Departure | None
     cycle: LimitCycle | None
     predicted: Deviations | None = None
-    decay: Decay | None = None
     integration: IntegrationError | None = None
 
     @property
@@ -541,8 +537,6 @@ class Flight(StatesAndInputs, Result, Reported):
             if np.allclose(self.states, self.point.states, rtol=1e-9, atol=1e-9):
                 outcome += "; nothing moved it"
         lines = [f"{verdict_text(self.ok)}: {outcome}", flight]
-        if self.decay is not None:
-            lines.append(self.decay.text())
         lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
         if self.integration is not None and not self.integration.is_resolved:
             lines.append(self.integration.text())
