@@ -138,9 +138,9 @@ class JudgedGame:
         K = critic.K
         checks = self._stability_checks(K, is_exact)
         try:
-            cost = flight_cost(self.game, self.exact, K)
+            cost = flight_cost(self.exact, K)
         except NoSolutionError:  # rounding hides whether A - B K is stable
-            cost = flight_cost(self.game, self.exact, np.full_like(K, math.inf))
+            cost = flight_cost(self.exact, np.full_like(K, math.inf))
         if math.isfinite(self.game.delta) and critic.is_finite:
             reason = f"the closed loop has an L2 gain of {cost.gain:.4g}, not below delta"
             checks.append(below("l2_gain", cost.gain, self.game.delta, reason, kind="gain"))
@@ -249,7 +249,7 @@ class JudgedGame:
 
         The result is None if the cost has no bound.
         """
-        return loss_matrix(self.game, self.exact, K)
+        return loss_matrix(self.exact, K)
 
     def loop(self, critic: Critic, b: np.ndarray) -> Loop:
         """Return the closed loop without disturbance.

@@ -11,7 +11,6 @@ import numpy as np
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from controller.riccati.axis_distance import distance_to_instability
 from controller.riccati.balancing import stability
-from controller.riccati.certificate import form_of
 from controller.riccati.gare import Solution
 from controller.riccati.lyapunov import Lyapunov
 from controller.riccati.meaning import bounded_real_gain
@@ -63,24 +62,24 @@ class FlightCost(Result):
         }
 
 
-def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
+def flight_cost(exact: Solution, K: np.ndarray) -> FlightCost:
     """Return the cost, L2 gain and distance to instability of u = -K z, compared with the optimum.
 
     If u = -K z does not stabilize, or |K_ij| <= `LARGEST_CRITIC_ENTRY` does not hold for every
     entry, the costs and the L2 gain of K are inf, and its distance is 0. With a discount, the costs
     are inf only if √α (A - B K) is not stable.
 
-    game: the game
     exact: solution of the game
     K: (m, n)
 
     Raises NoSolutionError if rounding hides whether A - B K is stable.
     """
+    game = exact.game
     infinite = math.inf, math.inf
     is_moderate = bool(np.all(np.abs(K) <= LARGEST_CRITIC_ENTRY))
     discounted = math.sqrt(game.discount) * (game.A - game.B @ K)
     is_bounded = is_moderate and stability(discounted, is_discrete=game.is_discrete).is_stable
-    worst, mean = cost_above_optimum(game, exact, K) if is_bounded else infinite
+    worst, mean = cost_above_optimum(exact, K) if is_bounded else infinite
     return FlightCost(
         worst=100.0 * worst,
         mean=100.0 * mean,
@@ -99,45 +98,31 @@ def _distance(game: Game, K: np.ndarray) -> float:
     return distance_to_instability(loop, is_discrete=game.is_discrete).distance
 
 
-def cost_above_optimum(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
+def cost_above_optimum(exact: Solution, K: np.ndarray) -> tuple[float, float]:
     """Return the largest and the mean relative excess of the cost of u = -K z above the optimum.
 
-    The excesses are the eigenvalues of P*⁻¹ D on the states with a positive optimal cost. D is the
-    `loss_matrix`.
+    The excesses are the eigenvalues of P*⁻¹ D on the states with a positive optimal cost, the mean
+    that over all directions with z'P* z = 1. D is the `loss_matrix`. If no state has a positive
+    optimal cost, both are 0 for D = 0.
 
     Both are inf if the cost has no bound.
 
-    game: the game
     exact: solution of the game, with P*
     K: (m, n), stabilizing
     """
-    D = loss_matrix(game, exact, K)
+    D = _loss(exact, K)
     if D is None:
         return math.inf, math.inf
-    return excess_ratios(D, exact.P, form_of(game).units)
-
-
-def excess_ratios(D: np.ndarray, P: np.ndarray, units: np.ndarray) -> tuple[float, float]:
-    """Return the largest and the mean ratio z'D z / z'P z over the states with z'P z > 0.
-
-    The mean is that over all directions with z'P z = 1. If no state has a positive optimal cost,
-    both are 0 for D = 0, and otherwise inf.
-
-    D: excess of the cost, (n, n)
-    P: optimal cost, (n, n)
-    units: units of the states in which P is balanced, (n,)
-    """
-    squared = np.outer(units, units)
-    values, vectors = np.linalg.eigh(P * squared)
+    values, vectors = np.linalg.eigh(exact.certified.X)
     positive = values > SIGNLESS * max(float(values[-1]), 0.0)
     if not positive.any():
         return (math.inf, math.inf) if D.any() else (0.0, 0.0)
-    root = vectors[:, positive] / np.sqrt(values[positive])  # root' P root = I
-    ratios = np.linalg.eigvalsh(root.T @ (D * squared) @ root)
+    root = vectors[:, positive] / np.sqrt(values[positive])  # root' X root = I
+    ratios = np.linalg.eigvalsh(root.T @ D @ root)
     return max(float(ratios[-1]), 0.0), max(float(ratios.mean()), 0.0)
 
 
-def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None:
+def loss_matrix(exact: Solution, K: np.ndarray) -> np.ndarray | None:
     """Return the excess D >= 0, (n, n), of the cost of u = -K z, or None if the cost has no bound.
 
     Under the worst disturbance for u = -K z the cost is z'(P* + D) z. D solves the cost equation of
@@ -152,29 +137,27 @@ def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None
 
     D = α F'D F + (K - K*)'(R + α B'P* B)(K - K*)
 
-    game: the game
     exact: solution of the game, with P*, K* and L*
     K: (m, n), stabilizing
     """
-    units = form_of(game).units
-    D = _loss_in_units(game, exact, K, units)
-    return None if D is None else D / np.outer(units, units)
+    D = _loss(exact, K)
+    return None if D is None else exact.certified.form.value(D)
 
 
-def _loss_in_units(
-    game: Game, exact: Solution, K: np.ndarray, units: np.ndarray
-) -> np.ndarray | None:
-    """Return the `loss_matrix` for states in balanced units, in which the equations are solved."""
-    change = (K - exact.K) * units
+def _loss(exact: Solution, K: np.ndarray) -> np.ndarray | None:
+    """Return the `loss_matrix` in the states in which the game was solved.
+
+    The value of the game is moderate there, so that rounding of a large cost hides no small one.
+    """
+    X, form = exact.certified.X, exact.certified.form
+    change = np.linalg.solve(form.T.T, (K - exact.K).T).T
     charge = change.T @ exact.price @ change
-    worst = game.A - game.B @ K + game.E @ exact.disturbance_gain
-    loop = math.sqrt(game.discount) * worst * units / units[:, None]
-    if game.is_discrete:
+    loop = form.loops(X)[0] - form.inputs @ np.linalg.solve(form.V, change)
+    if form.is_discrete:
         if not spectral_radius(loop) < 1.0:
             return None
         return Lyapunov.of_steps(loop).solve(-charge)[0]
-    E = game.E / units[:, None] / game.delta
-    spread = E @ E.T
+    spread = form.E @ form.E.T
     D = np.zeros_like(loop)
     for _ in range(MAX_STEPS):
         F = loop + spread @ D

@@ -39,7 +39,7 @@ class Solution(Result, Reported):
     K: (m, n), of the policy u = -K z
     disturbance_gain: L, (k, n), of the worst disturbance d = L z
     game: the game
-    certificate: the tests that P passed
+    certified: P in the coordinates in which the game was solved, with the tests that it passed
     meaning: checks of the cost and the L2 gain of the policies, () if they were not made
 
     The eigenvalues of a game in discrete time are those of a step. With a discount, the optimal
@@ -58,13 +58,18 @@ class Solution(Result, Reported):
     K: Matrix
     disturbance_gain: Matrix
     game: Game
-    certificate: Certificate
+    certified: Certified
     meaning: tuple[Check, ...] = ()
 
     @property
     def L(self) -> Matrix:
         """Gain L of the worst disturbance d = L z, (k, n), as `disturbance_gain`."""
         return self.disturbance_gain
+
+    @property
+    def certificate(self) -> Certificate:
+        """The tests that P passed."""
+        return self.certified.certificate
 
     @property
     def delta(self) -> float:
@@ -286,4 +291,4 @@ def solution_of(certified: Certified, game: Game, meaning: tuple[Check, ...] = (
     P = certified.form.value(certified.X)
     K, L = certified.form.policies(certified.X)
     P.setflags(write=False)
-    return Solution(P, K, L, game, certified.certificate, meaning)
+    return Solution(P, K, L, game, certified, meaning)

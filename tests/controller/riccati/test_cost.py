@@ -69,7 +69,14 @@ def test_gains_and_distances_are_of_both_policies(is_discrete: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "number", "worst"), [("weak", 12, 0.009803929418), ("cheap", 148, 0.9858833746)]
+    ("kind", "number", "worst"),
+    [
+        ("weak", 12, 0.009803929418),
+        ("cheap", 148, 0.9858833746),
+        ("cheap", 12, 0.009802960217),
+        ("cheap", 36, 0.05982619190),
+        ("stiff", 144, 4.276762789),
+    ],
 )
 def test_costs_are_finite_where_rounding_hides_digits(kind: str, number: int, worst: float) -> None:
     """A gain that is 1 % too large costs what the same equations give with 60 digits."""
