@@ -71,11 +71,11 @@ def solve(request: SolveRequest) -> int:
     if request.order is None:
         refuse(request, ("picture",), "shows the nonlinear game; add --order D")
     at = request.dihedral or request.at or ""
-    if request.plant is None and ("," in at or ":" in at):
+    if request.plant is not None:
+        refuse(request, _OF_ONE_TRIM, "requires the equations of an aircraft; remove --model")
+    elif "," in at or ":" in at:
         return _solve_table(request)
     named = given_game(request)
-    if named.linear is None:
-        refuse(request, _OF_ONE_TRIM, "requires the equations of an aircraft; remove --model")
     reference = reference_of(request.reference, named)
     with named.asking_for_time():
         solution = gare.solve(named.game, ProgressLine("solve"))
