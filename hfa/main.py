@@ -146,17 +146,20 @@ def _run(words: list[str], find: Find) -> int:
 
 
 def _computed(command: Command, request: Request) -> int:
-    """Run a command and return its exit code. With --json, print what a failed search found."""
+    """Run a command, show its outcome and return the exit code. With --json, print what a failed
+    search found.
+    """
+    from hfa.options.show import show, show_text
+
     try:
-        if command.given is None:
-            return command.run(request)
-        return command.run(request, command.given(request))
+        given = () if command.given is None else (command.given(request),)
+        outcome = command.run(request, *given)
+        show(request, outcome)
     except NoSolutionError as error:
         if request.json and error.found is not None:
-            from hfa.options.show import show_text
-
             show_text(request, error.found, error.source)
         raise
+    return DONE if outcome.ok else FAILED
 
 
 def _with_option(words: list[str], option: tuple[str, ...]) -> list[str]:

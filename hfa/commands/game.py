@@ -12,12 +12,11 @@ import numpy as np
 from controller.learning.law_names import DEFAULT_LAW
 from hfa.learning import LearningOptions
 from hfa.options.argument_types import whole
-from hfa.options.command import Request, command, picture_option
+from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, game_at, given_game, given_weights
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.plants import loaded_model
-from hfa.options.show import show
 from hfa.options.tracking import reference_of, reference_option, with_tracking
 from hfa.options.trims import (
     SeveralTrims,
@@ -55,7 +54,7 @@ class SolveRequest(Request, SeveralTrims, GameOptions):
 
 
 @command(SolveRequest)
-def solve(request: SolveRequest) -> int:
+def solve(request: SolveRequest) -> Outcome:
     """Solve the zero-sum game exactly, and report a certificate, the smallest delta, the cost of
     the policies and their stability margins.
 
@@ -88,11 +87,15 @@ def solve(request: SolveRequest) -> int:
         parts = (*report.parts, expanded.title, *expanded.parts)
         report = replace(report, parts=parts).with_data(expanded.data)
     report = with_tracking(report, reference, named, solution.P, solution.K)
-    show(request, report.with_data(named), named.source, figure=figure, notes=named.warnings)
-    return 0
+    return Outcome(
+        report=report.with_data(named),
+        source=named.source,
+        notes=named.warnings,
+        figure=figure,
+    )
 
 
-def _solve_table(request: SolveRequest) -> int:
+def _solve_table(request: SolveRequest) -> Outcome:
     """Solve the game at each value of the scheduling variable, and show the gain table."""
     from controller.riccati import gare
 
@@ -114,8 +117,8 @@ def _solve_table(request: SolveRequest) -> int:
         games.append(game_at(given, weights))
         solutions.append(gare.solve(games[-1].game))
     notes = dict.fromkeys(note for named in games for note in named.warnings)
-    show(request, _table_report(model, breakpoints, games, solutions), source, notes=notes)
-    return 0
+    report = _table_report(model, breakpoints, games, solutions)
+    return Outcome(report=report, source=source, notes=notes)
 
 
 def _table_report(
@@ -162,7 +165,7 @@ class LearnRequest(Request, GameOptions, LearningOptions):
 
 
 @command(LearnRequest)
-def learn(request: LearnRequest) -> int:
+def learn(request: LearnRequest) -> Outcome:
     """Learn the value and gain of the game, and compare them with the exact solution.
 
     -o FILE saves the weights for `hfa verify`. For a discrete-time plant, Q-learning from recorded
@@ -190,5 +193,4 @@ def learn(request: LearnRequest) -> int:
     if not verdict.ok:
         title = f"{verdict.grade.upper()}: K is off by {100.0 * verdict.K_rel_error:.2g} %\n{title}"
     report = replace(report, title=title, parts=parts).with_data(named, judged)
-    show(request, report, named.source, notes=named.warnings)
-    return 0 if verdict.ok else 1
+    return Outcome(report=report, ok=verdict.ok, source=named.source, notes=named.warnings)

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import hfa_model
 from hfa.options.advice import trimmed
-from hfa.options.command import Request, command, picture_option
+from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.option import option
 from hfa.options.plants import aircraft_help
-from hfa.options.show import show
 from hfa.options.trims import GivenTrim, TrimOptions, scheduled_trim
 from hfa_support.errors import BadInputError
 from trim.hfa.linear_report import linear_model_report
@@ -56,7 +55,7 @@ class LinearizeRequest(Request, TrimOptions):
 
 
 @command(LinearizeRequest, scheduled_trim)
-def linearize(request: LinearizeRequest, given: GivenTrim) -> int:
+def linearize(request: LinearizeRequest, given: GivenTrim) -> Outcome:
     """Linearize exactly at a trim, and report matrices, modes and handling qualities. --bode adds
     transfer functions. Error bands and differences from printed matrices are added where known."""
     aircraft = given.model
@@ -79,5 +78,4 @@ def linearize(request: LinearizeRequest, given: GivenTrim) -> int:
 
         return bode_figure(linear.system)
 
-    show(request, report, given.source, figure=figure)
-    return 0
+    return Outcome(report=report, source=given.source, figure=figure)

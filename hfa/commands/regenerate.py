@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from hfa.options.command import Request, command
+from hfa.options.command import Outcome, Request, command
 from hfa.options.option import option
 from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
-from hfa.options.show import show
 from hfa_model.variants import variant_named
 
 
@@ -21,7 +20,7 @@ class RegenerateRequest(Request, AircraftOptions):
 
 
 @command(RegenerateRequest)
-def regenerate(request: RegenerateRequest) -> int:
+def regenerate(request: RegenerateRequest) -> Outcome:
     """Compute both printed matrix pairs (A, B) from one aircraft, and compare each entry with its
     printed value.
 
@@ -37,5 +36,9 @@ def regenerate(request: RegenerateRequest) -> int:
         summary = regeneration.summary()
         rest = "Every entry, both spectra and the matrices: --all, or -o FILE"
         printed = replace(summary, parts=(*summary.parts, rest))
-    show(request, regeneration.report(), aircraft_source(request, model), printed=printed)
-    return 0 if regeneration.ok else 1
+    return Outcome(
+        report=regeneration.report(),
+        ok=regeneration.ok,
+        source=aircraft_source(request, model),
+        printed=printed,
+    )

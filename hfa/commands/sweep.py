@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa.options.command import Request, command, output_option, picture_option
+from hfa.options.command import Outcome, Request, command, output_option, picture_option
 from hfa.options.option import refuse
 from hfa.options.output import ProgressLine
 from hfa.options.points import GivenPoints, PointOptions, given_points
 from hfa.options.ranges import array_of
-from hfa.options.show import provenance, show, show_text
+from hfa.options.show import provenance
 from hfa.options.trims import at_name
 from hfa.options.workers import WorkerOptions
 from hfa_support.errors import BadInputError, warn
@@ -41,7 +41,7 @@ class SweepRequest(Request, PointOptions, WorkerOptions):
 
 
 @command(SweepRequest, given_points)
-def sweep(request: SweepRequest, points: GivenPoints) -> int:
+def sweep(request: SweepRequest, points: GivenPoints) -> Outcome:
     """Trim and linearize an aircraft over a grid of conditions, and track its modes.
 
     Any variable of a trim (--hold speed=60:70:2) and any parameter of the aircraft
@@ -79,8 +79,8 @@ def _plan(points: GivenPoints, stored: bool) -> SweepPlan:
     return SweepPlan(axes, model, condition, points.trims.start, points.listed)
 
 
-def _in_memory(request: SweepRequest, points: GivenPoints) -> int:
-    """Run a sweep whose results are printed, and return 1 if no point has a trim, otherwise 0."""
+def _in_memory(request: SweepRequest, points: GivenPoints) -> Outcome:
+    """Return the outcome of a sweep whose results are printed."""
     result = run_plan(_plan(points, stored=False), progress=ProgressLine("sweep"))
     report = result.report()
     figure: Callable[[], Figure] | None = result.figure
@@ -91,19 +91,18 @@ def _in_memory(request: SweepRequest, points: GivenPoints) -> int:
     # Notes are printed on standard error, so that standard output contains only the table.
     is_netcdf = request.output is not None and request.output.suffix.lower() == NETCDF
     write = result.save if is_netcdf else None
-    show(
-        request,
-        replace(report, notes=()),
-        points.source(),
+    return Outcome(
+        report=replace(report, notes=()),
+        ok=bool(result.trimmed.any()),
+        source=points.source(),
+        notes=notes,
         figure=figure,
         write=write,
-        notes=notes,
     )
-    return 0 if result.trimmed.any() else 1
 
 
-def _in_store(request: SweepRequest, store: Path, points: GivenPoints) -> int:
-    """Run a sweep into a store, and return 1 if no point has a trim, otherwise 0."""
+def _in_store(request: SweepRequest, store: Path, points: GivenPoints) -> Outcome:
+    """Return the outcome of a sweep into a store."""
     from trim.sweeps.store import reported_sweep
 
     source = points.source()
@@ -115,5 +114,10 @@ def _in_store(request: SweepRequest, store: Path, points: GivenPoints) -> int:
         provenance=provenance(request, source).to_dict(),
         progress=ProgressLine("sweep"),
     )
-    show_text(request, replace(report, notes=()), source, notes=report.notes)
-    return 0 if report.data["counts"]["trimmed"] else 1
+    return Outcome(
+        report=replace(report, notes=()),
+        ok=report.data["counts"]["trimmed"] > 0,
+        source=source,
+        notes=report.notes,
+        is_written=True,
+    )

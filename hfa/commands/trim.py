@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import one_of
-from hfa.options.command import Request, command, output_option, picture_option
+from hfa.options.command import Outcome, Request, command, output_option, picture_option
 from hfa.options.option import option
 from hfa.options.points import GivenPoints, PointOptions, given_points
-from hfa.options.show import show
 from hfa.options.trims import GivenTrim
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
@@ -72,7 +71,7 @@ class TrimRequest(Request, PointOptions):
 
 
 @command(TrimRequest, given_points)
-def trim(request: TrimRequest, points: GivenPoints) -> int:
+def trim(request: TrimRequest, points: GivenPoints) -> Outcome:
     """Trim the aircraft and print a sheet: variables, limits, configuration, loads, performance,
     stability, modes and their levels by MIL-F-8785C. Several values give one sheet each."""
     if not points.listed:
@@ -81,13 +80,11 @@ def trim(request: TrimRequest, points: GivenPoints) -> int:
         given = points.trims.single()
         point = trimmed(given)
         report = _sheet(request, given, point)
-        show(request, report, given.source, figure=partial(trim_figure, point))
-        return 0
+        return Outcome(report=report, source=given.source, figure=partial(trim_figure, point))
     if request.picture is not None:
         raise BadInputError("--picture requires a single trim; -o FILE.html contains all pictures")
     source = points.source()
-    show(request, _sheets(request, points), source)
-    return 0
+    return Outcome(report=_sheets(request, points), source=source)
 
 
 def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> Report:

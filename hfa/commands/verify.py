@@ -11,12 +11,11 @@ from pathlib import Path
 from controller.critic.critic_file import critic_file, critic_suffixes
 from controller.critic.reading import CriticFile
 from hfa.options.argument_types import positive, whole
-from hfa.options.command import Request, command, picture_option
+from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
 from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, given_game
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
-from hfa.options.show import show
 from hfa.options.tracking import reference_of, reference_option, with_tracking
 from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
@@ -111,7 +110,7 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
 
 
 @command(VerifyRequest)
-def verify(request: VerifyRequest) -> int:
+def verify(request: VerifyRequest) -> Outcome:
     """Compare a critic with the exact solution of the game.
 
     The exit code is 0 if every check passes or the cost is within --limit-cost, and 1 otherwise."""
@@ -147,8 +146,13 @@ def verify(request: VerifyRequest) -> int:
     *_, last = verdicts.values()
     report = with_tracking(report, reference, named, last.exact.P, last.critic.K)
     figure = partial(verdicts_figure, verdicts)
-    show(request, report, named.source, figure=figure, notes=named.warnings)
-    return 0 if all(verdict.holds(request.limit_cost) for verdict in verdicts.values()) else 1
+    return Outcome(
+        report=report,
+        ok=all(verdict.holds(request.limit_cost) for verdict in verdicts.values()),
+        source=named.source,
+        notes=named.warnings,
+        figure=figure,
+    )
 
 
 def _refuse_unused(request: VerifyRequest, files: Mapping[str, CriticFile]) -> None:

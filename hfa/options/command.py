@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from hfa.options.argument_types import PICTURES, output_file
 from hfa.options.option import option
-from hfa_support.reporting.report import SUFFIXES
+from hfa_support.reporting.report import SUFFIXES, Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hfa_support.reporting.results import Result
 
 
 def output_option(*more: str, stores: tuple[str, ...] = (), purpose: str = "") -> Any:
@@ -50,11 +55,37 @@ class Request:
     date: str = ""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """What a command found, which `hfa.options.show.show` prints and writes.
+
+    report: the report
+    ok: whether the exit code is 0, otherwise 1
+    source: entries of the provenance on the plant
+    notes: notes on the result
+    figure: function that draws the picture of --picture, or None if there is none
+    printed: shorter report to print in place of `report`, or None
+    only_in_files: result or entries added to the file of -o only, or None
+    write: function that writes the file of -o in a format of the command's own, or None
+    is_written: whether the command wrote the file or store of -o itself
+    """
+
+    report: Report
+    ok: bool = True
+    source: Mapping[str, Any] = field(default_factory=dict)
+    notes: Iterable[str] = ()
+    figure: Callable[[], Figure] | None = None
+    printed: Report | None = None
+    only_in_files: Result | Mapping[str, Any] | None = None
+    write: Callable[[Path], object] | None = None
+    is_written: bool = False
+
+
 class Command(NamedTuple):
     """A command of `hfa`.
 
     request: class whose fields are the options
-    run: function (request) -> exit code, or (request, given) -> exit code, with the help as its
+    run: function (request) -> outcome, or (request, given) -> outcome, with the help as its
         docstring
     given: function that reads from the request what the command is about, or None
     install: optional packages that the command requires, as pip names them
@@ -62,7 +93,7 @@ class Command(NamedTuple):
     """
 
     request: type[Request]
-    run: Callable[..., int]
+    run: Callable[..., Outcome]
     given: Callable[[Any], Any] | None = None
     install: tuple[str, ...] = ()
     example: str = ""
@@ -73,10 +104,10 @@ R = TypeVar("R", bound=Request)
 
 def command(
     request: type[R], given: Callable[[R], Any] | None = None
-) -> Callable[[Callable[..., int]], Command]:
+) -> Callable[[Callable[..., Outcome]], Command]:
     """Return a decorator that makes a `Command` from a function.
 
-    The function is (request) -> exit code, or (request, given) -> exit code.
+    The function is (request) -> outcome, or (request, given) -> outcome.
 
     request: class of the requests, whose fields are the options
     given: function (request) -> what the command is about, such as `given_trim`, or None

@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa.options.command import Request
+from hfa.options.command import Outcome, Request
 from hfa.options.option import options_of
 from hfa.options.output import print_flushed
 from hfa_support.errors import NoSolutionError, printable
@@ -19,9 +18,7 @@ from hfa_support.provenance import Provenance
 from hfa_support.reporting.report import Report
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from hfa_support.reporting.results import Result
+    pass
 
 
 def provenance(request: Request, source: Mapping[str, Any]) -> Provenance:
@@ -43,44 +40,27 @@ def stated(request: Request, report: Report, source: Mapping[str, Any]) -> Repor
     return replace(report, source=origin.text()).with_data(provenance=origin)
 
 
-def show(
-    request: Request,
-    report: Report,
-    source: Mapping[str, Any] | None = None,
-    *,
-    figure: Callable[[], Figure] | None = None,
-    printed: Report | None = None,
-    only_in_files: Result | Mapping[str, Any] | None = None,
-    write: Callable[[Path], object] | None = None,
-    notes: Iterable[str] = (),
-) -> None:
+def show(request: Request, outcome: Outcome) -> None:
     """Write the files of -o and --picture, then print the report and the notes.
 
-    report: the report
-    source: entries of the provenance on the plant, or None
-    figure: function that draws the picture, or None if there is none
-    printed: shorter report to print in place of `report`, or None
-    only_in_files: result or entries added to the file of -o only, or None
-    write: function that writes the file of -o in a format of the command's own, or None
-    notes: notes on the result
-
-    Raises NoSolutionError with `report.failure` if this text is not empty.
+    Raises NoSolutionError with the `failure` of the report if this text is not empty.
     """
-    source = source or {}
-    picture = None if figure is None else request.picture
-    if request.output is not None and write is not None:
-        write(request.output)
-    elif request.output is not None:
-        stated(request, report, source).with_data(only_in_files or {}).save(request.output)
-    if picture is not None and figure is not None:
+    output = None if outcome.is_written else request.output
+    picture = None if outcome.figure is None else request.picture
+    if output is not None and outcome.write is not None:
+        outcome.write(output)
+    elif output is not None:
+        whole = stated(request, outcome.report, outcome.source)
+        whole.with_data(outcome.only_in_files or {}).save(output)
+    if picture is not None and outcome.figure is not None:
         from hfa_support.reporting.figure import save
 
-        save(figure(), picture, provenance(request, source).text())
-    show_text(request, printed or report, source, notes=notes)
-    for written in filter(None, (request.output, picture)):
+        save(outcome.figure(), picture, provenance(request, outcome.source).text())
+    show_text(request, outcome.printed or outcome.report, outcome.source, notes=outcome.notes)
+    for written in filter(None, (output, picture)):
         print_to_stderr(f"wrote {printable(written)}")
-    if report.failure:
-        raise NoSolutionError(report.failure)
+    if outcome.report.failure:
+        raise NoSolutionError(outcome.report.failure)
 
 
 def show_text(

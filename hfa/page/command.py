@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa.options.argument_types import option_errors, output_file, some_of
-from hfa.options.command import Request, command
+from hfa.options.command import Outcome, Request, command
 from hfa.options.option import option
-from hfa.options.output import ProgressLine, print_flushed
+from hfa.options.output import ProgressLine
 from hfa.options.plants import parameter_set
 from hfa.options.ranges import array_of, value_range
 from hfa.options.show import provenance, stated
@@ -90,7 +90,7 @@ class ReportRequest(Request, SeveralTrims):
 
 
 @command(ReportRequest)
-def report(request: ReportRequest) -> int:
+def report(request: ReportRequest) -> Outcome:
     """Write an HTML page with trims, linear models, games and comparisons with the printed
     matrices.
 
@@ -144,8 +144,13 @@ def report(request: ReportRequest) -> int:
     lines.append(
         f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}"
     )
-    print_flushed(whole.json() if request.json else "\n".join(lines))
-    return 0 if job.ok else 1
+    return Outcome(
+        report=whole,
+        ok=job.ok,
+        source=source,
+        printed=None if request.json else Report("\n".join(lines)),
+        is_written=True,
+    )
 
 
 def _written(job: MainJob, report: Report, place: Path, origin: Provenance) -> str:

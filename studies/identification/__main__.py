@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hfa.options.argument_types import whole
-from hfa.options.command import Request, command, output_option
+from hfa.options.command import Outcome, Request, command, output_option
 from hfa.options.option import option
 from hfa.options.output import ProgressLine
-from hfa.options.show import show
 from studies.alone import run_alone
 from studies.identification.parameters import run_identification
 
@@ -27,12 +26,12 @@ class IdentificationRequest(Request):
 
 
 @command(IdentificationRequest)
-def identification(request: IdentificationRequest) -> int:
+def identification(request: IdentificationRequest) -> Outcome:
     """Find the aircraft's parameters from the printed matrices, and report their accuracy."""
     result = run_identification(request.seed, ProgressLine("identify"))
     is_parameters = request.output is not None and request.output.suffix.lower() == PARAMETERS
-    show(request, result.report(), write=result.fit.save if is_parameters else None)
-    return 0
+    write = result.fit.save if is_parameters else None
+    return Outcome(report=result.report(), write=write)
 
 
 if __name__ == "__main__":

@@ -5,9 +5,8 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-from hfa.options.command import Request, command
+from hfa.options.command import Outcome, Request, command
 from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
-from hfa.options.show import show
 from studies.alone import run_alone
 from studies.validation.outside import validate
 
@@ -21,7 +20,7 @@ class ValidationRequest(Request, AircraftOptions):
 
 
 @command(ValidationRequest)
-def validation(request: ValidationRequest) -> int:
+def validation(request: ValidationRequest) -> Outcome:
     """Compare the model with printed and released data: a third printed model, and a simulation's
     trims.
 
@@ -29,8 +28,7 @@ def validation(request: ValidationRequest) -> int:
     """
     model = loaded_model(request)
     result = validate(model)
-    show(request, result.report(), aircraft_source(request, model))
-    return 0 if result.ok else 1
+    return Outcome(report=result.report(), ok=result.ok, source=aircraft_source(request, model))
 
 
 if __name__ == "__main__":

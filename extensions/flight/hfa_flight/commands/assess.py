@@ -19,11 +19,10 @@ from hfa.options.argument_types import (
     span,
     whole,
 )
-from hfa.options.command import Request, command, picture_option
+from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.option import is_given, option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.plants import aircraft_help
-from hfa.options.show import show
 from hfa.options.trims import (
     GivenTrim,
     SeveralTrims,
@@ -270,7 +269,7 @@ def _assumed_trim(request: AssessRequest, point: OperatingPoint) -> str:
 
 
 @command(AssessRequest)
-def assess(request: AssessRequest) -> int:
+def assess(request: AssessRequest) -> Outcome:
     """Assess a policy as deployed: sampled and held, with normalizer and delay.
 
     For each trim, the report contains the equilibrium, the spectral radius of the sampled loop with
@@ -292,11 +291,16 @@ def assess(request: AssessRequest) -> int:
         deployment = _filtered(deployment, given)
     deployed = Deployed(deployment, given.model)
     result = _assessment(request, given, deployed)
-    show(request, result.report(), given.source, figure=result.figure, notes=result.warnings)
-    return 0 if result.ok else 1
+    return Outcome(
+        report=result.report(),
+        ok=result.ok,
+        source=given.source,
+        notes=result.warnings,
+        figure=result.figure,
+    )
 
 
-def _assess_law(request: AssessRequest) -> int:
+def _assess_law(request: AssessRequest) -> Outcome:
     """Fly a law from each trim, print the report of the flights and return the exit code."""
     from hfa_flight.samples.flights_in_air import flights_in_air
 
@@ -306,8 +310,7 @@ def _assess_law(request: AssessRequest) -> int:
     assumed = _assumed_trim(request, plans[0].point)
     flown = flights_in_air(plans)
     notes = filter(None, (assumed, *flown.warnings))
-    show(request, flown.report(), given.source, notes=[*notes])
-    return 0 if flown.ok else 1
+    return Outcome(report=flown.report(), ok=flown.ok, source=given.source, notes=[*notes])
 
 
 def _refuse_of_law(request: AssessRequest) -> None:

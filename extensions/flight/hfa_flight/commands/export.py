@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import one_of, output_file
-from hfa.options.command import Request, command
+from hfa.options.command import Outcome, Request, command
 from hfa.options.option import is_given, option, refuse
-from hfa.options.show import provenance, show_text
+from hfa.options.show import provenance
 from hfa.options.trims import GivenTrim, trim_input
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.export.c_text import write_texts
@@ -78,7 +78,7 @@ class ExportRequest(Request, PolicyOptions):
 
 
 @command(ExportRequest)
-def export(request: ExportRequest) -> int:
+def export(request: ExportRequest) -> Outcome:
     """Export an aircraft and its controller to other tools; -o selects the format.
 
     A folder receives C source without dependencies: equations, trim at --at, A, B, a gain and an
@@ -229,10 +229,9 @@ def _policy(
 
 def _show_written(
     request: ExportRequest, given: GivenTrim, written: list[Path], notes: Iterable[str] = ()
-) -> int:
+) -> Outcome:
     """Print the list of the written files, and return exit code 0."""
-    show_text(request, _report(written), given.source, notes=notes)
-    return 0
+    return Outcome(report=_report(written), source=given.source, notes=notes, is_written=True)
 
 
 def _report(written: list[Path]) -> Report:

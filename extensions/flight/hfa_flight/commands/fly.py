@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import each_of, number, quantity, whole
-from hfa.options.command import Request, command, output_option, picture_option
+from hfa.options.command import Outcome, Request, command, output_option, picture_option
 from hfa.options.games import given_weights, weighted_game
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.plants import parameter_spread
-from hfa.options.show import provenance, show
+from hfa.options.show import provenance
 from hfa.options.tracking import reference_option, signals_of
 from hfa.options.trims import GivenTrim, given_trim
 from hfa.options.workers import WorkerOptions
@@ -135,7 +135,7 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
 
 
 @command(FlyRequest)
-def fly(request: FlyRequest) -> int:
+def fly(request: FlyRequest) -> Outcome:
     """Simulate a policy on the nonlinear aircraft, and compare the flight with the linear model.
 
     `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy. --reference
@@ -195,15 +195,14 @@ def fly(request: FlyRequest) -> int:
 
         plain = simulated(GainPolicy(planned.policy.name, planned.tracking.K))
         report = with_tracking(report, planned.tracking, result, plain)
-    show(
-        request,
-        report,
-        given.source,
+    return Outcome(
+        report=report,
+        ok=result.ok,
+        source=given.source,
+        notes=result.warnings,
         figure=lambda: result.figure(report.title),
         only_in_files={"history": result.history()},
-        notes=result.warnings,
     )
-    return 0 if result.ok else 1
 
 
 def _refuse_contradictions(request: FlyRequest) -> None:
@@ -351,7 +350,7 @@ def _end_of(result: Flight) -> str:
     return f"{ended}, cost {result.cost:.4g}{ratio}"
 
 
-def _fly_members(request: FlyRequest, members: int) -> int:
+def _fly_members(request: FlyRequest, members: int) -> Outcome:
     """Simulate the flights of --samples or --draws, print the report and return the exit code."""
     from hfa_flight.samples.drawn_aircraft import drawn_figure
     from hfa_flight.samples.flights_in_air import flown_report, uncontrolled
@@ -397,9 +396,14 @@ def _fly_members(request: FlyRequest, members: int) -> int:
     report = report.with_data(store=None if target is None else str(target), warnings=notes)
     if plan.spread is not None:
         report = with_stability(report, plan, given.condition, ProgressLine("draws"))
-    in_store = replace(request, output=None)  # the flights are written already
-    show(in_store, report, given.source, figure=lambda: drawn_figure(plan), notes=notes)
-    return 0 if report.data["ok"] else 1
+    return Outcome(
+        report=report,
+        ok=report.data["ok"],
+        source=given.source,
+        notes=notes,
+        figure=lambda: drawn_figure(plan),
+        is_written=True,
+    )
 
 
 def _refuse_of_members(request: FlyRequest) -> None:

@@ -19,12 +19,11 @@ from hfa.options.argument_types import (
     span,
     whole,
 )
-from hfa.options.command import Request, command, picture_option
+from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.critic_files import critic_path
 from hfa.options.games import WeightOptions, given_weights, weighted_game
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
-from hfa.options.show import show
 from hfa.options.trims import GivenTrim, TrimInput, TrimOptions, trim_input
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import policy_of_law
@@ -159,7 +158,7 @@ def _refuse_contradictions(request: OptimizeRequest) -> None:
 
 
 @command(OptimizeRequest)
-def optimize(request: OptimizeRequest) -> int:
+def optimize(request: OptimizeRequest) -> Outcome:
     """Search for the best flight of the nonlinear aircraft to its trim, and compare policies.
 
     The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Collocation proposes
@@ -193,11 +192,11 @@ def optimize(request: OptimizeRequest) -> int:
         )
         judged = [name for name in policies if name != _EXACT]
         table = replace(table, judged=judged, share=request.need.get(SHARE, ALL))
-        show(request, table.report(), given.source)
-        return 0 if table.ok else 1
+        return Outcome(report=table.report(), ok=table.ok, source=given.source)
     initial = trimmed(given) if request.to else deviations
     best = flights.optimize(model, point, initial, game.Q, game.R, limits=limits, policies=policies)
     history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
     in_files = {"flight": history}
-    show(request, best.report(), given.source, figure=best.figure, only_in_files=in_files)
-    return 0
+    return Outcome(
+        report=best.report(), source=given.source, figure=best.figure, only_in_files=in_files
+    )

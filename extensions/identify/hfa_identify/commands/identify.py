@@ -8,11 +8,10 @@ from functools import partial
 from pathlib import Path
 
 from hfa.options.argument_types import each_of, input_file, one_of, quantity
-from hfa.options.command import Request, command, output_option, picture_option
+from hfa.options.command import Outcome, Request, command, output_option, picture_option
 from hfa.options.option import option
 from hfa.options.output import ProgressLine
 from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
-from hfa.options.show import show
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown
 
@@ -88,7 +87,7 @@ class IdentifyRequest(Request, AircraftOptions):
 
 
 @command(IdentifyRequest)
-def identify(request: IdentifyRequest) -> int:
+def identify(request: IdentifyRequest) -> Outcome:
     """Identify parameters of an aircraft from flight records by maximum likelihood.
 
     The method is output error. The report contains estimates with 95 % bands corrected for colored
@@ -117,6 +116,10 @@ def identify(request: IdentifyRequest) -> int:
     write = None
     if file is not None and file.suffix == AIRCRAFT:
         write = partial(write_text, text=aircraft_text(found, file.parent))
-    source = aircraft_source(request, model)
-    show(request, found.report(), source, figure=found.figure, write=write)
-    return 0 if found.ok else 1
+    return Outcome(
+        report=found.report(),
+        ok=found.ok,
+        source=aircraft_source(request, model),
+        figure=found.figure,
+        write=write,
+    )

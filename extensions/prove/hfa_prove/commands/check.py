@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from hfa.options.command import command
+from hfa.options.command import Outcome, command
 from hfa.options.output import ProgressLine
 from hfa.options.plants import aircraft_source
-from hfa.options.show import show
 from hfa_prove.commands.request import CheckRequest
 from hfa_support.errors import BadInputError
 
@@ -14,7 +13,7 @@ STATEMENTS = ("region", "schedule")
 
 
 @command(CheckRequest)
-def prove(request: CheckRequest) -> int:
+def prove(request: CheckRequest) -> Outcome:
     """Verify a certificate by proving the statement again.
 
     The subject is given as in the proof: the aircraft with its file, parameters, trim and limits,
@@ -51,5 +50,5 @@ def prove(request: CheckRequest) -> int:
     not_given = compare(statement, given_for(statement, request, trim, own))
     proved = check(certificate, ProgressLine("check"))
     source = {} if model is None else aircraft_source(request, model)
-    show(request, checked_report(proved, not_given, "" if own is None else own.words), source)
-    return 0
+    report = checked_report(proved, not_given, "" if own is None else own.words)
+    return Outcome(report=report, source=source)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hfa.options.command import command
+from hfa.options.command import Outcome, command
 from hfa.options.output import ProgressLine
-from hfa.options.show import provenance, show
+from hfa.options.show import provenance
 from hfa.options.trims import scheduled_trim
 from hfa_prove.commands.options import refuse_no_certificate
 from hfa_prove.commands.request import RegionRequest, disturbances_of
@@ -21,7 +21,7 @@ _DEGREE_OF_FUNCTIONS = 2
 
 
 @command(RegionRequest)
-def region(request: RegionRequest) -> int:
+def region(request: RegionRequest) -> Outcome:
     """Prove a region of attraction of the nonlinear loop with saturated inputs.
 
     Every trajectory that begins in the set {V(z) <= rho, |M z| < 1} stays there and within all
@@ -63,5 +63,4 @@ def region(request: RegionRequest) -> int:
         )
 
     report = found.report(policy.words)
-    show(request, report, given.source, write=lambda _: save(found))
-    return 0
+    return Outcome(report=report, source=given.source, write=lambda _: save(found))

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hfa.options.argument_types import input_file, positive
-from hfa.options.command import Request, command
+from hfa.options.command import Outcome, Request, command
 from hfa.options.games import WeightOptions, given_weights
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
-from hfa.options.show import provenance, show
+from hfa.options.show import provenance
 from hfa.options.trims import (
     TrimInput,
     TrimOptions,
@@ -56,7 +56,7 @@ class ScheduleRequest(Request, TrimOptions, WeightOptions):
 
 
 @command(ScheduleRequest)
-def schedule(request: ScheduleRequest) -> int:
+def schedule(request: ScheduleRequest) -> Outcome:
     """Prove that a gain schedule stabilizes at every value of LOW:HIGH.
 
     At every value, and not only on a grid, the trim is proved to exist within its limits and the
@@ -101,8 +101,7 @@ def schedule(request: ScheduleRequest) -> int:
         origin = provenance(request, given.source).to_dict()
         write_certificate(path, found.statement, found.witness, origin)
 
-    show(request, found.report(), given.source, write=write)
-    return 0
+    return Outcome(report=found.report(), source=given.source, write=write)
 
 
 def _ends(asked: TrimInput) -> tuple[float, float]:
