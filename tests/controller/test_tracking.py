@@ -54,14 +54,6 @@ def test_the_command_of_the_paper_is_no_trim(dihedral_deg: float) -> None:
     assert f"elevator_center needs {needed_deg:.1f}" in title
 
 
-def test_a_reachable_command_is_said_to_be_reachable() -> None:
-    """A dihedral angle within the limits is a trim; without an aircraft this is unknown."""
-    assert tracking(15.0, {"dihedral": 0.1}).reachable
-    plant = hfa.LinearModel.of([[-1.0]], [[1.0]])
-    solution = hfa.solve(hfa.Game(plant.A, plant.B, np.eye(1), np.eye(1), np.eye(1), 10.0))
-    assert track(plant, solution, {"x1": 1.0}).reachable is None
-
-
 def test_a_commanded_pitch_is_a_trim_of_this_pitch() -> None:
     """The climb at which SciPy finds the pitch, where a trim holds gamma in place of the pitch."""
     model = hfa.load_model(f"{ROOT}/examples/navion.py:NAVION")

@@ -8,23 +8,7 @@ import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
 
-from hfa import paper, solve
-
 EXAMPLES = Path(__file__).parents[2] / "examples"
-
-
-#: A trim of the flexible aircraft at another speed.
-SLOWER = (
-    *("--dihedral", "10", "--hold", "speed=60", "--free", "alpha"),
-    *("--hold", "aileron_outer=0.5"),
-)
-
-
-def test_a_game_is_that_of_the_condition() -> None:
-    """`hfa solve` uses the condition of the trim."""
-    model = answer("linearize", *SLOWER)
-    game = paper.published_game(np.array(model["A"]), np.array(model["B"]))
-    assert np.array(answer("solve", *SLOWER)["K"]) == pytest.approx(solve(game).K, rel=1e-9)
 
 
 #: A point mass whose altitude is a state, held in the trim.

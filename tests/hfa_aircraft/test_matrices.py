@@ -15,26 +15,6 @@ A = np.array([[0.0, 1.0], [2.0, -0.3]])
 B = np.array([[0.0], [1.0]])
 
 
-def test_matrices_alone_define_a_linear_model() -> None:
-    """A, B, C and D have default names, the modes, zeros and response of `control.ss`.
-
-    Linearizing the nonlinear model gives the same matrices.
-    """
-    alone = hfa.LinearModel.of(A, B)
-    assert (alone.states, alone.inputs, alone.outputs) == (("x1", "x2"), ("u1",), ("x1", "x2"))
-    assert not alone.is_stable
-    C, D = [[1.0, 2.0]], [[3.0]]
-    linear = hfa.LinearModel.of(A, B, C, D, states=("q", "v"), inputs=("f",))
-    peer = control.ss(A, B, C, D)
-    assert linear.to_control()(2j) == pytest.approx(peer(2j))
-    assert linear.zeros() == pytest.approx(peer.zeros())
-    values = [mode.eigenvalue for mode in linear.modes]
-    assert values == pytest.approx(sorted(np.linalg.eigvals(A), key=abs, reverse=True))
-    again = hfa.linearize(linear.model, linear.point, outputs=linear.outputs)
-    for name, matrix in zip("ABCD", (A, B, C, D), strict=True):
-        assert np.array_equal(getattr(again, name), matrix)
-
-
 def test_lqr_of_matrices_equals_python_control() -> None:
     """lqr, and the game of a linear model, give the gain that python-control returns."""
     expected, _, _ = control.lqr(A, B, np.eye(2), np.eye(1))

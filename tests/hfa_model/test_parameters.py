@@ -12,9 +12,7 @@ import numpy as np
 import pytest
 from cli import refusal
 
-import hfa
-from hfa import BadInputError
-from hfa_model import Parameters, load_parameters, published_models, save_parameters
+from hfa_model import Parameters, load_parameters, save_parameters
 
 
 def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: Any) -> None:
@@ -92,54 +90,3 @@ def test_wrong_entries_are_refused(
     assert count == 1, f"{pattern!r} is not in the file"
     path.write_text(text, encoding="utf-8")
     assert named in refusal(load_parameters, path)
-
-
-def test_both_named_parameter_sets_load(parameter_set: Any) -> None:
-    """Both named sets load, and the identified parameters differ by less than three standard
-    errors.
-
-    An unknown name is refused, and the message lists the names.
-    """
-    identified, released = (
-        load_parameters(name).values for name in ("identified", "gibson-2011-simulation")
-    )
-    assert identified == parameter_set.values
-    # The identification found the released values, each within three of its standard errors.
-    errors = parameter_set.standard_errors
-    assert tuple(errors) == parameter_set.identified
-    assert errors["panel_mass"] ** 2 == pytest.approx(parameter_set.covariance[0, 0], rel=1e-15)
-    assert all(
-        0.0 < error < 0.01 * abs(getattr(identified, name)) for name, error in errors.items()
-    )
-    off = {
-        name: abs(getattr(identified, name) - getattr(released, name)) / error
-        for name, error in errors.items()
-    }
-    assert max(off.values()) < 3.0, off
-    with pytest.raises(
-        BadInputError,
-        match=r"gibson: .*choose from identified, gibson-",
-    ):
-        load_parameters("gibson")
-
-
-@pytest.mark.parametrize("dynamics", ["examples/gtm.py:GTM", "publish"])
-def test_only_dynamics_of_the_aircraft_are_accepted(dynamics: str) -> None:
-    """`hfa.aircraft` reads no file and guesses no name: `hfa.load_model` loads another aircraft."""
-    with pytest.raises(BadInputError, match=r"unknown dynamics|dynamics is"):
-        hfa.aircraft(dynamics)
-
-
-@pytest.mark.parametrize("model", published_models(), ids=lambda model: f"{model.dihedral_deg:g}")
-def test_printed_entries_are_whole_last_digits(
-    model: Any,
-) -> None:
-    """Printed entries are multiples of a unit of their last digit. Only -32.2 has fewer decimals."""
-    for entries, half_unit in ((model.A, model.half_unit_A), (model.B, model.half_unit_B)):
-        units = entries / (2 * half_unit)
-        np.testing.assert_allclose(units, np.round(units), rtol=0, atol=1e-6)
-        assert np.any(np.round(units) % 10 != 0)
-        assert np.abs(units).max() > 1000
-    assert np.unique(model.half_unit_A).tolist() == [0.5e-4, 0.05]
-    assert model.A[model.half_unit_A == 0.05] == pytest.approx(-32.2)
-    assert not model.A.flags.writeable

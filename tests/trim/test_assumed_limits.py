@@ -19,12 +19,3 @@ def test_a_limit_of_the_user_or_of_the_model_is_not_assumed() -> None:
         assert not hfa.trim(model, own).margins["alpha"].assumed
     gtm = hfa.trim(hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")).margins
     assert [gtm[name].assumed for name in ("alpha", "pitch")] == [False, False]
-
-
-def test_an_output_takes_the_mark_of_the_state_that_limits_it() -> None:
-    """The flight-path angle is limited by the assumed limits of the pitch, unless the user's."""
-    model = hfa.aircraft()
-    condition = hfa.paper.level_flight(0.1)
-    assert hfa.trim(model, condition).margins_under(condition)["gamma"].assumed
-    own = replace(condition, limits={"gamma": (-0.1, 0.1)})
-    assert not hfa.trim(model, own).margins_under(own)["gamma"].assumed

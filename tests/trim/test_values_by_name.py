@@ -24,18 +24,6 @@ def _linear() -> LinearModel:
     return linearize(MODEL, trim(MODEL))
 
 
-def test_names_are_keywords_of_trims_and_sweeps() -> None:
-    """Names of variables are keyword arguments: held values of a trim, and columns of a sweep."""
-    point = hfa.trim(MODEL, dihedral=0.2, speed=70.0)
-    for each in (point, hfa.trim(MODEL, hold={"dihedral": 0.2}, speed=70.0)):
-        assert (each["dihedral"], each["speed"]) == (0.2, 70.0)
-    freed = hfa.trim(MODEL, speed=70.0, free="dihedral_dot")
-    assert ("dihedral" in point.residuals, "dihedral" in freed.residuals) == (True, False)
-    swept = sweep(MODEL, dihedral=[0.1, 0.2], speed=[70.0])
-    assert swept["speed"].tolist() == [70.0, 70.0]
-    assert swept["dihedral"].tolist() == [0.1, 0.2]
-
-
 def test_names_index_matrices() -> None:
     """Rows and columns of A and B can be indexed by name, also in copies."""
     linear = _linear()

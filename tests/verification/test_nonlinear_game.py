@@ -208,22 +208,6 @@ def test_a_function_is_expanded(of: str) -> None:
         assert is_right or worst.startswith("v: ") == (of == "policy")
 
 
-def test_a_switch_at_the_trim_is_named() -> None:
-    """A plant with a kink has no power series: the section says so, and nothing else changes."""
-
-    def kinked(x, u, p, w):
-        return {"x": x.x + ca.fabs(x.x) * x.x + u.u}, {}
-
-    model = Model("plant", {"x": Signal()}, {"u": Signal()}, kinked, trim={"x": 0.0})
-    linear = hfa.linearize(model, hfa.trim(model))
-    game = hfa.game(linear, [1.0], [1.0], 10.0)
-    critic = hfa.from_weights(game, [2.0, 0.1], basis="cubic")
-    verdict = hfa.verify(game, critic, scope=QUICK, linear=linear)
-    assert verdict.nonlinear is None
-    assert "not compared" in str(verdict.report())
-    assert "x switches" in str(verdict.report())
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("folder")
 def test_the_policy_in_the_file_is_judged_and_flies() -> None:

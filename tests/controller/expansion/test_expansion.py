@@ -141,20 +141,6 @@ def test_a_wrong_coefficient_is_seen(kind: str) -> None:
             assert planted.residual > 1e-6
 
 
-def test_weights_of_monomials_are_those_of_the_functions() -> None:
-    linear = linear_of(MIXED)
-    expansion = expand(linear, hfa.solve(mixed_game(linear, 3.0)), 5)
-    z = np.random.default_rng(0).standard_normal((20, 2))
-    values = expansion.basis.psi(z) @ expansion.weights
-    a, b = z.T
-    psi = np.array([a ** (d - k) * b**k for d in range(1, 5) for k in range(d + 1)]).T
-    inputs = psi @ expansion.policy_weights.T
-    assert values == pytest.approx(np.array(expansion.V(z.T))[0], rel=1e-11)
-    assert inputs == pytest.approx(np.array(expansion.policy(z.T)).T, rel=1e-10, abs=1e-11)
-    P = expansion.basis.matrix(expansion.weights)
-    assert pytest.approx(expansion.solution.P, rel=1e-13) == P
-
-
 @pytest.mark.parametrize("degree", [3, *(pytest.param(d, marks=pytest.mark.slow) for d in (4, 5))])
 def test_flexible_aircraft_satisfies_the_identity(degree: int) -> None:
     for degrees in (5.0, 15.0):

@@ -43,17 +43,6 @@ def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(
     assert hfa.game(linear, delta=np.inf).delta == np.inf
 
 
-def test_weights_by_name_are_placed_on_diagonals(linear: LinearModel) -> None:
-    """Weights given by name are placed on the diagonals, and the game keeps the names."""
-    weights = dict(reversed(list(zip(linear.inputs, [1.0, 2.0, 3.0, 4.0, 5.0], strict=True))))
-    game = hfa.game(linear, Q={"speed": 0.01, "pitch": 3.0}, R=weights, delta=250.0)
-    assert game.Q.diagonal().tolist() == [0.01, 0.0, 3.0, 0.0, 0.0, 0.0]
-    assert np.array_equal(game.R, np.diag([1.0, 2.0, 3.0, 4.0, 5.0]))
-    assert (game.names.states, game.names.inputs) == (linear.states, linear.inputs)
-    assert "dihedral 11.4592 deg" in game.names.origin
-    assert np.array_equal(game.E, np.eye(6))
-
-
 def test_default_weights_are_those_of_the_plant_file(folder, capsys) -> None:
     """Without Q and R, the solution is SciPy's for Q, R and N of a plant file, in Python and with
     `--aircraft`, and for 1/nominal² where a model has no weights.

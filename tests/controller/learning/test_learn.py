@@ -100,14 +100,6 @@ def test_unusable_arguments_are_refused(case: str) -> None:
         call()
 
 
-def test_random_states_fill_the_box_with_exact_drifts() -> None:
-    box = np.array([2.0, 0.1])
-    pool = random_pool(STABLE, 300, 2, box)
-    assert np.all(np.abs(pool.states) <= box)
-    assert np.all(np.abs(pool.states).max(axis=0) > 0.9 * box)
-    assert pool.drifts == pytest.approx(pool.states @ STABLE.A.T, rel=1e-13)
-
-
 # The law of the paper.
 
 

@@ -11,7 +11,6 @@ from exact_riccati import exact_solution
 from game_samples import game_models
 from pages import printed_matrices
 from scipy.integrate import solve_ivp
-from scipy.linalg import solve_continuous_lyapunov
 from tolerances import SAME_FORMULA
 
 from controller import minimum_delta
@@ -63,13 +62,6 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     assert solve(game.with_delta(math.inf)).to_dict()["delta"] is None
 
 
-def test_a_defective_plant_without_cost_has_zero_value() -> None:
-    """A stable plant with a defective eigenvalue and without cost has P = 0 and delta_min 0."""
-    game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], I2, 0.0 * I2, [[1.0]], 0.01)
-    assert not solve(game).P.any()
-    assert (minimum_delta(game).value, minimum_delta(game).refused) == (0.0, 0.0)
-
-
 @pytest.mark.parametrize(
     ("A", "B", "Q", "message"),
     [
@@ -109,15 +101,6 @@ def test_a_missing_lqr_solution_names_the_mode(
         with pytest.raises(NoSolutionError, match=pattern) as refusal:
             solver(game)
         assert "\n" not in str(refusal.value)
-
-
-@pytest.mark.parametrize("reach", [5e-324, 1e-150])
-def test_an_input_without_effect_leaves_the_cost_of_the_plant(reach: float) -> None:
-    """With B of about 0, P of a stable plant is SciPy's Lyapunov solution."""
-    A = np.random.default_rng(0).standard_normal((3, 3)) - 3.0 * np.eye(3)
-    game = Game(A, reach * np.ones((3, 2)), Q=np.eye(3), R=np.eye(2))
-    cost = solve_continuous_lyapunov(A.T, -np.eye(3))
-    np.testing.assert_allclose(solve(game).P, cost, rtol=1e-9)
 
 
 @pytest.mark.parametrize(

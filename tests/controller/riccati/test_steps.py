@@ -121,13 +121,3 @@ def test_short_samples_approach_the_game_in_continuous_time() -> None:
     assert sampled.disk_margin.frequency == pytest.approx(exact.disk_margin.frequency, rel=5e-2)
     with pytest.raises(BadInputError, match=r"dt = 1e-07 s is too short: .* give at least 5e-07 s"):
         game.sampled(1e-7)
-
-
-def test_dt_of_python_control() -> None:
-    """None and 0 are continuous time, a number is the sample time, True an unknown one."""
-    make = {"A": [[0.5]], "B": [[1.0]], "Q": [1.0], "R": [1.0]}
-    assert hfa.solve(Game(**make, dt=0)).K[0, 0] == pytest.approx(0.5 + math.sqrt(1.25))
-    assert hfa.solve(Game(**make, dt=True)).K == hfa.solve(Game(**make, dt=0.1)).K
-    for wrong in (-0.1, math.nan, "1", False):
-        with pytest.raises(BadInputError, match="give the sample time"):
-            Game(**make, dt=wrong)

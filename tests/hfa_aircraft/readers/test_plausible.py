@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import tomllib
-from pathlib import Path
 from typing import Any
 
 import pytest
-from cli import hfa as command
 from project import ROOT
 
 import hfa
@@ -49,16 +47,6 @@ def test_a_planted_mistake_is_doubted(mistake: str) -> None:
     model = hfa.from_derivatives(changed(**values))
     (doubt,) = model.about.doubts
     assert word in doubt
-
-
-def test_doubts_stand_below_the_first_line(tmp_path: Path) -> None:
-    """The trim of a table with a planted sign is not refused; its second line is the doubt."""
-    text = (ROOT / "examples/uav.toml").read_text("utf-8").replace("Cl_p = -0.26", "Cl_p = 0.26")
-    (tmp_path / "wrong.toml").write_text(text)
-    result = command("trim", "--aircraft", str(tmp_path / "wrong.toml"))
-    assert result.code == 0
-    lines = result.out.splitlines()
-    assert [line.startswith("Check: Cl_p") for line in lines].index(True) in (1, 2)
 
 
 @pytest.mark.parametrize("name", ["uav.toml", "cessna182.toml", "glider.toml"])

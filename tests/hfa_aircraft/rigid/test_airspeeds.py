@@ -91,15 +91,6 @@ def test_units_are_read_alike_by_both_ways_in(uav: Model) -> None:
     assert [row.point["speed"] for row in swept] == pytest.approx([25.0, 60.0 * KNOT])
 
 
-def test_the_sheet_states_airspeed_and_deviation() -> None:
-    """--isa +15 is --hold isa=15, and the first line has it and the imposed airspeed."""
-    words = ("trim", "--aircraft", UAV, "--hold", "kcas=60kt")
-    first = hfa(*words, "--isa", "+15").out.partition("\n")[0]
-    assert "kcas 60 kt" in first
-    assert "ISA +15 K" in first
-    assert hfa(*words, "--hold", "isa=15").out.partition("\n")[0] == first
-
-
 @pytest.mark.parametrize(
     ("held", "words"),
     [

@@ -57,12 +57,6 @@ def test_a_kink_has_the_mean_slope_of_both_sides(name: str) -> None:
     assert (away.A[1, 0], away.kinks) == (pytest.approx(above, abs=1e-12), ())
 
 
-def test_the_sides_of_a_curved_kink_are_exact() -> None:
-    """The slope beside a kink with curved sides is exact to 1e-8."""
-    model = at(cart(lambda x: 700 * ca.sin(x) + ca.fabs(x) * ca.exp(x)), 0.0)
-    assert model.A[1, 0] == pytest.approx(700.0, abs=1e-8)
-
-
 def test_a_jump_is_named_and_keeps_its_slope() -> None:
     """A note names a jump of the equations, such as dry friction. A contains the slope without
     the jump.

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from own_models import GTM, NAVION, trimmed
+from own_models import NAVION, trimmed
 from project import ROOT
-from scipy.linalg import block_diag
 
 import hfa
-from hfa import LinearModel, Model, OperatingPoint, Signal, trim
+from hfa import Model, OperatingPoint, Signal, trim
 from trim import modes_of
 
 
@@ -34,12 +32,6 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
     assert mode.stable == (damping > 0)
     assert mode.eigenvalue.imag > 0
     assert mode.name == "short period"
-
-
-@pytest.mark.parametrize("model", [NAVION, GTM], ids=["Navion", "GTM"])
-def test_default_modes_are_those_that_aircraft_declare(model: Model) -> None:
-    """States recognized by name and unit give the modes of an aircraft that declares none."""
-    assert replace(model, modes={}).modes == model.modes
 
 
 @pytest.mark.parametrize(
@@ -128,16 +120,6 @@ def test_handling_qualities_follow_from_the_modes() -> None:
     )
 
 
-def test_repeated_zero_eigenvalues_have_no_mode_of_the_aircraft() -> None:
-    """Of a longitudinal model with lateral states without dynamics, only two modes are named."""
-    A = block_diag([[-1.0, 1.0], [-4.0, -1.0]], np.zeros((4, 4)))
-    states = ("alpha", "q", "beta", "p", "r", "phi")
-    families = {"short period": ("alpha", "q"), "dutch roll": ("beta", "p", "r", "phi")}
-    names = [mode.name for mode in modes_of(A, states, families)]
-    assert names[0] == "short period"
-    assert all(name.startswith("neutral") for name in names[1:])
-
-
 def test_a_steep_turn_has_a_spiral() -> None:
     """Speed participates most in the slow real mode of a turn with 61 deg of bank, which is its
     spiral: the other mode of speed and pitch oscillates.
@@ -162,15 +144,6 @@ def test_a_coupled_roll_has_no_time_constant(mode: str) -> None:
             modes={mode: ("x", "v")},
         )
         assert values(trim(model)) == pytest.approx(expected)
-
-
-def test_eigenvalues_are_sorted_by_size_real_and_imaginary_part() -> None:
-    """Equal sizes are sorted by increasing real part, a pair with the positive one first."""
-    pair = np.array([[1.0, 2.0], [-2.0, 1.0]])
-    A = block_diag(pair, 0.5, 5.0**0.5, -(5.0**0.5))
-    linear = LinearModel.of(A, np.ones((5, 1)))
-    expected = [-(5.0**0.5), 1.0 + 2.0j, 1.0 - 2.0j, 5.0**0.5, 0.5]
-    np.testing.assert_allclose(linear.eigenvalues, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize(("part", "named"), [("", True), ("body_", True), ("body2", False)])

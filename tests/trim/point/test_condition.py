@@ -45,9 +45,3 @@ def test_a_held_alternative_frees_the_speed(held: dict[str, float], speed: float
     """Held knots, a held Mach number, or both, replace the speed of the usual condition."""
     point = hfa.trim(MODEL, hold=held)
     assert (point["speed"], point["thrust"]) == pytest.approx((speed, speed))
-
-
-def test_two_alternatives_that_contradict_have_no_trim() -> None:
-    """The speed cannot be 3 and 50."""
-    with pytest.raises(hfa.NoSolutionError, match="mach by "):
-        hfa.trim(MODEL, knots=6.0, mach=0.5)

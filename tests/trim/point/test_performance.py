@@ -14,7 +14,6 @@ from sheet_values import values
 
 import hfa
 from hfa import Signal
-from hfa.extend import Domain
 
 #: Unit of speed -> its value of a knot.
 KNOTS = {"m/s": 1852.0 / 3600.0, "ft/s": 1852.0 / 3600.0 / 0.3048}
@@ -101,12 +100,6 @@ def test_control_per_knot_is_the_slope_of_trims(name: str) -> None:
     assert data["sheet"]["elevator per knot"]["value"] == pytest.approx(expected, rel=2e-2)
 
 
-def test_thrust_available_is_that_of_full_throttle() -> None:
-    """The thrust at full throttle of the flexible aircraft and of a table."""
-    assert trimmed("hfa")[1]["sheet"]["thrust available"]["value"] == pytest.approx(200.0, rel=1e-3)
-    assert trimmed(UAV)[1]["sheet"]["thrust available"]["value"] == 60.0
-
-
 @pytest.mark.slow
 def test_thrust_of_a_propeller_whose_speed_is_a_state_is_not_invented() -> None:
     """The thrust of the Cessna follows the speed of its propeller."""
@@ -114,29 +107,6 @@ def test_thrust_of_a_propeller_whose_speed_is_a_state_is_not_invented() -> None:
     data = point.report().data
     assert "thrust available" not in values(data)
     assert "rpm0" in data["not_in_model"]["thrust available"]
-
-
-def test_a_model_without_forces_says_what_it_lacks() -> None:
-    """The GTM has no lift: each figure of it is "not in this model", not a number."""
-    data = trimmed(f"{ROOT}/examples/gtm.py:GTM")[1]
-    lacking = {"L/D", "power required", "speed / stall speed", "static margin"}
-    assert {*lacking, "neutral point behind c.g."} <= {*data["not_in_model"]}
-    assert {"elevator per g", "elevator per knot"} == {*values(data, "stability")}
-
-
-def test_a_value_outside_its_range_of_validity_is_marked() -> None:
-    """Validity compares the trim with the range of the model, for states and outputs."""
-    model = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
-    range_of = {
-        "alpha": (0.0, 0.04, "the wind tunnel"),
-        "speed": (50.0, 90.0, "the balance"),
-        "load_factor": (0.0, 2.0, "the structure"),
-    }
-    report = hfa.trim(replace(model, domain=Domain(range_of))).report()
-    found = values(report.data)
-    verdicts = [found[f"{name} in its range"] for name in range_of]
-    assert verdicts == ["OUTSIDE", "OUTSIDE", "inside"]
-    assert any("the wind tunnel" in note for note in report.notes)
 
 
 def glider(

@@ -326,36 +326,6 @@ def test_beyond_mach_1_the_calibrated_airspeed_has_the_pitot_pressure_of_rayleig
     assert found == pytest.approx(calibrated * 340.294 / KNOT, rel=1e-4)
 
 
-@pytest.mark.parametrize(
-    "name", [f"{EXAMPLES}/uav.toml", pytest.param("jsbsim:737", marks=pytest.mark.slow)]
-)
-def test_the_rate_of_climb_left_is_that_of_a_trim_at_full_thrust(name: str) -> None:
-    """A nonlinear climb at the same speed with all thrust climbs so fast within 10 %."""
-    pytest.importorskip("hfa_jsbsim")
-    point, data = sheet(name)
-    model = point.model
-    thrust = "throttle" if "throttle" in model.inputs else "thrust"
-    climbing = hfa.trim(model, hold={thrust: model.inputs[thrust].max}, free=("gamma",))
-    climb = climbing["speed"] * math.sin(climbing["gamma"])
-    scale = 60.0 if data["sheet"]["rate of climb left"]["unit"] == "ft/min" else 1.0
-    assert data["sheet"]["rate of climb left"]["value"] == pytest.approx(climb * scale, rel=0.1)
-    available = data["sheet"]["thrust available"]["value"]
-    at_trim = values(data).get("thrust_force", values(data).get("thrust"))
-    assert data["sheet"]["excess thrust"]["value"] == pytest.approx(available - at_trim)
-
-
-def test_the_distance_from_the_condition_of_the_derivatives_is_stated() -> None:
-    """A trim 5 m/s faster than the table, which is for an alpha of 0.02 rad."""
-    table = tomllib.loads((EXAMPLES / "uav.toml").read_text("utf-8"))
-    table["condition"]["alpha"] = 0.02
-    point = hfa.trim(hfa.from_derivatives(table), speed=40.0)
-    report = point.report()
-    assert report.data["sheet"]["speed from the table's"]["value"] == pytest.approx(5.0)
-    assert report.data["sheet"]["alpha from the table's"]["value"] == pytest.approx(
-        point["alpha"] - 0.02
-    )
-
-
 # Levels of flying qualities.
 
 
@@ -472,17 +442,6 @@ def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
 
 
 # Doubts, advice, several sheets.
-
-
-def test_a_sheet_of_degrees_taken_as_radians_is_doubted(folder: Path) -> None:
-    """Alpha of 143 deg, limits beyond a turn, inertias of no body: each is named, trim or not."""
-    text = (EXAMPLES / "uav.toml").read_text("utf-8")
-    text = text.replace('["-25 deg", "25 deg"]', "[-25, 25]").replace("Izz = 1.759", "Izz = 2.9")
-    Path("wrong.toml").write_text(text, "utf-8")
-    result = command("trim", "--aircraft", "wrong.toml")
-    said = " ".join((result.out + result.err).split())
-    for name in ("elevator is 25 rad", "rudder is 25 rad", "no rigid body"):
-        assert name in said
 
 
 def test_conditions_of_a_file_are_rows_of_a_matrix(folder: Path) -> None:

@@ -68,20 +68,3 @@ def test_exported_c_equals_the_interpolated_model(model: InterpolatedModel, fold
             in_shape = np.array(in_c).reshape(values.shape)
             np.testing.assert_allclose(in_shape, values, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(function([0.5, 80.0])[2], function([eta[-1], 76.0])[2])
-
-
-def test_the_error_decreases_quadratically_with_the_step(model: InterpolatedModel) -> None:
-    """Halving the grid step reduces the error at the middles of the cells about four times."""
-    finer = {name: np.linspace(axis[0], axis[-1], 2 * len(axis) - 1) for name, axis in GRID.items()}
-    errors = []
-    for between in (model, InterpolatedModel(sweep(hfa.aircraft(), finer))):
-        axes = zip(GRID, between.axes, strict=True)
-        middles = {name: (axis[1:] + axis[:-1]) / 2 for name, axis in axes}
-        exact = sweep(hfa.aircraft(), middles)
-        near = between.at(**dict(zip(GRID, exact.values.T, strict=True)))
-        pairs = (near.A, exact.A), (near.B, exact.B)
-        errors.append(
-            [(np.abs(a - b).max(axis=(1, 2)) / np.abs(b).max(axis=(1, 2))).max() for a, b in pairs]
-        )
-    ratios = np.divide(*errors)
-    assert ((ratios > 3.0) & (ratios < 5.0)).all(), ratios

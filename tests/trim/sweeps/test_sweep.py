@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -113,31 +113,6 @@ def test_a_list_is_given_by_conditions(command: str, tmp_path: Path) -> None:
     words = (command, "--condition", str(path), "--dihedral", "10")
     assert_refused(hfa(*words), 2, f"`hfa {command} --conditions FILE`")
     assert hfa(command, "--conditions", str(path)).code == 0
-
-
-def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path: Path) -> None:
-    """Points listed in a file, in degrees, are swept in their order.
-
-    The second point equals its single trim.
-    """
-    path = tmp_path / "points.csv"
-    path.write_text(
-        "speed,dihedral,climb_rate,panel_mass\n64,5,0,9.33\n68,10,1,9.3\n", encoding="utf-8"
-    )
-    words = ("sweep", "--conditions", str(path), "--free", "gamma")
-    data = json.loads(hfa(*words, "--json").out)
-    columns = {"speed": [64.0, 68.0], "dihedral": np.radians([5.0, 10.0]), "climb_rate": [0.0, 1.0]}
-    columns["panel_mass"] = [9.33, 9.3]
-    np.testing.assert_array_equal(data["values"], np.column_stack(list(columns.values())))
-    base = release(level_flight(0.0), free=("gamma",))
-    swept = sweep(published_aircraft, columns, condition=base, listed=True)
-    np.testing.assert_array_equal(data["A"], swept.A)
-    lighter = aircraft_of(
-        parameters=hfa_model.parameters_of(published_aircraft)._replace(panel_mass=9.3)
-    )
-    held = {"speed": 68.0, "dihedral": float(np.radians(10.0)), "climb_rate": 1.0}
-    alone = linearize(lighter, trim(lighter, release(base, hold=held)))
-    np.testing.assert_allclose(swept.A[1], alone.A, rtol=1e-9, atol=1e-12)
 
 
 # Many points together, compared with single trims.
@@ -280,6 +255,22 @@ def test_a_store_is_resumed_with_its_own_sweep_only(more: str, store: Path) -> N
 
 
 # Printed reports.
+
+
+def test_a_long_sweep_prints_its_ends(published_aircraft: Model) -> None:
+    """The report has the first and last rows and all points without a trim; the records have each."""
+    speeds = np.linspace(68.0, 75.0, 401)
+    speeds[[100, *range(200, 222)]] = 30.0
+    result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
+    text = result.report().text(width=None)
+    assert "(361 more)" in text
+    assert len(re.findall(r"^ *5\.7\d* {2,}", text, re.MULTILINE)) == 80
+    assert "3 more points have no trim" in text
+    records = result.records()
+    kept, failed = (dict(zip(records.header, records.rows[i], strict=True)) for i in (7, 100))
+    assert (kept["status"], failed["reason"]) == ("trimmed", result.reasons[100])
+    assert kept["input throttle [1]"] == result.inputs[7, 0]
+    assert kept["A(speed, pitch_rate) [(ft/s^2)/(rad/s)]"] == result.A[7, 0, 3]
 
 
 def test_the_root_locus_has_paths_and_ends(published_aircraft: Model) -> None:

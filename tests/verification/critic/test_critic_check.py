@@ -116,18 +116,6 @@ def test_wrong_shapes_and_numbers_are_named(game: Game, case: str) -> None:
     assert "\n" not in str(refusal.value)
 
 
-def test_solutions_and_runs_are_critics(game: Game) -> None:
-    """`verify` accepts a solution, a list of gains and a training run as critics."""
-    assert verify(game, solved(game)).ok
-    assert verify(game, gain(game).tolist()).grade == "exact"
-    run = learn(game, seed=0)
-    of_run = verify(game, run)
-    assert of_run.ok
-    names = {check.name for check in of_run.checks}
-    of_critic = verify(game, run.critic(game))
-    assert {check.name for check in of_critic.checks} == names - {"data_rank"}
-
-
 def test_a_file_is_read_for_its_game(game: Game) -> None:
     """A gain can be read from a file without a game. For a value, or a gain with units, a game is
     required.

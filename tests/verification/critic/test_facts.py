@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_models import game_at
+from known_models import game_at, model_at
 
 import hfa
 from controller import bounded_real_gain, disk_margin
 from hfa import solve, verify
+from verification import nonlinear_plant
 
 
 def test_a_gain_above_delta_fails_and_margins_are_of_both_policies() -> None:
@@ -43,3 +44,16 @@ def test_a_wide_limit_permits_its_error_of_a_semidefinite_value() -> None:
         checks = verify(game, hfa.from_value(game, P), limit=limit).checks
         (least,) = [check for check in checks if check.name == "P_smallest_eigenvalue"]
         assert least.ok is is_ok
+
+
+def test_inputs_of_the_nonlinear_plant_end_at_their_limits() -> None:
+    """Inputs are deviations from the trim, which end where the inputs reach their limits."""
+    linear = model_at(15.0)
+    plant = nonlinear_plant(linear)
+    signals = [linear.model.inputs[name] for name in linear.inputs]
+    lowest, highest = ([getattr(each, end) for each in signals] for end in ("min", "max"))
+    np.testing.assert_allclose(plant.lowest + linear.point.u, lowest, atol=1e-12)
+    np.testing.assert_allclose(plant.highest + linear.point.u, highest, atol=1e-12)
+    for u, limit in ((1000.0, plant.highest), (-1000.0, plant.lowest)):
+        held = np.array(plant.rates(np.zeros(6), limit))
+        assert np.array(plant.closed(np.zeros(6), np.full(5, u))) == pytest.approx(held, rel=1e-12)

@@ -4,67 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import answer
 from extension import Extension
 from game_files import stored
-from planted_critics import gain, other_root, value
 from scipy.linalg import solve_discrete_lyapunov
 
 from hfa import (
     BadInputError,
-    Critic,
     Game,
     from_gain,
-    from_network,
-    from_value,
     solve,
     verify,
 )
 from hfa.extend import Check
 from tests.support.steps_of import in_steps
-from verification import Scope
 
 network_files = Extension("network_files")
 
 pytestmark = pytest.mark.usefixtures("folder")
-
-
-def bent_actor(game: Game) -> Critic:
-    """Return the policy u = -10 K tanh(z / 10), which is exact only to first order at z = 0."""
-    layers = {"0.weight": 0.1 * np.eye(6), "2.weight": -10.0 * gain(game)}
-    return from_network(game, network_files.torch_file("bent.pt", layers), activation="tanh")
-
-
-CRITICS: dict[str, Any] = {
-    "exact": lambda game: from_value(game, value(game)),
-    "other root": lambda game: from_value(game, other_root(game)),
-    "huge": lambda game: from_value(game, 1e40 * value(game)),
-    "overflowing": lambda game: from_gain(game, np.full((5, 6), 1e300)),
-    "unstable": lambda game: from_gain(game, -gain(game)),
-    "near": lambda game: from_gain(game, (1.0 + 1.23456e-5) * gain(game)),
-    "bent": bent_actor,
-}
-
-
-@pytest.mark.parametrize("name", CRITICS)
-def test_the_first_line_states_grade_and_stability(game: Game, name: str) -> None:
-    """Grade and stability of each planted critic are in the first line, in at most 80 columns."""
-    scope = Scope(flights=3)
-    verdict = verify(game, CRITICS[name](game), scope=scope)
-    unstable = name in ("other root", "huge", "overflowing", "unstable")
-    for limit_cost in (None, 1e-3):
-        line, *further = verdict.report(limit_cost=limit_cost).title.splitlines()
-        assert len(line) <= 80
-        assert further
-        grade = "PASS" if verdict.holds(limit_cost) else "FAIL"
-        if limit_cost is None and name in ("near", "bent"):
-            grade = "NEAR"
-        assert line.startswith(grade)
-        assert ("not stabilizing" in line) == unstable
 
 
 # Networks: searched states, and simulations.
@@ -77,17 +37,6 @@ def test_several_critics_pass_together_only() -> None:
     words = ("verify", "--model", plant, "--weights")
     assert answer(*words, files[0])["ok"]
     assert not answer(*words, *files, code=1)["ok"]
-
-
-def test_the_command_prints_the_source_of_weights(game: Game) -> None:
-    """The report states the source of Q, R and delta: the file, an option, or the default."""
-    plant = stored("plant.json", A=[[1.0]], B=[[1.0]], Q=[[2.0]])
-    critic = stored("K.npz", K=np.array([[1.0 + np.sqrt(3.0)]]))
-    result = hfa("verify", "--model", plant, "--R", "1", "--weights", critic)
-    assert "Q diag(2) (file), R diag(1) (given), delta inf (default)" in result.out
-    data = answer("verify", "--model", plant, "--R", "1", "--weights", critic)
-    assert data["weights_from"] == {"Q": "file", "R": "given", "delta": "default"}
-    assert (data["Q"], data["R"], data["grade"]) == ([[2.0]], [[1.0]], "exact")
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,7 @@ def test_published_weights_of_gops_are_checked() -> None:
 
 
 def test_the_scale_of_inputs_is_applied(game: Game) -> None:
-    """A policy with scaled inputs passes with its scale. A scale of wrong length is refused."""
+    """A policy, and a layer on a basis, of scaled inputs. A scale of wrong length is refused."""
     scale = np.array([1 / 7.0, *[10.0] * 5])
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
     assert verify(game, from_network(game, path, scale=scale), scope=Scope(flights=1)).ok
@@ -81,6 +81,11 @@ def test_the_scale_of_inputs_is_applied(game: Game) -> None:
         "does not consist of 6 finite numbers"
         in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
     )
+    layer = stored("layer.npz", weight=np.arange(1.0, 22.0)[None], bias=np.zeros(1))
+    own, scaled = (
+        from_network(game, layer, basis="quadratic", scale=each) for each in (None, scale)
+    )
+    np.testing.assert_allclose(scaled.P, own.P * np.outer(scale, scale), rtol=1e-12)
 
 
 def test_v_and_a_policy_are_checked_together(game: Game) -> None:

@@ -100,3 +100,10 @@ def test_the_selected_actor_of_twin_networks_is_read(game: Game) -> None:
     critic = from_network(game, path, network="policy=actor", activation="tanh")
     actor = tensors["actor.2.weight"] @ tensors["actor.0.weight"]
     assert pytest.approx(-actor, rel=1e-12) == critic.K
+
+
+def test_q_functions_with_other_input_numbers_are_refused() -> None:
+    """A Q function with another number of inputs than the plant is refused."""
+    nodes = [("Concat", "x u", "z", {"axis": 1}), ("MatMul", "z w", "y")]
+    path = onnx_file("odd.onnx", nodes, {"w": np.ones((10, 1))}, inputs=4)
+    assert "has 4 entries instead of 5" in refusal(path, inputs=5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from network_files import read, refusal, torch_file
+from network_files import refusal, torch_file
 
 RANDOM = np.random.default_rng(7)
 STATES = 6
@@ -32,32 +32,6 @@ def actor(prefix: str, names: tuple[str, ...] = ("0", "2", "4")) -> dict[str, np
 
 def critic(prefix: str, names: tuple[str, ...] = ("0", "2", "4")) -> dict[str, np.ndarray]:
     return chain(prefix, names, (STATES, 8, 8, 1))
-
-
-def of_one_module() -> tuple[dict[str, np.ndarray], list[str]]:
-    """Return a state dict with a policy and a value, of which names tell the policy."""
-    tensors = {"log_std": np.zeros(ACTIONS), **actor("actor."), **critic("critic.")}
-    tensors |= {"optimizer.state.0.exp_avg": np.ones((8, STATES))}
-    return tensors, ["actor.0", "actor.2", "actor.4"]
-
-
-def of_one_matrix() -> tuple[dict[str, np.ndarray], list[str]]:
-    """Return the tensors of ARS: one matrix."""
-    return {"action_net.0.weight": RANDOM.normal(size=(ACTIONS, STATES))}, ["action_net.0"]
-
-
-@pytest.mark.parametrize("layout", [of_one_module, of_one_matrix])
-def test_policies_are_read_beside_other_networks(layout) -> None:
-    """Policies give the outputs of their layers."""
-    tensors, layers = layout()
-    path = torch_file("a.pt", tensors)
-    policy = read(path, inputs=ACTIONS, activation="tanh", network="policy=").policy
-    for x in 3.0 * RANDOM.normal(size=(20, STATES)):
-        h = x
-        for name in layers:
-            h = tensors[f"{name}.weight"] @ h + tensors.get(f"{name}.bias", 0.0)
-            h = np.tanh(h) if name != layers[-1] else h
-        assert np.array(policy(x)).ravel() == pytest.approx(h, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -67,33 +67,6 @@ def _network(activation: Any) -> Any:
     return _sequential(_sequential(first, activation), _linear(WEIGHTS[1], BIASES[1]))
 
 
-def test_a_sequential_equals_its_state_dict(folder: Any) -> None:
-    """The policy of a Sequential equals the formula of the network.
-
-    Its cost equals that of the same weights read from a file. With another activation, the policy
-    differs.
-    """
-    network = _network(_module("Tanh"))
-    critic = hfa.from_network(GAME, network)
-    assert critic.origin.startswith("network 2 -> tanh 8 -> 1, ")
-    for z in POINTS:
-        u = WEIGHTS[1] @ np.tanh(WEIGHTS[0] @ z + BIASES[0])
-        assert np.asarray(critic.policy(z)).ravel() == pytest.approx(u, rel=1e-12)
-    arrays = zip(WEIGHTS, BIASES, strict=True)
-    named = {f"{2 * i}.{name}": a for i, pair in enumerate(arrays) for name, a in _named(pair)}
-    np.savez("policy.npz", **named)
-    of_file = hfa.verify(GAME, hfa.read_critic("policy.npz", GAME, activation="tanh"))
-    assert hfa.verify(GAME, critic).cost_lost == of_file.cost_lost
-    other = hfa.from_network(GAME, _network(_module("ReLU")))
-    assert np.asarray(other.policy(POINTS[0])) != pytest.approx(
-        np.asarray(critic.policy(POINTS[0])), rel=1e-3
-    )
-
-
-def _named(pair: tuple[np.ndarray, np.ndarray]) -> Any:
-    return zip(("weight", "bias"), pair, strict=True)
-
-
 def test_another_module_is_read_through_its_state_dict() -> None:
     """A module of the user's class is the network of its state dict, with the given activation.
 
