@@ -51,7 +51,6 @@ class Endings:
 
     outcomes: `Outcome` of each flight, (N,)
     nearest: distance of each flight in its last window, (N,)
-    in_ball_from: number of the window from which each flight is in the ball, (N,)
     left_at: number of the step at which each flight left the limits, (N,)
     left_with: states at this step, (N, n)
     """
@@ -78,7 +77,6 @@ class Endings:
         count, n = limits[0].shape
         self.outcomes = np.full(count, Outcome.UNDECIDED, dtype=object)
         self.nearest = np.full(count, np.inf)
-        self.in_ball_from = np.zeros(count, dtype=int)
         self.left_at = np.zeros(count, dtype=int)
         self.left_with = np.full((count, n), np.nan)
         self._least, self._most = limits
@@ -94,9 +92,7 @@ class Endings:
         number = flown.first // (flown.states.shape[1] - 1)
         if number == self._windows - _GROWTH:
             self._earlier[flying] = self.nearest[flying]
-        distance = self._distance(flown)
-        self.in_ball_from[flying[distance > 1.0]] = number + 1
-        self.nearest[flying] = distance
+        self.nearest[flying] = self._distance(flown)
         left = self._mark_departures(flown)
         self.outcomes[flying[left]] = Outcome.LEFT
         mask = np.zeros(flown.states.shape[:2], dtype=bool)

@@ -122,10 +122,8 @@ class Outcomes(Result):
         equilibrium at the end. If the loop is unstable, the distance must also not grow before the
         end.
     left_envelope: number of flights that left the limits of the model's states.
-    worst_initial: linear state -> initial value of the worst flight.
-    worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
-        "converges".
-    slowest_convergence: longest time of convergence, s, or 0 if no flight converges.
+    worst_initial: linear state -> initial value of the worst flight: that which leaves first, or
+        else ends farthest from the equilibrium.
     limit_cycle: limit cycle of a flight that does not converge or is about an unstable equilibrium,
         or None.
     converged_elsewhere: number of flights that converge to another equilibrium.
@@ -140,8 +138,6 @@ class Outcomes(Result):
     converged: int
     left_envelope: int
     worst_initial: dict[str, float]
-    worst_outcome: str
-    slowest_convergence: float
     limit_cycle: LimitCycle | None
     converged_elsewhere: int
     other_equilibrium: dict[str, float]
@@ -181,7 +177,6 @@ class PlacedFlights:
     pushes: disturbance pulses, (N, k).
     first: initial states of the flights, (N, s).
     states: states at the end of each flight, (N, s).
-    times: time of convergence of each flight that converged, otherwise its duration, s, (N,).
     endings: how each flight ended.
     swings: half the range of each linear state in the last window, (N, k), or 0 for a state that
         does not count.
@@ -210,7 +205,6 @@ class PlacedFlights:
         self.trims = np.array(trims)[owners]
         self.first = flight.start(starts, self.trims)
         self.states = self.first.copy()
-        self.times = np.zeros(len(owners))
         self.seconds = seconds
         self.pushes = pushes
         k = len(model.linear)
@@ -238,7 +232,6 @@ class PlacedFlights:
         """Simulate all flights, each until it ends or its duration has elapsed."""
         samples = self.flight.compiled(len(self.owners), self.seconds)
         window = self.flight.samples_in_window
-        of_window = window * self.flight.dt
         windows = self.flight.windows(self.seconds)
 
         def work(numbers: np.ndarray) -> None:
@@ -249,7 +242,7 @@ class PlacedFlights:
                     shown(flown.first // window + 1, windows)
                 return self.endings.over(replace(flown, flights=numbers[flown.flights]))
 
-            flown, ends = samples.fly(
+            flown, _ = samples.fly(
                 self.first[numbers],
                 self.trims[numbers],
                 windows * window,
@@ -259,14 +252,11 @@ class PlacedFlights:
                 keep=False,
             )
             self.states[numbers] = flown.states[:, 0]
-            self.times[numbers] = ends // window * of_window
 
         in_threads(work, len(self.owners), (window + 1) * self.first.shape[1])
         if progress is not None:
             progress(windows, windows)
         self.endings.close()
-        back = self.endings.outcomes == Outcome.CONVERGED
-        self.times[back] = (self.endings.in_ball_from[back] + 1) * of_window
 
     def distance(self, flown: History) -> np.ndarray:
         """Return the distance of each flight from its equilibrium in a window, in balls, (N,).
@@ -298,10 +288,10 @@ class PlacedFlights:
         lost = mine[ends == Outcome.LEFT]
         returned = mine[ends == Outcome.CONVERGED]
         neither = mine[(ends != Outcome.LEFT) & (ends != Outcome.CONVERGED)]
-        worst, end = self._worst(neither, returned)
         left = None
+        worst = int(mine[np.argmax(self.endings.nearest[mine])])
         if lost.size:
-            worst, end = int(lost[np.argmin(self.endings.left_at[lost])]), Outcome.LEFT
+            worst = int(lost[np.argmin(self.endings.left_at[lost])])
             left = self._departure(worst, place)
         at_start = self.first[worst][self.linear]
         cycle = None
@@ -320,8 +310,6 @@ class PlacedFlights:
             converged=len(returned),
             left_envelope=len(lost),
             worst_initial=dict(zip(model.linear, at_start.tolist(), strict=True)),
-            worst_outcome=str(end),
-            slowest_convergence=float(self.times[returned].max(initial=0.0)),
             limit_cycle=cycle,
             converged_elsewhere=elsewhere,
             other_equilibrium=elsewhere_at,
@@ -386,14 +374,6 @@ class PlacedFlights:
             at[0] = True
             steady = steady[~at]
         return count, first, inputs
-
-    def _worst(self, neither: np.ndarray, returned: np.ndarray) -> tuple[int, str]:
-        """Return the index of the worst flight that stays inside the envelope, and its outcome."""
-        if neither.size:
-            return int(neither[np.argmax(self.endings.nearest[neither])]), Outcome.UNDECIDED
-        if returned.size:
-            return int(returned[np.argmax(self.times[returned])]), Outcome.CONVERGED
-        return 0, ""
 
 
 def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.march.ending import is_within
 from hfa_aircraft.march.refinement import Figures, IntegrationError, ReportedFigure, resolved
 from hfa_flight.judge.outcomes import Place, seeded_starts
 from hfa_flight.simulate.envelope import flight_envelope
@@ -72,8 +71,7 @@ def _largest_deviations(flight: SampledFlight, places: Sequence[Place], seed: in
     envelopes = [flight_envelope(deployed.model, place.point) for place in places]
     least = np.array([each.least for each in envelopes])[owners, None]
     most = np.array([each.most for each in envelopes])[owners, None]
-    within = is_within(lowest, least, most) & is_within(highest, least, most)
-    inside = np.logical_and.accumulate(within, axis=1)
+    inside = np.logical_and.accumulate(flight.stays(flown.states, least, most), axis=1)
     inside[:, 0] = True
     trim = trims[:, None, : lowest.shape[2]]
     farthest = np.maximum(highest - trim, trim - lowest)

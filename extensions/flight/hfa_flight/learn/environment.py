@@ -83,9 +83,8 @@ def environment(
     >>> observation.shape, flights.action_space.shape
     ((2,), (1,))
     """
-    trims = training_trims(model, points)
-    deployed = _deployment(model, trims, deployment, dt, Q, R)
-    episodes = _episodes(model, deployed, trims, 1, seconds, turbulence, vary)
+    default = {"dt": dt, "Q": Q, "R": R}
+    episodes = _episodes(model, deployment, points, 1, seconds, turbulence, vary, default)
     make = _made(
         "gymnasium", "gymnasium", "hfa_flight.learn.gymnasium_environment", "AircraftEnvironment"
     )
@@ -119,9 +118,8 @@ def vector_environment(
     >>> flights = hfa.vector_environment(model, deployment, count=16)  # doctest: +SKIP
     >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
-    trims = training_trims(model, points)
-    deployed = _deployment(model, trims, deployment, dt, Q, R)
-    episodes = _episodes(model, deployed, trims, count, seconds, turbulence, vary)
+    default = {"dt": dt, "Q": Q, "R": R}
+    episodes = _episodes(model, deployment, points, count, seconds, turbulence, vary, default)
     module = "hfa_flight.learn.vector_environment"
     make = _made("stable_baselines3", "stable-baselines3", module, "AircraftVectorEnvironment")
     made: VecEnv = make(episodes)
@@ -139,13 +137,12 @@ def _deployment(
     model: Model,
     trims: Sequence[OperatingPoint],
     given: Deployment | str | Path | None,
-    dt: float | None,
-    Q: Any,
-    R: Any,
+    default: Mapping[str, Any],
 ) -> Deployment:
-    """Return the given deployment, or the default deployment of a model."""
+    """Return the given deployment, or the default one of a model with given dt, Q and R."""
+    dt, Q, R = default.values()
     if given is not None:
-        for name, value in (("dt", dt), ("Q", Q), ("R", R)):
+        for name, value in default.items():
             if value is not None:
                 entry = "timing.dt" if name == "dt" else f"cost.{name}"
                 raise BadInputError(
@@ -171,13 +168,16 @@ def _weights(matrix: str, model: Model, given: Any) -> dict[str, float]:
 
 def _episodes(
     model: Model,
-    deployment: Deployment,
-    trims: tuple[OperatingPoint, ...],
+    given: Deployment | str | Path | None,
+    points: Iterable[Any] | None,
     count: int,
     seconds: float,
     turbulence: Turbulence | None,
     vary: Mapping[str, tuple[float, float]] | None,
+    default: Mapping[str, Any],
 ) -> Episodes:
+    trims = training_trims(model, points)
+    deployment = _deployment(model, trims, given, default)
     refuse_unless_whole("count", count, 1)
     if all("box" in entry for entry in deployment.action.values()):
         deployment = deployment.changed(policy={})  # its file may be what is trained here

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from hfa_aircraft.march.ending import is_within
 from hfa_aircraft.model import Model
 from hfa_flight.air.delay import steps_of
 from hfa_flight.air.held_step import parts_of_a_sample
@@ -106,10 +105,8 @@ def _stay(
     trims = np.tile(flight.deployed.trim_vector(point), (count, 1))
     ticks = steps_of(_SURVIVED, flight.dt)
     flown, _ = samples.fly(flight.start(starts, trims), trims, ticks)
-    lowest, highest = flight.extremes(flown.states)
     envelope = flight_envelope(model, point)
-    within = is_within(lowest, envelope.least, envelope.most)
-    stays = (within & is_within(highest, envelope.least, envelope.most)).all(axis=1)
+    stays = flight.stays(flown.states, envelope.least, envelope.most).all(axis=1)
     shares = stays.reshape(len(directions), len(_SHARES))
     all_smaller = np.logical_and.accumulate(shares[:, ::-1], axis=1)[:, ::-1]
     return np.where(all_smaller.any(axis=1), _SHARES[all_smaller.argmax(axis=1)], _SHARES[-1])

@@ -22,7 +22,6 @@ from hfa_flight.plan.planner import Planner
 from hfa_flight.plan.problem import FlightProblem, flight_problem
 from hfa_flight.plan.receding import RecedingHorizon, Samples
 from hfa_flight.plan.scaled import ScaledProblem
-from hfa_flight.policies.laws import compared
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import (
@@ -171,7 +170,6 @@ class Predictive(SampledPolicy):
         """Return what the samples of the last flight needed, and what they found."""
         done = self.samples
         lines = [
-            compared(self.name),
             f"Plans minimize the {self.problem.weights_text()}.",
             f"Plans of {self.holds.sum():.3g} s in {len(self.holds)} holds, one every "
             f"{self.dt:g} s; not proved to converge or to stay inside.",

@@ -23,7 +23,6 @@ from hfa_flight.plan.nearest_inputs import NearestInputs
 from hfa_flight.plan.problem import FlightProblem, flight_problem
 from hfa_flight.plan.scaled import ScaledProblem
 from hfa_flight.plan.smooth import smooth_slopes
-from hfa_flight.policies.laws import compared
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, refuse_unless_positive, shown
@@ -92,7 +91,6 @@ class StateDependent(SampledPolicy):
         """Return what the samples of the last flight needed."""
         kept = ", ".join(self.law.nearest.states) or "no state"
         lines = [
-            compared(self.name),
             f"The game has the {self.problem.weights_text()}.",
             f"One Riccati equation every {self.dt:g} s; kept inside: {kept}.",
         ]

@@ -534,8 +534,6 @@ class Flight(StatesAndInputs, Result, Reported):
             outcome = f"inside the envelope for {duration}, but not within the control limits"
         else:
             outcome = f"{duration} inside the envelope and the control limits"
-            if np.allclose(self.states, self.point.states, rtol=1e-9, atol=1e-9):
-                outcome += "; nothing moved it"
         lines = [f"{verdict_text(self.ok)}: {outcome}", flight]
         lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
         if self.integration is not None and not self.integration.is_resolved:

@@ -22,9 +22,10 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.network.row_network import RowNetwork
+from hfa_aircraft.march.ending import is_within
 from hfa_aircraft.march.march import History, Over, march
 from hfa_aircraft.march.steppers import Stepper, Unobserved
-from hfa_flight.air.delay import in_samples, steps_of
+from hfa_flight.air.delay import Delay, in_samples, steps_of
 from hfa_flight.air.held_step import held_step
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
@@ -79,14 +80,9 @@ class SampledFlight:
     winds: tuple[str, ...] = ()
 
     @property
-    def whole_samples_of_delay(self) -> int:
-        """Number of complete samples in the delay."""
-        return in_samples(self.delay, self.dt).whole
-
-    @property
-    def rest_of_delay(self) -> float:
-        """Time after a sample, s, during which the earlier of two delayed commands still acts."""
-        return in_samples(self.delay, self.dt).rest
+    def late(self) -> Delay:
+        """The delay in samples, after whose rest the later of two delayed commands acts."""
+        return in_samples(self.delay, self.dt)
 
     @cached_property
     def has_past(self) -> bool:
@@ -99,7 +95,7 @@ class SampledFlight:
         model = self.deployed.model
         n = len(model.states)
         past = self.deployed.past if self.has_past else 0
-        memory = len(model.inputs) * (self.whole_samples_of_delay + 1)
+        memory = len(model.inputs) * (self.late.whole + 1)
         return n, memory, past, 2 * n
 
     @cached_property
@@ -142,7 +138,7 @@ class SampledFlight:
         commands_of = commands(self.deployed) if self.commands_of is None else self.commands_of
         U = commands_of(raw, X, before, trim)
         p = trim[n + m :]
-        whole, rest = self.whole_samples_of_delay, self.rest_of_delay
+        whole, rest = self.late
         acting = U if whole == 0 else memory[(whole - 1) * m : whole * m]
         step_late = self._step(self.dt - rest)
         if rest:
@@ -183,12 +179,17 @@ class SampledFlight:
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         inputs = trims[:, n : n + m]
-        memory = np.tile(inputs, (1, self.whole_samples_of_delay + 1))
+        memory = np.tile(inputs, (1, self.late.whole + 1))
         past = np.zeros((len(states), 0))
         if self.has_past:
             observed = RowFunction(self.deployed.observe)(states, inputs, trims)[0]
             past = np.tile(observed, (1, self.deployed.deployment.history - 1))
         return np.hstack([states, memory, past, states, states])
+
+    def stays(self, states: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
+        """Return whether the extremes of samples are within limits (..., n), (...)."""
+        lowest, highest = self.extremes(states)
+        return is_within(lowest, least, most) & is_within(highest, least, most)
 
     def extremes(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and the highest X of a sample from states of flights, (..., n) each."""
