@@ -65,11 +65,13 @@ def test_a_changed_aircraft_is_refused(folders: Path) -> None:
 
 
 def test_files_that_name_each_other_are_refused(folders: Path) -> None:
-    """A chain of files ends in one line, whatever its length; a chain to a table is read."""
+    """A circle or a long chain of files ends in one line; a short chain to a table is read."""
     (folders / "one.toml").write_text('aircraft = "../here/two.toml"\n')
     (folders / "two.toml").write_text('aircraft = "one.toml"\n')
     (folders / "self.toml").write_text('aircraft = "self.toml"\n')
-    for name in ("one.toml", "two.toml", "self.toml"):
+    for number in range(500):
+        (folders / f"{number}.toml").write_text(f'aircraft = "{number + 1}.toml"\n')
+    for name in ("one.toml", "two.toml", "self.toml", "0.toml"):
         result = hfa("trim", "--aircraft", str(folders / name))
         assert_refused(result, 2, "name each other", name)
     (folders / "two.toml").write_text('aircraft = "uav.toml"\n[parameters]\nCL_0 = 0.10\n')
