@@ -10,12 +10,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_support.errors import BadInputError, refuse_unless_positive
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Result
 
-#: Default bandwidth, rad/s, and damping of the command filter, those of SimVFA (Thomsen 2018).
-COMMAND_FILTER = (0.5, 2.0)
+#: Bandwidth, rad/s, and damping of the command filter, those of SimVFA (Thomsen 2018).
+BANDWIDTH, DAMPING = 0.5, 2.0
 #: Interface of a reference, disturbance or noise: `size` n, and `at(t)`, the value (n,) at an
 #: expression t. `until` is the time, s, at which the signal becomes constant; inf if it is missing.
 TimeVector = Any
@@ -25,13 +25,13 @@ TimeVector = Any
 class CommandSteps(Reported):
     """Filtered command steps: r'' = ω² (r_step(t) - r) - 2 ζ ω r', with r = r' = 0 initially.
 
+    ω = 0.5 rad/s and ζ = 2.
+
     r(t) = Σ_i (R_i - R_i-1) s(t - t_i), R_-1 = 0, where s(t) is the step response of the filter.
 
     names: commanded outputs
     times: t_i, (S,), s, increasing and at least 0
     values: R, (S, k), deviations from trim in the units of the outputs
-    bandwidth: ω, rad/s
-    damping: ζ
 
     Raises BadInputError if a number or a shape is wrong, or a name occurs twice.
     """
@@ -39,8 +39,6 @@ class CommandSteps(Reported):
     names: tuple[str, ...]
     times: np.ndarray
     values: np.ndarray
-    bandwidth: float = COMMAND_FILTER[0]
-    damping: float = COMMAND_FILTER[1]
 
     def __post_init__(self) -> None:
         """Raise BadInputError if shapes, numbers or names are wrong."""
@@ -59,16 +57,14 @@ class CommandSteps(Reported):
                 "the times of the commands do not increase from 0 s or later; give increasing "
                 "times of at least 0 s"
             )
-        for name in ("bandwidth", "damping"):
-            refuse_unless_positive(f"the {name} of the command filter", getattr(self, name))
 
     def at(self, t: Any) -> ca.SX:
         """Return r(t), (k,), as a CasADi expression."""
-        return self._summed(t, lambda late: self._response(late)[0])
+        return self._summed(t, lambda late: _response(late)[0])
 
     def rate(self, t: Any) -> ca.SX:
         """Return r'(t), (k,), as a CasADi expression."""
-        return self._summed(t, lambda late: self._response(late)[1])
+        return self._summed(t, lambda late: _response(late)[1])
 
     def end(self, t: Any) -> ca.SX:
         """Return the unfiltered command r_step(t), (k,), as a CasADi expression."""
@@ -82,23 +78,16 @@ class CommandSteps(Reported):
             total = total + ca.DM(jump) * response(t - begin)
         return total
 
-    def _response(self, late: Any) -> tuple[Any, Any]:
-        """Return the step response s and its derivative s' at τ = max(late, 0) s after a step."""
-        # s = 1 - e c - ζω e σ, s' = ω² e σ with e = exp(-ζωτ), c = cosh(vτ), σ = sinh(vτ)/v and
-        # v² = ω² (ζ² - 1)
-        middle = self.damping * self.bandwidth
-        tau = ca.fmax(late, 0.0)
-        v = self.bandwidth * math.sqrt(abs(self.damping**2 - 1))
-        if self.damping > 1.0:  # in a form that does not overflow
-            slow = ca.exp(-(middle - v) * tau)
-            fast = ca.exp(-(middle + v) * tau)
-            even = (slow + fast) / 2
-            odd = (slow - fast) / (2 * v)
-        else:
-            decay = ca.exp(-middle * tau)
-            even = decay * ca.cos(v * tau)
-            odd = decay * (ca.sin(v * tau) / v if v else tau)
-        return 1 - even - middle * odd, self.bandwidth**2 * odd
+
+def _response(late: Any) -> tuple[Any, Any]:
+    """Return the step response s and its derivative s' at τ = max(late, 0) s after a step."""
+    # s = 1 - (q e^(-pτ) - p e^(-qτ)) / (q - p) with the poles -p and -q
+    middle = DAMPING * BANDWIDTH
+    apart = BANDWIDTH * math.sqrt(DAMPING**2 - 1.0)
+    tau = ca.fmax(late, 0.0)
+    p, q = middle - apart, middle + apart
+    slow, fast = ca.exp(-p * tau), ca.exp(-q * tau)
+    return 1.0 - (q * slow - p * fast) / (q - p), p * q * (slow - fast) / (q - p)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario
-from hfa_flight.air.signals import CommandSteps
+from hfa_flight.air.signals import BANDWIDTH, DAMPING, CommandSteps
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.policies.tables import table_expression
 from hfa_flight.schedule.gain_schedule import GainSchedule
@@ -83,7 +83,7 @@ class TrimPath(Result):
             "names": self.commands.names,
             "values": self.commands.values,
             "times": self.commands.times,
-            "filter": (self.commands.bandwidth, self.commands.damping),
+            "filter": (BANDWIDTH, DAMPING),
         }
 
 
