@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.waveform import Waveform, zero
+from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.actuators import ActuatorBank
 from hfa_flight.air.delay import in_samples, steps_of
 from hfa_flight.air.gust_equations import in_gusts, undeclared
@@ -213,9 +213,7 @@ class Scenario(Reported):
         return max(ends, default=0.0)
 
     def on(self, model: Model) -> Scenario:
-        """Return this scenario completed for a model.
-
-        A missing initial condition or signal becomes 0.
+        """Return this scenario with a missing initial condition of 0, checked for a model.
 
         Raises BadInputError if the scenario names an unknown parameter, state or disturbance, if
         its gust needs a disturbance that the model neither declares nor receives from `in_gusts`,
@@ -232,19 +230,13 @@ class Scenario(Reported):
             if name not in in_gusts(model).disturbances:
                 raise BadInputError(undeclared(model, name, "a gust"))
         n = len(model.states)
-        no_signal = zero(len(model.linear))
         initial = self.initial if np.size(self.initial) else np.zeros(n)
         if np.shape(initial) != (n,):
             raise BadInputError(
                 f"initial has shape {np.shape(initial)}; give {n} numbers, one for each state of"
                 f" {model.name}"
             )
-        return replace(
-            self,
-            initial=initial,
-            reference=self.reference or no_signal,
-            disturbance=self.disturbance or no_signal,
-        )
+        return replace(self, initial=initial)
 
     def following(self, reference: TimeVector, policy: str) -> Scenario:
         """Return the scenario with the reference of a policy.
@@ -253,10 +245,7 @@ class Scenario(Reported):
 
         Raises BadInputError if the scenario has another reference.
         """
-        own = self.reference
-        if isinstance(own, Waveform) and not np.any([own.constant, own.slope]):
-            own = own if own.harmonics else None
-        if own not in (None, reference):
+        if self.reference not in (None, reference):
             raise BadInputError(
                 f"the policy {policy} follows a reference of its own; remove the reference of the "
                 "scenario"
@@ -301,14 +290,14 @@ class Scenario(Reported):
     def to_dict(self) -> dict[str, Any]:
         """Return the scenario for JSON, without the uncertainty; of drawn noise its deviations.
 
-        The scenario is completed by `on`, so that no signal is None. A signal without a formula is
-        represented by the name of its class.
+        A signal without a formula is represented by the name of its class.
         """
         plain = ("duration", "step", "tick", "initial", "errors")
         data = {name: getattr(self, name) for name in plain}
         for name in ("reference", "disturbance"):
-            signal = getattr(self, name)
-            data[name] = signal.to_dict() if hasattr(signal, "to_dict") else type(signal).__name__
+            if (signal := getattr(self, name)) is not None:
+                has_formula = hasattr(signal, "to_dict")
+                data[name] = signal.to_dict() if has_formula else type(signal).__name__
         gust: Any = self.gust
         if self.samples is not None:
             data["drawn_noise"] = self.samples.std(axis=0)

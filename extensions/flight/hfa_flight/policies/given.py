@@ -52,13 +52,6 @@ _FORMS = (
     "gain schedule, a file that contains one of these, input steps {name: [(time, value), "
     "...]} or a function of (t, X)"
 )
-#: Law of `hfa fly --law` -> policy in Python.
-_LAWS = {
-    "none": "None",
-    "exact": "hfa.solve(hfa.game(linear, Q, R))",
-    "predictive": "hfa.predictive(model, point, Q, R)",
-    "state-dependent": "hfa.state_dependent(model, point, Q, R)",
-}
 
 
 def policy_and_scenario(
@@ -111,8 +104,6 @@ def policy_and_scenario(
 
 def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
     """Return the deployment in a .toml file, or the critic in any other file."""
-    if str(path) in _LAWS:
-        raise BadInputError(f"policy is {str(path)!r}; write {_LAWS[str(path)]}")
     if path.suffix.lower() == ".toml":
         return Deployment.load(path)
     entries = {} if is_network(path) else entries_in(path)
@@ -137,9 +128,6 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
     Raises BadInputError unless the steps of each input are pairs with increasing times of at least
     0.
     """
-    for name, pairs in given.items():
-        if callable(pairs):
-            raise BadInputError(f"the steps of {name} are given as a function; {_FORMS}")
     steps = {name: numbers_in(f"the steps of {name}", pairs) for name, pairs in given.items()}
     for name, pairs in steps.items():
         if pairs.ndim != 2 or pairs.shape[1] != 2:

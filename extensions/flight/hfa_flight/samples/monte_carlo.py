@@ -95,7 +95,8 @@ class MonteCarlo(Reported):
         refuse_share(self.share)
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
         for name in ("reference", "disturbance"):
-            if not hasattr(getattr(self.scenario, name), "to_dict"):
+            signal = getattr(self.scenario, name)
+            if signal is not None and not hasattr(signal, "to_dict"):
                 raise BadInputError(
                     f"the {name} of a Monte Carlo simulation is not a Waveform; give a Waveform"
                 )
