@@ -56,8 +56,6 @@ def test_sums_and_matrices_act_on_the_values() -> None:
     ("text", "says"),
     [
         ("7 8", "' 8' is no term"),
-        ("2x", "'x' is no term"),
-        ("sin(t", r"'sin\(t' is no term"),
         ("1+", r"'\+' is no term"),
         ("sin(t)cos(t)", r"'cos\(t\)' is no term"),
     ],

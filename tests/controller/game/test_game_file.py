@@ -109,30 +109,18 @@ def test_structures_are_read_if_top_level_is_empty() -> None:
     [
         ({"A": A2, "Q": A2}, r"there is no B; .* \(found: A, Q\)"),
         ({}, r"there is no A; .*\(the file is empty\)"),
-        (PLANT | {"B": [[0.0, 1.0]]}, "B is 1 x 2; give 2 x 2, to match A and B"),
         (
             {"A": A2, "B": B2},
             r"there is no Q; give Q \(2 x 2\)",
-        ),
-        (
-            {"A": A2, "B": B2, "Q": A2},
-            r"there is no R; give R \(1 x 1\)",
         ),
         (
             PLANT | {"states": ["a\x1b[31m", "b"]},
             "states contains .* which cannot be printed",
         ),
         (
-            PLANT | {"input_labels": ["a\nb"]},
-            "inputs contains .* which cannot be printed",
-        ),
-        (PLANT | {"delta": [1.0, 2.0]}, "delta has 2 elements; give a single number"),
-        (PLANT | {"gamma": 2.0}, "unknown entry 'gamma'"),
-        (
             PLANT | {"delta": 2.0, "Gamma": 0.98, "dt": 0.1},
             "unknown entry 'Gamma'",
         ),
-        (PLANT | {"dt": -0.1}, "dt is -0.1; give the sample time in s"),
         (PLANT | {"dt": 0.1, "time": "continuous"}, "dt denotes discrete time, but"),
     ],
 )
