@@ -33,6 +33,14 @@ class Change(Result):
     usual: float
     unit: str = ""
 
+    def words(self, origin: str) -> str:
+        """Return the value with the usual one as text: "9 kg (as loaded: 13.5 kg)".
+
+        origin: what the usual value is
+        """
+        value, usual = (with_unit(each, self.unit) for each in (self.value, self.usual))
+        return f"{value} ({origin}: {usual})"
+
 
 @dataclass(frozen=True)
 class Provenance(Result):
@@ -73,12 +81,9 @@ class Provenance(Result):
             change = self.changed[name]
             return abs(change.value - change.usual) / (abs(change.usual) or 1.0)
 
-        origin = "file" if self.model else "identified"
-        descriptions = []
-        for name in sorted(self.changed, key=relative_size, reverse=True)[:_MOST_TOLD]:
-            change = self.changed[name]
-            value, usual = (with_unit(each, change.unit) for each in (change.value, change.usual))
-            descriptions.append(f"{name} {value} ({origin}: {usual})")
+        origin = "as loaded" if self.model else "identified"
+        largest = sorted(self.changed, key=relative_size, reverse=True)[:_MOST_TOLD]
+        descriptions = [f"{name} {self.changed[name].words(origin)}" for name in largest]
         if len(self.changed) > _MOST_TOLD:
             descriptions.insert(0, f"{len(self.changed)} parameters differ, most")
         return descriptions
@@ -86,7 +91,7 @@ class Provenance(Result):
     def text(self) -> str:
         """Return the provenance as text: one line with the version, the date and the plant.
 
-        Further lines describe parameters that differ from the identified or the file's, and a
+        Further lines describe parameters that differ from the identified or loaded ones, and a
         flight that differs from the paper's level flight.
         """
         first_line = [f"hfa {self.version}", self.date[:10]]
@@ -98,8 +103,8 @@ class Provenance(Result):
             first_line.append(f"parameters {self.parameters} ({self.parameter_hash})")
         lines = [", ".join(first_line)]
         if self.changed:
-            aircraft = "aircraft of the file" if self.model else "identified aircraft"
-            lines.append(f"not the {aircraft}: " + "\n  ".join(self._largest_changes()))
+            what = "changed" if self.model else "not the identified aircraft"
+            lines.append(f"{what}: " + "\n  ".join(self._largest_changes()))
         if self.flight:
             lines.append(f"not the paper's level flight: {self.flight}")
         return "\n".join(lines)

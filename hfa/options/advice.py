@@ -5,8 +5,10 @@ from __future__ import annotations
 from math import isclose
 
 from hfa.options.trims import GivenTrim, at_name
+from hfa_aircraft.model import recognized
 from hfa_support.errors import BadInputError, warn
 from hfa_support.reporting.text import shown_value
+from hfa_support.units import conversion
 from trim.hfa.trim_report import trim_report
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -14,9 +16,6 @@ from trim.point.solve import TrimError, explained, trim
 
 #: Largest number of options that help a failed trim.
 _MOST_ADVICE = 3
-#: States that change in a steady climb, and the state that changes in a pull-up.
-_CLIMBING = ("altitude", "alt", "h")
-_PULLED_UP = ("pitch", "theta")
 
 
 def trimmed(given: GivenTrim) -> OperatingPoint:
@@ -51,8 +50,8 @@ def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
 def _advice(given: GivenTrim, failure: TrimError) -> str:
     """Return the imposed values of which one must be free, so that a trim exists, or "".
 
-    Each is tried: first the rate of altitude, as in a climb, and with an imposed load factor
-    that of pitch, as in a pull-up. Values that the user imposed come last. If only one input
+    Each is tried: first the rates of lengths, as of altitude in a climb, and with an imposed load
+    factor that of pitch, as in a pull-up. Values that the user imposed come last. If only one input
     is too weak, it is held at its limit, so that the advice is the steepest climb and not a
     glide. If the equations balance only with a free rate, and beyond a limit, the advice is
     this rate and the limit.
@@ -60,8 +59,10 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
     if failure.attempt._unmoved:
         return ""
     model, condition = given.model, given.condition
-    changing = _CLIMBING + _PULLED_UP * ("load_factor" in condition.imposed)
-    imposed = [f"{name}_dot" for name in condition.rates if name.lower() in changing]
+    changing = [name for name in model.states if conversion(model.unit(name), "m")]
+    if "load_factor" in condition.imposed:
+        changing.append(recognized(model.states).get("theta", ""))
+    imposed = [f"{name}_dot" for name in changing if name in condition.rates]
     weak = _too_weak(given, failure)
     typed = "".join(
         f"--hold {each}={shown_value(value, model.unit(each))} " for each, value in weak.items()

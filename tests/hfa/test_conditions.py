@@ -27,14 +27,18 @@ CLIMBER = Model("climber", STATES, INPUTS, equations, outputs={"climb": Signal("
 """
 
 
-def test_a_climb_of_a_model_with_altitude_is_advised_and_found(tmp_path: Path) -> None:
+@pytest.mark.parametrize("altitude", ["altitude", "z_up"])
+def test_a_climb_of_a_model_with_altitude_is_advised_and_found(
+    altitude: str, tmp_path: Path
+) -> None:
     """The refusal of --hold gamma says --free altitude_dot, and that command finds the climb."""
-    (tmp_path / "climber.py").write_text(CLIMBER, encoding="utf-8")
+    text = CLIMBER.replace("altitude", altitude)
+    (tmp_path / "climber.py").write_text(text, encoding="utf-8")
     words = ("trim", "--aircraft", str(tmp_path / "climber.py"), "--hold", "gamma=4")
     refused = hfa(*words)
     assert refused.code == 1
-    assert "--free altitude_dot" in refused.err
-    found = answer(*words, "--free", "altitude_dot")
+    assert f"--free {altitude}_dot" in refused.err
+    found = answer(*words, "--free", f"{altitude}_dot")
     thrust = found["operating_point"]["inputs"]["thrust"]
     assert thrust == pytest.approx(9.81 * np.sin(np.radians(4.0)), rel=1e-9)
 

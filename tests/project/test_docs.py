@@ -42,7 +42,7 @@ from project import FOLDERS, PACKAGES, ROOT
 
 #: Provenance at the end of an output, which a document may omit.
 SOURCE = re.compile(
-    r"\n*^hfa \d+\.\d+\.\d+, \d{4}-\d\d-\d\d.*(\nnot the (?:identified aircraft|aircraft of the file): .*)?$",
+    r"\n*^hfa \d+\.\d+\.\d+, \d{4}-\d\d-\d\d.*(\n(?:not the identified aircraft|changed): .*)?$",
     re.M,
 )
 

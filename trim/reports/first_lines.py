@@ -35,6 +35,8 @@ _LOAD = 1e-3
 #: Largest usual angle of attack, deg, and least negative drag that is doubted, per lift.
 _STEEPEST = 60.0
 _NEGATIVE = 1e-6
+#: Smaller speeds, per nominal speed, are none of a flight.
+_STANDING = 1e-2
 #: Names of inputs and parameters that belong to one of several engines.
 _ENGINE = re.compile(r"(throttle|thrust|power|engine)_?(?P<number>\d+|left|right)")
 #: Largest numbers of imposed values and of modes in first lines.
@@ -94,6 +96,9 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
     size = abs(math.degrees(trimmed[roles["alpha"]])) if "alpha" in roles else 0.0
     if size > _STEEPEST:
         yield f"alpha is {size:.4g} deg in size; the data may have degrees without a unit"
+    speed = roles.get("speed", "")
+    if speed and abs(trimmed.given[speed]) < _STANDING * model.states[speed].nominal:
+        yield f"the speed is {_number(model, speed, trimmed.given[speed])}, no flight; hold a speed"
     if {"drag", "lift"} <= {*model.outputs}:
         drag, lift = trimmed["drag"], trimmed["lift"]
         if drag < -_NEGATIVE * abs(lift):

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from hfa_aircraft.model import Model
+from hfa_support.provenance import Change
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import without_empty
 from hfa_support.reporting.rows import Group, Lacking, Row, Sheet
@@ -184,17 +185,17 @@ def report_of(
 
 
 def _revision(model: Model) -> str:
-    """Return the file of an aircraft with its digest and the parameters that are not as in the
-    file, or the digest of its parameters.
+    """Return the file of an aircraft with its digest and the changed parameters, or the digest of
+    its parameters.
     """
     model = model.native
     source = model.source
     if source.digest:
-        changes = [
-            f"{name} {model.describe(name, model.parameters[name].start)}"
-            f" (file: {model.describe(name, value)})"
-            for name, value in model.changed.items()
-        ]
+        changes = []
+        for name, usual in model.changed.items():
+            signal = model.parameters[name]
+            change = Change(signal.start, usual, signal.unit)
+            changes.append(f"{name} {change.words('as loaded')}")
         return ", ".join((f"{source.text} (SHA-256 {source.digest[:12]})", *changes))
     values = ",".join(
         f"{name}={value!r}" for name, value in zip(model.parameters, model.p.tolist(), strict=True)

@@ -492,12 +492,12 @@ def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign: float, tmp_path: 
 def test_a_sheet_states_what_is_not_as_in_the_file() -> None:
     """A parameter of --hold stands beside the file's value: in the text, in JSON, in the head."""
     words = ("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--hold", "Cl_beta=-0.2")
-    assert "Cl_beta -0.2 (file: -0.12)" in command(*words).out
+    assert "Cl_beta -0.2 (as loaded: -0.12)" in command(*words).out
     changed = json.loads(command(*words, "--json").out)["provenance"]["changed"]
     assert changed == {"Cl_beta": {"value": -0.2, "usual": -0.12, "unit": "1"}}
     model = hfa.load_model(f"{EXAMPLES}/uav.toml").with_parameters(mass=14.0)
     report = hfa.trim(model).report()
-    assert "mass 14 kg (file: 13.5 kg)" in report.head["data"]
+    assert "mass 14 kg (as loaded: 13.5 kg)" in report.head["data"]
     assert report.data["sheet"]["mass"]["note"] == "as loaded: 13.5"
     assert hfa.trim(model.with_parameters(Cl_beta=-0.1)).sheet["Cl_beta"].value == -0.1
     assert "file:" not in hfa.trim(model.with_parameters(mass=13.5)).report().head["data"]
@@ -517,7 +517,7 @@ OWN = Model(
     words = ("trim", "--aircraft", "own.py:OWN", "--hold", "tilt=2")
     text = " ".join(command(*words, "-o", "sheet.html").out.split())
     assert "tilt 2 deg as loaded: 28.6479" in text
-    stated = "tilt 2 deg (file: 28.6479 deg)"
+    stated = "tilt 2 deg (as loaded: 28.6479 deg)"
     assert stated in text
     assert Path("sheet.html").read_text("utf-8").count(stated) == 2
 
@@ -547,3 +547,13 @@ def test_the_anticipation_parameter_is_that_by_hand(name: str) -> None:
     by_alpha = point["speed"] * pitch_rate / alpha / gravity
     assert found["n/alpha"] == pytest.approx(by_alpha, rel=1e-5)
     assert found["CAP"] == pytest.approx(found["short period frequency"] ** 2 / by_alpha, rel=1e-5)
+
+
+@pytest.mark.parametrize(("speed", "doubted"), [(0.2, True), (5.0, False)])
+def test_a_standing_aircraft_is_doubted(speed: float, doubted: bool) -> None:
+    """A trim at less than a hundredth of the nominal speed is no flight, and its first lines say so."""
+    states, inputs = {"speed": hfa.Signal("m/s", nominal=50.0)}, {"thrust": hfa.Signal("N")}
+    model = hfa.Model(
+        "car", states, inputs, lambda x, u, p, w: ({"speed": u.thrust}, {}), trim={"speed": speed}
+    )
+    assert ("no flight" in hfa.trim(model).report().title) == doubted
