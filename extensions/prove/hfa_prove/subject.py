@@ -55,12 +55,14 @@ class Given(NamedTuple):
     same: Callable[[Any, Any], bool] = _same
 
 
-def close_to(relative: float) -> Callable[[Any, Any], bool]:
+def close_to(relative: float, sizes: Any = 1.0) -> Callable[[Any, Any], bool]:
     """Return a comparison of matrices.
 
     The comparison has the arguments (value in the certificate, user's value). Two matrices agree if
     their shapes are equal and no difference exceeds `relative` times the largest absolute entry of
-    the user's matrix.
+    the user's matrix, all in units of `sizes`.
+
+    sizes: typical sizes of the entries
     """
 
     def same(stated: Any, own: Any) -> bool:
@@ -68,8 +70,8 @@ def close_to(relative: float) -> Callable[[Any, Any], bool]:
         values = np.asarray(own, dtype=float)
         if claimed.shape != values.shape:
             return False
-        size = np.max(np.abs(values), initial=0.0)
-        return bool(np.all(np.abs(claimed - values) <= relative * size))
+        size = np.max(np.abs(values / sizes), initial=0.0)
+        return bool(np.all(np.abs((claimed - values) / sizes) <= relative * size))
 
     return same
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,10 +12,13 @@ import numpy as np
 import pytest
 from cli import answer, hfa
 
+from hfa import load_model
 from hfa.options.option import options_of
 from hfa_prove.commands import given
 from hfa_prove.commands.request import CheckRequest, RegionRequest
 from hfa_prove.commands.schedule import ScheduleRequest
+from hfa_prove.statements.loop import SAME_GAIN
+from hfa_prove.subject import close_to
 from hfa_support.errors import NoSolutionError
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -165,6 +170,20 @@ def check_case(
     else:
         assert (found.code == 0) == (entry == SAME)
     assert found.code == 0 or (found.out == "" and len(found.err.splitlines()) == 1)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, math.degrees(1.0), 1e12])
+def test_gains_are_compared_in_any_units(size: float) -> None:
+    """A gain of the rate that is 1 % off is another gain, also if all gains of the rate are tiny."""
+    pendulum = load_model(PENDULUM[1])
+    states = dict(pendulum.states)
+    states["rate"] = states["rate"]._replace(nominal=size)
+    model = replace(pendulum, states=states)
+    same = close_to(SAME_GAIN, given.sizes_of_gain(model))
+    gain = np.array([[2.0, 1.5 / size]])
+    assert same((gain * (1.0 + 1e-10)).tolist(), gain)
+    assert not same((gain * [1.0, 1.01]).tolist(), gain)
+    assert not same((gain * [1.01, 1.0]).tolist(), gain)
 
 
 def test_every_option_is_changed() -> None:

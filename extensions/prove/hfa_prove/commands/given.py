@@ -14,6 +14,7 @@ from hfa.options.games import given_weights
 from hfa.options.option import is_given, refuse
 from hfa.options.ranges import array_of, single_value
 from hfa.options.trims import OF_THE_TRIM, GivenTrim, at_name, trim_input
+from hfa_aircraft.model import Model
 from hfa_prove.certificate import kind_of
 from hfa_prove.commands.options import interval_of
 from hfa_prove.commands.policies import GivenPolicy, given_policy
@@ -116,7 +117,7 @@ def _of_schedule(
     elif _names_one(request, _OF_THE_POLICY):
         weights = given_weights(request)
         gains = exact_gains(family, statement.gains.breakpoints, **weights)
-        same = close_to(SAME_GAIN)
+        same = close_to(SAME_GAIN, sizes_of_gain(trim.given.model))
     else:
         return given
     given["gains.breakpoints"] = Given(gains.breakpoints)
@@ -169,10 +170,18 @@ def _given_policy(request: CheckRequest, trim: GivenTrim) -> dict[str, Given]:
     gain = given_policy(request, trim).gain
     assert gain is not None  # the caller found no function
     rows = {name: rows_of(terms) for name, terms in gain.terms.items()}
+    close = close_to(SAME_GAIN, sizes_of_gain(trim.model))
     return {
-        "loop.policy.K": Given(gain.K.tolist(), same=close_to(SAME_GAIN)),
+        "loop.policy.K": Given(gain.K.tolist(), same=close),
         "loop.policy.terms": Given(rows, same=_same_policy),
     }
+
+
+def sizes_of_gain(model: Model) -> np.ndarray:
+    """Return the typical sizes (m, n) of the entries of a gain, which depend on units as K does."""
+    inputs = [signal.nominal for signal in model.inputs.values()]
+    states = [model.states[name].nominal for name in model.linear]
+    return np.outer(inputs, 1.0 / np.array(states))
 
 
 def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
