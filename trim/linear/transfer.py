@@ -85,8 +85,9 @@ class System:
         )
 
     def zeros(self) -> np.ndarray:
-        """Return the transmission zeros from all inputs to all outputs, 1/s."""
-        return transmission_zeros(self.scaled())[0]
+        """Return the transmission zeros from all inputs to all outputs, 1/s, fastest first."""
+        zeros, _ = _zeros_with_errors(self.scaled())
+        return fastest_first(zeros.values)
 
     def to_control(self) -> control.StateSpace:
         """Return the system as a python-control `StateSpace`, with the names of its signals."""
@@ -131,17 +132,10 @@ def gain_and_roots(
     return gain, static, zeros, poles
 
 
-def transmission_zeros(system: StateSpace) -> tuple[np.ndarray, int]:
-    """Return the invariant zeros of a system, 1/s, fastest first, and its normal rank.
-
-    The normal rank is the rank of the transfer matrix at almost all s.
-    """
-    zeros, rank = _zeros_with_errors(system)
-    return fastest_first(zeros.values), rank
-
-
 def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
-    """Return the invariant zeros, bounds of their errors, and the normal rank."""
+    """Return the invariant zeros with bounds of their errors, and the normal rank, the rank of the
+    transfer matrix at almost all s.
+    """
     # The system is reduced to a system with the same zeros and a square, invertible D (A.
     # Emami-Naeini, P. Van Dooren, Automatica 18, 1982). The zeros are the eigenvalues of A - B D⁻¹
     # C.

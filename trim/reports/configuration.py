@@ -33,13 +33,12 @@ _ENTRY_OF_PARAMETER = {"cg": "center_of_gravity"}
 _OPTIONAL = ("center_of_gravity_y", "Ixz")
 
 
-def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
-    """Return mass, center of gravity, inertias and sizes at a trim, as far as known, and for an
-    aircraft what is unknown.
+def configuration_of(trimmed: Trimmed) -> dict[str, tuple[Any, str]]:
+    """Return mass, center of gravity, inertias and sizes at a trim as far as known, name -> (value,
+    unit), in the units of the condition.
 
     The values are those of `About.configuration`, or of parameters, outputs and inputs with these
-    names. Without a mass, it is the weight divided by the gravity. Parameters that are not as the
-    model was loaded follow.
+    names. Without a mass, it is the weight divided by the gravity.
     """
     point = trimmed.given
     model = point.model
@@ -62,31 +61,38 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
         unit = {"lbf": "slug", "N": "kg"}.get(model.unit("weight"), "")
         if unit:
             found["mass"] = (point["weight"] / parameters["gravity"], unit)
+    return found
+
+
+def configuration_rows(trimmed: Trimmed) -> tuple[list[Row | Lacking], list[str]]:
+    """Return the rows of the configuration at a trim with what is unknown of an aircraft, and a
+    sentence if no rigid body has the inertias and the model does not say so.
+
+    Parameters that are not as the model was loaded follow.
+    """
+    model = trimmed.given.model
+    found = configuration_of(trimmed)
     labels = {name: label for name, label in _ENTRIES.items() if name in found}
     notes = {}
+    entries = dict(found)
     for name, value in model.changed.items():
         entry = _ENTRY_OF_PARAMETER.get(name, name)
-        notes[entry] = f"as loaded: {shown_value(value, model.unit(name))}"
+        unit = model.unit(name)
+        notes[entry] = f"as loaded: {shown_value(value, unit)}"
         if entry not in found:
-            found[entry], labels[entry] = (parameters[name], model.unit(name)), name
+            entries[entry], labels[entry] = (model.parameters[name].start, unit), name
     rows: list[Row | Lacking] = [
-        Row(label, *found[name], notes.get(name, ""), digits=6) for name, label in labels.items()
+        Row(label, *entries[name], notes.get(name, ""), digits=6) for name, label in labels.items()
     ]
-    if found.keys() & _ENTRIES.keys() or "alpha" in trimmed.roles:
-        missing = [label for name, label in _ENTRIES.items() if name not in (*found, *_OPTIONAL)]
-        has_center = any(name.startswith("center_of_gravity") for name in found)
+    if entries.keys() & _ENTRIES.keys() or "alpha" in trimmed.roles:
+        missing = [label for name, label in _ENTRIES.items() if name not in (*entries, *_OPTIONAL)]
+        has_center = any(name.startswith("center_of_gravity") for name in entries)
         others = [label for label in missing if not label.startswith("c.g.")]
         missing = others if has_center else ["c.g.", *others]
         rows += [Lacking(label, "") for label in missing]
-    return rows
-
-
-def inertia_lines(trimmed: Trimmed, rows: list[Row | Lacking]) -> list[str]:
-    """Return a sentence if no rigid body has the inertias and the model does not say so."""
-    known = {row.name: float(row) for row in rows if isinstance(row, Row) and row.name[0] == "I"}
-    if not {"Ixx", "Iyy", "Izz"} <= {*known}:
-        return []
-    xz = known.get("Ixz", 0.0)
-    inertia = [[known["Ixx"], 0.0, -xz], [0.0, known["Iyy"], 0.0], [-xz, 0.0, known["Izz"]]]
-    doubt = inertia_doubt(inertia)
-    return [doubt] if doubt and doubt not in trimmed.model.about.doubts else []
+    if not {"Ixx", "Iyy", "Izz"} <= {*found}:
+        return rows, []
+    xx, yy, zz = (found[name][0] for name in ("Ixx", "Iyy", "Izz"))
+    xz = found["Ixz"][0] if "Ixz" in found else 0.0
+    doubt = inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
+    return rows, [doubt] if doubt and doubt not in trimmed.model.about.doubts else []

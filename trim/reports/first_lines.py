@@ -23,7 +23,7 @@ from trim.linear.modes import Mode
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
-from trim.reports.configuration import configuration_rows
+from trim.reports.configuration import configuration_of
 from trim.reports.trimmed import Trimmed
 
 #: Growth of a mode relative to the fastest mode that rounding and the tolerance of a trim cause.
@@ -116,10 +116,9 @@ def _yaw_stiffness(trimmed: Trimmed) -> float:
     roles, states = trimmed.roles, trimmed.slopes.states
     by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
     stiffness = float(by_sideslip[states.index(roles["r"])])
-    rows = configuration_rows(trimmed)
-    inertias = {row.name: float(row) for row in rows if isinstance(row, Row) and row.name[0] == "I"}
-    if "p" in roles and {"Izz", "Ixz"} <= {*inertias}:
-        coupling = inertias["Ixz"] / inertias["Izz"]
+    known = configuration_of(trimmed)
+    if "p" in roles and {"Izz", "Ixz"} <= {*known}:
+        coupling = known["Ixz"][0] / known["Izz"][0]
         stiffness -= coupling * float(by_sideslip[states.index(roles["p"])])
     return stiffness
 

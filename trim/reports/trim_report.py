@@ -15,7 +15,7 @@ from hfa_support.reporting.text import Table, degrees
 from trim.linear.modes import Mode, modes_table
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
-from trim.reports.configuration import configuration_rows, inertia_lines
+from trim.reports.configuration import configuration_rows
 from trim.reports.first_lines import (
     condition_words,
     control_lines,
@@ -63,12 +63,11 @@ def sheet_of(point: OperatingPoint, airplane: Airplane = DEFAULT_AIRPLANE) -> Sh
 def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
     point = trimmed.given
-    configuration = configuration_rows(trimmed)
     assumed = [ASSUMED] * any(each.nearer and each.assumed for each in trimmed.margins.values())
     flight = [*flight_rows(trimmed), balance_row(point)]
     groups: list[tuple[str, Any, Any]] = [
         ("condition", flight, same_as_the_table(trimmed)),
-        ("configuration", configuration, inertia_lines(trimmed, configuration)),
+        ("configuration", *configuration_rows(trimmed)),
         (VARIABLES, variable_rows(trimmed), assumed),
         ("limits", limit_rows(nearest_first(trimmed)), ()),
     ]
