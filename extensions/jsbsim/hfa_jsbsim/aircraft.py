@@ -502,6 +502,9 @@ class Equations:
         for file, effect in zip(self.parts.engines, self.effects, strict=True):
             if effect.power is not None:
                 self.outputs[f"power{file.number}"] = effect.power
+            if file.lag.startswith("spool") and file.lag in self.states:
+                error = jets.spool_error(file, self._around)
+                self.outputs[f"spool_error{file.number}"] = error
 
     def _add_filters(self) -> None:
         """Add the filter states of the control system with their time derivatives."""
@@ -589,9 +592,11 @@ class Equations:
 
 
 def _engine_states(parts: Parts) -> Iterator[str]:
-    """Yield the names of the engine states: propeller speeds and governed blade angles."""
+    """Yield the names of the engine states: propeller speeds, governed blade angles, and lags."""
     for file in parts.engines:
         if file.has_propeller:
             yield f"rpm{file.number}"
             if file.governed:
                 yield f"blade{file.number}"
+        if file.lag and parts.choices.engines:
+            yield file.lag

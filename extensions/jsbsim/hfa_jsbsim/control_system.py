@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -37,6 +38,8 @@ from hfa_jsbsim.properties import (
 from hfa_jsbsim.xml_file import Element, number_of
 from hfa_support.errors import shortened
 
+#: Radians in a degree in <angle>, as in JSBSim.
+_DEGREE = 0.017453293
 #: Surfaces whose position JSBSim stores in rad, in deg and as a magnitude. One value determines the
 #: others.
 SURFACES = ("elevator", "left-aileron", "right-aileron", "rudder", "flap", "speedbrake", "spoiler")
@@ -52,20 +55,29 @@ def add_control_systems(
         steady-state value.
     """
     order = 0
+    switched: list[tuple[Element, list[Writer]]] = []
     for section in sections:
         for channel in section.all("channel"):
+            writers = []
             for component in channel.children:
                 if component.name in KINDS:
                     order += 2  # the other units of a surface are set directly after it
-                    _add_component(channel, component, properties, commands, order)
+                    writers += _add_component(component, properties, commands, order)
+            if channel.attributes.get("execute"):
+                switched.append((channel, writers))
+    for channel, writers in switched:
+        _switch_off(channel, writers, properties)
     _join_units(properties)
 
 
 def _add_component(
-    channel: Element, component: Element, properties: Properties, commands: ca.SX, order: int
-) -> None:
-    """Define the properties that a component sets: those of its name and of its <output>s."""
+    component: Element, properties: Properties, commands: ca.SX, order: int
+) -> list[Writer]:
+    """Define the properties that a component sets, and return their writers."""
+    # The component's name and its <output> elements name these properties, or the cases of a
+    # distributor.
     name = component.attributes.get("name", "")
+    names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
     outputs = [child for child in component.children if child.name == "output"]
     for output in outputs:
         if output.text.startswith("-"):
@@ -73,28 +85,59 @@ def _add_component(
                 f"<output> {shortened(output.text)} begins with a sign, which is not supported; "
                 "remove the sign"
             )
+    names += [output.text for output in outputs]
 
-    def compute() -> Any:
-        if channel.attributes.get("execute"):
-            raise channel.error(
-                "the attribute execute is not supported, but a force depends on this channel; "
-                "remove the attribute"
-            )
+    def compute(distributed: str = "") -> Any:
         component.take()
         for child in component.all("output"):
             child.take()
         try:
+            if distributed:
+                return _distributed(component, distributed, properties)
             return _output(component, properties, commands)
         except LoopError:
             component.taken = False
             raise
 
-    writer = Writer(compute, component.where, order, component, component)
-    properties.compute(name if "/" in name else f"fcs/{lower_dashes(name)}", writer)
-    cases = [case for case in component.children if case.name == "case"]  # of a distributor
-    set_by_cases = [each for case in cases for each in case.children if each.name == "property"]
-    for each in (*outputs, *set_by_cases):
-        properties.compute(each.text, writer)
+    if component.name == "distributor":
+        writers = {
+            each: Writer(partial(compute, each), component.where, order, component, component)
+            for each in _distributed_names(component)
+        }
+    else:
+        writers = dict.fromkeys(
+            names, Writer(compute, component.where, order, component, component)
+        )
+    for output_name, writer in writers.items():
+        properties.compute(output_name, writer)
+    return list(writers.values())
+
+
+def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
+    """Remove the outputs of a channel whose attribute `execute` names a property equal to 0."""
+    # A removed output that nothing else writes keeps its initial value, by default 0. If the
+    # property is not constant, reading one of the outputs raises BadInputError.
+    name = channel.attributes["execute"]
+    if not properties.is_known(name):
+        raise channel.error(
+            f"execute refers to {shortened(name)}, which is never set; set this property, or "
+            "remove execute"
+        )
+
+    def refuse() -> Any:
+        fault = f"execute refers to {shortened(name)}, which is not constant"
+        raise channel.error(f"{fault}; set this property to a number")
+
+    try:
+        runs = properties.read(name, channel.where)
+    except LoopError:
+        runs = ca.SX.sym("unknown")
+    if not is_constant(runs):
+        for writer in writers:
+            writer.compute = refuse
+    elif float(runs) == 0.0:
+        for writer in writers:
+            properties.remove(writer)
 
 
 def _join_units(properties: Properties) -> None:
@@ -140,7 +183,10 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
     elif component.name in _COMPONENTS:
         value = _COMPONENTS[component.name](component, properties)
     else:
-        fault = f"<{shortened(component.name)}> is not supported, but a force depends on its output"
+        fault = (
+            f"<{shortened(component.name)}> has no steady-state output, but a force depends on "
+            "this output"
+        )
         raise component.error(f"{fault}; remove this dependence")
     if component.name == "kinematic" and travels(component):
         properties.travels.append((component, ca.SX(value)))
@@ -248,13 +294,45 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
 
 def _sensor(component: Element, properties: Properties) -> Any:
     """Return the output of a <sensor>: its input after lag, gain and bias."""
+    return _sensed(component, input_of(component, properties), properties)
+
+
+def _sensed(component: Element, value: Any, properties: Properties) -> Any:
+    """Return a value after the lag, gain and bias of a sensor."""
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
             raise child.error(f"<{name}> of a sensor is not supported; remove this element")
     gain = component.value_of("gain", 0.0) or 1.0
-    value = _lagged(component, "lag", input_of(component, properties), properties)
+    value = _lagged(component, "lag", value, properties)
     return value * gain + component.value_of("bias", 0.0)
+
+
+def _gyro(component: Element, properties: Properties) -> Any:
+    """Return the output of a <gyro>: the angular rate about a body axis, as of a <sensor>."""
+    for name in ("orientation", "lag"):
+        child = component.find(name)
+        if child is not None:
+            raise child.error(f"<{name}> of a gyro is not supported; remove this element")
+    axis = component.need("axis")
+    rates = {"X": "p", "Y": "q", "Z": "r"}
+    if axis.text not in rates:
+        raise axis.error(f"<axis> is {shortened(axis.text)}; give X, Y or Z")
+    rate = properties.value(f"velocities/{rates[axis.text]}-rad_sec", axis)
+    return _sensed(component, rate, properties)
+
+
+def _angle(component: Element, properties: Properties) -> Any:
+    """Return the output of an <angle>: the angle from the source to the target, within ±180 deg."""
+    angles = []
+    for name in ("source_angle", "target_angle"):
+        child = component.need(name)
+        value = properties.value(child.text, child)
+        angles.append(value * _DEGREE if child.attributes.get("unit") == "DEG" else value)
+    source, target = angles
+    angle = ca.atan2(ca.sin(target - source), ca.cos(target - source))
+    in_degrees = component.attributes.get("unit") == "DEG"
+    return angle * 180.0 / math.pi if in_degrees else angle
 
 
 def _function(component: Element, properties: Properties) -> Any:
@@ -316,6 +394,25 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
     return c1 / c3 * value + state
 
 
+def _second_order(component: Element, properties: Properties) -> Any:
+    """Return the output of the filter (c1 s² + c2 s + c3) / (c4 s² + c5 s + c6)."""
+    # Unless filters are states, the output is c3 / c6 times the input.
+    value = input_of(component, properties)
+    c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
+    _refuse_zero(component, "c6", c6, _NO_STEADY_STATE)
+    if not properties.has_filter_states:
+        properties.leave_out(component, "its dynamics are omitted")
+        return value * c3 / c6
+    of_first_order = "is of first order, which is not supported here; use a lead_lag_filter"
+    _refuse_zero(component, "c4", c4, of_first_order)
+    first = properties.add_state(component)
+    second = properties.add_state(component)
+    properties.set_rate(first, lambda: second)
+    properties.set_rate(second, lambda: value - c6 / c4 * first - c5 / c4 * second)
+    at_once = c1 / c4
+    return at_once * value + (c3 - at_once * c6) / c4 * first + (c2 - at_once * c5) / c4 * second
+
+
 def _switch(component: Element, properties: Properties) -> Any:
     """Return the output of a <switch>: the value of the first <test> that is true."""
     # If no <test> is true, it is the value of <default>, or 0 without <default>.
@@ -339,6 +436,51 @@ def _switch(component: Element, properties: Properties) -> Any:
         of_test = properties.value(test.attributes["value"], test)
         value = of_test if is_constant(holds) else ca.if_else(holds, of_test, value)
     return value
+
+
+def _distributed_names(component: Element) -> list[str]:
+    """Return the names of the properties that the cases of a <distributor> set, each once."""
+    cases = [case for case in component.children if case.name == "case"]
+    names = [each.text for case in cases for each in case.children if each.name == "property"]
+    return list(dict.fromkeys(names))
+
+
+def _distributed(component: Element, name: str, properties: Properties) -> Any:
+    """Return the value that the cases of a <distributor> set a property to in every case."""
+    if not properties.is_known_without(name, component):
+        raise component.error(
+            f"<distributor> sets {shortened(name)}, which JSBSim does not know; declare it by "
+            "<property>"
+        )
+    is_exclusive = component.attributes.get("type") == "exclusive"
+    is_set = ca.SX(0.0)  # whether the test of a previous case is true
+    choices: list[tuple[ca.SX, Any]] = []
+    for case in component.all("case"):
+        test = case.find("test")
+        applies = ca.SX(1.0)
+        if test is not None:
+            holds = _holds(test, properties)
+            applies = ca.logic_and(holds, ca.logic_not(is_set)) if is_exclusive else holds
+            is_set = ca.logic_or(is_set, holds)
+        for each in case.all("property"):
+            given = properties.value(each.attributes.get("value", ""), each)
+            if each.text == name:
+                choices.append((applies, given))
+    always = [place for place, (applies, _) in enumerate(choices) if _is_true(applies)]
+    if not always:
+        raise component.error(
+            f"<distributor> keeps the previous value of {shortened(name)} where each <test> is "
+            "false; add a first <case> without <test>"
+        )
+    value = choices[always[-1]][1]
+    for applies, given in choices[always[-1] + 1 :]:
+        value = ca.if_else(applies, given, value)
+    return value
+
+
+def _is_true(condition: ca.SX) -> bool:
+    """Return whether a condition is constant and true."""
+    return is_constant(condition) and bool(float(condition))
 
 
 _COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
@@ -448,17 +590,19 @@ _COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {
     "deadband": _deadband,
     "actuator": _actuator,
     "sensor": _sensor,
+    "gyro": _gyro,
+    "angle": _angle,
     "fcs_function": _function,
     "switch": _switch,
     "lag_filter": _lag,
     "lead_lag_filter": _lead_lag,
+    "second_order_filter": _second_order,
     "washout_filter": _washout,
 }
 #: Elements that JSBSim regards as components of a channel. It ignores others.
 KINDS = (
-    *(*_COMPONENTS, "pid", "integrator", "accelerometer", "magnetometer", "gyro", "angle"),
+    *(*_COMPONENTS, "pid", "integrator", "accelerometer", "magnetometer"),
     *("waypoint_heading", "waypoint_distance", "distributor", "linear_actuator"),
-    "second_order_filter",
 )
 
 

@@ -30,10 +30,11 @@ _COMPUTED = (
 #: Fraction of the excess power that passes the torque limiter, so that a trim search has a descent
 #: direction. The power in JSBSim oscillates by as much.
 _BEYOND = 1e-3
-#: Duration of JSBSim's frame, s. Governors near their target reach it within one frame.
+#: Duration of JSBSim's frame, s. Spools and governors near their target reach it within one frame.
 STEP = 1.0 / 120.0
-#: Kinds of engines that follow their throttles with a lag in JSBSim.
-_LAGGING = ("turbine_engine", "piston_engine", "turboprop_engine")
+#: Kind of engine -> state of its lag: shaft speed of a turbine, %; manifold pressure, inHg; gas
+#: generator speed of a turboprop, %.
+_LAGS = {"turbine_engine": "spool", "piston_engine": "manifold", "turboprop_engine": "generator"}
 #: Least gear ratio that JSBSim accepts.
 _SLOWEST_GEAR = 0.001
 #: Horsepower, ft lb/s.
@@ -102,9 +103,16 @@ class EngineFile:
         return ratio
 
     @property
-    def has_lag(self) -> bool:
-        """Whether the engine follows its throttle with a lag, which the model omits."""
-        return self.kind in _LAGGING
+    def lag(self) -> str:
+        """Name of the state of the engine's lag, or "" if the engine has no lag."""
+        delay = 1.0
+        if self.kind == "piston_engine":
+            delay = self.engine.value_of("man-press-lag", 1.0)
+        if self.kind == "turboprop_engine":
+            delay = self.engine.value_of("n1idle_max_delay", 1.0)
+        if self.kind not in _LAGS or delay <= STEP:
+            return ""
+        return f"{_LAGS[self.kind]}{self.number}"
 
     def shaft(self, name: str) -> tuple[float, float]:
         """Return the lowest and highest speed of a shaft according to the engine's file, %.
@@ -113,6 +121,14 @@ class EngineFile:
         """
         idle = 30.0 if name == "n1" else 60.0
         return self.engine.value_of(f"idle{name}", idle), self.engine.value_of(f"max{name}", 100.0)
+
+    @property
+    def usual_lag(self) -> float:
+        """Typical value of the state of the engine's lag."""
+        if self.kind == "piston_engine":
+            return 24.0
+        low, high = self.shaft("n2" if self.kind == "turbine_engine" else "n1")
+        return low + 0.6 * (high - low)
 
     def full_name(self, name: str) -> str:
         """Return the full name of a property of this engine, such as propulsion/engine[0]/n1.
@@ -307,10 +323,26 @@ def throttle_of(file: EngineFile, around: Surroundings) -> Any:
     return ca.SX(around.properties.read(name, file.mount.where))
 
 
+def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
+    """Return the symbol of the state of the engine's lag, or None if the lag is not a state."""
+    return getattr(around.states, file.lag, None) if file.lag else None
+
+
 def _commanded(file: EngineFile, around: Surroundings, shaft: str) -> Any:
     """Return the speed of a running turbine's shaft that the throttle gives, %."""
     low, high = file.shaft(shaft)
     return low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
+
+
+def spool_error(file: EngineFile, around: Surroundings) -> Any:
+    """Return the steady-state speed of a turbine's n2 shaft minus its present speed, %.
+
+    The steady-state speed is given by the throttle. If the turbine does not run, it is the
+    windmilling speed.
+    """
+    on = _commanded(file, around, "n2")
+    wanted = ca.if_else(running(file, around), on, _windmilling(file, around, "n2"))
+    return wanted - getattr(around.states, file.lag)
 
 
 def _windmilling(file: EngineFile, around: Surroundings, name: str) -> Any:
@@ -321,15 +353,53 @@ def _windmilling(file: EngineFile, around: Surroundings, name: str) -> Any:
     return around.motion.pressure_head / (10.0 if name == "n1" else 15.0)
 
 
-def _leave_out_spools(file: EngineFile) -> None:
+def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
+    """Return {state: time derivative} for the lag of a turbine or turboprop.
+
+    The result is empty if the lag is not a state.
+    """
+    state = lag_state(file, around)
+    rates = {}
+    if file.kind == "turbine_engine":
+        if state is not None:
+            rates[file.lag] = _spool_rate(file, around, state)
+        _leave_out_spools(file, ("N1Spool",) if rates else ("N1Spool", "N2Spool"))
+    if file.kind != "turboprop_engine" or state is None:
+        return rates
+    delay = file.engine.value_of("n1idle_max_delay", 1.0)
+    low, high = file.shaft("n1")
+    wanted = low + throttle_of(file, around) * (high - low)
+    is_on = running(file, around)
+    wanted = ca.if_else(is_on, wanted, around.motion.pressure_head / 15.0)
+    up = ca.if_else(is_on, delay, 2.5 * delay)
+    down = ca.if_else(is_on, 2.4 * delay, 5.0 * delay)
+    behind = wanted - state
+    slowness = ca.if_else(behind > 0.0, up, down)
+    return {file.lag: behind / slowness}
+
+
+def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
     """Record that a turbine's spool functions may be omitted, because no force depends on them."""
     for function in file.engine.children:
-        if (
-            function.attributes.get("name", "")
-            .rsplit("/", 1)[-1]
-            .startswith(("N1Spool", "N2Spool"))
-        ):
+        if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(names):
             function.taken = False
+
+
+def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
+    """Return the acceleration of a turbine's n2 shaft, %/s (`FGTurbine::Seek`)."""
+    # The acceleration is at a limit until the target can be reached within one frame.
+    low, high = file.shaft("n2")
+    is_on = running(file, around)
+    share = ca.fmin((speed - low) / (high - low) + 0.1, 1.0)
+    sigma = around.properties.read("atmosphere/sigma", file.mount.where)
+    slowness = 1.0 + 3.0 * (1.0 - share) ** 3 + (1.0 - sigma)
+    delay = 90.0 / (file.engine.value_of("bypassratio", 0.0) + 3.0) / slowness
+    up = _share(file, around, "N2SpoolUp", delay)
+    down = _share(file, around, "N2SpoolDown", 3.0 * delay)
+    least = 0.0 if file.engine.value_of("disable-windmill", 0.0) else 0.1
+    up = ca.if_else(is_on, up, 0.5 * speed + least)
+    down = ca.if_else(is_on, down, speed / file.engine.value_of("n2spindown", 2.0))
+    return ca.fmin(ca.fmax(spool_error(file, around) / STEP, -down), up)
 
 
 def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
@@ -341,9 +411,12 @@ def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
     position = throttle_of(file, around)
     military = engine.value_of("milthrust", 10000.0, "LBS")
     shares = {name: _share(file, around, name) for name in ("IdleThrust", "MilThrust", "AugThrust")}
-    _leave_out_spools(file)
     idle = military * shares["IdleThrust"]
     share = ca.fmin(position, 1.0)
+    speed = lag_state(file, around)
+    if speed is not None:
+        low, high = file.shaft("n2")
+        share = (speed - low) / (high - low)
     dry = idle + (military - idle) * shares["MilThrust"] * share**2
     bleed = own_property(file, around, "bleed-factor", engine.value_of("bleed", 0.0))
     bled = dry * (1.0 - bleed)
@@ -362,7 +435,10 @@ def _augmented(
     strongest = engine.value_of("maxthrust", 10000.0, "LBS") * shares["AugThrust"]
     lit: Any = 0.0
     if method == 1:
-        lit = ca.logic_and(share > 0.99, _commanded(file, around, "n2") > 97.0)
+        speed = lag_state(file, around)
+        if speed is None:
+            speed = _commanded(file, around, "n2")
+        lit = ca.logic_and(share > 0.99, speed > 97.0)
     if method == 2:
         lit = position > 1.0
     if method == 1 and engine.value_of("augmented", 0.0) == 1.0:
@@ -417,8 +493,10 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
     Raises BadInputError if a table is missing.
     """
     engine = file.engine
-    low, high = file.shaft("n1")
-    speed = low + throttle_of(file, around) * (high - low)
+    speed = lag_state(file, around)
+    if speed is None:
+        low, high = file.shaft("n1")
+        speed = low + throttle_of(file, around) * (high - low)
     tables = {table.attributes.get("name", ""): table for table in engine.all("table")}
     for name in ("EnginePowerRPM_N1", "ITT_N1"):  # without them JSBSim ends the program
         if name not in tables:
@@ -513,11 +591,19 @@ def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
 
 def _add_shafts(file: EngineFile, around: Surroundings) -> None:
     """Define the properties n1 and n2, the speeds of a turbine's shafts, %."""
-
-    def speed(name: str) -> Any:
-        on = _commanded(file, around, name)
-        return ca.if_else(running(file, around), on, _windmilling(file, around, name))
-
+    # Reading n1 raises BadInputError if the speed n2 is a state.
     for name in ("n1", "n2"):
-        writer = Writer(partial(speed, name), file.mount.where)
-        around.properties.compute(file.full_name(name), writer)
+
+        def speed(name: str = name) -> Any:
+            state = lag_state(file, around)
+            if state is None:
+                on = _commanded(file, around, name)
+                return ca.if_else(running(file, around), on, _windmilling(file, around, name))
+            if name == "n1":
+                raise file.mount.error(
+                    "n1 is read, but is not a state of the model; remove engines=states from the "
+                    "name of the aircraft"
+                )
+            return state
+
+        around.properties.compute(file.full_name(name), Writer(speed, file.mount.where))

@@ -34,6 +34,46 @@ def _integer(value: Any) -> Any:
     return ca.if_else(value < 0, ca.ceil(value), ca.floor(value))
 
 
+def _fraction(value: Any) -> Any:
+    """Return the fractional part of a value, or 0 for an infinite value, as in C."""
+    return ca.if_else(ca.fabs(value) == math.inf, 0.0, value - _integer(value))
+
+
+def _rounded(value: Any) -> Any:
+    """Return the nearest integer. A half is rounded away from zero."""
+    whole = ca.floor(ca.fabs(value) + 0.5)
+    return ca.if_else(value < 0, -whole, whole)
+
+
+def _switch(index: Any, *values: Any) -> Any:
+    """Return the value at the rounded index."""
+    # The result is NaN if the index is negative or has no value. JSBSim stops for such an index.
+    chosen = ca.SX.nan()
+    for number in range(len(values) - 1, -1, -1):
+        chosen = ca.if_else(index + 0.5 < number + 1, values[number], chosen)
+    return ca.if_else(index < 0.0, ca.SX.nan(), chosen)
+
+
+def _interpolate1d(argument: Any, *pairs: Any) -> Any:
+    """Return the linear interpolation between points, constant beyond the first and last point."""
+    # As in JSBSim, the interval is found by bisection even if the x do not increase.
+    points = list(zip(pairs[::2], pairs[1::2], strict=True))
+
+    def between(first: int, last: int) -> Any:
+        if last - first > 1:
+            middle = (first + last) // 2
+            at, value = points[middle]
+            above = ca.if_else(argument > at, between(middle, last), value)
+            return ca.if_else(argument < at, between(first, middle), above)
+        start, low = points[first]
+        end, high = points[last]
+        return low + (argument - start) * (high - low) / (end - start)
+
+    inside = between(0, len(points) - 1)
+    (start, low), (end, high) = points[0], points[-1]
+    return ca.if_else(argument <= start, low, ca.if_else(argument >= end, high, inside))
+
+
 def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Return a logarithm that is minus infinity where the argument is not positive."""
 
@@ -93,6 +133,8 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "max": (lambda *values: reduce(ca.fmax, values), 1, _MANY),
     "quotient": (_unless_zero(lambda one, other: one / other), 2, 2),
     "pow": (lambda one, other: one**other, 2, 2),
+    "fmod": (_unless_zero(ca.fmod), 2, 2),
+    "mod": (lambda one, other: ca.fmod(_integer(one), _integer(other)), 2, 2),
     "atan2": (ca.atan2, 2, 2),
     "abs": (ca.fabs, 1, 1),
     "sin": (ca.sin, 1, 1),
@@ -103,11 +145,14 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "atan": (ca.atan, 1, 1),
     "exp": (ca.exp, 1, 1),
     "ln": (_where_positive(ca.log), 1, 1),
+    "log2": (_where_positive(lambda value: ca.log(value) / math.log(2.0)), 1, 1),
     "log10": (_where_positive(ca.log10), 1, 1),
     "sqrt": (_sqrt, 1, 1),
     "floor": (ca.floor, 1, 1),
     "ceil": (ca.ceil, 1, 1),
     "integer": (_integer, 1, 1),
+    "fraction": (_fraction, 1, 1),
+    "roundmultiple": (lambda value, size=1.0: _rounded(value / size) * size, 1, 2),
     "sign": (lambda value: ca.if_else(value < 0, -1.0, 1.0), 1, 1),  # 0 counts as positive
     "toradians": (lambda value: value * (math.pi / 180.0), 1, 1),
     "todegrees": (lambda value: value * (180.0 / math.pi), 1, 1),
@@ -121,6 +166,8 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "or": (_any_true, 2, _MANY),
     "not": (lambda value: ca.if_else(_is_true(value), 0.0, 1.0), 1, 1),
     "ifthen": (lambda test, one, other: ca.if_else(_is_true(test), one, other), 3, 3),
+    "switch": (_switch, 2, _MANY),
+    "interpolate1d": (_interpolate1d, 5, _MANY),
 }
 
 

@@ -33,11 +33,14 @@ class Choices:
     filters: whether lags, washouts, integrators and other dynamic components have states. Otherwise
         their steady-state output is used.
     throttles: whether each engine has a separate throttle.
+    engines: whether the lags of engines are states. Otherwise engines follow their throttles at
+        once.
     inputs: properties that are inputs of the model, in addition to the pilot's commands.
     """
 
     filters: bool = False
     throttles: bool = False
+    engines: bool = False
     inputs: tuple[str, ...] = ()
 
 

@@ -12,6 +12,7 @@ from hfa_jsbsim.engines import (
     Surroundings,
     engine_rpm,
     internal_table,
+    lag_state,
     own_property,
     running,
     throttle_of,
@@ -42,11 +43,15 @@ _MIXTURE = (
 )
 
 
-def piston_power(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
-    """Return (power, properties) of a piston engine.
+def piston_power(
+    file: EngineFile, around: Surroundings
+) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+    """Return (power, properties, rates) of a piston engine.
 
     - power: hp
     - properties: last part of the name -> value
+    - rates: {manifold pressure state: time derivative, inHg/s}, empty if the pressure is not a
+      state
     """
     engine = file.engine
     air = around.motion.air
@@ -61,6 +66,12 @@ def piston_power(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str,
     efficiency = _set(file, around, "volumetric-efficiency", 0.85)
     piston_speed = speed * breathing.stroke / 360.0
     throttled = ram_pressure * breathing.pressure_ratio(throttle_of(file, around), piston_speed)
+    rates = {}
+    state = lag_state(file, around)
+    if state is not None:
+        delay = engine.value_of("man-press-lag", 1.0)
+        rates[file.lag] = (throttled / _INHG_TO_PA - state) / delay
+        throttled = state * _INHG_TO_PA
     manifold = _boosted(file, around, throttled, ambient, speed)
     compression = engine.value_of("compression-ratio", 8.5)
     back_ratio = ca.fmin(ambient / ca.fmax(manifold, 1.0), compression)
@@ -84,7 +95,7 @@ def piston_power(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str,
     cycles = engine.value_of("cycles", 4.0)
     lost = (pumping + friction) * displacement * speed / (cycles * 22371)
     power = indicated + lost - _boost_loss(engine, throttled, manifold, volume_flow)
-    return power, {"map-pa": manifold, "map-inhg": manifold / _INHG_TO_PA}
+    return power, {"map-pa": manifold, "map-inhg": manifold / _INHG_TO_PA}, rates
 
 
 def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:

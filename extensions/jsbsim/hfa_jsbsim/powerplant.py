@@ -19,7 +19,9 @@ def computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
 
     def compute() -> Effect:
         try:
-            return effect()
+            made = effect()
+            made.rates |= jets.lag_rates(file, around)
+            return made
         except ArithmeticError as error:
             fault = f"the engine's values cause an arithmetic error ({error}); correct this engine"
             raise file.engine.error(fault) from error
@@ -34,8 +36,9 @@ def computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
         if file.kind == "rocket_engine":
             return jets.jet(file, around, jets.rocket_thrust(file, around))
         properties: dict[str, Any] = {}
+        rates: dict[str, Any] = {}
         if file.kind == "piston_engine":
-            horsepower, properties = piston_power(file, around)
+            horsepower, properties, rates = piston_power(file, around)
         elif file.kind == "turboprop_engine":
             horsepower = jets.turboprop_power(file, around)
         else:
@@ -43,6 +46,7 @@ def computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
         drive = propeller_effect if file.has_propeller else jets.jet
         driven = drive(file, around, horsepower * HP)
         driven.properties |= properties
+        driven.rates |= rates
         return driven
 
     return compute

@@ -127,9 +127,28 @@ class Properties:
         """Add a writer of a property. The value is computed when the property is first read."""
         self._writers.setdefault(plain(name), []).append(writer)
 
+    def remove(self, writer: Writer) -> None:
+        """Remove a writer from all properties that it sets.
+
+        A property without another writer has its initial value, or 0 without one.
+        """
+        for name, writers in list(self._writers.items()):
+            if writer in writers:
+                writers.remove(writer)
+                if not writers:
+                    del self._writers[name]
+                    self._initial.setdefault(name, 0.0)
+
     def is_known(self, name: str) -> bool:
         """Return whether a property has an initial value or a writer."""
         return bool(self._writers.get(plain(name))) or plain(name) in self._initial
+
+    def is_known_without(self, name: str, component: Element) -> bool:
+        """Return whether a property has an initial value or a writer other than a component."""
+        others = [
+            each for each in self._writers.get(plain(name), ()) if each.component != component
+        ]
+        return bool(others) or plain(name) in self._initial
 
     def writers(self) -> dict[str, list[Writer]]:
         """Return the writers of each property, in the order in which they were added."""

@@ -94,7 +94,7 @@ _MODES = {
 def read_model(text: str) -> Model:
     """Return the `Model` of "jsbsim:NAME" or of an aircraft's XML file.
 
-    Options may follow a question mark: "jsbsim:737?filters=states&throttles=each". With
+    Options may follow a question mark: "jsbsim:737?engines=states&throttles=each". With
     "inputs=fcs/a,fcs/b", these properties are inputs in addition to the pilot's commands.
 
     Raises BadInputError for an unknown aircraft or option, and, with file and line, for an element
@@ -112,6 +112,7 @@ def read_model(text: str) -> Model:
 #: Options after the question mark: name -> (value, field of `Choices`).
 _CHOICES = {
     "filters": ("states", "filters"),
+    "engines": ("states", "engines"),
     "throttles": ("each", "throttles"),
 }
 
@@ -229,6 +230,9 @@ class _Declaration:
         states = self._states()
         outputs = self._outputs()
         moving = tuple(name for name in states if name not in ("yaw", "altitude"))
+        # The acceleration of a spool is limited nearly everywhere. A trim therefore balances its
+        # speed error.
+        steady = tuple(name for name in moving if not name.startswith("spool"))
         configuration = self._configuration()
         return Model(
             self.parts.name,
@@ -239,7 +243,7 @@ class _Declaration:
             disturbances=dict.fromkeys(GUSTS, Signal("ft/s", 10.0)),
             outputs=outputs,
             trim=self._trim(),
-            steady=moving,
+            steady=steady,
             linear=moving,
             schedule="speed",
             modes=_MODES | self._engine_modes(),
@@ -353,6 +357,8 @@ class _Declaration:
                 highest = file.thruster.value_of("maxpitch", 0.0)
                 middle = 0.5 * (lowest + highest)
                 ordered[f"blade{file.number}"] = Signal("deg", 5.0, lowest, highest, middle, 100.0)
+            if file.lag in self.equations.states:
+                ordered[file.lag] = _lag(file)
         filters = [state.symbol.name() for state in self.equations.properties.filters]
         return ordered | dict.fromkeys(filters, Signal())
 
@@ -391,9 +397,15 @@ class _Declaration:
     def _left_out(self, throttle: str) -> str:
         """Return a note on engines that follow a throttle without their lag, or ""."""
         number = throttle.removeprefix("throttle")
-        moved = [file for file in self.parts.engines if number in ("", str(file.number))]
-        lags = any(file.has_lag for file in moved)
-        return f"{throttle} moves, and engines follow without delay" if lags else ""
+        lags = [file.lag for file in self.parts.engines if number in ("", str(file.number))]
+        left_out = [lag for lag in lags if lag and lag not in self.equations.states]
+        if not left_out:
+            return ""
+        return (
+            f"{throttle} moves, and engines follow without delay; ?engines=states after the"
+            " aircraft's"
+            f" name makes their lags states ({', '.join(left_out)})"
+        )
 
     def _parameters(self) -> dict[str, Signal]:
         """Return the signals of the parameters, by name."""
@@ -441,6 +453,7 @@ class _Declaration:
             "reference_area": Signal("ft^2"),
             "reference_chord": Signal("ft"),
         }
+        signals_by_name |= dict.fromkeys(self._spool_errors(), Signal("%", 10.0))
         signals = {
             name: signals_by_name.get(name, Signal("hp", 100.0)) for name in self.equations.outputs
         }
@@ -567,7 +580,7 @@ class _Declaration:
             imposed |= dict.fromkeys(self._splits(), 0.0)
         if {"aileron", "rudder"} <= set(self.inputs):
             imposed["beta"] = 0.0
-        return imposed
+        return imposed | dict.fromkeys(self._spool_errors(), 0.0)
 
     def _throttles(self) -> list[str]:
         return [name for name in self.inputs if name.startswith("throttle")]
@@ -577,14 +590,20 @@ class _Declaration:
         pairs = pairwise(self._throttles())
         return {f"throttle_split{number}": pair for number, pair in enumerate(pairs)}
 
+    def _spool_errors(self) -> list[str]:
+        """Return the names of the outputs that are spool errors of turbines."""
+        return [name for name in self.equations.outputs if name.startswith("spool_error")]
+
     def _engine_modes(self) -> dict[str, tuple[str, ...]]:
-        """Return the modes of propellers and governors, as name -> states."""
+        """Return the modes of propellers, governors and engine lags, as name -> states."""
         modes: dict[str, tuple[str, ...]] = {}
         for file in self.parts.engines:
             if file.has_propeller:
                 modes[f"propeller {file.number}"] = (f"rpm{file.number}",)
             if file.governed:
                 modes[f"governor {file.number}"] = (f"blade{file.number}",)
+            if file.lag in self.equations.states:
+                modes[f"{file.lag.rstrip('0123456789')} {file.number}"] = (file.lag,)
         return modes
 
     def _beginning(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
@@ -633,6 +652,13 @@ def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterat
             continue
         if key in inputs and inputs[key].unit == "1":
             yield name
+
+
+def _lag(file: EngineFile) -> Signal:
+    """Return the signal of the state of an engine's lag."""
+    if file.lag.startswith("manifold"):
+        return Signal("inHg", 3.0, 0.0, start=file.usual_lag)
+    return Signal("%", 10.0, 0.0, start=file.usual_lag)
 
 
 def _stated_speed(file: EngineFile) -> float:

@@ -1,4 +1,4 @@
-"""Flights with engines compared with JSBSim, the note on their lags, and a fast fan."""
+"""Lags of engines as states of the model, compared with JSBSim, and their values in trim."""
 
 import math
 
@@ -17,17 +17,17 @@ SPOOLS = '<function name="N2SpoolUp"> <v>7</v> </function>'
 
 @needs_jsbsim
 @pytest.mark.slow
-def test_simulations_of_jsbsim_converge_to_the_models_simulation():
+@pytest.mark.parametrize("name", ["c172p", "737", "DHC6"])
+def test_simulations_of_jsbsim_converge_to_the_models_simulation(name):
     """JSBSim's simulations converge to the model's simulation as JSBSim's step decreases.
 
-    The throttle is constant, because the model's engines follow it without lag.
     With a quarter of the step the difference is four times smaller, within 15 %. Richardson's
     extrapolation to a step of 0 is ten times closer than the smaller step.
     """
-    model, point = trimmed("jsbsim:737?filters=states")
+    model, point = trimmed(f"jsbsim:{name}?filters=states&engines=states")
     flight = drawn(point, 6, seed=3)
     items = [
-        {"aircraft": "737", "point": flight | {"step": step}} for step in (1.0 / 120.0, 1.0 / 480.0)
+        {"aircraft": name, "point": flight | {"step": step}} for step in (1.0 / 120.0, 1.0 / 480.0)
     ]
     coarse, fine = responses(items)
     error = difference(model, flight, fine)
@@ -47,12 +47,36 @@ def trim_of(path, **held):
     return model, trim(model, hold=held or {"speed": 350.0})
 
 
+def test_a_spool_is_at_its_throttle_in_trim(path):
+    """In trim, the spool speed equals the speed that the throttle commands.
+
+    The diagonal element of A for the spool speed is -120 1/s.
+    """
+    model, point = trim_of(f"{path}?engines=states")
+    assert point.states.spool0 == pytest.approx(60.0 + 40.0 * point.inputs.throttle)
+    linear = linearize(model, point)
+    row = model.linear.index("spool0")
+    assert linear.A[row, row] == pytest.approx(-120.0)
+
+
+def test_a_spool_function_of_the_file_limits_rate(path):
+    """A spool function in the file limits the acceleration of the spool to 7 %/s."""
+    model, point = trim_of(f"{path}?engines=states")
+    inputs = point.inputs._asdict() | {"throttle": 1.0}
+    rates = model.rates_at(list(point.states), list(inputs.values()))
+    assert rates["spool0"] == pytest.approx(7.0)
+
+
 def test_a_throttle_without_lags_is_noted(path):
-    """The linear model warns that its throttle has no engine lag."""
+    """The linear model warns that its throttle has no engine lag.
+
+    With the option `engines=states`, no warning is given.
+    """
     model, point = trim_of(path)
-    assert "engines follow without delay" in model.inputs["throttle"].moving
+    assert "makes their lags states (spool0)" in model.inputs["throttle"].moving
     assert model.inputs["throttle"].moving in linearize(model, point).warnings
     assert model.inputs["throttle"].moving not in point.warnings
+    assert load_model(f"{path}?engines=states").inputs["throttle"].moving == ""
 
 
 def test_a_fast_fan_is_trimmed(tmp_path):

@@ -15,7 +15,7 @@ from hfa_flight.judge.endings import BALL, STILL, Endings, settled
 from hfa_flight.judge.reach import HORIZON, Reach
 from hfa_flight.policies.deployment.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
 from hfa_flight.simulate.envelope import Departure, departure, flight_envelope
-from hfa_flight.simulate.limit_cycle import LimitCycle, limit_cycle
+from hfa_flight.simulate.limit_cycle import LimitCycle, oscillation
 from hfa_flight.simulate.sampled_flights import (
     CompiledSamples,
     SampledFlight,
@@ -342,7 +342,8 @@ class PlacedFlights:
         deviations = states[:, X] - point.x
         empty = np.zeros((len(states), 0))
         trace = Deviations(flown.times, deviations, empty, inputs, deviations, {})
-        return limit_cycle(point.model, trace, 0.0)
+        cycle, _ = oscillation(point.model, trace, 0.0)
+        return cycle
 
     def _other_equilibria(
         self, steady: np.ndarray, place: Place

@@ -43,9 +43,10 @@ from hfa_flight.simulate.envelope import (
 )
 from hfa_flight.simulate.flight_figure import DrawnFlight, flight_figure
 from hfa_flight.simulate.limit_cycle import (
+    Decay,
     LimitCycle,
     duration_for,
-    limit_cycle,
+    oscillation,
     slowest_recognized,
 )
 from hfa_flight.simulate.returned import RULE, has_returned
@@ -90,7 +91,8 @@ _STORED = (
     *("largest_deviation", "rms_error", "share_at_limits", "policy", "warnings"),
 )
 _STORED_IF_ANY = (
-    *("integration", "largest_difference_from_linear", "cost", "cost_to_go", "returned"),
+    *("decay", "integration", "largest_difference_from_linear"),
+    *("cost", "cost_to_go", "returned"),
 )
 #: Nominal values of the states to which changes of smaller deviations are relative.
 _SMALL = 1e-3
@@ -265,10 +267,10 @@ def fly_within(
     flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
     _refuse_invalid(loop.plant.point, flight)
     left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
-    cycle = None
+    cycle, decay = None, None
     if left_at is None:
-        cycle = limit_cycle(loop.plant.point.model, flight, loop.scenario.driven_until)
-    return Flight(envelope, loop, flight, left_at, cycle)
+        cycle, decay = oscillation(loop.plant.point.model, flight, loop.scenario.driven_until)
+    return Flight(envelope, loop, flight, left_at, cycle, decay=decay)
 
 
 def _refuse_invalid(point: OperatingPoint, flight: Deviations) -> None:
@@ -304,6 +306,7 @@ class Flight(StatesAndInputs, Result, Reported):
     cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit, or null if there is
         none.
     predicted: flight of the linear model, or None if it was not simulated
+    decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
     integration: change of the reported figures with half the integration step, or None for a policy
         that cannot be simulated with it
 
@@ -322,6 +325,7 @@ class Flight(StatesAndInputs, Result, Reported):
     departure: Departure | None
     cycle: LimitCycle | None
     predicted: Deviations | None = None
+    decay: Decay | None = None
     integration: IntegrationError | None = None
 
     @property
@@ -535,6 +539,8 @@ class Flight(StatesAndInputs, Result, Reported):
         else:
             outcome = f"{duration} inside the envelope and the control limits"
         lines = [f"{verdict_text(self.ok)}: {outcome}", flight]
+        if self.decay is not None:
+            lines.append(self.decay.text())
         lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
         if self.integration is not None and not self.integration.is_resolved:
             lines.append(self.integration.text())

@@ -44,7 +44,7 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
 def drawn(point: OperatingPoint, seconds: int, seed: int) -> dict[str, Any]:
     """Return a request for `responses`: a random flight that begins near a trim.
 
-    It has a pulse of the elevator, and then a step of the aileron.
+    It has steps of the throttle, and later pulses of elevator, aileron and rudder.
     """
     rng = np.random.default_rng(seed)
     state = point.states._asdict()
@@ -57,6 +57,7 @@ def drawn(point: OperatingPoint, seconds: int, seed: int) -> dict[str, Any]:
         start[name] += rng.uniform(-0.02, 0.02)
     stick = inputs.get("elevator", 0.0) + rng.uniform(-0.05, 0.05)
     changes: list[Any] = [
+        [1.0, {"throttle": rng.uniform(0.2, 0.9)}],
         [3.0, {"elevator": stick}],
         [4.0, {"elevator": inputs.get("elevator", 0.0)}],
         [5.0, {"aileron": inputs.get("aileron", 0.0) + rng.uniform(-0.1, 0.1)}],

@@ -449,7 +449,10 @@ def _states(simulator: Any) -> dict[str, float]:
 def _of_engines(simulator: Any) -> dict[str, float]:
     """Return JSBSim's values of the engine states of a `Model`, by name. A missing state is 0."""
     values = {}
-    parts = {"rpm": "propeller-rpm", "blade": "blade-angle"}
+    parts = {
+        **{"rpm": "propeller-rpm", "blade": "blade-angle", "spool": "n2"},
+        **{"manifold": "map-inhg", "generator": "n1"},
+    }
     for number in range(simulator.get_propulsion().get_num_engines()):
         for name, part in parts.items():
             values[f"{name}{number}"] = _value(simulator, f"{_engine(number)}/{part}")

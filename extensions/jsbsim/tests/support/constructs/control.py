@@ -246,6 +246,28 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         "</property> </case> </distributor>"
     )
     | _PROBE,
+    "distributor, undeclared": component(
+        '<distributor name="fcs/c" type="exclusive"> <case> <property value="0.3">fcs/probe'
+        "</property> </case> </distributor>"
+    ),
+    **{
+        f"distributor, {kind} tests": component(
+            f'<distributor name="fcs/c" type="{kind}">'
+            ' <case> <property value="0.1">fcs/probe</property> </case>'
+            f" <case> <test>{_STICK} gt -0.9</test>"
+            ' <property value="aero/alpha-rad">fcs/probe</property> </case>'
+            f" <case> <test>{_STICK} gt -0.8</test>"
+            ' <property value="0.3">fcs/probe</property> </case> </distributor>'
+        )
+        | _PROBE
+        for kind in ("exclusive", "inclusive")
+    },
+    "distributor without a value": component(
+        '<distributor name="fcs/c" type="inclusive">'
+        f" <case> <test>{_STICK} gt 0.1</test>"
+        ' <property value="0.3">fcs/probe</property> </case> </distributor>'
+    )
+    | _PROBE,
     "actuator, failed": _of("actuator", "<lag>20</lag>")
     | {"control": '<property value="1">fcs/c/malfunction/fail_zero</property>'},
     "actuator, saturated": component(
@@ -292,7 +314,14 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         '<test value="0.7"> velocities/vc-kts gt velocities/vt-fps </test>'
     ),
     "channel": _channel(""),
+    "channel, execute 0": _channel(
+        'execute="fcs/yd-on"', '<property value="0">fcs/yd-on</property>'
+    ),
+    "channel, execute 1": _channel(
+        'execute="fcs/yd-on"', '<property value="1">fcs/yd-on</property>'
+    ),
     "channel, execute by a state": _channel('execute="aero/alpha-rad"'),
+    "channel, execute of nothing": _channel('execute="fcs/nothing"'),
     "channel, execrate": _channel('execrate="4"'),
     "gain, input of another tree": _of("pure_gain", "<gain>2</gain>", f"/{_STICK}"),
     "gain, output to another tree": component(

@@ -39,12 +39,12 @@ def _axes(up: str, along: str, across: str, attributes: str = "") -> dict[str, s
 
 
 _OF_TWO = (
-    *("sum", "product", "difference", "quotient", "avg", "min", "max", "pow"),
+    *("sum", "product", "difference", "quotient", "avg", "min", "max", "pow", "fmod", "mod"),
     *("atan2", "lt", "le", "gt", "ge", "eq", "nq", "and", "or"),
 )
 _OF_ONE = (
-    *("abs", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "ln", "log10", "sqrt"),
-    *("floor", "ceil", "integer", "sign", "toradians", "todegrees", "not"),
+    *("abs", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "ln", "log2", "log10", "sqrt"),
+    *("floor", "ceil", "integer", "fraction", "sign", "toradians", "todegrees", "not"),
 )
 _FORCE = coefficient(slope(0.3, "aero/alpha-rad"))
 _HYSTERESIS = (
@@ -57,22 +57,36 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     **{name: _of(name, f"<sum> {_A} <v>0.4</v> </sum>") for name in _OF_ONE},
     **{
         f"{name} of a negative number": _of("max", f"<{name}> <v>-1</v> </{name}>", "<v>-0.5</v>")
-        for name in ("ln", "log10", "sqrt")
+        for name in ("ln", "log2", "log10", "sqrt")
     },
     **{
         f"{name} that changes its sign": _of(
             "max", f"<{name}> <sum> {_B} <v>0.01</v> </sum> </{name}>", "<v>-0.5</v>"
         )
-        for name in ("ln", "log10", "sqrt")
+        for name in ("ln", "log2", "log10", "sqrt")
     },
     "ln of zero": _of("max", "<ln> <v>0</v> </ln>", "<v>-0.5</v>"),
     "quotient by zero": _of("min", f"<quotient> {_A} <v>0</v> </quotient>", _V),
     "quotient of zero by zero": _of("min", "<quotient> <v>0</v> <v>0</v> </quotient>", _V),
+    "fmod by zero": _of("min", f"<fmod> {_A} <v>0</v> </fmod>", _V),
     "not of a small number": _of("not", "<v>1e-10</v>"),
     "ifthen of a small number": _of("ifthen", "<v>-1e-10</v>", _V, "<v>0.2</v>"),
     "and of a small number": _of("and", "<v>1e-10</v>", "<v>1</v>"),
     "or of a small number": _of("or", "<v>1e-10</v>", "<v>0</v>"),
     "or of a small enough number": _of("or", "<v>2e-9</v>", "<v>0</v>"),
+    "interpolate1d, unsorted": _of(
+        "interpolate1d",
+        _A,
+        "<v>-1</v> <v>0</v> <v>0.1</v> <v>2</v> <v>0.05</v> <v>3</v> <v>1</v> <v>1</v>",
+    ),
+    "interpolate1d, falling": _of(
+        "interpolate1d", _A, "<v>1</v> <v>0</v> <v>0</v> <v>2</v> <v>-1</v> <v>1</v>"
+    ),
+    "interpolate1d, a point twice": _of(
+        "interpolate1d",
+        _A,
+        "<v>-1</v> <v>0</v> <v>0.05</v> <v>2</v> <v>0.05</v> <v>3</v> <v>1</v> <v>1</v>",
+    ),
     "atan2 of minus zero": _of("atan2", "<v>-0.0</v>", "<v>-1</v>"),
     "value in another alphabet": function("<v>\u0663</v>"),
     "table of rows over a further axis": function(
@@ -83,6 +97,15 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "difference of three": _of("difference", _A, _V, _B),
     "pi": _of("product", "<pi/>", _A),
     "ifthen": _of("ifthen", f"<gt> {_A} <v>0</v> </gt>", _V, "<v>0.2</v>"),
+    "switch function": _of("switch", "<v>1</v>", "<v>0.1</v>", "<v>0.2</v>", "<v>0.3</v>"),
+    "switch function by a state": _of(
+        "switch",
+        f"<product> {_A} <v>10</v> </product>",
+        *(f"<v>{0.1 * number}</v>" for number in range(5)),
+    ),
+    "interpolate1d": _of(
+        "interpolate1d", _A, "<v>-1</v> <v>0</v> <v>0</v> <v>2</v> <v>1</v> <v>1</v>"
+    ),
     "random": _of("random"),
     "urandom": _of("urandom"),
     "rotation_alpha_local": _of("rotation_alpha_local", *["<v>0.1</v>"] * 6),
@@ -222,4 +245,6 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "lift by cl-squared": {"lift": coefficient(slope(0.1, "aero/cl-squared"))},
     "moment by alphadot": {"pitch": pitching("aero/alphadot-rad_sec")},
     "comment in a function": function(f"<!-- text --> {_A}"),
+    "rounded": _of("roundmultiple", f"<product> <v>9</v> {_A} </product>"),
+    "rounded to a multiple": _of("roundmultiple", _A, "<v>0.1</v>"),
 }
