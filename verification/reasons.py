@@ -16,6 +16,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
+from controller.riccati.certificate import form_of
 from verification.critic_errors import matrix_errors, relative_error
 from verification.judged_game import JudgedGame
 
@@ -57,6 +58,25 @@ class Mistake(NamedTuple):
     undone: np.ndarray
 
 
+class Compared(NamedTuple):
+    """A matrix of a critic beside the exact one.
+
+    kind: "P" or "K"
+    given, exact: the matrices
+    sizes: sizes of the entries, to which errors are relative. They change with the units as the
+        entries do.
+    """
+
+    kind: str
+    given: np.ndarray
+    exact: np.ndarray
+    sizes: np.ndarray
+
+    def errors(self, matrix: np.ndarray) -> np.ndarray:
+        """Return the relative error of each entry of a matrix."""
+        return np.abs(matrix - self.exact) / self.sizes
+
+
 def reason_for(judged: JudgedGame, critic: Critic, limit: float) -> str:
     """Return a sentence that names the mistake in a wrong critic, or "" if none is recognized.
 
@@ -65,14 +85,14 @@ def reason_for(judged: JudgedGame, critic: Critic, limit: float) -> str:
     """
     game, exact = judged.game, judged.exact
     if critic.P is None:
-        mistakes = _of_gain(game, critic.K, exact.K)
-        return _first_mistake("K", critic.K, exact.K, mistakes)
+        gains = _gains(judged, critic.K)
+        return _first_mistake(gains, _of_gain(game, gains))
     if all(check.ok for check in matrix_errors(game, "P", critic.P, exact, limit)):
         return _reason_for_policy(judged, critic, critic.P)
-    mistakes_of_P = itertools.chain(_of_value(game, critic.P, exact.P), _of_weights(critic))
-    return _first_mistake("P", critic.P, exact.P, mistakes_of_P) or _not_of_value(
-        judged, critic.K, critic.P
-    )
+    sizes = _sizes_of_states(judged)
+    values = Compared("P", critic.P, exact.P, np.outer(sizes, sizes))
+    mistakes = itertools.chain(_of_value(game, values), _of_weights(critic))
+    return _first_mistake(values, mistakes) or _not_of_value(judged, critic.K, critic.P)
 
 
 def _reason_for_policy(judged: JudgedGame, critic: Critic, P: np.ndarray) -> str:
@@ -83,10 +103,10 @@ def _reason_for_policy(judged: JudgedGame, critic: Critic, P: np.ndarray) -> str
             "P is right within the limit; the K that follows from it is off by"
             f" {relative_error(critic.K, exact.K):.2g}: it needs more digits of P"
         )
-    mistakes = _of_gain(judged.game, critic.K, exact.K)
+    gains = _gains(judged, critic.K)
     return (
         _beyond_quadratic(critic)
-        or _first_mistake("K", critic.K, exact.K, mistakes)
+        or _first_mistake(gains, _of_gain(judged.game, gains))
         or _not_of_value(judged, critic.K, P)
     )
 
@@ -103,37 +123,31 @@ def _not_of_value(judged: JudgedGame, K: np.ndarray, P: np.ndarray) -> str:
     )
 
 
-def _first_mistake(
-    kind: str, given: np.ndarray, exact: np.ndarray, mistakes: Iterator[Mistake]
-) -> str:
+def _first_mistake(compared: Compared, mistakes: Iterator[Mistake]) -> str:
     """Return the sentence of the first mistake without which P or K is right, or ""."""
-    error = float(np.max(_entry_errors(kind, given, exact)))
+    error = float(np.max(compared.errors(compared.given)))
     for mistake in mistakes:
-        if np.max(_entry_errors(kind, mistake.undone, exact)) <= min(RIGHT, SHARE * error):
+        if np.max(compared.errors(mistake.undone)) <= min(RIGHT, SHARE * error):
             return mistake.says
     return ""
 
 
-def _entry_errors(kind: str, given: np.ndarray, exact: np.ndarray) -> np.ndarray:
-    """Return the error of each entry relative to its size, which does not depend on units.
+def _sizes_of_states(judged: JudgedGame) -> np.ndarray:
+    """Return √P_ii of the exact P, (n,)."""
+    units = form_of(judged.game).units
+    return _floored(np.sqrt(np.abs(np.diag(judged.exact.P))) * units) / units
 
-    kind: "P" or "K"
+
+def _gains(judged: JudgedGame, K: np.ndarray) -> Compared:
+    """Return K beside the exact one, with the sizes r_i c_j of entries at which costs are 1:
+    c_j = |K_:j| and r_i = |K_i: / c|.
     """
-    sizes = _sizes_of_value(exact) if kind == "P" else _sizes_of_gain(exact)
-    return np.abs(given - exact) / sizes
-
-
-def _sizes_of_value(P: np.ndarray) -> np.ndarray:
-    """Return the size √(P_ii P_jj) of each entry P_ij."""
-    lengths = _floored(np.sqrt(np.abs(np.diag(P))))
-    return np.outer(lengths, lengths)
-
-
-def _sizes_of_gain(K: np.ndarray) -> np.ndarray:
-    """Return the size r_i c_j of each entry K_ij, with c_j = |K_:j| and r_i = |K_i: / c|."""
-    columns = _floored(np.linalg.norm(K, axis=0))
-    rows = _floored(np.linalg.norm(K / columns, axis=1))
-    return np.outer(rows, columns)
+    exact, states = judged.exact.K, _sizes_of_states(judged)
+    inputs = _floored(np.sqrt(np.diag(judged.exact.price)))
+    priced = exact * inputs[:, None] / states
+    columns = _floored(np.linalg.norm(priced, axis=0))
+    rows = _floored(np.linalg.norm(priced / columns, axis=1))
+    return Compared("K", K, exact, np.outer(rows / inputs, columns * states))
 
 
 def _floored(lengths: np.ndarray) -> np.ndarray:
@@ -141,9 +155,11 @@ def _floored(lengths: np.ndarray) -> np.ndarray:
     return np.maximum(lengths, SMALL * lengths.max()) if lengths.any() else lengths + 1.0
 
 
-def _of_value(game: Game, P: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
+def _of_value(game: Game, values: Compared) -> Iterator[Mistake]:
     """Yield the mistakes of P: a missing triangle, factors, weights for entries, order, units."""
-    given, P = P, (P + P.T) / 2.0
+    given, exact = values.given, values.exact
+    P = (given + given.T) / 2.0
+    values = values._replace(given=P)
     if not np.array_equal(given, P):
         yield Mistake("P is not symmetric; its symmetric part is exact", P)
         for half in (np.triu(given), np.tril(given)):
@@ -154,16 +170,16 @@ def _of_value(game: Game, P: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]
     if game.dt not in (None, True):
         says = "every entry of P is 1/dt times the exact one: the cost of a step is that of dt s"
         yield Mistake(says, float(game.dt) * P)
-    yield from _factors("P", "value", "V is z'Pz, without a factor 1/2", P, exact)
+    yield from _factors("value", "V is z'Pz, without a factor 1/2", values)
     halves = np.where(np.eye(len(P), dtype=bool), 1.0, 0.5)
     says = "the entries of P off the diagonal are twice too large: they must be W / 2"
     yield Mistake(says, halves * P)
     order = _order_of_states(P, exact)
     places = np.argsort(order)
     yield Mistake(_order_text("state", order), P[np.ix_(places, places)])
-    for says, divisors in _units("state", _factors_of_states(P, exact), UNITS_OF_STATES):
+    for says, divisors in _units("state", _factors_of_states(values), UNITS_OF_STATES):
         yield Mistake(says, P / np.outer(divisors, divisors))
-    yield from _one_entry("P", P, exact)
+    yield from _one_entry(values)
 
 
 def _order_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
@@ -178,26 +194,37 @@ def _order_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
     return _assigned(np.nan_to_num(differences).sum(axis=-1))
 
 
-def _factors_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
-    """Return the factor on each state that the diagonals and the signs of a row of P suggest, (n,).
+def _factors_of_states(values: Compared) -> np.ndarray:
+    """Return the factor on each state that the diagonal of P and its signs suggest, (n,).
 
-    P determines only products of two signs. Most of the states have the right sign.
+    P determines only products of two signs, the largest entries best, and none between states
+    that it does not couple. Most of the states have the right sign.
     """
-    largest = int(np.argmax(np.diag(exact)))
-    signs = np.where(P[largest] * exact[largest] < 0.0, -1.0, 1.0)
-    if np.sum(signs) < 0.0:
-        signs = -signs
+    products = values.given * values.exact / values.sizes**2
+    signs = np.zeros(len(products))
+    while not signs.all():
+        block = np.arange(len(signs)) == np.argmin(np.abs(signs))
+        signs[block] = 1.0
+        while True:
+            links = np.where(block[:, None] & (signs == 0.0), products, 0.0)
+            known, linked = np.unravel_index(int(np.argmax(np.abs(links))), links.shape)
+            if np.abs(links[known, linked]) <= SMALL:
+                break
+            block[linked] = True
+            signs[linked] = math.copysign(signs[known], signs[known] * links[known, linked])
+        signs[block] *= math.copysign(1.0, signs[block].sum())
     with np.errstate(all="ignore"):
-        return signs * np.sqrt(np.abs(np.diag(P) / np.diag(exact)))
+        return signs * np.sqrt(np.abs(np.diag(values.given) / np.diag(values.exact)))
 
 
-def _of_gain(game: Game, K: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
+def _of_gain(game: Game, gains: Compared) -> Iterator[Mistake]:
     """Yield the mistakes of K: factors, shape, R⁻¹, order, units."""
+    K, exact = gains.given, gains.exact
     if not game.is_discrete:
         paid = "(B'P + N')" if game.N.any() else "B'P"
         says = f"R⁻¹ is missing: this is {paid}, and K is R⁻¹{paid}"
         yield Mistake(says, np.linalg.solve(game.R, K))
-    yield from _factors("K", "gain", "the policy is u = -K z", K, exact)
+    yield from _factors("gain", "the policy is u = -K z", gains)
     if K.shape[0] == K.shape[1]:
         yield Mistake("K is transposed", K.T)
     says = "K was read row by row, but its entries are stored column by column"
@@ -207,7 +234,7 @@ def _of_gain(game: Game, K: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
             yield Mistake(first + says, undone)
         for says, undone in _of_rows("state", UNITS_OF_STATES, right.T, exact.T):
             yield Mistake(first + says, undone.T)
-    yield from _one_entry("K", K, exact)
+    yield from _one_entry(gains)
 
 
 def _of_rows(
@@ -230,18 +257,16 @@ def _of_rows(
         yield Mistake(says, given / divisors[:, None])
 
 
-def _factors(
-    kind: str, noun: str, meant: str, given: np.ndarray, exact: np.ndarray
-) -> Iterator[Mistake]:
+def _factors(noun: str, meant: str, compared: Compared) -> Iterator[Mistake]:
     """Yield that all entries have a wrong sign, half or twice the size, or another common factor.
 
-    kind: P or K
     noun: what the matrix stands for, the value or the gain
     meant: the right convention, as in "V is z'P z"
     """
+    kind, given, exact, sizes = compared
     for factor, wrong in FACTORS.items():
         yield Mistake(f"the {noun} {wrong}: {meant}", given / factor)
-    ratio = float(np.sum(given * exact)) / (float(np.sum(exact**2)) or 1.0)
+    ratio = float(np.sum(given * exact / sizes**2) / (np.sum((exact / sizes) ** 2) or 1.0))
     if ratio and math.isfinite(ratio) and np.count_nonzero(exact) > 1:
         shown = f"{ratio:.4g}" if abs(ratio - 1.0) > NEAR else f"{ratio:.8g}"
         yield Mistake(f"every entry of {kind} is {shown} times the exact one", given / ratio)
@@ -275,11 +300,12 @@ def _order_text(noun: str, order: np.ndarray) -> str:
     return f"the {noun}s are in the order {', '.join(str(index + 1) for index in order)}"
 
 
-def _one_entry(kind: str, given: np.ndarray, exact: np.ndarray) -> Iterator[Mistake]:
+def _one_entry(compared: Compared) -> Iterator[Mistake]:
     """Yield that the entry with the largest error has a wrong sign, or alone differs."""
+    kind, given, exact, _ = compared
     if np.count_nonzero(np.triu(exact) if kind == "P" else exact) < 3:
         return  # a single number agrees with many mistakes
-    errors = _entry_errors(kind, given, exact)
+    errors = compared.errors(given)
     place = np.unravel_index(int(np.argmax(errors)), errors.shape)
     name = f"{kind}({place[0] + 1}, {place[1] + 1})"
     wrong, right = float(given[place]), float(exact[place])

@@ -102,8 +102,9 @@ def cost_above_optimum(exact: Solution, K: np.ndarray) -> tuple[float, float]:
     """Return the largest and the mean relative excess of the cost of u = -K z above the optimum.
 
     The excesses are the eigenvalues of P*⁻¹ D on the states with a positive optimal cost, the mean
-    that over all directions with z'P* z = 1. D is the `loss_matrix`. If no state has a positive
-    optimal cost, both are 0 for D = 0.
+    that over all directions with z'P* z = 1. D is the `loss_matrix`. Of the initial conditions that
+    differ by a state without optimal cost, the one with the least excess counts. If no state has a
+    positive optimal cost, both are 0 for D = 0.
 
     Both are inf if the cost has no bound.
 
@@ -118,7 +119,10 @@ def cost_above_optimum(exact: Solution, K: np.ndarray) -> tuple[float, float]:
     if not positive.any():
         return (math.inf, math.inf) if D.any() else (0.0, 0.0)
     root = vectors[:, positive] / np.sqrt(values[positive])  # root' X root = I
-    ratios = np.linalg.eigvalsh(root.T @ D @ root)
+    free = vectors[:, ~positive]
+    crossed = free.T @ D @ root
+    saved = crossed.T @ np.linalg.pinv(free.T @ D @ free, SIGNLESS, hermitian=True) @ crossed
+    ratios = np.linalg.eigvalsh(root.T @ D @ root - saved)
     return max(float(ratios[-1]), 0.0), max(float(ratios.mean()), 0.0)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from game_samples import game_models
-from stored_games import stored
+from stored_games import in_units, stored
 
 from hfa import Game, from_gain, solve, verify
 
@@ -83,6 +83,18 @@ def test_costs_are_finite_where_rounding_hides_digits(kind: str, number: int, wo
     game = stored(kind, number).game
     cost = graded(game, 1.01 * solve(game).K)
     assert cost["cost_lost_worst_percent"] == pytest.approx(worst, rel=1e-5)
+
+
+@pytest.mark.parametrize(("kind", "number"), [("discrete", 3), ("discount", 22)])
+def test_costs_beside_states_without_cost_do_not_depend_on_units(kind: str, number: int) -> None:
+    """R is 0, and the optimum steers some states at no cost: what is lost there does not count."""
+    game = stored(kind, number).game.with_delta(math.inf)
+    other, units = in_units(game, np.random.default_rng(number), 10.0, 3)
+    K = 1.5 * solve(game).K
+    found = graded(other, K * units.u[:, None] / units.z)
+    cost = graded(game, K)
+    for name in ("cost_lost_worst_percent", "cost_lost_mean_percent"):
+        assert 0.0 < found[name] == pytest.approx(cost[name], rel=1e-6)
 
 
 def test_a_gain_beyond_delta_has_infinite_cost() -> None:
