@@ -8,10 +8,60 @@ from collections.abc import Iterator
 import numpy as np
 
 from hfa_support.reporting.rows import Row
+from trim.linear.modes import Mode
+from trim.reports.levels import Airplane, chosen_airplane, graded, level_lines
 from trim.reports.trimmed import Trimmed
 
 #: Names that models give to oscillating modes.
 _OSCILLATING = ("short period", "phugoid", "dutch roll")
+
+
+def mode_rows(trimmed: Trimmed, airplane: Airplane) -> tuple[list[Row], list[str]]:
+    """Return the eigenvalues of the modes, each with its handling qualities and their levels, and
+    sentences on the levels.
+    """
+    if trimmed.fault:
+        return [], [f"no modes: {trimmed.fault}"]
+    chosen, why = chosen_airplane(trimmed, airplane)
+    qualities = [*handling_qualities(trimmed)]
+    lines = []
+    if "speed" in trimmed.roles:
+        qualities = graded(qualities, chosen)
+        lines = level_lines(qualities, [mode.name for mode in trimmed.modes], chosen, why)
+    rows: list[Row] = []
+    for mode in trimmed.modes:
+        unit, times = f"1/{trimmed.model.time_unit}", _times(trimmed, mode)
+        rows.append(Row(f"{mode.name} eigenvalue", mode.eigenvalue, unit, times))
+        family = mode.name.partition(" (")[0]
+        of_mode = [row for row in qualities if _belongs(row.name, family)]
+        qualities = [row for row in qualities if row not in of_mode]
+        if mode.eigenvalue.imag and not of_mode:
+            frequency = f"rad/{trimmed.model.time_unit}"
+            of_mode = [
+                Row(f"{mode.name} frequency", mode.frequency, frequency, in_degrees=False),
+                Row(f"{mode.name} damping", mode.damping),
+            ]
+        rows += of_mode
+    return [*rows, *qualities], lines
+
+
+def _belongs(quality: str, family: str) -> bool:
+    """Return whether a handling quality is one of a mode."""
+    if family == "short period" and quality in ("CAP", "n/alpha"):
+        return True
+    return quality.startswith(f"{family} ")
+
+
+def _times(trimmed: Trimmed, mode: Mode) -> str:
+    """Return period and time to half or double of a mode as text."""
+    unit = trimmed.model.time_unit
+    words = [f"period {mode.period:.4g} {unit}"] if mode.eigenvalue.imag else []
+    if mode.eigenvalue.real:
+        time, change = (
+            (mode.time_to_half, "half") if mode.stable else (mode.time_to_double, "double")
+        )
+        words.append(f"time to {change} {time:.4g} {unit}")
+    return ", ".join(words)
 
 
 def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:

@@ -89,7 +89,7 @@ def report_of_linear(
             ),
         ]
     )
-    parts: list[Part] = [*matrices(model)]
+    parts: list[Part] = [_matrix(block) for block in blocks]
     data = model.as_data()
     if beside is not None:
         parts.append(beside.accuracy)
@@ -179,12 +179,13 @@ def _base_units(unit: str) -> set[str]:
     return {*re.findall(r"[A-Za-z%]+", unit)}
 
 
-def matrices(model: LinearModel) -> tuple[Table, ...]:
+def matrices(model: LinearModel) -> list[Table]:
     """Return tables of the matrices A and B, and of C and D if the outputs are not the states."""
-    return tuple(
-        matrix_table(block.name, block.rows, block.columns, block.values)
-        for block in _blocks(model)
-    )
+    return [_matrix(block) for block in _blocks(model)]
+
+
+def _matrix(block: Block) -> Table:
+    return matrix_table(block.name, block.rows, block.columns, block.values)
 
 
 def _blocks(model: LinearModel) -> list[Block]:

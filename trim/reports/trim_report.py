@@ -10,9 +10,9 @@ from hfa_aircraft.model import Model
 from hfa_support.provenance import Change
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import without_empty
-from hfa_support.reporting.rows import Group, Lacking, Row, Sheet
+from hfa_support.reporting.rows import Group, Sheet
 from hfa_support.reporting.text import Table, degrees
-from trim.linear.modes import Mode, modes_table
+from trim.linear.modes import modes_table
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
 from trim.reports.configuration import configuration_rows
@@ -24,14 +24,8 @@ from trim.reports.first_lines import (
     without_lines,
 )
 from trim.reports.flight import flight_rows, same_as_the_table
-from trim.reports.handling_qualities import handling_qualities
-from trim.reports.levels import (
-    DEFAULT_AIRPLANE,
-    Airplane,
-    chosen_airplane,
-    graded,
-    level_lines,
-)
+from trim.reports.handling_qualities import mode_rows
+from trim.reports.levels import DEFAULT_AIRPLANE, Airplane
 from trim.reports.limits import ASSUMED, limit_rows, named_nearest, nearest_first, variable_rows
 from trim.reports.performance import performance_rows, stalled
 from trim.reports.search import balance_row, equations_of, equations_table, search_of
@@ -78,55 +72,8 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
         loads = [row for row in performance_rows(trimmed) if row.name not in repeated]
         groups += [("performance", loads, ()), *own]
         groups.append(("stability", [*stability_rows(trimmed)], ()))
-        groups.append(_modes(trimmed, airplane))
+        groups.append(("modes and levels", *mode_rows(trimmed, airplane)))
     return Sheet.of(groups, first=VARIABLES)
-
-
-def _modes(trimmed: Trimmed, airplane: Airplane) -> tuple[str, list[Row | Lacking], list[str]]:
-    """Return the group of the modes: eigenvalues, handling qualities and their levels."""
-    title = "modes and levels"
-    if trimmed.fault:
-        return title, [], [f"no modes: {trimmed.fault}"]
-    chosen, why = chosen_airplane(trimmed, airplane)
-    qualities = [*handling_qualities(trimmed)]
-    lines = []
-    if "speed" in trimmed.roles:
-        qualities = graded(qualities, chosen)
-        lines = level_lines(qualities, [mode.name for mode in trimmed.modes], chosen, why)
-    rows: list[Row | Lacking] = []
-    for mode in trimmed.modes:
-        unit, times = f"1/{trimmed.model.time_unit}", _times(trimmed, mode)
-        rows.append(Row(f"{mode.name} eigenvalue", mode.eigenvalue, unit, times))
-        family = mode.name.partition(" (")[0]
-        of_mode = [row for row in qualities if _belongs(row.name, family)]
-        qualities = [row for row in qualities if row not in of_mode]
-        if mode.eigenvalue.imag and not of_mode:
-            frequency = f"rad/{trimmed.model.time_unit}"
-            of_mode = [
-                Row(f"{mode.name} frequency", mode.frequency, frequency, in_degrees=False),
-                Row(f"{mode.name} damping", mode.damping),
-            ]
-        rows += of_mode
-    return title, [*rows, *qualities], lines
-
-
-def _belongs(quality: str, family: str) -> bool:
-    """Return whether a handling quality is one of a mode."""
-    if family == "short period" and quality in ("CAP", "n/alpha"):
-        return True
-    return quality.startswith(f"{family} ")
-
-
-def _times(trimmed: Trimmed, mode: Mode) -> str:
-    """Return period and time to half or double of a mode as text."""
-    unit = trimmed.model.time_unit
-    words = [f"period {mode.period:.4g} {unit}"] if mode.eigenvalue.imag else []
-    if mode.eigenvalue.real:
-        time, change = (
-            (mode.time_to_half, "half") if mode.stable else (mode.time_to_double, "double")
-        )
-        words.append(f"time to {change} {time:.4g} {unit}")
-    return ", ".join(words)
 
 
 def report_of(
