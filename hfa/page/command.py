@@ -55,6 +55,9 @@ class ReportRequest(Request, SeveralTrims):
     """Options of `hfa report`."""
 
     aircraft: None = None
+    units: None = None
+    mass: None = None
+    isa: None = None
     dihedral: str | None = dihedral_option(
         f"angles shown in detail: {SEVERAL}; default: the printed 5 and 15", "RANGE"
     )

@@ -203,6 +203,7 @@ def test_a_missing_plotly_is_refused_before_the_computation() -> None:
     [
         ("", "--output FILE.html, --output FOLDER or --json"),
         ("-o file", "the folder cannot be created"),
+        ("-o a.html --units si", "unknown option --units"),
         ("-o a.html --free dihedral", "--dihedral and --sweep define the angles of a report"),
         ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),
         (f"-o a.html --beside {ROOT}/examples/pendulum.py:PENDULUM", "declares no schedule"),
