@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from itertools import compress
@@ -57,7 +56,7 @@ def findings_at_trims(points: Sequence[AssessedPoint]) -> list[Finding]:
     """
     findings: list[Finding] = []
     for kind in _KINDS:
-        found = [(each, point) for point in points for each in kind(point)]
+        found = [(each, point) for point in points if (each := kind(point)) is not None]
         if not found:
             continue
         worst = max((each for each, _ in found), key=lambda each: each.size)
@@ -105,136 +104,136 @@ def where_text(points: Sequence[AssessedPoint], among: Sequence[AssessedPoint]) 
     return f"at {listed} {unit}" + (f" and {more} more" if more > 0 else "")
 
 
-# Kinds of findings. Each function returns the findings of its kind at one trim: none or one.
+# Kinds of findings. Each function returns the finding of its kind at one trim, or None.
 
 
-def _no_equilibrium(point: AssessedPoint) -> list[_Found]:
+def _no_equilibrium(point: AssessedPoint) -> _Found | None:
     if point.equilibrium is not None:
-        return []
-    return [_Found(Severity.FAILURE, "no equilibrium near the trim")]
+        return None
+    return _Found(Severity.FAILURE, "no equilibrium near the trim")
 
 
-def _saturation(point: AssessedPoint) -> list[_Found]:
+def _saturation(point: AssessedPoint) -> _Found | None:
     if point.equilibrium is None or not point.equilibrium.clips:
-        return []
+        return None
     what = " and ".join(point.equilibrium.clips)
     text = f"saturated at the equilibrium, not judged as stable: {what}"
-    return [_Found(Severity.FAILURE, text)]
+    return _Found(Severity.FAILURE, text)
 
 
-def _beyond_limits(point: AssessedPoint) -> list[_Found]:
+def _beyond_limits(point: AssessedPoint) -> _Found | None:
     if not point.beyond:
-        return []
-    return [_Found(Severity.FAILURE, f"at the equilibrium, {point.beyond[0]}")]
+        return None
+    return _Found(Severity.FAILURE, f"at the equilibrium, {point.beyond[0]}")
 
 
-def _instability(point: AssessedPoint) -> list[_Found]:
+def _instability(point: AssessedPoint) -> _Found | None:
     if not point.radius >= 1.0:
-        return []
+        return None
     text = f"unstable at its equilibrium (spectral radius {point.radius:.5f})"
-    return [_Found(Severity.FAILURE, text, point.radius)]
+    return _Found(Severity.FAILURE, text, point.radius)
 
 
-def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) -> list[_Found]:
+def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) -> _Found | None:
     """Return the finding on the flights that leave the envelope."""
     if flown is None or not flown.left_envelope:
-        return []
+        return None
     leave = "leaves" if flown.left_envelope == 1 else "leave"
     text = f"{when}{flown.left_envelope} of {flown.starts} flights {leave} the envelope"
     if flown.departure is not None:
         text += f" (first: {flown.departure.cause()})"
     severity = Severity.WARNING if point.holds else Severity.FAILURE
-    return [_Found(severity, text, flown.left_envelope / flown.starts)]
+    return _Found(severity, text, flown.left_envelope / flown.starts)
 
 
-def _limit_cycle(point: AssessedPoint) -> list[_Found]:
+def _limit_cycle(point: AssessedPoint) -> _Found | None:
     for flown, when in ((point.flights, ""), (point.disturbed, "with a disturbance pulse: ")):
         cycle = None if flown is None else flown.limit_cycle
         if cycle is not None:
             size = cycle.amplitude / point.point.model.signals[cycle.name].nominal
             severity = Severity.WARNING if point.holds else Severity.FAILURE
-            return [_Found(severity, f"{when}limit cycle: {cycle.motion()}", size)]
-    return []
+            return _Found(severity, f"{when}limit cycle: {cycle.motion()}", size)
+    return None
 
 
-def _convergence(point: AssessedPoint) -> list[_Found]:
+def _convergence(point: AssessedPoint) -> _Found | None:
     flown = point.flights
     if flown is None:
-        return [_Found(Severity.NOTE, "no flight was simulated")]
+        return _Found(Severity.NOTE, "no flight was simulated")
     staying = flown.starts - flown.left_envelope - flown.converged
     if staying:
         text = f"{staying} of {flown.starts} flights do not converge within {flown.seconds:.3g} s"
         severity = Severity.WARNING if point.holds else Severity.FAILURE
-        return [_Found(severity, text, staying / flown.starts)]
-    return [] if flown.left_envelope else [_Found(Severity.NOTE, "every flight converges")]
+        return _Found(severity, text, staying / flown.starts)
+    return None if flown.left_envelope else _Found(Severity.NOTE, "every flight converges")
 
 
-def _not_returned(point: AssessedPoint) -> list[_Found]:
+def _not_returned(point: AssessedPoint) -> _Found | None:
     """Return the finding on the flights with a cost that leave or do not return to the trim."""
     costs = point.best
     if costs is None or not costs.lost:
-        return []
+        return None
     share = costs.lost / costs.compared
     text = (
         f"{costs.lost} of {costs.compared} other flights leave or have not returned to the trim "
         f"after {costs.seconds:.3g} s"
     )
     severity = Severity.FAILURE if point.costs_refute(point.share) else Severity.WARNING
-    return [_Found(severity, text, share)]
+    return _Found(severity, text, share)
 
 
-def _other_equilibrium(point: AssessedPoint) -> list[_Found]:
+def _other_equilibrium(point: AssessedPoint) -> _Found | None:
     flown = point.flights
     if flown is None or not flown.converged_elsewhere:
-        return []
+        return None
     states, inputs = flown.other_equilibrium, flown.other_inputs
     where = ", ".join(f"{name} {value:.4g}" for name, value in states.items())
     count = f"{flown.converged_elsewhere} of {flown.starts}"
     costs = f"which costs {offset_rate(point.deployed, point.point, states, inputs):.2g} per second"
     text = f"{count} flights converge to another equilibrium: {where}, {costs}"
-    return [_Found(Severity.WARNING, text, flown.converged_elsewhere / flown.starts)]
+    return _Found(Severity.WARNING, text, flown.converged_elsewhere / flown.starts)
 
 
-def _own_mode(point: AssessedPoint) -> list[_Found]:
+def _own_mode(point: AssessedPoint) -> _Found | None:
     mode = point.own_mode
     if mode is None or (point.holds and mode.growth < 0.0):
-        return []
+        return None
     if mode.why:
         text = f"not judged: {mode.name}, which {mode.why}"
     else:
         text = f"leaves {mode.name} as it is"
     severity = Severity.WARNING if point.holds else Severity.FAILURE
-    return [_Found(severity, text, mode.growth)]
+    return _Found(severity, text, mode.growth)
 
 
-def _judged_states(point: AssessedPoint) -> list[_Found]:
+def _judged_states(point: AssessedPoint) -> _Found | None:
     reach = point.place.reach
     if reach is None or reach.decisive.all():
-        return []
+        return None
     states = ", ".join(compress(point.point.model.linear, reach.decisive))
-    return [_Found(Severity.NOTE, f"convergence is judged by the states within reach: {states}")]
+    return _Found(Severity.NOTE, f"convergence is judged by the states within reach: {states}")
 
 
-def _delay(point: AssessedPoint) -> list[_Found]:
+def _delay(point: AssessedPoint) -> _Found | None:
     """Return the delay at which the loop becomes unstable. The least one is the worst."""
     if point.delays is None or not point.holds:
-        return []
+        return None
     limit = point.delays.limit
     if limit is None:
         longest = point.delays.searched
-        return [_Found(Severity.NOTE, f"stable with delays up to {1e3 * longest:.4g} ms", -longest)]
-    return [_Found(Severity.NOTE, f"unstable with {1e3 * limit:.4g} ms of delay", -limit)]
+        return _Found(Severity.NOTE, f"stable with delays up to {1e3 * longest:.4g} ms", -longest)
+    return _Found(Severity.NOTE, f"unstable with {1e3 * limit:.4g} ms of delay", -limit)
 
 
-def _steady_state_error(point: AssessedPoint) -> list[_Found]:
+def _steady_state_error(point: AssessedPoint) -> _Found | None:
     """Return the finding on the steady-state error at a stable equilibrium."""
     if point.equilibrium is None or not point.radius < 1.0:
-        return []
+        return None
     model = point.point.model
     shares = np.where(point.place.decisive, np.abs(point.offset) / point.place.box, 0.0)
     index = int(np.argmax(shares))
     if shares[index] < _AT_TRIM:
-        return [_Found(Severity.NOTE, "no steady-state error")] if point.holds else []
+        return _Found(Severity.NOTE, "no steady-state error") if point.holds else None
     name = model.linear[index]
     unit = model.unit(name)
     sign = "+" if point.offset[index] > 0.0 else "-"
@@ -243,59 +242,57 @@ def _steady_state_error(point: AssessedPoint) -> list[_Found]:
     rate = 0.0 if point.best is None else point.best.offset_rate or 0.0
     if rate > 0.0:
         text += f", which costs {rate:.2g} per second"
-    return [_Found(Severity.NOTE, text, float(shares[index]))]
+    return _Found(Severity.NOTE, text, float(shares[index]))
 
 
-def _linear_cost(point: AssessedPoint) -> list[_Found]:
+def _linear_cost(point: AssessedPoint) -> _Found | None:
     if point.cost is None or not point.holds:
-        return []
+        return None
     worst = point.cost.worst
-    if not math.isfinite(worst):
-        text = "linear cost without bound"
-    elif worst < _SAME_COST:
+    if worst < _SAME_COST:
         text = "linear cost of the optimum"
     elif worst < 100.0:
         text = f"linear cost up to {worst:.2g} % above the optimum"
     else:
         times = float(f"{1.0 + worst / 100.0:.2g}")
         text = f"linear cost up to {short_number(times, '')}x the optimum"
-    return [_Found(Severity.NOTE, text, worst)]
+    return _Found(Severity.NOTE, text, worst)
 
 
-def _clipped_observations(point: AssessedPoint) -> list[_Found]:
+def _clipped_observations(point: AssessedPoint) -> _Found | None:
     if point.equilibrium is None or not point.equilibrium.clipped_observations:
-        return []
+        return None
     names = ", ".join(point.equilibrium.clipped_observations)
-    return [_Found(Severity.WARNING, f"the normalizer clips {names} at the equilibrium")]
+    return _Found(Severity.WARNING, f"the normalizer clips {names} at the equilibrium")
 
 
-def _kinks(point: AssessedPoint) -> list[_Found]:
+def _kinks(point: AssessedPoint) -> _Found | None:
     if point.equilibrium is None or not point.equilibrium.kinks:
-        return []
+        return None
     first, *others = point.equilibrium.kinks
     more = f" (and {len(others)} more)" if others else ""
-    return [_Found(Severity.NOTE, f"{first}{more}", len(others))]
+    return _Found(Severity.NOTE, f"{first}{more}", len(others))
 
 
-def _in_air(point: AssessedPoint) -> list[_Found]:
+def _in_air(point: AssessedPoint) -> _Found | None:
     """Return the finding on flights with noise or in moving air: the first line of their report."""
     if point.in_air is None:
-        return []
+        return None
     _, _, text = point.in_air.title.partition("\n")[0].partition(": ")
     if point.in_air.data["ok"]:
-        return [_Found(Severity.NOTE, text)]
-    return [_Found(Severity.FAILURE, text, -point.in_air.data["within_limits"])]
+        return _Found(Severity.NOTE, text)
+    return _Found(Severity.FAILURE, text, -point.in_air.data["within_limits"])
 
 
-def _integration(point: AssessedPoint) -> list[_Found]:
+def _integration(point: AssessedPoint) -> _Found | None:
     error = point.integration
     if error is None or error.is_resolved:
-        return []
-    return [_Found(Severity.WARNING, error.text())]
+        return None
+    return _Found(Severity.WARNING, error.text())
 
 
 #: Kinds of findings, in the order of the report.
-_KINDS: tuple[Callable[[AssessedPoint], list[_Found]], ...] = (
+_KINDS: tuple[Callable[[AssessedPoint], _Found | None], ...] = (
     *(_no_equilibrium, _saturation, _beyond_limits, _in_air),
     lambda point: _leaving_flights(point, point.flights, ""),
     *(_limit_cycle, _own_mode, _instability, _convergence, _not_returned, _other_equilibrium),
