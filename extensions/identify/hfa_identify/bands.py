@@ -55,11 +55,10 @@ def _enlarged(fit: Fit) -> float:
     return samples / max(samples - _unknowns(fit), 1)
 
 
-def _unknowns(fit: Fit) -> int:
+def _unknowns(fit: Fit) -> float:
     """Return the number of unknowns that the records determine: parameters and initial states."""
     # All parameters are counted.
-    starts = [np.linalg.matrix_rank(each.A, tol=1e-6 * np.trace(each.A)) for each in fit.normals]
-    return len(fit.theta) + int(sum(starts))
+    return len(fit.theta) + sum(each.determined for each in fit.normals)
 
 
 def covariance(fit: Fit) -> np.ndarray:

@@ -63,6 +63,7 @@ class Normal:
     A: (n, n)
     g: right-hand side for the parameters, (p,)
     h: right-hand side for the initial state, (n,)
+    prior: reciprocal variances of the guess of the initial state, which A contains, (n,)
     """
 
     M: np.ndarray
@@ -70,11 +71,17 @@ class Normal:
     A: np.ndarray
     g: np.ndarray
     h: np.ndarray
+    prior: np.ndarray
 
     @cached_property
     def of_start(self) -> np.ndarray:
         """Covariance (n, n) of the initial state if the parameters are known."""
         return inverse(self.A)
+
+    @property
+    def determined(self) -> float:
+        """Number of initial states that the record determines, n - tr(A⁻¹ diag(prior))."""
+        return len(self.prior) - float(np.diag(self.of_start) @ self.prior)
 
     @property
     def information(self) -> np.ndarray:
@@ -361,6 +368,7 @@ class OutputError:
             A=square[p:, p:] + np.diag(self._priors[number]),
             g=right[:p],
             h=right[p:] + pull,
+            prior=self._priors[number],
         )
 
     def _solved(self, found: Fit, damping: float) -> Step:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -53,6 +55,46 @@ def test_estimates_and_bands() -> None:
     drawn = [model.parameters["Cm_alpha"].start for model in result.draws(200, seed=1)]
     half = 0.5 * (result["Cm_alpha"].high - result["Cm_alpha"].low)
     assert np.std(drawn) == pytest.approx(half / 1.96, rel=0.15)
+
+
+def in_other_units(model: hfa.Model, factors: dict[str, float]) -> hfa.Model:
+    """Return a model whose signals are `factors` times those of another one."""
+
+    def scaled(signals: Any) -> dict[str, hfa.Signal]:
+        return {
+            name: signal._replace(
+                **{
+                    field: factors.get(name, 1.0) * getattr(signal, field)
+                    for field in ("nominal", "min", "max", "start")
+                }
+            )
+            for name, signal in signals.items()
+        }
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        x, u = (
+            SimpleNamespace(**{n: getattr(v, n) / factors.get(n, 1.0) for n in names})
+            for v, names in ((x, model.states), (u, model.inputs))
+        )
+        rates, outputs = model.equations(x, u, p, w)
+        return {name: factors.get(name, 1.0) * rate for name, rate in rates.items()}, outputs
+
+    trim = {name: factors.get(name, 1.0) * value for name, value in model.trim.items()}
+    of_model = {"states": scaled(model.states), "inputs": scaled(model.inputs)}
+    return replace(model, equations=equations, trim=trim, **of_model)
+
+
+def test_parameters_do_not_depend_on_the_units_of_a_record() -> None:
+    """Estimates, bands and verdict are those in radians and meters, however large other units are."""
+    factors = {"speed": 1e6, "alpha": 1e-6, "pitch_rate": 1e3, "pitch": 1e-3}
+    factors |= {"elevator": math.degrees(1.0), "thrust": 1e-5}
+    columns = {name: factors.get(name, 1.0) * values for name, values in record().items()}
+    other = identify(in_other_units(begun(1.5), factors), columns, FREE)
+    assert other.ok
+    for name, usual in found().parameters.items():
+        ends = (other[name].value, other[name].low, other[name].high)
+        width = usual.high - usual.low
+        assert ends == pytest.approx((usual.value, usual.low, usual.high), abs=1e-8 * width)
 
 
 @pytest.mark.slow
