@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from hfa_aircraft.about import Domain, Source, Trimming
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
@@ -106,7 +104,6 @@ def _converted_domain(
         envelope=domain.envelope and partial(_envelope, conversion, domain.envelope),
         check=domain.check and partial(_check, conversion, domain.check),
         reference={name: value * factors[name] for name, value in domain.reference.items()},
-        flown=domain.flown and partial(_flown, conversion, domain.flown),
     )
 
 
@@ -124,14 +121,6 @@ def _envelope(
 def _check(conversion: _Conversion, check: Callable[[Any], None], x: Any) -> None:
     """Raise BadInputError, with values in the declared units, for a state outside the domain."""
     check(conversion.in_declared_units("x", x))
-
-
-def _flown(
-    conversion: _Conversion, flown: Callable[[Any, Any, Any], str], X: Any, U: Any, p: Any
-) -> str:
-    """Return why the equations are not valid in a flight in the converted units, or ""."""
-    parts = ((X, conversion.x), (U, conversion.u), (p, conversion.p))
-    return flown(*(values / np.array([factor for _, factor in of]) for values, of in parts))
 
 
 def _converted_trimming(model: Model, factors: Mapping[str, float]) -> Trimming:
