@@ -143,7 +143,8 @@ def _gains(judged: JudgedGame, K: np.ndarray) -> Compared:
     c_j = |K_:j| and r_i = |K_i: / c|.
     """
     exact, states = judged.exact.K, _sizes_of_states(judged)
-    inputs = _floored(np.sqrt(np.diag(judged.exact.price)))
+    prices = np.diag(judged.exact.price)
+    inputs = np.sqrt(np.where(prices > 0.0, prices, 1.0))
     priced = exact * inputs[:, None] / states
     columns = _floored(np.linalg.norm(priced, axis=0))
     rows = _floored(np.linalg.norm(priced / columns, axis=1))
