@@ -15,10 +15,11 @@ import math
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from controller.riccati.certificate import form_of
 from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError
+from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.checks import Check, at_most
 
 REACH = 10.0
@@ -81,30 +82,27 @@ def error_check(name: str, error: float, limit: float, what: str) -> Check:
     return at_most(name, error, limit, f"{what} is off by {error:.2g}", kind="error")
 
 
-def critic_errors(
-    game: Game, critic: Critic, exact: Solution, limit: float, box: np.ndarray
-) -> list[Check]:
-    """Return the checks of a critic's errors: of K, of P if known, and of V and the policy in a
-    box.
+def critic_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -> list[Check]:
+    """Return the checks of a critic's errors: of K, of P if known, of V and the policy in a box,
+    and of the worst disturbance; in discrete time, of the Q-function in its place.
 
     The errors in the box are omitted for a critic with a network: they are searched for.
 
-    game: the game, or the game of one step in discrete time
     exact: solution of the game
     limit: limit of each error
     box: half-widths of the box of states, (n,)
     """
-    checks = matrix_errors(game, "K", critic.K, exact, limit)
+    checks = matrix_errors("K", critic.K, exact, limit)
     if not critic.network:
-        checks += box_errors(game, critic, exact, box, limit)
+        checks += box_errors(critic, exact, limit, box)
     if critic.P is not None:
-        checks += matrix_errors(game, "P", critic.P, exact, limit)
-    return checks
+        checks += matrix_errors("P", critic.P, exact, limit)
+    if exact.game.is_discrete:
+        return checks + q_function_errors(critic, exact, limit)
+    return checks + disturbance_errors(critic, exact, limit, box)
 
 
-def matrix_errors(
-    game: Game, name: str, matrix: np.ndarray, solution: Solution, limit: float
-) -> list[Check]:
+def matrix_errors(name: str, matrix: np.ndarray, solution: Solution, limit: float) -> list[Check]:
     """Return three checks of the errors of a matrix P or K.
 
     With the balanced units U, the checks are those of
@@ -119,9 +117,10 @@ def matrix_errors(
     solution: the exact solution
     limit: limit of each error
     """
+    game = solution.game
     units = form_of(game).units
     exact = solution.P if name == "P" else solution.K
-    price = game.price(solution.P)
+    price = solution.price
     if name == "P":
         scales = np.outer(units, units)
         entry_scales = scales
@@ -141,9 +140,7 @@ def matrix_errors(
     ]
 
 
-def box_errors(
-    game: Game, critic: Critic, exact: Solution, box: np.ndarray, limit: float
-) -> list[Check]:
+def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -> list[Check]:
     """Return the checks of a critic's errors in a box: of V, each ∂V/∂z_i, and each entry of u.
 
     The errors are upper bounds. The error of V is relative to the sum of the magnitudes of the
@@ -161,7 +158,7 @@ def box_errors(
         u_errors = np.abs(critic.K - exact.K) @ box
         if critic.slope_gain is not None:
             u_errors += 0.5 * np.abs(critic.slope_gain) @ (higher_slopes / box)
-    u_scale = np.sqrt(np.diag(game.price(exact.P)))
+    u_scale = np.sqrt(np.diag(exact.price))
     policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
     checks = [error_check("policy_rel_error", policy, limit, "the policy in the box")]
     if critic.P is None:
@@ -174,7 +171,7 @@ def box_errors(
 
 
 def disturbance_errors(
-    game: Game, critic: Critic, exact: Solution, box: np.ndarray, limit: float
+    critic: Critic, exact: Solution, limit: float, box: np.ndarray
 ) -> list[Check]:
     """Return the check of d = ½ δ⁻²E'∂V/∂z, the worst disturbance in continuous time, in a box.
 
@@ -182,6 +179,7 @@ def disturbance_errors(
 
     box: (n,), half-widths
     """
+    game = exact.game
     has_disturbance = math.isfinite(game.delta) and game.E.size
     if critic.P is None or critic.network or not has_disturbance:
         return []
@@ -191,6 +189,36 @@ def disturbance_errors(
         errors += 0.5 * np.abs(game.E.T) @ (higher_slopes / box) / game.delta**2
     worst = entry_error(errors, np.abs(exact.disturbance_gain) @ box)
     return [error_check("disturbance_rel_error", worst, limit, "the worst disturbance in the box")]
+
+
+def q_function_errors(critic: Critic, exact: Solution, limit: float) -> list[Check]:
+    """Return the checks of the matrices L and H of a critic in discrete time, as far as given.
+
+    The error of L is relative to |L|. The error of an entry H_ij is relative to √(H_ii H_jj). An H
+    over (x, u) is compared with the exact H for the worst w.
+
+    Raises BadInputError if L has a wrong shape.
+    """
+    checks = []
+    if critic.L is not None:
+        exact_L = exact.disturbance_gain
+        L = checked_matrix("L", critic.L, LARGEST_CRITIC_ENTRY)
+        if L.shape != exact_L.shape:
+            raise BadInputError(
+                f"L is {shape_text(L.shape)}; give {shape_text(exact_L.shape)} for this plant"
+            )
+        checks.append(error_check("L_rel_error", relative_error(L, exact_L), limit, "L"))
+    exact_H = exact.H
+    if critic.H is not None and exact_H is not None:
+        size = len(critic.H)
+        if size < len(exact_H):  # over (x, u), for the worst w
+            crossed = exact_H[:size, size:]
+            by_worst = crossed @ np.linalg.solve(exact_H[size:, size:], crossed.T)
+            exact_H = exact_H[:size, :size] - by_worst
+        sizes = np.sqrt(np.abs(np.diag(exact_H)))
+        error = float(np.max(np.abs(critic.H - exact_H) / np.outer(sizes, sizes)))
+        checks.append(error_check("H_entry_error", error, limit, "an entry of H"))
+    return checks
 
 
 def value_matrix(critic: Critic, exact: Solution) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_support.reporting.figure import new_figure
-from verification.reports import grade_text
+from verification.reports import grade_text, solution_words
 from verification.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -37,7 +37,8 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
     make: function (width, height) -> empty figure, in inches
     """
     names = verdict.exact.names
-    title = f"Critic on {names.origin}\nagainst the exact {verdict.solution}: {grade_text(verdict)}"
+    solution = solution_words(verdict.exact.game)
+    title = f"Critic on {names.origin}\nagainst the exact {solution}: {grade_text(verdict)}"
     name = "K" if verdict.critic.P is None else "P"
     rows = names.inputs if name == "K" else names.states
     learned = getattr(verdict.critic, name)

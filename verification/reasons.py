@@ -17,8 +17,8 @@ from controller.critic.critic import Critic
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from controller.riccati.certificate import form_of
+from controller.riccati.gare import Solution
 from verification.critic_errors import matrix_errors, relative_error
-from verification.judged_game import JudgedGame
 
 #: Largest error of an entry without the mistake, and largest part of the error with the mistake.
 RIGHT, SHARE = 1e-3, 0.03
@@ -77,45 +77,43 @@ class Compared(NamedTuple):
         return np.abs(matrix - self.exact) / self.sizes
 
 
-def reason_for(judged: JudgedGame, critic: Critic, limit: float) -> str:
+def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
     """Return a sentence that names the mistake in a wrong critic, or "" if none is recognized.
 
-    judged: the game and its exact solution
+    exact: solution of the game
     limit: largest relative error of a correct P
     """
-    game, exact = judged.game, judged.exact
+    game = exact.game
     if critic.P is None:
-        gains = _gains(judged, critic.K)
+        gains = _gains(exact, critic.K)
         return _first_mistake(gains, _of_gain(game, gains))
-    if all(check.ok for check in matrix_errors(game, "P", critic.P, exact, limit)):
-        return _reason_for_policy(judged, critic, critic.P)
-    sizes = _sizes_of_states(judged)
+    if all(check.ok for check in matrix_errors("P", critic.P, exact, limit)):
+        return _reason_for_policy(exact, critic, critic.P)
+    sizes = _sizes_of_states(exact)
     values = Compared("P", critic.P, exact.P, np.outer(sizes, sizes))
     mistakes = itertools.chain(_of_value(game, values), _of_weights(critic))
-    return _first_mistake(values, mistakes) or _not_of_value(judged, critic.K, critic.P)
+    return _first_mistake(values, mistakes) or _not_of_value(exact, critic.K, critic.P)
 
 
-def _reason_for_policy(judged: JudgedGame, critic: Critic, P: np.ndarray) -> str:
+def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray) -> str:
     """Return a sentence on the wrong policy of a critic with a right P, or ""."""
-    exact = judged.exact
     if critic.slope_gain is not None and critic.is_quadratic:
         return (
             "P is right within the limit; the K that follows from it is off by"
             f" {relative_error(critic.K, exact.K):.2g}: it needs more digits of P"
         )
-    gains = _gains(judged, critic.K)
+    gains = _gains(exact, critic.K)
     return (
         _beyond_quadratic(critic)
-        or _first_mistake(gains, _of_gain(judged.game, gains))
-        or _not_of_value(judged, critic.K, P)
+        or _first_mistake(gains, _of_gain(exact.game, gains))
+        or _not_of_value(exact, critic.K, P)
     )
 
 
-def _not_of_value(judged: JudgedGame, K: np.ndarray, P: np.ndarray) -> str:
+def _not_of_value(exact: Solution, K: np.ndarray, P: np.ndarray) -> str:
     """Return a sentence that K is not the gain that P implies, or "" if it is."""
-    exact_K = judged.exact.K
-    difference = K - judged.game.gain(P)
-    if relative_error(exact_K + difference, exact_K) <= APART:
+    difference = K - exact.game.gain(P)
+    if relative_error(exact.K + difference, exact.K) <= APART:
         return ""
     return (
         "K is not the gain that P implies: the stored K and P do not belong together, or not "
@@ -132,23 +130,23 @@ def _first_mistake(compared: Compared, mistakes: Iterator[Mistake]) -> str:
     return ""
 
 
-def _sizes_of_states(judged: JudgedGame) -> np.ndarray:
+def _sizes_of_states(exact: Solution) -> np.ndarray:
     """Return √P_ii of the exact P, (n,)."""
-    units = form_of(judged.game).units
-    return _floored(np.sqrt(np.abs(np.diag(judged.exact.P))) * units) / units
+    units = form_of(exact.game).units
+    return _floored(np.sqrt(np.abs(np.diag(exact.P))) * units) / units
 
 
-def _gains(judged: JudgedGame, K: np.ndarray) -> Compared:
+def _gains(exact: Solution, K: np.ndarray) -> Compared:
     """Return K beside the exact one, with the sizes r_i c_j of entries at which costs are 1:
     c_j = |K_:j| and r_i = |K_i: / c|.
     """
-    exact, states = judged.exact.K, _sizes_of_states(judged)
-    prices = np.diag(judged.exact.price)
+    states = _sizes_of_states(exact)
+    prices = np.diag(exact.price)
     inputs = np.sqrt(np.where(prices > 0.0, prices, 1.0))
-    priced = exact * inputs[:, None] / states
+    priced = exact.K * inputs[:, None] / states
     columns = _floored(np.linalg.norm(priced, axis=0))
     rows = _floored(np.linalg.norm(priced / columns, axis=1))
-    return Compared("K", K, exact, np.outer(rows / inputs, columns * states))
+    return Compared("K", K, exact.K, np.outer(rows / inputs, columns * states))
 
 
 def _floored(lengths: np.ndarray) -> np.ndarray:

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from controller.game.weights import weights_line
+from controller.game.zero_sum import Game
 from hfa_support.reporting.checks import Check, verdict_text
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Cell, Table, entry_rows
@@ -43,7 +45,7 @@ def verdict_report(
     """Return a report of the verdict: first lines, checks, sections, and entries of P and K.
 
     limit_cost: as for `holds`
-    about: lines below the heading, instead of `weights`
+    about: lines below the heading, instead of the weights of the game
     source: file of the critic, or "" if there is none
     """
     names = verdict.exact.names
@@ -52,10 +54,12 @@ def verdict_report(
     entries = entry_rows(values, (verdict.critic.K, verdict.exact.K), names)
     records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
     critic = f"Critic of {source}" if source else "Critic"
-    heading = [f"{critic} on {names.origin}, against the exact {verdict.solution}"]
-    heading += about or (verdict.weights,)
+    heading = [
+        f"{critic} on {names.origin}, against the exact {solution_words(verdict.exact.game)}"
+    ]
+    heading += about or (weights_line(verdict.exact.game),)
     if verdict.reason:
-        where = "" if verdict.nonlinear is None else f", on the {verdict.game}"
+        where = "" if verdict.nonlinear is None else f", on the {game_words(verdict.exact.game)}"
         heading.append(f"Reason{where}: {verdict.reason}")
     if _is_unexplained(verdict):
         heading.append(_UNEXPLAINED)
@@ -74,6 +78,23 @@ def verdict_report(
         },
         records=records,
     )
+
+
+def game_words(game: Game) -> str:
+    """Return the kind of a game in the first line of a verdict, such as "linear game"."""
+    if not game.is_discrete:
+        return "linear game"
+    return "discrete game" if game.dt is True else "sampled game"
+
+
+def solution_words(game: Game) -> str:
+    """Return what the exact solution of a game is, for the heading of a report."""
+    if not game.is_discrete:
+        return "game solution"
+    discount = f"discount {game.discount:g} a step"
+    if game.dt is True:
+        return f"solution of the game in discrete time, {discount}"
+    return f"solution of the discounted game, {discount} of {game.dt:g} s"
 
 
 def _first_lines(verdict: Verdict, limit_cost: float | None) -> list[str]:
@@ -98,9 +119,10 @@ def _first_lines(verdict: Verdict, limit_cost: float | None) -> list[str]:
 
 def _scope(verdict: Verdict) -> str:
     """Return on which game and in which box, and with how many simulations."""
-    scope = f"on the {verdict.game}, {verdict.box.name}"
+    game = game_words(verdict.exact.game)
+    scope = f"on the {game}, {verdict.box.name}"
     if verdict.nonlinear is not None:
-        scope = f"of the linear part on the {verdict.game}"
+        scope = f"of the linear part on the {game}"
     if verdict.flights is not None:
         scope += f", {verdict.flights or 'no'} flight{'' if verdict.flights == 1 else 's'}"
     return scope

@@ -54,9 +54,6 @@ class Verdict(Checked, Result, Reported):
     limit: limit of the errors.
     reason: the recognized mistake, or "".
     cost_lost: upper bound of the cost above the optimum, percent.
-    game: the game in the first line, such as "linear game".
-    solution: what the exact solution is, for the heading.
-    weights: Q, R and delta of the game, and their source, as text.
     box: box of states in which the errors are measured.
     flights: number of simulations of the critic, or None for a quadratic critic, whose cost is
         computed without simulations.
@@ -80,9 +77,6 @@ class Verdict(Checked, Result, Reported):
     limit: float
     reason: str
     cost_lost: float
-    game: str
-    solution: str
-    weights: str
     box: Box
     flights: int | None = None
     searched: int = 0
@@ -218,7 +212,7 @@ class Verdict(Checked, Result, Reported):
         """Return a report of the verdict (`verification.verdict_report`).
 
         limit_cost: as for `holds`
-        about: lines below the heading, instead of `weights`
+        about: lines below the heading, instead of the weights of the game
         source: file of the critic, or "" if there is none
         """
         import verification

@@ -11,9 +11,8 @@ from controller.critic.critic import Critic, from_parts
 from controller.critic.critic_file import critic_in, part_by_shape
 from controller.critic.reading import Reading
 from controller.critic.training_run import TrainingRun
-from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
-from controller.riccati.gare import Solution
+from controller.riccati.gare import Solution, unconfirmed_solution
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import (
     BadInputError,
@@ -28,7 +27,7 @@ from hfa_support.reporting.report import Part
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import critic_errors, relative_error
-from verification.judged_game import JudgedGame
+from verification.linear_checks import linear_loop, value_checks
 from verification.scope import LIMIT, Scope, nonlinear_plant
 from verification.verdict import Section, Verdict, explained
 
@@ -99,30 +98,29 @@ def verify(
     refuse_unless_positive("limit", limit)
     scope = scope or Scope()
     given = _critic(game, critic, linear)
-    judged = JudgedGame(game)
+    exact = unconfirmed_solution(game)
     if taylor and (linear is None or given.is_quadratic):
         missing = "linear=LINEAR of an aircraft" if linear is None else "a network"
         raise BadInputError(f"verify: taylor requires {missing}")
-    box = usual_box(judged.game) if scope.box is None else _given_box(scope.box, judged.game)
+    box = usual_box(game) if scope.box is None else _given_box(scope.box, game)
 
     nonlinear, about_nonlinear = None, None
     in_series = given.has_weights if taylor is None else taylor
     if linear is not None and not given.is_quadratic and in_series:
-        nonlinear, about_nonlinear = _nonlinear(given, linear, judged, limit, box, scope, progress)
+        nonlinear, about_nonlinear = _nonlinear(given, linear, exact, limit, box, scope, progress)
     part = given if nonlinear is None else given.linear_part
-    errors = critic_errors(judged.game, part, judged.exact, limit, box.half_widths)
-    errors += judged.more_errors(part, box.half_widths, limit)
-    loop = judged.linear_loop(given, all(check.ok for check in errors))
+    errors = critic_errors(part, exact, limit, box.half_widths)
+    loop = linear_loop(exact, given, all(check.ok for check in errors))
     found = None
     if nonlinear is None and not given.is_quadratic:
         from verification.network.search import findings_of
 
         plant = None if linear is None or game.is_discrete else nonlinear_plant(linear)
-        found = findings_of(judged, given, box.half_widths, limit, scope.flights, plant)
+        found = findings_of(exact, given, box.half_widths, limit, scope.flights, plant)
 
     checks = [*errors, *loop.checks]
     if given.P is not None and given.is_finite:
-        checks += judged.value_checks(given.P, limit)
+        checks += value_checks(exact, given.P, limit)
     sections = [Section((f"Box of states: {box.about}",), {"box": box}), loop.section]
     if found is not None:
         errors = [*errors, *found.errors]
@@ -137,17 +135,14 @@ def verify(
         checks.append(_rank_check(critic))
         reason = checks[-1].reason
     if not reason and not all(check.ok for check in errors):
-        reason = _reason(judged, part, box.half_widths, limit)
+        reason = _reason(exact, part, box.half_widths, limit)
     return Verdict(
         critic=given,
-        exact=judged.exact,
+        exact=exact,
         checks=explained(checks, reason),
         limit=limit,
         reason=reason,
         cost_lost=loop.cost_lost if found is None else found.flown.cost_lost_flown_percent,
-        game=judged.name,
-        solution=judged.solution,
-        weights=weights_line(judged.game),
         box=box,
         flights=None if found is None else found.flown.flights,
         searched=0 if found is None else found.states,
@@ -182,7 +177,7 @@ def _given_box(box: Box, game: Game) -> Box:
 def _nonlinear(
     critic: Critic,
     linear: LinearModel,
-    judged: JudgedGame,
+    exact: Solution,
     limit: float,
     box: Box,
     scope: Scope,
@@ -191,11 +186,11 @@ def _nonlinear(
     """Return the comparison with the nonlinear game, or None, and its part of the report."""
     from verification.nonlinear_game import compare_with_nonlinear
 
-    if judged.game.is_discrete:
+    if exact.game.is_discrete:
         return None, ("Nonlinear game: not compared in discrete time",)
     try:
         compared = compare_with_nonlinear(
-            critic, linear, judged.exact, limit, box, scope.flights, progress
+            critic, linear, exact, limit, box, scope.flights, progress
         )
     except (BadInputError, NoSolutionError) as error:
         return None, (f"Nonlinear game: not compared: {error}",)
@@ -235,7 +230,7 @@ def _refuse_other_time(game: Game, is_discrete: bool | None) -> None:
         )
 
 
-def _reason(judged: JudgedGame, critic: Critic, box: np.ndarray, limit: float) -> str:
+def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> str:
     """Return the mistake that explains a wrong critic, or "" if none is recognized."""
     from verification.network.mistakes import mistake_of_policy
     from verification.reasons import reason_for
@@ -243,13 +238,13 @@ def _reason(judged: JudgedGame, critic: Critic, box: np.ndarray, limit: float) -
     if not critic.is_finite:
         return ""
     if critic.network and critic.weights is None:
-        size = np.abs(judged.exact.K).max()
+        size = np.abs(exact.K).max()
         if len(critic.K) == 1 and np.abs(critic.K).max() <= _FLAT * size:
             return "the output, read as u, has no slope at the trim; if it is V: --network V=NAME"
-        mistake = mistake_of_policy(critic, judged.exact, box, limit)
-        if mistake or relative_error(critic.K, judged.exact.K) <= limit:
+        mistake = mistake_of_policy(critic, exact, box, limit)
+        if mistake or relative_error(critic.K, exact.K) <= limit:
             return mistake
-    return reason_for(judged, critic, limit)
+    return reason_for(exact, critic, limit)
 
 
 def _polynomial_section(critic: Critic) -> Section:

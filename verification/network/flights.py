@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.riccati.cost import SIGNLESS
+from controller.riccati.balancing import stability
+from controller.riccati.cost import SIGNLESS, loss_matrix
+from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, at_most
 from verification.axis import Loop
 from verification.box import starts_in
-from verification.judged_game import JudgedGame
+from verification.network.loops import plant_loop, undisturbed_loop, worst_loop
 
 if TYPE_CHECKING:
     from verification.scope import NonlinearPlant
@@ -74,7 +76,7 @@ def equilibrium_check(equilibrium: np.ndarray | None, b: np.ndarray, limit: floa
 
 
 def fly(
-    judged: JudgedGame,
+    exact: Solution,
     critic: Critic,
     b: np.ndarray,
     flights: int,
@@ -87,16 +89,20 @@ def fly(
     flights: number of initial conditions. At most `_WIDE_FLIGHTS` are used for a wide network
     plant: nonlinear plant of a critic in continuous time, or None
     """
-    if not flights or not critic.is_finite or not judged.is_stable(critic.K):
+    game = exact.game
+    if not flights or not critic.is_finite:
+        return FlightResults()
+    if not stability(game.A - game.B @ critic.K, is_discrete=game.is_discrete).is_stable:
         return FlightResults()
     if critic.is_wide:
         flights = min(flights, _WIDE_FLIGHTS)
-    losses = costs_above_optimum(judged, critic, b, flights)
-    loop = judged.loop(critic, b)
+    losses = costs_above_optimum(exact, critic, b, flights)
+    loop = undisturbed_loop(exact, critic, b)
     rest = loop.equilibrium
     equilibrium_cost = 0.0
     if rest is not None:
-        equilibrium_cost = judged.cost(rest, np.array(critic.policy(rest)).ravel())
+        both = np.append(rest, critic.u(rest))
+        equilibrium_cost = float(both @ game.weights @ both)
     few = min(FEW, flights)
     results = FlightResults(
         flights=flights,
@@ -109,14 +115,12 @@ def fly(
     if plant is None:
         return results
     return results._replace(
-        reach_nonlinear=_reach(judged.plant_loop(plant, critic, b), b, few),
-        reach_nonlinear_exact=_reach(judged.plant_loop(plant, None, b), b, few),
+        reach_nonlinear=_reach(plant_loop(exact, plant, critic, b), b, few),
+        reach_nonlinear_exact=_reach(plant_loop(exact, plant, None, b), b, few),
     )
 
 
-def costs_above_optimum(
-    judged: JudgedGame, critic: Critic, b: np.ndarray, flights: int
-) -> np.ndarray:
+def costs_above_optimum(exact: Solution, critic: Critic, b: np.ndarray, flights: int) -> np.ndarray:
     """Return the cost above V* from each initial condition, in percent of V*, (flights,).
 
     The first initial condition is the worst one of the linear loop. The loop is under the worst
@@ -124,11 +128,11 @@ def costs_above_optimum(
     the end of a simulation is computed for the linear loop. All costs are inf if a simulation does
     not converge, or if the linear loop is unstable.
     """
-    remaining = judged.excess(critic.K)
+    remaining = loss_matrix(exact, critic.K)
     if remaining is None:
         return np.full(flights, math.inf)
-    P = judged.exact.P
-    loop = judged.worst_loop(critic, b, remaining)
+    P = exact.P
+    loop = worst_loop(exact, critic, b, remaining)
     starts = np.vstack([worst_start(remaining, P, b), starts_in(b, flights - 1)])
     losses = []
     for start in starts:

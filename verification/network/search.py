@@ -18,7 +18,6 @@ from hfa_support.reporting.checks import Check, at_most, below
 from verification.axis import quadratic_at
 from verification.box import starts_in
 from verification.critic_errors import SMALL, error_check
-from verification.judged_game import JudgedGame
 from verification.network.flights import (
     DOUBLINGS,
     FEW,
@@ -78,7 +77,7 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
 
 
 def findings_of(
-    judged: JudgedGame,
+    exact: Solution,
     critic: Critic,
     b: np.ndarray,
     limit: float,
@@ -91,17 +90,18 @@ def findings_of(
     flights: number of initial conditions of simulations
     plant: nonlinear plant in continuous time, or None
     """
-    origin, worst = search(judged.exact, critic, b)
+    origin, worst = search(exact, critic, b)
     # The errors of a polynomial are bounded, and its bounds are checked.
-    errors = search_checks(critic, judged.exact, origin, worst, limit) if critic.network else []
+    errors = search_checks(critic, exact, origin, worst, limit) if critic.network else []
     checks = list(errors)
-    flown = fly(judged, critic, b, flights, plant)
+    flown = fly(exact, critic, b, flights, plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, b, limit))
         lost = "not all flights from the box converge"
         costs = flown.cost_lost_flown_percent
         checks.append(below("cost_lost_flown_percent", costs, math.inf, lost, kind="cost"))
-    section = nonlinear_section(critic, b, worst, flown, judged.period)
+    period = "step" if exact.game.is_discrete else "second"
+    section = nonlinear_section(critic, b, worst, flown, period)
     states = starts_of(critic) if critic.network else 0
     return Findings(errors, checks, flown, section, states)
 
