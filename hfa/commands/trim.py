@@ -13,7 +13,6 @@ from hfa.options.argument_types import one_of
 from hfa.options.command import Outcome, Request, command, output_option, picture_option
 from hfa.options.option import option
 from hfa.options.points import GivenPoints, PointOptions, given_points
-from hfa.options.trims import GivenTrim
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
@@ -79,7 +78,7 @@ def trim(request: TrimRequest, points: GivenPoints) -> Outcome:
     if points.trims.is_single and not points.listed:
         given = points.trims.single()
         point = trimmed(given)
-        report = _sheet(request, given, point)
+        report = _sheet(request, point)
         return Outcome(report=report, source=given.source, figure=partial(trim_figure, point))
     if request.picture is not None:
         raise BadInputError("--picture requires a single trim; -o FILE.html contains all pictures")
@@ -87,10 +86,10 @@ def trim(request: TrimRequest, points: GivenPoints) -> Outcome:
     return Outcome(report=_sheets(request, points), source=source)
 
 
-def _sheet(request: TrimRequest, given: GivenTrim, point: OperatingPoint) -> Report:
+def _sheet(request: TrimRequest, point: OperatingPoint) -> Report:
     """Return the report of a trim, with its picture."""
     airplane = Airplane(request.class_, request.category)
-    report = trim_report(point, given.condition, full=request.full, airplane=airplane)
+    report = trim_report(point, full=request.full, airplane=airplane)
     if not with_range(point):
         return report
     picture = Picture("trim.png", report.title.partition("\n")[0], partial(trim_figure, point))
@@ -107,7 +106,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> Report:
     for values in points.rows(_MOST_SHEETS):
         try:
             given = points.trims.trim(None, values)
-            reports.append(_sheet(request, given, trimmed(given)))
+            reports.append(_sheet(request, trimmed(given)))
         except TrimError as error:
             reports.append(_failed(points.trims.model, values, error, error.found.data))
         except BadInputError as error:

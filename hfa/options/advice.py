@@ -42,7 +42,7 @@ def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
     advice = "" if error is not failure else _advice(given, failure)  # the aircraft explains it
     said = "; ".join(filter(None, (str(error), *doubts, advice)))
     advised = TrimError(said, error.attempt, error.required)
-    advised.found = trim_report(error.attempt, given.condition).with_data(reason=said)
+    advised.found = trim_report(error.attempt).with_data(reason=said)
     advised.source = given.source
     return advised
 
@@ -101,7 +101,7 @@ def _too_weak(given: GivenTrim, failure: TrimError) -> dict[str, float]:
 
     The result is {} if none or several are at a limit.
     """
-    margins = failure.attempt.margins_under(given.condition).values()
+    margins = failure.attempt.margins.values()
     bound = [each for each in margins if each.at_limit and each.role == "free"]
     if not failure.required or len(bound) != 1 or bound[0].name not in given.model.inputs:
         return {}

@@ -164,7 +164,7 @@ def angle_report(job: MainJob, angle: Position) -> Report:
     parts: list[Part] = list(reports.values())
     if angle.reason:
         parts.append(f"No game solution: {angle.reason}")
-    data["trim"] = trim_report(model.point, angle.condition).data
+    data["trim"] = trim_report(model.point).data
     for name, report in reports.items():
         data[name] = report.data
     return Report(title, parts, data=data)
@@ -190,7 +190,7 @@ def point_reports(position: Position) -> PointReports:
     model = position.model
     if model is None:
         return PointReports(Report(title, (f"No trim: {position.reason}",)), Report(""))
-    trim = trim_report(model.point, position.condition)
+    trim = trim_report(model.point)
     modes = modes_table(model.modes, model.point.model.time_unit, participation=False)
     pair = Report(f"A and B, in {units_in_words(model)}", matrices(model))
     return PointReports(

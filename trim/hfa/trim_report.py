@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from hfa_model.declaration import is_hfa
 from hfa_support.reporting.report import Report
 from trim.hfa.other_dynamics import differences_group, mode_differences, with_other_dynamics
-from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane
 from trim.reports.trim_report import report_of, saved_report
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 
 def trim_report(
     point: OperatingPoint,
-    condition: TrimCondition | None = None,
     *,
     full: bool = False,
     airplane: Airplane = DEFAULT_AIRPLANE,
@@ -29,17 +27,16 @@ def trim_report(
     """Return the report of a trim, or of the nearest point if its condition has no trim.
 
     Angles are in degrees in the text and in radians in the data. For a point that was not found by
-    a search, and without a condition, the report contains only the states and inputs.
+    a search, the report contains only the states and inputs.
 
     point: the trim or the nearest point
-    condition: condition of the trim; by default that of its search
     full: whether to list each equation, the margins of all variables, all outputs, and the
         participation of the states in the modes
     airplane: as in `sheet_of`
     """
-    if condition is None and point.problem is None:
+    if point.problem is None:
         return saved_report(point)
-    trimmed = Trimmed(point, condition)
+    trimmed = Trimmed(point)
     other = with_other_dynamics(point) if point.ok and is_hfa(point.model) else None
     if other is None:
         return report_of(trimmed, full=full, airplane=airplane)

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from hfa_support.reporting.named import ByName
     from hfa_support.reporting.rows import Sheet
     from trim import LinearModel, Mode
-    from trim.point.condition import TrimCondition
     from trim.point.margins import Margin
     from trim.point.problem import TrimProblem
 
@@ -94,16 +93,15 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         residuals = problem.residuals(z)
         return cls(evaluation.x, evaluation.u, residuals, status, problem.model, started, problem)
 
-    def problem_of(self, condition: TrimCondition) -> TrimProblem:
-        """Return the trim problem of a condition, with this point as initial values.
-
-        The problem that the point has solved is returned if it has this condition.
-        """
-        if self.problem is not None and self.problem.asked is condition:
+    @cached_property
+    def posed(self) -> TrimProblem:
+        """The solved problem, or that of the declared trim for a point not found by a search."""
+        if self.problem is not None:
             return self.problem
+        from trim.point.condition import usual_condition
         from trim.point.problem import TrimProblem
 
-        return TrimProblem(self.model, condition, self.values)
+        return TrimProblem(self.model, usual_condition(self.model), self.values)
 
     @property
     def ok(self) -> bool:
@@ -224,20 +222,13 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             self.model, {name: self[name] for name in self.model.domain.range}
         )
 
-    @property
+    @cached_property
     def margins(self) -> dict[str, Margin]:
         """Margins of each state, input and relevant output, name -> `Margin` (`all_margins`)."""
-        from trim.point.condition import usual_condition
-
-        condition = usual_condition(self.model) if self.problem is None else self.problem.asked
-        return self.margins_under(condition)
-
-    def margins_under(self, condition: TrimCondition) -> dict[str, Margin]:
-        """Return the margins for the limits of a condition, name -> `Margin` (`all_margins`)."""
         from trim.point.margins import all_margins
 
-        idle = self.problem_of(condition).idle
-        return all_margins(self.model, condition, self.states, self.inputs, idle)
+        posed = self.posed
+        return all_margins(self.model, posed.asked, self.states, self.inputs, posed.idle)
 
     @property
     def _far_out(self) -> list[str]:

@@ -230,7 +230,7 @@ def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
 
     ratio: the row L/D, or None if the model has no forces
     """
-    model, margins = trimmed.given.model, trimmed.margins
+    model, margins = trimmed.given.model, trimmed.given.margins
     words = []
     alpha = trimmed.roles.get("alpha")
     if alpha:

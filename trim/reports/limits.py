@@ -22,7 +22,7 @@ ASSUMED = "* assumed: no data of the aircraft state this limit"
 def variable_rows(trimmed: Trimmed) -> list[Row]:
     """Return the states, relevant outputs and inputs with their status and limits."""
     rows = []
-    for name, margin in trimmed.margins.items():
+    for name, margin in trimmed.given.margins.items():
         role = "imposed" if margin.role == "held" else margin.role
         note = ", ".join(filter(None, (role, _limits_text(margin, name in trimmed.model.inputs))))
         rows.append(Row(name, margin.value, margin.unit, note, digits=6))
@@ -56,7 +56,7 @@ def nearest_first(trimmed: Trimmed) -> list[Margin]:
     These are free variables and held inputs. Those at their limit come first, then declared limits,
     then assumed ones. The angle of attack is also limited by that of the largest lift.
     """
-    inputs, margins = trimmed.model.inputs, trimmed.margins
+    inputs, margins = trimmed.model.inputs, trimmed.given.margins
     limited = [
         margin
         for name, margin in margins.items()

@@ -8,13 +8,11 @@ import numpy as np
 
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import Cell, Table, shown_value
-from trim.point.condition import TrimCondition
 from trim.point.diagnosis import failure
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import STARTS, TrimProblem
 from trim.point.status import BALANCE, Status
 from trim.point.system import declared_start
-from trim.reports.trimmed import Trimmed
 
 #: Condition number above which the scaled Jacobian counts as singular.
 _SINGULAR = 1e12
@@ -22,10 +20,11 @@ _SINGULAR = 1e12
 _NOISE = 1e-14
 
 
-def equations_of(condition: TrimCondition, point: OperatingPoint) -> dict[str, dict[str, Any]]:
+def equations_of(point: OperatingPoint) -> dict[str, dict[str, Any]]:
     """Return data on each equation of a trim, state or output -> data."""
     # The data are the imposed value, the residual, its tolerance, the unit, and whether the
     # equation balances.
+    condition = point.posed.asked
     imposed = {**condition.imposed, **condition.rates}
     equations = {}
     for name, residual in point.residuals.items():
@@ -111,9 +110,9 @@ def other_trims(problem: TrimProblem, point: OperatingPoint) -> list[OperatingPo
     return [OperatingPoint._of(problem, z, Status.TRIMMED) for z in trims[1:]]
 
 
-def search_of(trimmed: Trimmed) -> tuple[dict[str, Any], list[str]]:
+def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
     """Return data on the search for a trim, and sentences on unusual features of the search."""
-    problem, point = trimmed.problem, trimmed.given
+    problem = point.posed
     equations, unknowns = problem.count
     sentences = []
     others: list[OperatingPoint] = []

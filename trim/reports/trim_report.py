@@ -57,7 +57,7 @@ def sheet_of(point: OperatingPoint, airplane: Airplane = DEFAULT_AIRPLANE) -> Sh
 def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
     point = trimmed.given
-    assumed = [ASSUMED] * any(each.nearer and each.assumed for each in trimmed.margins.values())
+    assumed = [ASSUMED] * any(each.nearer and each.assumed for each in point.margins.values())
     flight = [*flight_rows(trimmed), balance_row(point)]
     groups: list[tuple[str, Any, Any]] = [
         ("condition", flight, same_as_the_table(trimmed)),
@@ -85,8 +85,8 @@ def report_of(
     """
     point = trimmed.given
     sheet = sheet_at(trimmed, airplane)
-    search, sentences = search_of(trimmed)
-    equations = equations_of(trimmed.condition, point)
+    search, sentences = search_of(point)
+    equations = equations_of(point)
     nearest = named_nearest(nearest_first(trimmed))
     stalls = stalled(sheet)
     parts: list[Any] = [*sheet.shown(full)]
@@ -107,7 +107,7 @@ def report_of(
         "status": point.status,
         "sheet": sheet.contents(),
         "not_in_model": sheet.lacking,
-        "variables": trimmed.margins,
+        "variables": point.margins,
         "nearest_limits": [margin.name for margin in nearest],
         "binding": [each.name for each in nearest if each.at_limit and each.role != "held"],
         "equations": equations,

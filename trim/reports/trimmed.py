@@ -18,10 +18,7 @@ from hfa_support.reporting.named import ByName
 from hfa_support.units import conversion
 from trim.linear.kinks import linearization_at
 from trim.linear.modes import Mode, modes_of
-from trim.point.condition import TrimCondition, usual_condition
-from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
-from trim.point.problem import TrimProblem
 from trim.point.solve import trim
 
 #: Outputs whose derivatives are figures.
@@ -91,19 +88,14 @@ class Trimmed:
 
     Values are in radians and coherent units.
 
-    given: the point in the units of the condition
-    condition: condition of the trim
+    given: the point in the units of its condition
     point: the point in coherent units
     model: its model
     roles: role in the motion of a rigid body -> state ("speed", "alpha", "theta", ...)
     """
 
-    def __init__(self, given: OperatingPoint, condition: TrimCondition | None = None) -> None:
+    def __init__(self, given: OperatingPoint) -> None:
         self.given = given
-        if condition is None:
-            known = given.problem
-            condition = usual_condition(given.model) if known is None else known.asked
-        self.condition = condition
         self.point = given.coherent
         self.model: Model = self.point.model
         self.roles = recognized(self.model.states)
@@ -136,16 +128,6 @@ class Trimmed:
             if not self[name] or not math.isfinite(self[name]):
                 return f"the {name.replace('_', ' ')} is {self[name]:g}"
         return ""
-
-    @cached_property
-    def problem(self) -> TrimProblem:
-        """The solved problem, or that of the condition with this point as initial values."""
-        return self.given.problem_of(self.condition)
-
-    @cached_property
-    def margins(self) -> dict[str, Margin]:
-        """Margins of all variables for the limits of the condition, name -> `Margin`."""
-        return self.given.margins_under(self.condition)
 
     @property
     def flight_path(self) -> float:
@@ -281,7 +263,7 @@ class Trimmed:
         given = self.given
         speed = self.roles["speed"]
         knot = conversion("kt", given.model.unit(speed))
-        held = self.problem.condition
+        held = given.posed.condition
         if knot is None or speed not in held.imposed or name in held.imposed:
             return None
         values = []

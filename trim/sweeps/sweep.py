@@ -34,6 +34,7 @@ from trim.linear.modes import modes_of
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.diagnosis import beyond_limits
 from trim.point.operating_point import OperatingPoint
+from trim.point.problem import TrimProblem
 from trim.point.status import Status
 from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import (
@@ -777,7 +778,7 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     states = record(tuple(model.states))(*swept.states[index].tolist())
     inputs = record(tuple(model.inputs))(*swept.inputs[index].tolist())
     found = OperatingPoint(states, inputs, {}, Status.TRIMMED, model)
-    problem = found.problem_of(condition)
+    problem = TrimProblem(model, condition, found.values)
     point = OperatingPoint._of(problem, problem.unknowns(found.values), Status.TRIMMED)
     return point.linearize()
 

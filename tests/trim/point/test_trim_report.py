@@ -24,7 +24,7 @@ BASE = level_flight(float(np.radians(10.0)))
 
 def reported(aircraft: Model, condition: TrimCondition) -> tuple[OperatingPoint, Report]:
     point = trim(aircraft, condition)
-    return point, trim_report(point, condition)
+    return point, trim_report(point)
 
 
 def test_each_equation_has_a_tolerance_and_verdict(published_aircraft: Model) -> None:
@@ -41,7 +41,7 @@ def test_each_equation_has_a_tolerance_and_verdict(published_aircraft: Model) ->
                 point, residuals=residuals, status=type(point.status)("failed")
             )  # without figures
             assert planted.scaled_residuals[name] == pytest.approx(1e-10 * factor, rel=1e-6)
-            equations = trim_report(planted, BASE).data["equations"]
+            equations = trim_report(planted).data["equations"]
             assert equations[name]["tolerance"] == pytest.approx(tolerance, rel=1e-12)
             failed = [equation for equation, entry in equations.items() if not entry["ok"]]
             assert failed == ([name] if abs(factor) > 1.0 else [])
