@@ -62,15 +62,15 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
     changing = [name for name in model.states if conversion(model.unit(name), "m")]
     if "load_factor" in condition.imposed:
         changing.append(recognized(model.states).get("theta", ""))
-    imposed = [f"{name}_dot" for name in changing if name in condition.rates]
+    rates = [f"{name}_dot" for name in changing if name in condition.rates]
     weak = _too_weak(given, failure)
     typed = "".join(
         f"--hold {each}={shown_value(value, model.unit(each))} " for each, value in weak.items()
     )
-    imposed += sorted(condition.imposed, key=lambda name: name in given.hold)
+    tried = sorted([*rates, *condition.imposed], key=lambda name: name in given.hold)
     declared = usual_condition(model).imposed
     found: list[str] = []
-    for name in imposed:
+    for name in tried:
         is_swept = name == model.schedule and model.about.names_schedule
         is_extra = name in given.hold and name not in declared  # without it: the default trim
         if is_swept or len(found) == _MOST_ADVICE or (is_extra and found):
@@ -85,11 +85,11 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
         except BadInputError:
             pass
         else:
+            instead = " in place of --hold" if name in given.hold else ""
             if is_rate:
-                found.append(f"--free {name}")
+                found.append(f"--free {name}{instead}")
             elif not (point._far_out or _is_equal(declared.get(name), point[name])):
                 value = model.describe(name, point[name])
-                instead = " in place of --hold" if name in given.hold else ""
                 found.append(f"{typed}--free {name}{instead} ({name} {value})")
     if not found:
         return ""

@@ -167,8 +167,9 @@ def with_unit(value: float, unit: str) -> str:
     """Return a value with its unit as text, "5 deg", in the unit that reports print.
 
     An angle in radians above a full turn may have been meant in degrees. Such an angle is therefore
-    also printed in radians: "859.437 deg (15 rad)".
+    also printed in radians: "859.437 deg (15 rad)". A magnitude below `ROUNDING` is printed as 0.
     """
+    value = 0.0 if abs(value) < ROUNDING else value
     text = beside_unit(shown_value(value, unit), unit)
     is_large = unit == "rad" and abs(value) > 2.0 * math.pi
     return f"{text} ({value:g} rad)" if is_large else text

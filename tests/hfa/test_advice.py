@@ -51,6 +51,17 @@ def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder: Path) 
     assert (turn.code, "_dot" in turn.err) == (1, False)
 
 
+def test_a_held_rate_of_climb_frees_the_path_and_stays_held() -> None:
+    """The advice for --hold altitude_dot=2 can be added to the command, which then climbs by 2."""
+    words = ("trim", "--aircraft", UAV, "--hold", "altitude_dot=2")
+    advice = re.search(r"with (--free \S+) \(", hfa(*words).err)
+    assert advice is not None
+    states = answer(*words, *advice[1].split())["operating_point"]["states"]
+    assert states["speed"] * np.sin(states["pitch"] - states["alpha"]) == pytest.approx(
+        2.0, rel=1e-6
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["bank", "heavy", "climb"])
 def test_no_advice_leads_to_a_falling_aircraft(case: str, tmp_path: Path) -> None:
