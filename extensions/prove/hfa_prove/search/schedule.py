@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
+from hfa_aircraft.model import Model
 from hfa_prove.check.schedule import ScheduleProof, check_schedule, real_basis
 from hfa_prove.enclosure.ball_function import Undecided
 from hfa_prove.fields import Rejected
@@ -40,7 +41,9 @@ _MOST = 1_000_000
 
 
 class Sample(NamedTuple):
-    """The closed loop C (n, n) at a scheduling value s, and its derivative in s."""
+    """The closed loop C (n, n) at a scheduling value s, and its derivative in s, both in nominal
+    values of the states.
+    """
 
     s: float
     C: np.ndarray
@@ -138,6 +141,8 @@ def _samples(proof: ScheduleProof) -> list[Sample]:
     step = places[1] - places[0]
     samples = []
     last = low
+    nominal = _nominal(proof.statement.flight.model)
+    units = nominal / nominal[:, None]
     for s in places.tolist():
         try:
             guess, slope, _ = proof.flight.estimate(guess + slope * (s - last), s)
@@ -149,8 +154,12 @@ def _samples(proof: ScheduleProof) -> list[Sample]:
         near = s + 1e-5 * step * (1.0 if s < high else -1.0)
         C = proof.loop_at(guess, s)
         beside = proof.loop_at(guess + slope * (near - s), near)
-        samples.append(Sample(s, C, (beside - C) / (near - s)))
+        samples.append(Sample(s, units * C, units * (beside - C) / (near - s)))
     return samples
+
+
+def _nominal(model: Model) -> np.ndarray:
+    return np.array([model.states[name].nominal for name in model.linear])
 
 
 def _largest_real_part(C: np.ndarray) -> float:
@@ -171,7 +180,9 @@ def _motions(
 
     def motion(speed: float, nodes: Any, P: Any) -> tuple[ScheduleStatement, ScheduleWitness]:
         moving = ScheduleStatement(flight, gains, rate, speed)
-        return moving, ScheduleWitness(_MOST, np.array(nodes, dtype=float), np.array(P))
+        nominal = _nominal(flight.model)
+        in_units = np.array(P) / np.outer(nominal, nominal)
+        return moving, ScheduleWitness(_MOST, np.array(nodes, dtype=float), in_units)
 
     _, W = _weight(samples[:: max(1, len(samples) // 16)])
     middle = samples[len(samples) // 2]

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -68,6 +69,29 @@ def test_a_decay_rate_is_proved_to_its_closed_form() -> None:
     with pytest.raises(NoSolutionError, match="open at pull 1"):
         proved(1.0, 2.0, decay_rate=1.001 * exact)
     assert proved(1.0, 2.0).statement.decay_rate == pytest.approx(0.99 * exact, rel=1e-3)
+
+
+def in_other_units(depth: float, heave: float) -> tuple[Model, Gains]:
+    """Return the float with a depth and a heave in other units, and its gains."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        x = SimpleNamespace(depth=x.depth / depth, heave=x.heave / heave)
+        rates, outputs = _float(x, u, p, w)
+        return {"depth": depth * rates["depth"], "heave": heave * rates["heave"]}, outputs
+
+    states = {"depth": Signal("m", depth), "heave": Signal("m/s", heave)}
+    model = replace(FLOAT, states=states, equations=equations, trim={"depth": depth, "heave": 0.0})
+    return model, Gains(CONSTANT.breakpoints, CONSTANT.K / np.array([depth, heave]))
+
+
+def test_a_proved_motion_does_not_depend_on_units() -> None:
+    """Decay rate and rate of the pull are the same with a depth in mm and a heave in km/s."""
+    found = []
+    for units in ((1.0, 1.0), (1e3, 1e-3)):
+        model, gains = in_other_units(*units)
+        statement = prove_schedule(Family(model), gains, 1.0, 1.5, moving=True).statement
+        found.append((statement.decay_rate, statement.scheduled_rate))
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
 
 
 def test_gains_are_interpolated_linearly() -> None:
