@@ -36,6 +36,8 @@ _RATES = (0.95, 0.85, 0.7, 0.5)
 #: Steps of the search for the weight of P, and the power in its norm over the samples.
 _TRIES = 40
 _POWER = 6.0
+#: Condition number of a basis of modes from which on they coincide.
+_COINCIDENT = 1e6
 #: Number of pieces after which a search stops.
 _MOST = 1_000_000
 
@@ -271,12 +273,10 @@ def _weight(samples: Sequence[Sample]) -> tuple[float, np.ndarray]:
 
 
 def _first_weight(C: np.ndarray) -> np.ndarray:
-    """Return W (n, n) of P = T⁻'T⁻¹, T a real basis of the modes of C; 1 if they are dependent."""
-    try:
-        back = np.linalg.inv(real_basis(*np.linalg.eig(C)))
-        P = back.T @ back
-        W = -(C.T @ P + P @ C)
-        np.linalg.cholesky(W)
-    except np.linalg.LinAlgError:
+    """Return W (n, n) of P = T⁻'T⁻¹, T a real basis of the modes of C; 1 if modes coincide."""
+    T = real_basis(*np.linalg.eig(C))
+    if np.linalg.cond(T) > _COINCIDENT:
         return np.eye(len(C))
-    return np.asarray(W)
+    back = np.linalg.inv(T)
+    P = back.T @ back
+    return np.asarray(-(C.T @ P + P @ C))
