@@ -137,7 +137,8 @@ def _of_parameter_file(path: str, changed_by: tuple[str, ...]) -> Model:
     files = (*changed_by, path)
     is_circle = Path(base).resolve() in [Path(each).resolve() for each in files]
     if is_circle or len(files) == _MOST_FILES:
-        names = " -> ".join((files[0], *files[1:][-3:], base))
+        named = files if is_circle else (files[0], "...", files[-1])
+        names = " -> ".join((*named, base))
         raise BadInputError(f"{names}: these files name each other; name a table of data")
     with prefix_errors(files[0]):
         model = _of_data(base, kind, files)

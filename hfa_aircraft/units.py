@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
-from hfa_aircraft.about import Domain, Source, Trimming
+from hfa_aircraft.about import Domain, Source
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
 from hfa_support.units import (
@@ -75,68 +75,32 @@ def _converted(model: Model, system: _System, reload: Callable[[Model], Model]) 
     """
     if all(system.unit(signal.unit) == signal.unit for signal in model.signals.values()):
         return model
-    conversion = _Conversion.of(model, system)
     factors = {name: system.factor(signal.unit) for name, signal in model.signals.items()}
     scaled: dict[str, Any] = {
         kind: {name: _signal_in(system, signal) for name, signal in getattr(model, kind).items()}
         for kind in (*VECTORS.values(), "outputs")
     }
+    domain, begin = model.domain, model.trimming.begin
     return replace(
         model,
         **scaled,
-        equations=_Equations(conversion, model.equations),
-        trim={name: value * factors[name] for name, value in model.trim.items()},
-        domain=_converted_domain(model, conversion, factors),
-        trimming=_converted_trimming(model, factors),
+        equations=_Equations(tuple(factors.items()), model.equations),
+        trim=_scaled(factors, model.trim),
+        domain=Domain(
+            range={
+                name: (low * factors[name], high * factors[name], source)
+                for name, (low, high, source) in domain.range.items()
+            },
+            envelope=domain.envelope and partial(_envelope, factors, domain.envelope),
+            check=domain.check and partial(_check, factors, domain.check),
+            reference=_scaled(factors, domain.reference),
+        ),
+        # Explanations have values in declared units in their texts.
+        trimming=replace(
+            model.trimming, begin=begin and partial(_begin, factors, begin), explain=None
+        ),
         source=Source(model.source.text, model.source.digest, native=model, reload=reload),
     )
-
-
-def _converted_domain(
-    model: Model, conversion: _Conversion, factors: Mapping[str, float]
-) -> Domain:
-    domain = model.domain
-    return Domain(
-        range={
-            name: (low * factors[name], high * factors[name], source)
-            for name, (low, high, source) in domain.range.items()
-        },
-        envelope=domain.envelope and partial(_envelope, conversion, domain.envelope),
-        check=domain.check and partial(_check, conversion, domain.check),
-        reference={name: value * factors[name] for name, value in domain.reference.items()},
-    )
-
-
-def _envelope(
-    conversion: _Conversion,
-    envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]],
-    x: Any,
-    p: Any,
-) -> Mapping[str, tuple[float, float]]:
-    """Return state -> (lowest, highest) in flight, for the state and parameters of a trim."""
-    declared = envelope(conversion.in_declared_units("x", x), conversion.in_declared_units("p", p))
-    return conversion.states(declared)
-
-
-def _check(conversion: _Conversion, check: Callable[[Any], None], x: Any) -> None:
-    """Raise BadInputError, with values in the declared units, for a state outside the domain."""
-    check(conversion.in_declared_units("x", x))
-
-
-def _converted_trimming(model: Model, factors: Mapping[str, float]) -> Trimming:
-    """Return the trimming without explanations, whose texts have values in declared units."""
-    begin = model.trimming.begin
-    return replace(model.trimming, begin=begin and partial(_begin, begin, factors), explain=None)
-
-
-def _begin(
-    begin: Callable[[Mapping[str, Any]], Mapping[str, Any]],
-    factors: Mapping[str, float],
-    imposed: Mapping[str, Any],
-) -> dict[str, Any]:
-    """Return variable -> initial value of a trim search."""
-    declared = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
-    return {name: value * factors.get(name, 1.0) for name, value in begin(declared).items()}
 
 
 def _signal_in(system: _System, signal: Signal) -> Signal:
@@ -151,69 +115,54 @@ def _signal_in(system: _System, signal: Signal) -> Signal:
     )
 
 
-#: Pair (name, factor) for each signal of a vector.
-_Factors = tuple[tuple[str, float], ...]
+def _scaled(factors: Mapping[str, float], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return name -> converted value. An airspeed without a declared signal is unchanged."""
+    return {name: value * factors.get(name, 1.0) for name, value in values.items()}
 
 
-class _Conversion(NamedTuple):
-    """Factors from a model's declared units to those of the converted model.
+def _declared(factors: Mapping[str, float], vector: Any) -> Any:
+    """Return a named tuple of converted values in the declared units."""
+    values = zip(vector._fields, vector, strict=True)
+    return record(vector._fields)(*(value / factors[name] for name, value in values))
 
-    x, u, p, w, outputs: factors of the components of state, input, parameters and disturbances,
-      and of the outputs
-    """
 
-    x: _Factors
-    u: _Factors
-    p: _Factors
-    w: _Factors
-    outputs: _Factors
+def _envelope(
+    factors: Mapping[str, float],
+    envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]],
+    x: Any,
+    p: Any,
+) -> dict[str, tuple[float, float]]:
+    """Return state -> (lowest, highest) in flight, for the state and parameters of a trim."""
+    limits = envelope(_declared(factors, x), _declared(factors, p))
+    return {
+        name: (low * factors[name], high * factors[name]) for name, (low, high) in limits.items()
+    }
 
-    @staticmethod
-    def of(model: Model, system: _System) -> _Conversion:
-        """Return the factors from the declared units of a model to those of a system."""
 
-        def factors(signals: Mapping[str, Signal]) -> _Factors:
-            return tuple((name, system.factor(signal.unit)) for name, signal in signals.items())
+def _check(factors: Mapping[str, float], check: Callable[[Any], None], x: Any) -> None:
+    """Raise BadInputError, with values in the declared units, for a state outside the domain."""
+    check(_declared(factors, x))
 
-        vectors = {name: factors(getattr(model, kind)) for name, kind in VECTORS.items()}
-        return _Conversion(**vectors, outputs=factors(model.outputs))
 
-    def states(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return state -> converted value. A value may also be a pair of limits.
-
-        values: state -> value in the declared units
-        """
-        converted = {}
-        for name, factor in self.x:
-            if name in values:
-                value = values[name]
-                is_limits = isinstance(value, tuple)
-                converted[name] = (
-                    tuple(end * factor for end in value) if is_limits else value * factor
-                )
-        return converted
-
-    def in_declared_units(self, kind: str, converted: Any) -> Any:
-        """Return a vector in the declared units, as a named tuple.
-
-        kind: "x", "u", "p" or "w"
-        converted: the vector in the converted units
-        """
-        pairs: _Factors = getattr(self, kind)
-        names = tuple(name for name, _ in pairs)
-        values = [value / factor for value, (_, factor) in zip(converted, pairs, strict=True)]
-        return record(names)(*values)
+def _begin(
+    factors: Mapping[str, float],
+    begin: Callable[[Mapping[str, Any]], Mapping[str, Any]],
+    imposed: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return variable -> initial value of a trim search."""
+    declared = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
+    return _scaled(factors, begin(declared))
 
 
 @dataclass(frozen=True)
 class _Equations:
     """Equations of motion in converted units.
 
-    conversion: factors from the declared units
+    factors: (name, factor from the declared unit) for each signal
     equations: equations of the original model
     """
 
-    conversion: _Conversion
+    factors: tuple[tuple[str, float], ...]
     equations: Callable[..., Any]
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -221,11 +170,9 @@ class _Equations:
 
         x, u, p, w: state, input, parameters and disturbances
         """
-        vectors = zip(VECTORS, (x, u, p, w), strict=True)
-        declared = [self.conversion.in_declared_units(kind, vector) for kind, vector in vectors]
-        rates, outputs = self.equations(*declared)
-        seen = {name: outputs[name] * factor for name, factor in self.conversion.outputs}
-        return self.conversion.states(rates), seen
+        factors = dict(self.factors)
+        rates, outputs = self.equations(*(_declared(factors, vector) for vector in (x, u, p, w)))
+        return _scaled(factors, rates), _scaled(factors, outputs)
 
 
 def in_units_of(model: Model, value: Any, unit: str) -> Any:
