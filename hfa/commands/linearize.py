@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import hfa_model
 from hfa.options.advice import trimmed
 from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.option import option
@@ -58,18 +57,14 @@ class LinearizeRequest(Request, TrimOptions):
 def linearize(request: LinearizeRequest, given: GivenTrim) -> Outcome:
     """Linearize exactly at a trim, and report matrices, modes and handling qualities. --bode adds
     transfer functions. Error bands and differences from printed matrices are added where known."""
-    aircraft = given.model
     point = trimmed(given)
-    winds = tuple(aircraft.disturbances)
-    if not hfa_model.is_hfa(aircraft):
-        kept = (*(request.states or aircraft.linear), *request.residualize)
-        winds = direct_disturbances(aircraft, point, kept)
+    kept = (*(request.states or given.model.linear), *request.residualize)
     linear = point.linearize(
         states=request.states,
         inputs=request.inputs,
         outputs=request.outputs,
         residualize=request.residualize,
-        disturbances=winds,
+        disturbances=direct_disturbances(point, kept),
     )
     report = linear_model_report(linear, transfer_functions=request.bode)
 

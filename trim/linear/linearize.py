@@ -89,18 +89,23 @@ def linearize(
     )
 
 
-def direct_disturbances(
-    model: Model, point: OperatingPoint, kept: Sequence[str]
-) -> tuple[str, ...]:
-    """Return all disturbances of a model, or none if one acts on the kept states through an omitted
-    state: a linear model of the kept states has no column for this effect.
+def direct_disturbances(point: OperatingPoint, kept: Sequence[str]) -> tuple[str, ...]:
+    """Return the disturbances of a model, or none if one acts on the kept states through lags that
+    the model's linear states omit: a linear model has no column for this effect.
+
+    Lags are omitted states that a trim balances, other than an altitude.
 
     kept: names of the states of the linear model, with those that are residualized
     """
-    whole = linearize(model, point, full=True, disturbances=tuple(model.disturbances))
-    rows = np.isin(whole.states, kept)
-    through = np.any(whole.A[np.ix_(rows, ~rows)], axis=0) & np.any(whole.E[~rows], axis=1)
-    return () if through.any() else whole.disturbances
+    model = point.model
+    disturbances = tuple(model.disturbances)
+    lags = [name for name in model.steady if name not in (*model.linear, *kept)]
+    if not lags or not disturbances:
+        return disturbances
+    whole = linearize(model, point, full=True, disturbances=disturbances)
+    rows, omitted = np.isin(whole.states, kept), np.isin(whole.states, lags)
+    through = np.any(whole.A[np.ix_(rows, omitted)], axis=0) & np.any(whole.E[omitted], axis=1)
+    return () if through.any() else disturbances
 
 
 def level_model(model: Model, scheduled: float) -> LinearModel:

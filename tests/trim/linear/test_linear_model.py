@@ -15,6 +15,7 @@ from hfa.paper import level_flight
 from hfa_model import LINEAR_STATES, STATES, Parameters, published_models
 from studies.identification.parameters import ASSUMED, IDENTIFIED
 from trim import compare, entry_bands, regenerate
+from trim.linear.linearize import direct_disturbances
 
 MODELS = published_models()
 PRINTED = pytest.mark.parametrize(
@@ -174,3 +175,31 @@ def test_vertical_wind_has_the_released_columns() -> None:
             abs(column[LINEAR_STATES.index(row)] - value) for row, value in PEER[name].items()
         ]
         assert max(errors) <= 2e-8 * max(map(abs, PEER[name].values())), name
+
+
+@pytest.mark.parametrize(
+    ("struck", "kept", "has_wind"),
+    [("height", ("v",), True), ("lag", ("v",), False), ("lag", ("v", "lag"), True)],
+)
+def test_winds_that_act_through_an_omitted_lag_have_no_columns(
+    struck: str, kept: tuple[str, ...], has_wind: bool
+) -> None:
+    """A wind on the omitted height, which no trim balances, keeps its column; one on a lag does not,
+    unless the lag is kept.
+    """
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rates = {"v": u.f - x.v + x.lag - 0.01 * x.height, "lag": -x.lag, "height": x.v}
+        return rates | {struck: rates[struck] + w.gust}, {}
+
+    model = Model(
+        "kite",
+        {name: hfa.Signal() for name in ("v", "lag", "height")},
+        {"f": hfa.Signal()},
+        equations,
+        disturbances={"gust": hfa.Signal()},
+        trim={"v": 1.0, "height": 0.0},
+        steady=("v", "lag"),
+        linear=("v",),
+    )
+    assert direct_disturbances(trim(model), kept) == ("gust",) * has_wind
