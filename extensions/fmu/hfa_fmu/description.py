@@ -183,7 +183,7 @@ def _read(root: ElementTree.Element) -> Description:
     of_outputs = [variables[name] for name in outputs if name not in states]
     real_outputs = [each for each in of_outputs if each.is_real]
     taken = [*(variables[name] for name in states), *inputs, *constants, *real_outputs]
-    names_in_model = identifiers([each.name for each in taken])
+    names_in_model = _names_in_model([each.name for each in taken], states)
     known = [each for each in variables.values() if each.causality in ("input", "parameter")]
     left_out = [each for each in (*known, *of_outputs) if each not in taken]
     unlisted = [state for rate, state in state_of.items() if rate not in rates]
@@ -229,6 +229,22 @@ def _read(root: ElementTree.Element) -> Description:
         names_in_model,
         tuple(sentence.format(_listed(names)) for sentence, names in said if names),
     )
+
+
+def _names_in_model(names: list[str], states: list[str]) -> dict[str, str]:
+    """Return name in the FMU -> name in the model.
+
+    A part that contains all states is left out: `body.speed` is `speed`, unless that is the name of
+    another variable.
+    """
+    part = states[0].rpartition(".")[0]
+    while part and not all(name.startswith(f"{part}.") for name in states):
+        part = part.rpartition(".")[0]
+    short = {name: name.removeprefix(f"{part}.") for name in names}
+    if len(set(short.values())) < len(names):
+        return identifiers(names)
+    of_short = identifiers(list(short.values()))
+    return {name: of_short[short[name]] for name in names}
 
 
 def _variables(

@@ -175,6 +175,16 @@ def test_names_that_become_alike_are_told_apart() -> None:
     assert not any("alike" in each for each in hfa.load_model(fmu()).about.notes)
 
 
+def test_the_part_of_all_states_is_left_out_of_their_names() -> None:
+    """Of plane[1].body.angle and plane[1].body.rate remain angle and rate, but for an output angle."""
+    text = description().replace('"body.', '"angle.').replace('name="rate"', 'name="angle.rate"')
+    text = text.replace('name="angle.', 'name="plane[1].body.')
+    assert list(hfa.load_model(packed(text, "linux64")).states) == ["angle", "rate"]
+    text = text.replace('name="height"', 'name="angle"')
+    states = hfa.load_model(packed(text, "linux64")).states
+    assert list(states) == ["plane_1_body_angle", "plane_1_body_rate"]
+
+
 def test_wrong_derivatives_of_an_fmu_are_doubted() -> None:
     """The report of a trim says that derivatives of the FMU are 10 % off its rates."""
     point = hfa.trim(hfa.load_model(fmu("scaled", has_derivatives=True)))

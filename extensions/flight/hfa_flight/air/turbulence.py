@@ -27,7 +27,7 @@ from hfa_flight.air.gust_equations import (
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.names import UPDRAFT, gust_speed
 from hfa_support.errors import BadInputError, is_finite, shown
-from hfa_support.units import si_factor
+from hfa_support.units import conversion, si_factor
 from trim.point.operating_point import OperatingPoint
 
 LEVELS = ("light", "moderate", "severe")
@@ -158,7 +158,7 @@ class Turbulence:
         model = point.model
         feet = _feet(model)
         if isinstance(self.level, str):
-            altitude = self._altitude(point) / feet
+            altitude = self._altitude(point) / _foot_of_altitude(model)
             scales = scales_and_intensities(self.level, altitude, self.spectrum)
         else:
             altitude = None
@@ -166,7 +166,7 @@ class Turbulence:
             scales = Scales((scale / feet,) * 3, (intensity / feet,) * 3)
         trimmed_at = None
         if "altitude" in model.states:
-            trimmed_at = float(point.values["altitude"]) / feet
+            trimmed_at = float(point.values["altitude"]) / _foot_of_altitude(model)
         heading = float(point.values.get("yaw", 0.0))
         taken = taken_components(model, heading)
         if self.span is None:
@@ -176,8 +176,8 @@ class Turbulence:
             if not needed:
                 raise BadInputError(undeclared(model, UPDRAFT, "turbulence"))
             raise BadInputError(
-                f"{model.name} has neither a gust input nor a state {needed}, which turbulence "
-                f"requires; declare a disturbance {UPDRAFT}"
+                f"{model.name} has neither a gust input nor the states {needed} in rad, which "
+                f"turbulence requires; declare these, or a disturbance {UPDRAFT}"
             )
         return TurbulentAir(
             self,
@@ -240,6 +240,12 @@ def _feet(model: Model) -> float:
             "in ft/s or m/s"
         )
     return units[model.unit("speed")]
+
+
+def _foot_of_altitude(model: Model) -> float:
+    """Return the length of a foot in the unit of the altitude, by default that of the speed."""
+    unit = model.unit("altitude") if "altitude" in model.signals else ""
+    return conversion("ft", unit) or _feet(model)
 
 
 class Scales(NamedTuple):
