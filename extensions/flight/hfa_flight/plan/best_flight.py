@@ -12,11 +12,11 @@ from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.history import series
 from hfa_flight.plan.collocation import Proposal
 from hfa_flight.plan.flights import SimulatedFlight
-from hfa_flight.plan.picture import drawn
 from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.report_lines import limits_of_flights, line_with_ratios
 from hfa_flight.plan.search import MESHES_AGREE, Found
 from hfa_flight.plan.smooth import has_kinks
+from hfa_flight.simulate.flight_figure import Curve, flight_figure, signals_of
 from hfa_flight.simulate.returned import RULE
 from hfa_flight.simulate.row import FlightRow
 from hfa_support.reporting.figure import new_figure, pyplot_figure
@@ -278,14 +278,6 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
             rows.append(Row(each.policy, cost, note=note, digits=6))
         return Group("costs of flights", tuple(rows))
 
-    def _labeled(self) -> list[tuple[SimulatedFlight, str]]:
-        """Return the flights of the figure with their labels, the best flight first."""
-        flights = [(self.flown, f"best flight found: {self.cost:.5g}")]
-        for flown in self.compared:
-            cost = f"{flown.cost:.5g}" if flown.converges else flown.loss
-            flights.append((flown, f"{flown.policy}: {cost}"))
-        return flights
-
     def records(self) -> Table:
         """Return the table of times, states and inputs, for CSV files."""
         rows = np.column_stack([self.time, self.states, self.inputs]).tolist()
@@ -300,7 +292,15 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return np.array(self._drawn_in(pyplot_figure(10.0, 8.0)).axes)
 
     def _drawn_in(self, figure: Figure) -> Figure:
-        return drawn(figure, self.problem, self._labeled(), self.seconds, self.title())
+        curves = []
+        for number, flown in enumerate((self.flown, *self.compared)):
+            end = f"{flown.cost:.5g}" if flown.converges else flown.loss
+            label = f"{flown.policy if number else 'best flight found'}: {end}"
+            shown = flown.times <= self.seconds
+            values = signals_of(self.model, flown.states[shown], flown.inputs[shown])
+            style, is_whole = f"C{number}{'--' if number else '-'}", not number or flown.converges
+            curves.append(Curve(label, style, flown.times[shown], values, is_whole))
+        return flight_figure(figure, self.problem.envelope, curves, self.title())
 
 
 def _saturated(names: Sequence[str]) -> str:

@@ -41,7 +41,7 @@ from hfa_flight.simulate.envelope import (
     refuse_start,
     share_at_limits,
 )
-from hfa_flight.simulate.flight_figure import DrawnFlight, flight_figure
+from hfa_flight.simulate.flight_figure import Curve, flight_figure, signals_of
 from hfa_flight.simulate.limit_cycle import (
     Decay,
     LimitCycle,
@@ -63,6 +63,7 @@ from hfa_support.errors import (
 from hfa_support.matrices import quadratic_forms
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import verdict_text
+from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Part, Report, Reported
@@ -557,21 +558,33 @@ class Flight(StatesAndInputs, Result, Reported):
         if names:
             across = ("time", self.model.time_unit, self.time)
             return draw_curves(self.model, across, {name: self[name] for name in names})
-        from matplotlib import pyplot
-
-        figure = pyplot.figure(layout="constrained")
-        return np.array(flight_figure(self._drawn, self.title(), figure).axes)
+        return np.array(self._drawn_in(pyplot_figure(10.0, 8.0), self.title()).axes)
 
     def figure(self, title: str = "") -> Figure:
         """Return a new figure of the states and inputs over time.
 
         title: heading, by default that of the report
         """
-        return flight_figure(self._drawn, title or self.title())
+        return self._drawn_in(new_figure(10.0, 8.0), title or self.title())
 
-    @property
-    def _drawn(self) -> DrawnFlight:
-        return DrawnFlight(self.point, self.envelope, self.flight, self.predicted)
+    def _drawn_in(self, figure: Figure, title: str) -> Figure:
+        model, flown, times = self.model, self.flight, self.time
+        values = signals_of(model, self.states, self.inputs)
+        reference = {
+            name: values[name] - error
+            for name, error in zip(model.linear, flown.errors.T, strict=True)
+        }
+        if flown.winds and has_angle_of_attack(model):
+            values[ANGLE_OF_ATTACK] = self.angles_of_attack
+        curves = [
+            Curve("nonlinear", "C0-", times, values | flown.winds),
+            Curve("reference", "k:", times, reference),
+        ]
+        if self.predicted is not None:
+            states, inputs = self.predicted.states + self.point.x, self.predicted.inputs
+            linear = signals_of(model, states, inputs + self.point.u)
+            curves.append(Curve("linear", "C1--", self.predicted.times, linear))
+        return flight_figure(figure, self.envelope, curves, title)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a `pandas.DataFrame` of states and inputs, absolute, indexed by time in s."""
