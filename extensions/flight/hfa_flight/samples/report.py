@@ -14,7 +14,7 @@ from hfa_flight.needs import band_text, is_enough, lost_band, need_text
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.samples.monte_carlo import MonteCarlo
-from hfa_flight.simulate.envelope import control_limits
+from hfa_flight.simulate.envelope import GIVE_LIMIT, NO_LIMIT, control_limits, is_limited
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.rows import Group, Row
@@ -51,7 +51,8 @@ def member_report(
         f"Monte Carlo, {plan.point.model.title}, law {plan.policy.name}: {plan.members} flights of "
         f"{plan.scenario.duration:g} s, seed {plan.seed}, {where}"
     )
-    title = "\n".join([_verdict(plan, found), flown])
+    advice = [] if is_limited(plan.envelope) else [GIVE_LIMIT]
+    title = "\n".join([_verdict(plan, found), flown, *advice])
     if uncontrolled is not None and isinstance(plan.policy, FilteredPolicy):
         found |= _compared(plan, plan.policy, read, uncontrolled)
     rows = _rows(found)
@@ -80,12 +81,17 @@ def _verdict(plan: MonteCarlo, found: Mapping[str, Any]) -> str:
     """Return the first line: flights within limits, and the share that is lost."""
     within, members = found["within_limits"], plan.members
     is_input = any(found["exceeded"].values()) or any(found["limit_cycle"].values())
-    inside = "stay within limits" if is_input else "stay inside"
+    has_envelope = is_limited(plan.envelope)
+    inside = "stay inside" if has_envelope else "do not diverge"
+    if is_input:
+        inside = "stay within limits"
     line = (
         f"{verdict_text(found['ok'])}: {within} of {members} flights of "
         f"{plan.scenario.duration:g} s {inside}{_air_text(plan.scenario)}{need_text(plan.share)}"
     )
     lost = members - within
+    if not has_envelope:
+        line = f"{line}; {NO_LIMIT}"
     band = "" if _alike(plan) else band_text(lost, members)
     if not lost:
         return f"{line}; {band}" if band else line
@@ -246,4 +252,5 @@ def _quantile_table(plan: MonteCarlo, found: Mapping[str, Any]) -> Table:
             name = f"{quantity.replace('_', ' ')} {variable}"
             rows.append((name, *cells, shown_unit(unit)))
     shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in _QUANTILES]
-    return Table(("flights inside the envelope", *shares, "unit"), rows)
+    which = "flights inside the envelope" if is_limited(plan.envelope) else "flights not diverging"
+    return Table((which, *shares, "unit"), rows)

@@ -365,6 +365,11 @@ class ClosedLoop:
         times = [getattr(source, "breaks", ()) for source in sources]
         return np.unique(np.concatenate([np.zeros(0), *times]))
 
+    @property
+    def driven_until(self) -> float:
+        """Time at which the last signal, gust, noise or step ends, s, or inf if one never ends."""
+        return max([self.scenario.driven_until, *self.breaks.tolist()])
+
     def _reference(self, t: ca.SX, since: ca.SX) -> Any:
         """Return the reference x_d(t) of the states of the linear model, (k,).
 

@@ -13,19 +13,30 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_flight.air.history import Deviations
 from hfa_flight.air.names import ALPHA, ANGLE_OF_ATTACK, limited_names
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_support.reporting.text import beside_unit, short_number, with_unit
 from trim.point.operating_point import OperatingPoint
 
+#: A flight without an envelope diverges if an error grows by more than this factor from the first
+#: quarter of the flight to the last: with an unstable linear loop, more than a drift at a constant
+#: rate, else more than a drift with t^4.
+_OF_UNSTABLE, _OF_STABLE = 4.0, 256.0
+#: Smallest error of a flight that diverges, in nominal values.
+_VISIBLE = 0.01
+#: What the first line of flights without an envelope says, and how a state gets a limit.
+NO_LIMIT = "no state has a limit"
+GIVE_LIMIT = "hfa fly --envelope NAME=LOW:HIGH (Python: envelope=) gives a state a limit"
+
 
 class Departure(NamedTuple):
-    """The first departure of a flight from the envelope.
+    """The first departure of a flight from the envelope, or the end of one that diverges.
 
     state: name of the variable, from `limited_names`
     time: s
     value: value at that time, in `unit`
-    limit: the exceeded limit, in `unit`
+    limit: the exceeded limit, in `unit`; inf or -inf if the flight diverges without a limit
     assumed: whether the limit is an assumption of the reader of the aircraft
     """
 
@@ -38,13 +49,17 @@ class Departure(NamedTuple):
 
     def text(self) -> str:
         """Return the departure as a sentence, with angles in degrees."""
-        return f"{'left the envelope' if np.isfinite(self.value) else 'diverged'}: {self.cause()}"
+        left = np.isfinite([self.value, self.limit]).all()
+        return f"{'left the envelope' if left else 'diverged'}: {self.cause()}"
 
     def cause(self) -> str:
         """Return state, limit and time as text, such as "alpha above 20 deg at 1.9 s"."""
         when = f"at {self.time:.4g} s"
         if not np.isfinite(self.value):
             return f"{self.state} is not finite {when}"
+        if not np.isfinite(self.limit):
+            value = beside_unit(short_number(self.value, self.unit), self.unit)
+            return f"{self.state} {value} {when}"
         side = "below" if self.value < self.limit else "above"
         limit = beside_unit(short_number(self.limit, self.unit), self.unit)
         return f"{self.state} {side} {limit}{' (assumed)' * self.assumed} {when}"
@@ -122,6 +137,11 @@ def flight_envelope(
     return envelope
 
 
+def is_limited(envelope: Limits) -> bool:
+    """Return whether any state has a limit."""
+    return bool(np.isfinite([envelope.lowest, envelope.highest]).any())
+
+
 def envelope_data(envelope: Limits, moving_air: bool) -> dict[str, list[float]]:
     """Return the envelope for files: variable of `limited_names` -> [lowest, highest]."""
     pairs = np.column_stack([envelope.lowest, envelope.highest]).tolist()
@@ -162,6 +182,39 @@ def departure(
     name = limited_names(envelope.model, moving_air)[index]
     assumed = bool(envelope.assumed[index])
     return Departure(name, float(times[row]), value, float(limits[index]), unit, assumed)
+
+
+def divergence(
+    flight: Deviations, point: OperatingPoint, growth: float, driven_until: float
+) -> Departure | None:
+    """Return the end of a flight without an envelope that diverges, or None if it does not.
+
+    The state is the one with the largest error in the last quarter, in nominal values.
+
+    point: the trim
+    growth: largest growth of a mode of the linear loop, 1/s, or 0 if no mode is known to grow
+    driven_until: time at which the last excitation ends, s. The quarters are those of the flight
+        after it, or of the whole flight if it does not end before the flight
+    """
+    times, end = flight.times, float(flight.times[-1])
+    begin = driven_until if driven_until < end else 0.0
+    quarter = (end - begin) / 4.0
+    before, after = (
+        np.abs(flight.errors[rows]).max(axis=0)
+        for rows in ((times >= begin) & (times <= begin + quarter), times >= end - quarter)
+    )
+    model = point.model
+    nominal = np.array([model.states[name].nominal for name in model.linear])
+    factor = _OF_UNSTABLE if growth * (end - begin) > 1.0 else _OF_STABLE
+    sizes = np.where(after > factor * before, after / nominal, 0.0)
+    index = int(np.argmax(sizes))
+    if sizes[index] < _VISIBLE:
+        return None
+    name = model.linear[index]
+    (place,) = model.state_places((name,))
+    value = float(flight.states[-1, place] + point.x[place])
+    limit = float(np.copysign(np.inf, flight.states[-1, place]))
+    return Departure(name, end, value, limit, model.unit(name))
 
 
 def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False) -> None:

@@ -30,12 +30,16 @@ from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.policy import GainPolicy
 from hfa_flight.simulate.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from hfa_flight.simulate.envelope import (
+    GIVE_LIMIT,
+    NO_LIMIT,
     ControlExcess,
     Departure,
     control_excesses,
     departure,
+    divergence,
     envelope_data,
     flight_envelope,
+    is_limited,
     limits_text,
     outside,
     refuse_start,
@@ -250,7 +254,8 @@ def fly_within(
 ) -> Flight:
     """Return the flight of a nonlinear loop up to the first tick outside the envelope.
 
-    The linear model is not simulated.
+    A flight without an envelope is judged by whether it diverges. The linear model is not
+    simulated.
 
     compiled: the loop
     envelope: limits of the states, absolute
@@ -268,6 +273,8 @@ def fly_within(
     flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
     _refuse_invalid(loop.plant.point, flight)
     left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
+    if left_at is None and not is_limited(envelope):
+        left_at = divergence(flight, loop.plant.point, compiled.growth, loop.driven_until)
     cycle, decay = None, None
     if left_at is None:
         cycle, decay = oscillation(loop.plant.point.model, flight, loop.scenario.driven_until)
@@ -303,7 +310,7 @@ class Flight(StatesAndInputs, Result, Reported):
     loop: the simulated loop
     flight: deviations from `point`
     departure: first departure from the envelope: state, time, value, limit, or null if there is
-        none.
+        none. Without an envelope, the state that diverges
     cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit, or null if there is
         none.
     predicted: flight of the linear model, or None if it was not simulated
@@ -393,7 +400,8 @@ class Flight(StatesAndInputs, Result, Reported):
     def ok(self) -> bool:
         """True if the flight stayed inside all limits and does not end in a limit cycle.
 
-        The limits are the envelope of the states and the control limits of the inputs.
+        The limits are the envelope of the states and the control limits of the inputs. Without an
+        envelope, True if it does not diverge either.
         """
         return self.departure is None and not self.exceeded and self.cycle is None
 
@@ -533,13 +541,20 @@ class Flight(StatesAndInputs, Result, Reported):
             flight += ", frozen"
         duration = f"{self.flown:g} s"
         wrong = self.departure or self.cycle
+        has_envelope = is_limited(self.envelope)
         if wrong is not None:
             outcome = wrong.text()
+        elif not has_envelope:
+            outcome = f"does not diverge in {duration}"
         elif self.exceeded:
             outcome = f"inside the envelope for {duration}, but not within the control limits"
         else:
             outcome = f"{duration} inside the envelope and the control limits"
+        if not has_envelope:
+            outcome += f"; {NO_LIMIT}"
         lines = [f"{verdict_text(self.ok)}: {outcome}", flight]
+        if not has_envelope:
+            lines.append(GIVE_LIMIT)
         if self.decay is not None:
             lines.append(self.decay.text())
         lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]

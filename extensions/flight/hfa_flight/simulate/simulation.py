@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
@@ -58,6 +59,11 @@ class CompiledLoop:
         step, steps = scenario.step, scenario.steps_per_tick
         is_long = flights * scenario.ticks * steps >= COMPILE_FROM_STEPS
         self.stepper = RungeKutta(rate, seen, step, steps, is_long=is_long)
+
+    @cached_property
+    def growth(self) -> float:
+        """Largest growth of a mode of the linear loop, 1/s, or 0 if no mode is known to grow."""
+        return float(self.loop.growing_modes().real.max(initial=0.0))
 
     def refined(self, parts: int) -> CompiledLoop:
         """Return the loop with several recorded steps in place of each."""
