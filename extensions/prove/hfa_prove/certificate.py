@@ -21,7 +21,7 @@ from hfa_support.files import regular_file, write_text
 from hfa_support.reporting.data_files import jsonable
 from hfa_support.version import VERSION
 
-SCHEMA = "hfa.certificate/12"
+SCHEMA = "hfa.certificate/11"
 #: Entries of a file besides the statement and the witness. They are not part of the claim.
 _CLOSING = ("digest", "provenance", "checksum")
 #: Bits of the balls that enclose decimal numbers of a file.

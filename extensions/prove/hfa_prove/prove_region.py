@@ -45,5 +45,5 @@ def prove_region(
     wanted = (len(linear.inputs), len(linear.states))
     if gain.shape != wanted:
         raise BadInputError(f"K has the shape {gain.shape}; give {wanted}, inputs x states")
-    problem = RegionProblem(loop_at(linear, Gain(gain)))
+    problem = RegionProblem(loop_at(linear, Gain(gain, {})))
     return proved_region(problem, degree=degree, seconds=seconds, progress=progress)

@@ -90,6 +90,7 @@ CHANGED: dict[str, tuple[dict[str, str], dict[str, str]]] = {
         {f"--check {STORED}/region.json": REFUSED},
     ),
     "weights": ({"--weights K.npz": "policy"}, {"--weights K6.npz": "gains"}),
+    "policy": ({"--policy policy.toml": REFUSED}, {"--policy policy.toml": REFUSED}),
     "disturbance": ({"--disturbance push=0.1": "disturbances"}, {"--disturbance a=1": REFUSED}),
     "degree": ({"--degree 2": SAME}, {"--degree 2": REFUSED}),
     "seconds": ({"--seconds 1": SAME}, {"--seconds 1": REFUSED}),
@@ -101,6 +102,7 @@ FILES = {
     "tilted.toml": "[impose]\nangle = 0.1\n",
     "few.toml": "[limits]\nelevator_center_deg = [-20, 20]\n",
     "fast.toml": "[impose]\nspeed = 70\n",
+    "policy.toml": "",
 }
 CASES = [
     (kind, path, words, entry)

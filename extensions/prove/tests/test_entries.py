@@ -28,7 +28,7 @@ CERTIFICATES = {
 #: Values that no entry has, but for texts.
 OTHERS = [None, True, "1", [], {}, math.nan, math.inf, 2**53 + 1, 1.1e300]
 #: Entries that may have fewer entries.
-SHORTER = ("disturbances", "W")
+SHORTER = ("disturbances", "terms", "W")
 
 
 def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

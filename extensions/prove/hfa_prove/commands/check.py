@@ -24,10 +24,9 @@ def prove(request: CheckRequest) -> Outcome:
     from hfa_prove.certificate import kind_in, read_certificate
     from hfa_prove.check import check
     from hfa_prove.commands.given import checked_trim, given_for, refuse_unfit
-    from hfa_prove.commands.policies import given_policy
+    from hfa_prove.commands.policies import given_policy, is_function
     from hfa_prove.enclosure.precision import flint_or_refusal
     from hfa_prove.report import checked_report
-    from hfa_prove.statements.loop import Gain
     from hfa_prove.statements.plant import Subject
     from hfa_prove.subject import compare
 
@@ -42,11 +41,10 @@ def prove(request: CheckRequest) -> Outcome:
     refuse_unfit(request, kind)
     trim = checked_trim(request, kind)
     own = None
-    if kind == "region" and request.weights is not None:
+    if kind == "region" and is_function(request):
         own = given_policy(request, trim.given)
     model = trim.given.common.model if request.aircraft is not None else None
-    in_file = None if own is None or isinstance(own.policy, Gain) else own
-    policy = None if in_file is None else in_file.problem(trim.given.common.limits).loop.function
+    policy = None if own is None else own.problem(trim.given.common.limits).loop.function
     certificate = read_certificate(path, Subject(model, policy))
     statement = certificate.statement
     not_given = compare(statement, given_for(statement, request, trim, own))

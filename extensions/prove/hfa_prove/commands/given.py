@@ -19,6 +19,7 @@ from hfa_prove.certificate import kind_of
 from hfa_prove.commands.options import interval_of
 from hfa_prove.commands.policies import GivenPolicy, given_policy
 from hfa_prove.commands.request import CheckRequest, disturbances_of
+from hfa_prove.fields import rows_of
 from hfa_prove.problem import given_plant, limits_at, plant_at
 from hfa_prove.statements.loop import SAME_GAIN, Gain
 from hfa_prove.statements.plant import SAME_TRIM, limits_hold
@@ -30,9 +31,9 @@ from hfa_support.errors import BadInputError
 #: Options that name an aircraft or its trim.
 _OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", *OF_THE_TRIM)
 #: Options that define a policy or gains.
-_OF_THE_POLICY = ("weights", "basis", "network", "set", "N", "delta", "Q", "R")
+_OF_THE_POLICY = ("weights", "policy", "basis", "network", "set", "N", "delta", "Q", "R")
 #: Options that do not apply to the certificate of a schedule.
-_NOT_OF_SCHEDULES = ("basis", "network", "set", "disturbance", "start")
+_NOT_OF_SCHEDULES = ("policy", "basis", "network", "set", "disturbance", "start")
 
 
 class CheckedTrim(NamedTuple):
@@ -78,7 +79,7 @@ def given_for(
 ) -> dict[str, Given]:
     """Return path of an entry of the statement -> the value that the user's options give.
 
-    own: the user's policy, if it is in a file
+    own: the user's policy, if it is a network or a deployed policy
 
     Raises BadInputError or NoSolutionError if the options do not define the subject.
     """
@@ -130,11 +131,11 @@ def _of_region(
     loop = statement.loop
     limits = trim.given.common.limits
     given: dict[str, Given] = {}
-    if own is not None and not isinstance(own.policy, Gain):
+    if own is not None:
         if isinstance(loop.policy, Gain):
             raise BadInputError(
-                "the certificate is about a gain, not another policy; give the file of the proved "
-                "gain or of its P as --weights"
+                "the certificate is about a polynomial policy, not a network or a deployed policy; "
+                "give the file of the proved gain or critic as --weights"
             )
         given = given_plant(own.problem(limits).loop, "loop.")
     else:
@@ -145,10 +146,7 @@ def _of_region(
             stated = limits_at(at_stated_trim, limits)
             given["loop.limits"] = Given(stated, same=_not_wider(tuple(plant.model.inputs)))
         if _names_one(request, _OF_THE_POLICY) or (given and not loop.inputs):
-            found = own or given_policy(request, trim.given)
-            assert isinstance(found.policy, Gain)  # the caller found no function
-            close = close_to(SAME_GAIN, sizes_of_gain(trim.given.model))
-            given["loop.policy.K"] = Given(found.policy.K.tolist(), same=close)
+            given |= _given_policy(request, trim.given)
     if request.disturbance:
         given["loop.disturbances"] = Given(disturbances_of(request, trim.given.model))
     return given
@@ -167,8 +165,36 @@ def _not_wider(inputs: tuple[str, ...]) -> Callable[[Any, Any], bool]:
     return same
 
 
+def _given_policy(request: CheckRequest, trim: GivenTrim) -> dict[str, Given]:
+    """Return the entries `policy.K` and `policy.terms`, of the user's policy."""
+    gain = given_policy(request, trim).gain
+    assert gain is not None  # the caller found no function
+    rows = {name: rows_of(terms) for name, terms in gain.terms.items()}
+    close = close_to(SAME_GAIN, sizes_of_gain(trim.model))
+    return {
+        "loop.policy.K": Given(gain.K.tolist(), same=close),
+        "loop.policy.terms": Given(rows, same=_same_policy),
+    }
+
+
 def sizes_of_gain(model: Model) -> np.ndarray:
     """Return the typical sizes (m, n) of the entries of a gain, which depend on units as K does."""
     inputs = [signal.nominal for signal in model.inputs.values()]
     states = [model.states[name].nominal for name in model.linear]
     return np.outer(inputs, 1.0 / np.array(states))
+
+
+def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+    """Return whether policies, input -> terms, agree: coefficients within `SAME_GAIN`."""
+    if set(stated) != set(own):
+        return False
+    for name, rows in own.items():
+        found = {tuple(powers): coefficient for coefficient, powers in stated[name]}
+        wanted = {tuple(powers): coefficient for coefficient, powers in rows}
+        if set(found) != set(wanted):
+            return False
+        pairs = [[found[powers], wanted[powers]] for powers in wanted]
+        first, second = np.array(pairs).T
+        if not close_to(SAME_GAIN)(first, second):
+            return False
+    return True

@@ -15,7 +15,7 @@ from hfa_prove.commands.request import RegionRequest, disturbances_of
 if TYPE_CHECKING:
     from hfa_prove.search.region_search import Region
 
-#: Default degree of V for a gain, and for another policy.
+#: Default degree of V for a polynomial policy, and for a network or deployment file.
 _DEGREE = 4
 _DEGREE_OF_FUNCTIONS = 2
 
@@ -39,7 +39,6 @@ def region(request: RegionRequest) -> Outcome:
     from hfa_prove.certificate import write_certificate
     from hfa_prove.commands.policies import given_policy
     from hfa_prove.search.region import proved_region
-    from hfa_prove.statements.loop import Gain
     from hfa_support.interruption import interruptible
 
     given = scheduled_trim(request)
@@ -47,7 +46,7 @@ def region(request: RegionRequest) -> Outcome:
     policy = given_policy(request, given)
     problem = policy.problem(given.common.limits)
     problem = replace(problem, loop=replace(problem.loop, disturbances=disturbances))
-    usual = _DEGREE if isinstance(policy.policy, Gain) else _DEGREE_OF_FUNCTIONS
+    usual = _DEGREE_OF_FUNCTIONS if policy.gain is None else _DEGREE
     origin = provenance(request, given.source).to_dict()
 
     def save(proved: Region) -> None:

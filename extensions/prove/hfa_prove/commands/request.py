@@ -40,6 +40,11 @@ class LoopOptions(TrimOptions, WeightOptions, ReadingOptions):
         "FILE",
         critic_path,
     )
+    policy: Path | None = option(
+        "deployment file of a policy, which is evaluated in continuous time",
+        "DEPLOYMENT.toml",
+        input_file(".toml"),
+    )
     disturbance: Mapping[str, str] = option(
         "instead of a region of attraction, prove a set that is invariant under every "
         "disturbance NAME up to SIZE; repeatable",
@@ -71,6 +76,11 @@ class CheckRequest(Request, LoopOptions):
         "file with the gains, critic or network that the certificate must be about",
         "FILE",
         critic_path,
+    )
+    policy: Path | None = option(
+        "deployment file of the policy that the certificate must be about",
+        "DEPLOYMENT.toml",
+        input_file(".toml"),
     )
     disturbance: Mapping[str, str] = option(
         "largest disturbance that the certificate must be about; repeatable",

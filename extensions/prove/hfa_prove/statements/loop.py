@@ -4,26 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import mul
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from hfa_prove.enclosure.program import Program
-from hfa_prove.fields import Fields, Stated, entry, require
+from hfa_prove.fields import Fields, Stated, Terms, entry, require, rows_of
 from hfa_prove.statements.plant import Plant, digest_of
 from hfa_support.errors import BadInputError
 
 #: Largest difference of two policies that are called equal, relative to the largest entry.
 SAME_GAIN = 1e-9
+#: Highest degree of a polynomial policy.
+HIGHEST_POLICY = 12
+
+
+def _read_terms(file: Fields, name: str, known: Any) -> dict[str, Terms]:
+    """Return input -> terms of a polynomial in the moving states, in the order of the inputs."""
+    rows = file.fields(name)
+    n = len(known.model.linear)
+    terms = {}
+    for each in known.model.inputs:
+        if rows.has(each):
+            terms[each] = rows.terms(each, n, HIGHEST_POLICY)
+    rows.close()
+    return terms
+
+
+def _stored_terms(terms: Mapping[str, Terms]) -> dict[str, Any]:
+    return {name: rows_of(rows) for name, rows in terms.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class Gain(Stated):
-    """Policy u0 - K z before saturation, with z the deviations from the trim.
+    """Policy u0 - K z + q(z) before saturation, with z the deviations from the trim.
 
     K: (m, n), in the order of the inputs and the moving states
+    terms: input -> terms of q of degree 2 to `HIGHEST_POLICY`, omitted if q = 0
     """
 
     K: np.ndarray = entry(
@@ -32,23 +52,38 @@ class Gain(Stated):
         ),
         subject="policy",
     )
+    terms: Mapping[str, Terms] = entry(
+        _read_terms, store=_stored_terms, subject="policy", default_factory=dict
+    )
 
-    @property
-    def function(self) -> ca.Function:
-        """Function from state deviations z (n,) to input deviations (m,)."""
-        z = ca.SX.sym("z", self.K.shape[1])
-        return ca.Function("gain", [z], [ca.densify(-ca.mtimes(ca.DM(self.K), z))])
+    def function(self, inputs: Sequence[str]) -> ca.Function:
+        """Return the function from state deviations z (n,) to input deviations (m,).
+
+        inputs: names of the inputs, in order
+        """
+        m, n = self.K.shape
+        z = ca.SX.sym("z", n)
+        deviations = ca.SX.zeros(m)
+        for index, name in enumerate(inputs):
+            total = ca.SX(0)
+            for j in range(n):
+                total -= self.K[index, j] * z[j]
+            for coefficient, powers in self.terms.get(name, ()):
+                factors = [z[j] for j, power in enumerate(powers) for _ in range(power)]
+                total += coefficient * reduce(mul, factors)
+            deviations[index] = total
+        return ca.Function("gain", [z], [ca.densify(deviations)])
 
 
 def _read_policy(file: Fields, name: str, known: Any) -> Gain | ca.Function:
-    """Return a gain, or the user's policy if its digest is stored."""
+    """Return the coefficients of a policy, or the user's policy if its digest is stored."""
     stated = file.value(name, (str, dict))
     if isinstance(stated, dict):
         return Gain.read(Fields(name, stated), known)
     own = known.subject.policy
     if own is None:
         raise BadInputError(
-            "the certificate is about a policy in a file; give this file with --weights"
+            "the certificate is about a policy in a file; give this file with --weights or --policy"
         )
     if stated != digest_of(own):
         raise BadInputError(
@@ -59,7 +94,7 @@ def _read_policy(file: Fields, name: str, known: Any) -> Gain | ca.Function:
 
 
 def stored_policy(policy: Gain | ca.Function) -> Any:
-    """Return a policy in the form stored in a file: its gain, or its digest."""
+    """Return a policy in the form stored in a file: its coefficients, or its digest."""
     return policy.content() if isinstance(policy, Gain) else digest_of(policy)
 
 
@@ -76,7 +111,9 @@ def _read_disturbances(file: Fields, name: str, known: Any) -> dict[str, float]:
 class Loop(Plant):
     """Closed loop x' = f(x, u, w), u = min(max(u0 + policy(x - x0), low), high).
 
-    policy: gain, or any function from state deviations (n,) to input deviations (m,)
+    policy: coefficients of a polynomial, or any function from state deviations (n,) to input
+        deviations (m,), with the trim (all states, inputs and parameters) as an optional second
+        argument
     disturbances: disturbance w -> bound d > 0 with |w(t)| <= d for any measurable w(t), omitted if
         w = 0
     """
@@ -87,7 +124,8 @@ class Loop(Plant):
     @cached_property
     def function(self) -> ca.Function:
         """The policy as a function."""
-        return self.policy.function if isinstance(self.policy, Gain) else self.policy
+        policy = self.policy
+        return policy.function(tuple(self.inputs)) if isinstance(policy, Gain) else policy
 
     def rates(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Return the rates of the moving states in the loop, and the outputs that have limits.
@@ -111,13 +149,22 @@ class Loop(Plant):
         u0 = ca.DM(list(self.inputs.values()))
         if not self.inputs:
             return ca.SX(0, 1)
-        commands = ca.vertsplit(u0 + self.function(x - ca.DM(list(self.trim.values()))))
+        commands = ca.vertsplit(u0 + self.deviations(x - ca.DM(list(self.trim.values()))))
         saturated = []
         for name, command in zip(self.inputs, commands, strict=True):
             low, high = self.limits.get(name, (-np.inf, np.inf))
             above = ca.fmax(command, low) if np.isfinite(low) else command
             saturated.append(ca.fmin(above, high) if np.isfinite(high) else above)
         return ca.vertcat(*saturated)
+
+    def deviations(self, z: ca.SX) -> ca.SX:
+        """Return the input deviations (m,) that the policy commands at state deviations z (n,)."""
+        if self.function.n_in() == 1:
+            return self.function(z)
+        at_trim = {**self.trim, **self.held}
+        states = [at_trim[name] for name in self.model.states]
+        numbers = [*states, *self.inputs.values(), *self.parameters.values()]
+        return self.function(z, ca.DM(numbers))
 
     @cached_property
     def rate_function(self) -> ca.Function:

@@ -27,7 +27,7 @@ class Subject(NamedTuple):
 
     model: the user's aircraft, or None for a built-in one
     policy: the user's policy, state deviations -> input deviations, or None if the statement
-        contains its gain
+        contains the coefficients of its policy
     """
 
     model: Model | None = None

@@ -70,7 +70,7 @@ def tank() -> Content:
         "load": (-3.0, 3.0),
         "peak": (-np.inf, 9.0),
     }
-    gain = Gain(np.array([[2.0, 0.0]]))
+    gain = Gain(np.array([[2.0, 0.0]]), {})
     at = {"level": 0.0, "heat": 0.0}
     loop = Loop(TANK, {"inflow": 0.5}, at, {"valve": 0.0}, {"slope": 0.25}, limits, gain)
     piece = Piece(np.eye(2), Polynomial(2, ((1.0, (2, 0)), (1.0, (0, 2)))), 0.81)
@@ -362,6 +362,7 @@ FORGED: list[tuple[dict[str, Any], str]] = [
     ({_GAIN: [[0.4, 0.0]]}, "near the equilibrium"),
     ({_GAIN: [[0.5 - 1e-9, 0.0]]}, "near the equilibrium"),
     ({_GAIN: [[0.5, 0.0]]}, "Jacobian is singular"),  # a line of equilibria
+    ({"statement__loop__policy__terms": {"valve": [[9.0, [3, 0]]]}}, FALSE),
     *(
         (  # the valve saturates on one side of the trim
             _ABOUT
@@ -468,6 +469,18 @@ def test_a_certificate_that_was_edited_is_refused(before: str, after: str, tmp_p
         read_certificate(path, Subject(TANK))
 
 
+def test_a_policy_receives_the_whole_trim() -> None:
+    """The second argument of a policy contains all states, the inputs and the parameters in order."""
+    z, at = ca.SX.sym("z", 2), ca.SX.sym("trim", 5)
+    statement, _ = read_content(tank(), Subject(TANK))
+    policy = ca.Function("u", [z, at], [ca.dot(10.0 ** np.arange(5), at)])
+    numbers: Any = {"trim": {"level": 1.0, "heat": 2.0}, "inputs": {"valve": 4.0}}
+    numbers |= {"held": {"slope": 3.0}, "parameters": {"inflow": 5.0}}
+    loop = replace(statement.loop, policy=policy, **numbers)
+    found = ca.Function("u", [z], [loop.deviations(z)])
+    assert float(found(np.zeros(2))) == 54321.0
+
+
 def test_inputs_saturate_at_each_limit_that_exists() -> None:
     """The command of a valve with a lower, an upper, both limits or none is that of `np.clip`."""
     statement, _ = read_content(tank(), Subject(TANK))
@@ -558,7 +571,7 @@ def _plane(rates: Any, M: np.ndarray, share: float = 1.0) -> Decrease:
         trim={},
     )
     still = {"a": 0.0, "b": 0.0}
-    loop = Loop(model, {}, still, {}, {}, {}, Gain(np.zeros((0, 2))))
+    loop = Loop(model, {}, still, {}, {}, {}, Gain(np.zeros((0, 2)), {}))
     N = np.linalg.inv(M)
     V = N.T @ np.diag([1.0, share]) @ N
     terms = ((V[0, 0], (2, 0)), (2.0 * V[0, 1], (1, 1)), (V[1, 1], (0, 2)))

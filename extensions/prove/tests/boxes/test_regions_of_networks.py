@@ -89,7 +89,7 @@ def test_flights_from_the_edge_of_a_proved_region_converge() -> None:
             raise KeyboardInterrupt
 
     linear = trim(load_model(PENDULUM)).linearize()
-    problem = RegionProblem(loop_at(linear, Gain(K)))
+    problem = RegionProblem(loop_at(linear, Gain(K, {})))
     found = proved_region(problem, degree=2, seconds=60.0, progress=interrupt, save=proved.append)
     assert found.stopped == "interrupted"
     assert found.statement is proved[0].statement

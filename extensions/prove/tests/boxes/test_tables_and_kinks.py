@@ -42,7 +42,7 @@ def test_a_set_is_proved_only_where_the_torque_exceeds_the_moment(
         trim={"angle": 0.0},
     )
     still = {"angle": 0.0}
-    gain = Gain(np.array([[4.0]]))
+    gain = Gain(np.array([[4.0]]), {})
     loop = Loop(model, {}, still, {"torque": 0.0}, {}, {"torque": (-0.7, 0.7)}, gain)
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.81)
     statement = RegionStatement(loop, still, piece, {"angle": (-0.91, 0.91)})
