@@ -93,13 +93,13 @@ def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
     A plant with six states and five inputs is taken for the paper's aircraft
     - if its known names are those of the aircraft, or
     - if it has no names, and the file does not contain both Q and R.
-    For any other plant, the result contains no defaults. If the file contains the names and units
-    of the states, E and Q are converted to these units.
+    For any other plant, the result contains no defaults. E, Q and R are converted to the units in
+    the file.
 
     parts: entries of the file, with A and B
     names: names and units in the file
 
-    Raises BadInputError if a unit of a state cannot be converted.
+    Raises BadInputError if a unit cannot be converted.
     """
     m = len(INPUTS)
     n = len(LINEAR_STATES)
@@ -110,15 +110,14 @@ def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
             return Defaults()
     elif "Q" in parts and "R" in parts:
         return Defaults()
-    scales = np.ones(n)
-    if names.states == LINEAR_STATES:
-        units = {"state_units": names.state_units}
-        scales = file_scales(units, PlantNames(state_units=LINEAR_UNITS))
+    units = {"state_units": names.state_units, "input_units": names.input_units}
+    of_paper = PlantNames(state_units=LINEAR_UNITS, input_units=tuple(INPUT_UNITS))
+    states, inputs = file_scales(units, of_paper)
     settings = published_data()["game"]
     values = {
-        "E": np.diag(scales),
-        "Q": np.diag(np.array(settings["Q_diag"], dtype=float) / scales**2),
-        "R": np.diag(settings["R_diag"]).astype(float),
+        "E": np.diag(states),
+        "Q": np.diag(np.array(settings["Q_diag"], dtype=float) / states**2),
+        "R": np.diag(np.array(settings["R_diag"], dtype=float) / inputs**2),
         "delta": settings["delta"],
     }
     words = dict.fromkeys(("Q", "R", "delta"), "as in the paper")

@@ -86,12 +86,14 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
     """Return the critic in the entries of a file of arrays."""
     refuse_other_step(entries, game.dt)
     _refuse_other_time(entries, game)
+    scales = file_scales(entries, game.names)
     if game.is_discrete and "H" in entries:
-        beside_H: dict[str, Any] = {
-            name: entries[name] for name in ("P", "K", "L") if name in entries
-        }
-        return from_q_function(game, entries["H"], beside_H)
-    L = entries.get("L") if game.is_discrete else None
+        stored = {name: numbers_in(name, entries[name]) for name in "HPKL" if name in entries}
+        parts = in_plant_units(stored, scales)
+        return from_q_function(game, parts.pop("H"), parts)
+    L = None
+    if game.is_discrete and "L" in entries:
+        L = in_plant_units({"L": numbers_in("L", entries["L"])}, scales)["L"]
     if UNKNOWN in entries:
         entries = {part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
     if reading.basis is None and "basis" in entries and "W" in entries:
@@ -100,13 +102,16 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
             raise BadInputError("the entry basis is not one name; give a name such as 'quadratic'")
         reading = replace(reading, basis=named[0])
     psi = reading.psi(game)
+    if isinstance(psi, ca.Function):  # functions of the states in the file's units
+        z = ca.SX.sym("z", len(game.A))
+        psi = ca.Function("basis", [z], [psi(ca.DM(scales.states) * z)])
     parts = single_parts(entries, game.names, psi)
     if is_list(reading.basis or "") and "W" not in parts:
         raise BadInputError(
             "--basis lists functions, but the file contains no W; add W, or give --basis a name"
         )
     critic = from_parts(game, parts, psi, policy_in(entries, game.names))
-    return critic if L is None else replace(critic, L=numbers_in("L", L))
+    return critic if L is None else replace(critic, L=L)
 
 
 def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
@@ -172,7 +177,7 @@ def read_critic(
 
     path: the file (.npz, .mat, .json, .csv, or a suffix that an installed package reads)
     game: the game with the states and inputs of the critic. None is allowed only for a file with a
-        gain K and without `state_units`.
+        gain K and without units.
     basis: basis of the weights: a name, or a list of functions; by default the basis named in the
         file, else "quadratic"
     network: outputs of a network file and their kinds, as for `from_network`
@@ -189,7 +194,7 @@ def read_critic(
     """
     if game is None:
         entries = {} if is_network(Path(path)) else entries_in(path)
-        if "K" not in entries or "state_units" in entries:
+        if "K" not in entries or not {"state_units", "input_units"}.isdisjoint(entries):
             raise BadInputError(
                 f"{path} cannot be read without a game; give the game as the second argument"
             )
@@ -279,7 +284,8 @@ def policy_in(entries: Mapping[str, Any], plant: PlantNames) -> ca.Function | No
             f"policy_weights has {len(weights)} rows; give one for each of the "
             f"{len(plant.inputs)} inputs"
         )
-    return polynomial_policy(weights, file_scales(entries, plant))
+    scales = file_scales(entries, plant)
+    return polynomial_policy(weights / scales.inputs[:, None], scales.states)
 
 
 def single_parts(
@@ -296,7 +302,7 @@ def single_parts(
     Raises BadInputError
     - if the file has none of these entries,
     - if an array has a wrong shape or a number out of range,
-    - if the units of the states in the file do not fit the plant,
+    - if the units in the file do not fit the plant,
     - if the states or inputs in the file are in another order.
     """
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}

@@ -13,6 +13,7 @@ from controller.critic.critic import Critic
 from controller.critic.features import basis_of
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
+from hfa_aircraft.readers.matrices_file import FileScales
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -64,22 +65,29 @@ class CriticFile(NamedTuple):
 
 
 def in_plant_units(
-    parts: dict[str, np.ndarray], scales: np.ndarray, basis: Basis | ca.Function | None
+    parts: Mapping[str, np.ndarray], scales: FileScales, basis: Basis | ca.Function | None = None
 ) -> dict[str, np.ndarray]:
     """Return a critic's arrays, converted from the file's units to the units of the plant.
 
-    x is a state in the units of the plant and diag(s) x this state in the units of the file.
-    P becomes diag(s) P diag(s), K becomes K diag(s), and W becomes `basis.scaling(s)` W.
+    With the factors s of the states and r of the inputs, P becomes diag(s) P diag(s), K becomes
+    diag(r)⁻¹ K diag(s), L becomes L diag(s), H becomes diag(s, r, 1) H diag(s, r, 1), and W becomes
+    `basis.scaling(s)` W. Disturbances have no unit.
     An array whose shape does not fit the plant is returned unchanged. W is also returned unchanged
     if `basis` is not a `Basis`.
 
-    parts: W (M,), P (n, n), K (m, n)
-    scales: s, (n,)
+    parts: W (M,), P (n, n), K (m, n), L (k, n), H over (x, u) or (x, u, w)
+    scales: factors from the plant's units to the file's units
     basis: ψ of W, or None without W
     """
-    factors = {"K": scales, "P": np.outer(scales, scales)}
-    if isinstance(basis, Basis) and len(scales) == basis.states:
-        factors["W"] = basis.scaling(scales)
+    states = scales.states
+    factors = {"K": scales.gain, "P": np.outer(states, states), "L": states}
+    if isinstance(basis, Basis) and len(states) == basis.states:
+        factors["W"] = basis.scaling(states)
+    if "H" in parts:
+        signals = np.concatenate(scales)
+        others = np.atleast_1d(parts["H"]).shape[-1] - len(signals)
+        signals = np.pad(signals, (0, max(others, 0)), constant_values=1.0)
+        factors["H"] = np.outer(signals, signals)
     converted = dict(parts)
     for name, factor in factors.items():
         if name in parts and parts[name].shape[-factor.ndim :] == factor.shape:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,18 +57,37 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
     return tuple(entries)
 
 
-def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
-    """Return the factors s (n,) that convert the states from the plant's units to the file's units.
+class FileScales(NamedTuple):
+    """Factors from the units of a plant to the units of a file.
 
-    A state x in the plant's units is s x in the file's units. The entry `state_units` contains the
-    file's units. The factor of a state is 1 if its unit is unknown in the file or in the plant. All
-    factors are 1 if the file does not contain n units.
+    A state x and an input u in the plant's units are `states` x and `inputs` u in the file's units.
+
+    states: (n,)
+    inputs: (m,)
+    """
+
+    states: np.ndarray
+    inputs: np.ndarray
+
+    @property
+    def gain(self) -> np.ndarray:
+        """Factors (m, n) from a gain K of u = -K x in the file to this gain in the plant's units.
+
+        K is diag(inputs)⁻¹ K_file diag(states).
+        """
+        return self.states / self.inputs[:, None]
+
+
+def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> FileScales:
+    """Return the factors from the plant's units to those of a file: `state_units`, `input_units`.
+
+    The factor is 1 if a unit is unknown in the file or in the plant.
 
     stored: name -> value of the entries of the file
     plant: names and units of the plant
 
-    Raises BadInputError if a unit cannot be converted, or if the file lists the plant's states or
-    inputs in another order.
+    Raises BadInputError if the file does not contain a unit for each state or input, if a unit
+    cannot be converted, or if the file lists the plant's states or inputs in another order.
     """
     for key in ("states", "inputs"):
         in_file = words(stored, key)
@@ -79,18 +98,32 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
                 f"plant {shortened(', '.join(of_plant), 200)}; reorder the matrices or remove "
                 f"{key}"
             )
-    units = words(stored, "state_units")
-    scales = np.ones(len(plant.state_units))
-    if len(units) != len(scales):
+    return FileScales(
+        _scales_of("state", stored, plant.state_units),
+        _scales_of("input", stored, plant.input_units),
+    )
+
+
+def _scales_of(signal: str, stored: Mapping[str, Any], of_plant: tuple[str, ...]) -> np.ndarray:
+    """Return the factors from the plant's units of all states or inputs to those of a file.
+
+    signal: "state" or "input"
+    """
+    key = f"{signal}_units"
+    scales = np.ones(len(of_plant))
+    units = words(stored, key)
+    if not units:
         return scales
-    for i, (unit, unit_of_plant) in enumerate(zip(units, plant.state_units, strict=True)):
+    if len(units) != len(of_plant):
+        raise BadInputError(f"{key} lists {len(units)} units; give one for each {signal}")
+    for i, (unit, unit_of_plant) in enumerate(zip(units, of_plant, strict=True)):
         factor = conversion(unit_of_plant, unit)
         if factor is not None:
             scales[i] = factor
         elif unit and unit_of_plant:
             raise BadInputError(
-                f"state {i + 1} is in {shortened(unit)} in the file but in {unit_of_plant} in the"
-                " plant; convert the matrices, or remove state_units from the file"
+                f"{signal} {i + 1} is in {shortened(unit)} in the file but in {unit_of_plant} in "
+                f"the plant; convert the matrices, or remove {key} from the file"
             )
     return scales
 

@@ -60,9 +60,12 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
                  trim={"level": 0.5}, schedule="level")  # fmt: skip
     found = load_gain_schedule(gains_file(tmp_path, K=square, level=[1.0, 2.0]), both)
     np.testing.assert_array_equal(found.gains, square)  # the value is first if both would fit
-    one = load_gain_schedule(gains_file(tmp_path, K=K[0], state_units=["m", "m/s"]), TANK)
-    np.testing.assert_allclose(one.gains[0], K[0] * FOOT)
+    metric = {"state_units": ["m", "m/s"], "input_units": ["N"]}
+    one = load_gain_schedule(gains_file(tmp_path, K=K[0], **metric), TANK)
+    np.testing.assert_allclose(one.gains[0], K[0] * FOOT / POUND)
     one.refuse_beyond(-9.0, 9.0)
+    table = load_gain_schedule(gains_file(tmp_path, K=K, level=levels, **metric), TANK)
+    np.testing.assert_allclose(table.gains, K * FOOT / POUND)
     model = hfa.aircraft()
     angles = {"K": np.ones((2, 5, 6)), "dihedral_deg": [10.0, 20.0]}
     of_angles = load_gain_schedule(gains_file(tmp_path, **angles), model)
@@ -84,8 +87,8 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
         ({"K": [[[1.0, np.inf]], [[1.0, 2.0]]], "level": [1.0, 2.0]}, "not finite"),
         ({"K": np.ones((2, 1, 3)), "level": [1.0, 2.0]}, "K has shape (2, 1, 3)"),
         (
-            {"K": np.ones((2, 1, 2)), "level": [1.0, 2.0], "state_units": ["m", "m/s"]},
-            "convert K to ft, ft/s",
+            {"K": np.ones((2, 1, 2)), "level": [1.0, 2.0], "input_units": ["mol"]},
+            "input 1 is in mol in the file",
         ),
     ],
 )

@@ -94,3 +94,61 @@ def test_the_files_basis_applies_unless_another_is_named() -> None:
     assert np.array_equal(critic_in("P.npz", GAME).P, np.eye(2))
     with pytest.raises(BadInputError, match="add W, or give --basis a name"):
         critic_in("P.npz", GAME, reading=Reading("x1**2, x2**2"))
+
+
+#: Units of a plant, other units of a file, and numbers of a file's units in a unit of the plant.
+OF_PLANT = {"state_units": ("m/s", "rad"), "input_units": ("N", "rad")}
+OF_FILE = {"state_units": ["kt", "deg"], "input_units": ["lbf", "deg"]}
+PER_STATE = np.array([3600.0 / 1852.0, 180.0 / np.pi])
+PER_INPUT = np.array([1.0 / 4.4482216152605, 180.0 / np.pi])
+CRITICS: dict[str, dict[str, Any]] = {
+    "gain": {"K": [[1.0, -2.0], [3.0, 0.5]]},
+    "value": {"P": [[2.0, 0.3], [0.3, 1.0]]},
+    "weights": {"W": np.arange(5.0) + 1.0, "basis": "quadratic+linear"},
+    "listed functions": {"W": [1.0, 2.0], "basis": "x1**2 + x2**2, x2**4"},
+    "value and gain": {"P": I2, "K": [[1.0, -2.0], [3.0, 0.5]]},
+    "value and policy": {"P": I2, "policy_weights": np.arange(10.0).reshape(2, 5)},
+    "Q": {"H": np.diag([4.0, 3.0, 2.0, 5.0]) + 0.1},
+    "Q with disturbances": {"H": np.diag([4.0, 3.0, 2.0, 5.0, -9.0, -8.0]) + 0.1},
+}
+
+
+def in_units_of_file(game: Game) -> Game:
+    """Return a game in the units of the file."""
+    names = game.names._replace(**{key: tuple(units) for key, units in OF_FILE.items()})
+    return replace(
+        game,
+        A=np.diag(PER_STATE) @ game.A / PER_STATE,
+        B=np.diag(PER_STATE) @ game.B / PER_INPUT,
+        E=np.diag(PER_STATE) @ game.E,
+        Q=game.Q / np.outer(PER_STATE, PER_STATE),
+        R=game.R / np.outer(PER_INPUT, PER_INPUT),
+        names=names,
+    )
+
+
+@pytest.mark.parametrize("kind", CRITICS)
+def test_a_critic_means_the_same_in_all_units(kind: str) -> None:
+    """A file in other units than the plant contains the policy and the value of the same motion."""
+    game = STEPS if "H" in CRITICS[kind] else GAME
+    game = replace(game, names=game.names._replace(**OF_PLANT))
+    path = stored("critic.npz", **CRITICS[kind], **OF_FILE)
+    found, own = critic_in(path, game), critic_in(path, in_units_of_file(game))
+    for z in np.array([[0.3, -0.2], [0.01, 0.4]]):
+        np.testing.assert_allclose(found.u(z) * PER_INPUT, own.u(PER_STATE * z), rtol=1e-9)
+        if own.value is not None:
+            assert found.value is not None
+            assert float(found.value(z)) == pytest.approx(float(own.value(PER_STATE * z)))
+    if own.L is not None:
+        np.testing.assert_allclose(found.L, own.L * PER_STATE, rtol=1e-9)
+    if own.H is not None:
+        sizes = np.concatenate([PER_STATE, PER_INPUT, np.ones(len(own.H) - 4)])
+        np.testing.assert_allclose(found.H, own.H * np.outer(sizes, sizes), rtol=1e-12)
+
+
+@pytest.mark.parametrize("key", OF_PLANT)
+@pytest.mark.parametrize(("units", "says"), [(["N", "mol"], "mol"), (["N"] * 3, "3 units")])
+def test_units_that_are_not_the_plants_are_refused(key: str, units: list[str], says: str) -> None:
+    game = replace(GAME, names=GAME.names._replace(**{key: ("N", "rad")}))
+    with pytest.raises(BadInputError, match=f"^K.json: .*{says}.*"):
+        critic_in(stored("K.json", K=I2, **{key: units}), game)

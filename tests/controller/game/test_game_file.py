@@ -16,6 +16,7 @@ from stored_games import stored as stored_game
 from controller import critic_in, load_game
 from hfa import BadInputError, Game, read_critic, solve
 from hfa_model import LINEAR_STATES, published_models
+from hfa_model.published import published_data
 
 A2 = [[0.0, 1.0], [-2.0, -3.0]]
 B2 = [[0.0], [1.0]]
@@ -49,13 +50,14 @@ def test_games_and_solutions_survive_their_files(path: str, of_solution: str) ->
 
 
 def test_the_papers_game_is_converted_to_meters() -> None:
-    """For a plant in meters, the paper's Q and E are converted from feet.
+    """For a plant in meters and degrees, the paper's Q, E and R are converted.
 
     A plant with other state names has no default for Q. A plant without names that has its own Q
     and R gets E = I and delta = inf.
     """
     units = ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]
-    stored("si.npz", **MODEL, states=LINEAR_STATES, state_units=units)
+    inputs = ["1", "deg", "rad", "rad", "rad"]
+    stored("si.npz", **MODEL, states=LINEAR_STATES, state_units=units, input_units=inputs)
     stored("other.npz", **MODEL, states=[f"s{i}" for i in range(6)], state_units=units)
     with pytest.warns(UserWarning, match="not given: E, Q, R, delta"):
         si = load_game("si.npz")
@@ -63,6 +65,9 @@ def test_the_papers_game_is_converted_to_meters() -> None:
         np.diag(si.Q), [1000.0 / 0.3048**2, 1000.0, 0.01, 0.01, 1000.0, 0.01], rtol=1e-15
     )
     assert np.array_equal(np.diag(si.E), [0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
+    of_paper = np.diag(published_data()["game"]["R_diag"])
+    np.testing.assert_allclose(si.R[1, 1], of_paper[1, 1] * np.radians(1.0) ** 2, rtol=1e-15)
+    assert np.array_equal(np.delete(np.diag(si.R), 1), np.delete(np.diag(of_paper), 1))
     with pytest.raises(BadInputError, match="there is no Q"):
         load_game("other.npz")
     weights = {"Q": np.eye(6), "R": np.eye(5)}

@@ -12,7 +12,7 @@ from controller.critic.critic_file import refuse_other_step
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from hfa_aircraft.model import Model
 from hfa_aircraft.names import PlantNames
-from hfa_aircraft.readers.matrices_file import file_scales, words
+from hfa_aircraft.readers.matrices_file import file_scales
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors
 from hfa_support.linear_table import LinearTable
@@ -103,17 +103,15 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
       `schedule_key`, angles in degrees. In MATLAB files, K is (m, n, G)
     model: model with m inputs and n states of the linear model
 
-    The entry `state_units` may state SI or English units for one gain. A table must be in the units
-    of the model.
+    Gains in other units, `state_units` and `input_units`, are converted to the units of the model.
 
-    Raises BadInputError if K or the breakpoints are missing or have a wrong shape, if the units of
-    a table differ, or if the gains are for a sample time.
+    Raises BadInputError if K or the breakpoints are missing or have a wrong shape, if a unit cannot
+    be converted, or if the gains are for a sample time.
     """
     stored = read_arrays(path)
-    m = len(model.inputs)
-    n = len(model.linear)
+    inputs, m, n = tuple(model.inputs), len(model.inputs), len(model.linear)
     key = model.schedule_key
-    plant = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
+    plant = PlantNames(model.linear, inputs, model.units(model.linear), model.units(inputs))
     with prefix_errors(path):
         refuse_other_step(stored, None)
         if "K" not in stored:
@@ -121,13 +119,14 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
                 f"K is missing; add a K of {m} x {n}, or one for each value of {key}"
             )
         K = numbers_in("K", stored["K"])
+        factors = file_scales(stored, plant).gain
         if K.ndim != 3:
             if K.shape != (m, n):
                 shape = " x ".join(map(str, K.shape)) or "a number"
                 raise BadInputError(
                     f"K is {shape}; give a K of {m} x {n}, or one for each value of {key}"
                 )
-            gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * file_scales(stored, plant)
+            gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * factors
             return GainSchedule(np.zeros(1), gain[None], model)
 
         if key not in stored:
@@ -142,12 +141,8 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
         is_stack = K.shape[:2] == (count, m)
         if is_matlab_stack and not is_stack:
             K = np.moveaxis(K, -1, 0)
-        units = words(stored, "state_units")[:n]
-        if np.any(file_scales({"state_units": units}, plant) != 1.0):
-            raise BadInputError(
-                f"K applies to states in {', '.join(units)}; convert K to"
-                f" {', '.join(plant.state_units)}"
-            )
         if model.is_typed_in_degrees:
             breakpoints = np.radians(breakpoints)
+        if K.shape[1:] == (m, n):
+            K = K * factors
         return GainSchedule(breakpoints, K, model)

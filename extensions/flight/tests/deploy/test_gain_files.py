@@ -19,6 +19,8 @@ from hfa import assess
         ({"dt": 0.05}, 1),
         ({"state_units": ["m/s", "deg", "rad/s", "rad"]}, 1),
         ({"state_units": ["m/s", "rad", "rad/s", "rad"]}, 0),
+        ({"input_units": ["deg", "1"]}, 1),
+        ({"input_units": ["rad", "1"]}, 0),
     ],
 )
 def test_a_gain_is_of_its_states_inputs_units_and_sample_time(tmp_path, entries, found):

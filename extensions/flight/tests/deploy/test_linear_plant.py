@@ -72,23 +72,34 @@ def test_an_unobservable_slow_mode_is_reported(assessed, doubles, code):
 
 
 def test_a_gain_alone_is_assessed(folder):
-    """With a sample time it has the same spectral radius as a deployment of all states and inputs."""
-    np.savez("plant.npz", A=[[0.0, 1.0], [2.0, -0.3]], B=[[0.0], [1.0]])
+    """With a sample time it has the same spectral radius as a deployment of all states and inputs.
+
+    So has the gain in other units.
+    """
+    units = {"state_units": ["rad", "rad/s"], "input_units": ["N m"]}
+    np.savez("plant.npz", A=[[0.0, 1.0], [2.0, -0.3]], B=[[0.0], [1.0]], **units)
     np.savez("K.npz", K=[[4.24, 2.8]])
+    units = {"state_units": ["deg", "rad/s"], "input_units": ["lbf ft"]}
+    turning = 4.4482216152605 * 0.3048
+    np.savez("units.npz", K=[[np.radians(4.24) / turning, 2.8 / turning]], **units)
     Path("deployment.toml").write_text(DEPLOYMENT)
     words = ("--model", "plant.npz", "--samples", "0", "--json")
     radii = []
-    for named in (("K.npz", *SAMPLED), ("deployment.toml",)):
+    for named in (("K.npz", *SAMPLED), ("deployment.toml",), ("units.npz", *SAMPLED)):
         told = json.loads(hfa("assess", *named, *words).out)
         radii.append(told["points"][0]["spectral_radius"])
-    assert radii[0] == radii[1]
+    assert radii[0] == radii[1] == pytest.approx(radii[2], rel=1e-12)
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         ("P.npy --sample-time 0.05", "P.npy: the file contains no linear policy u = -K x"),
-        ("plant.npz --sample-time 0.05", "the file contains no K; give a K of 1 x 2"),
+        (
+            "plant.npz --sample-time 0.05",
+            "the file contains no linear policy u = -K x; give a K of 1 x 2",
+        ),
+        ("steps_of_K.npz --sample-time 0.05", "K is a gain for dt = 0.1 s"),
         ("K.npz", "add --sample-time"),
         ("policy.onnx", "a network requires a deployment file"),
         ("deployment.toml --sample-time 0.05", "--sample-time applies only to"),
@@ -102,6 +113,7 @@ def test_a_gain_alone_is_assessed(folder):
 def test_what_is_no_policy_on_a_linear_plant_is_refused(folder, words, said):
     A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
     np.savez("K.npz", K=[[4.24, 2.8]])
+    np.savez("steps_of_K.npz", K=[[4.24, 2.8]], dt=0.1)
     np.save("P.npy", np.eye(2))
     np.savez("A.npz", A=A)
     for name, more in (

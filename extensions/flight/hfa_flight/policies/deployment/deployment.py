@@ -14,16 +14,13 @@ import numpy as np
 
 from controller.critic.critic_file import entries_in, gain_in, is_network
 from hfa_aircraft.names import PlantNames
-from hfa_flight.policies.deployment.actor import (
-    Actor,
-    gain_function,
-    read_actor,
-    stored_gain,
-)
+from hfa_aircraft.readers.matrices_file import sample_time
+from hfa_flight.policies.deployment.actor import Actor, gain_function, read_actor
 from hfa_flight.policies.deployment.normalizer import Normalizer, read_normalizer
 from hfa_flight.policies.deployment.toml_text import toml_text
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown
 from hfa_support.files import read_toml, write_text
+from hfa_support.matrices import shape_text
 from hfa_support.reporting.report import Reported
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked
 
@@ -360,44 +357,41 @@ class Deployment(Reported):
 
 
 def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
-    """Return the deployment of the gain K in an .npz file or a critic's file.
+    """Return the deployment of the gain K in a critic's file, in the units of the model.
 
     The policy is u = -K x with all inputs. x are the deviations of all linear states from the trim,
     sampled every dt seconds.
 
-    Raises BadInputError if K has another shape or the file contains no linear policy.
+    Raises BadInputError if K has another shape, other units that cannot be converted, or another
+    sample time, or if the file contains no linear policy.
     """
-    wanted = (len(model.inputs), len(model.linear))
-    in_arrays = path.suffix.lower() == ".npz"
-    K = (stored_gain(path) or {}).get("K") if in_arrays else _gain_of_critic(path, model)
-    if K is None or K.shape != wanted:
-        given = "the file contains no K" if K is None else f"K is {K.shape[0]} x {K.shape[1]}"
-        raise BadInputError(
-            f"{path}: {given}; give a K of {wanted[0]} x {wanted[1]} (inputs "
-            f"{', '.join(model.inputs)} by states {', '.join(model.linear)}), or a "
-            "deployment file"
-        )
+    inputs, m, n = tuple(model.inputs), len(model.inputs), len(model.linear)
+    names = PlantNames(model.linear, inputs, model.units(model.linear), model.units(inputs))
+    wanted = (
+        f"give a K of {m} x {n} (inputs {', '.join(inputs)} by states "
+        f"{', '.join(model.linear)}), or a deployment file"
+    )
+    entries = {} if is_network(path) else entries_in(path)
+    with prefix_errors(path):
+        if "K" not in entries or "policy_weights" in entries:
+            raise BadInputError(f"the file contains no linear policy u = -K x; {wanted}")
+        K = gain_in(entries, names)
+        if K.shape != (m, n):
+            raise BadInputError(f"K is {shape_text(K.shape)}; {wanted}")
+        designed = sample_time(entries)
+        if designed not in (None, True) and not math.isclose(designed, dt, rel_tol=1e-6):
+            raise BadInputError(
+                f"K is a gain for dt = {designed:g} s; give --sample-time {designed:g}, or remove "
+                "dt from the file"
+            )
     return Deployment(
-        policy={"file": path.name if in_arrays else gain_function(K)},
+        policy={"file": gain_function(K)},
         observation={name: {} for name in model.linear},
         action={name: {} for name in model.inputs},
         timing={"dt": dt},
         folder=path.parent,
         origin=str(path),
     )
-
-
-def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
-    """Return the gain K in a critic's file."""
-    entries = {} if is_network(path) else entries_in(path)
-    if "K" not in entries or "policy_weights" in entries:
-        raise BadInputError(
-            f"{path}: the file contains no linear policy u = -K x; write a deployment file for "
-            "this policy"
-        )
-    names = PlantNames(model.linear, tuple(model.inputs), origin=model.name)
-    with prefix_errors(path):
-        return gain_in(entries, names)
 
 
 def _plain(value: Any) -> Any:

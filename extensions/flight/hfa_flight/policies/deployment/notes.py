@@ -31,17 +31,22 @@ def notes_on_files(deployed: Deployed) -> list[str]:
                 f"{', '.join(listed)}"
             )
     if not notes:
-        notes += _notes_on_units(
-            deployed, observed, [str(unit) for unit in said.get("state_units", ())]
+        units = (
+            [str(unit) for unit in said.get(key, ())] for key in ("state_units", "input_units")
         )
+        notes += _notes_on_units(deployed, observed, *units)
     dt = said.get("dt")
     if dt not in (None, True) and not math.isclose(float(dt), deployment.dt, rel_tol=1e-6):
         notes.append(f"K is a gain for dt = {float(dt):g} s, but timing.dt is {deployment.dt:g} s")
     return notes
 
 
-def _notes_on_units(deployed: Deployed, observed: list[str], units: list[str]) -> Iterator[str]:
-    """Yield a sentence for each observation in another unit than its column of K."""
+def _notes_on_units(
+    deployed: Deployed, observed: list[str], units: list[str], units_of_inputs: list[str]
+) -> Iterator[str]:
+    """Yield a sentence for each observation in another unit than its column of K, and for each
+    action without a map in another unit than its row of K.
+    """
     entries = deployed.deployment.observation.values()
     for name, entry, unit in zip(observed, entries, units, strict=False):
         if name not in deployed.model.states:
@@ -53,4 +58,14 @@ def _notes_on_units(deployed: Deployed, observed: list[str], units: list[str]) -
             yield (
                 f"K is a gain per {unit} of {name}, but the deployment file divides {name} in "
                 f"{own} by {scale:g}; scale = {expected:.6g} gives {unit}"
+            )
+    for (name, entry), unit in zip(
+        deployed.deployment.action.items(), units_of_inputs, strict=False
+    ):
+        own = deployed.model.unit(name)
+        factor = conversion(unit, own)
+        if "map" not in entry and factor is not None and not math.isclose(factor, 1.0):
+            yield (
+                f"K is a gain of an action in {unit}, but {name} is in {own}; "
+                f'map = "trim + {factor:.6g} * a" converts the action'
             )
