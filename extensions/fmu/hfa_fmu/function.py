@@ -6,7 +6,7 @@ expressions. What is NaN is no trim and no flight.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -37,13 +37,15 @@ class Evaluator:
         instance: Instance,
         nominals: list[np.ndarray],
         count: int,
-        events: tuple[str, ...] = (),
+        events: tuple[str, ...],
+        whole: Sequence[bool],
     ) -> None:
         """Make the evaluator.
 
         nominals: nominal values of x, u and p
         count: number of rates and outputs
         events: names of the event indicators
+        whole: whether each of p is a whole number, which has no derivative
         """
         self.events = events
         self.nominals = np.concatenate(nominals)
@@ -54,6 +56,7 @@ class Evaluator:
         self._steady_at = b""
         self._nan = np.full(count, np.nan).tobytes()
         self._states, self.count = len(nominals[0]), count
+        self._whole = self.of_dynamics + np.flatnonzero(whole)
         self.instance = instance
 
     def values(self, v: np.ndarray, time: float = 0.0) -> np.ndarray:
@@ -75,7 +78,7 @@ class Evaluator:
         return ""
 
     def along(self, v: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Return the derivative of f along a direction of x and u, (m,).
+        """Return the derivative of f along a direction, (m,).
 
         It is that of the FMU if it gives one, and otherwise
         (f(v + h d) - f(v - h d)) / (2 h), with |h d_i| <= STEP nominal_i.
@@ -83,7 +86,7 @@ class Evaluator:
         Raises FmuError if a call fails, if the rates depend on time, or at an event.
         """
         self._refuse_doubtful(v)
-        if self.gives_slopes:
+        if self.gives_slopes and not direction[self.of_dynamics :].any():
             self.refuse_events(v, direction)
             dynamics = direction[: self.of_dynamics].tolist()
             return np.array(self.instance.along(v.tobytes(), dynamics))
@@ -123,11 +126,11 @@ class Evaluator:
     ) -> None:
         """Write the derivative along a direction, or NaN and the reason in `fault`.
 
-        CasADi asks for the derivatives by all arguments. Those by parameters, which no result
-        needs and whole numbers do not have, are NaN without a reason.
+        CasADi asks for the derivatives by all arguments. Those by whole numbers do not exist: they
+        are NaN without a reason.
         """
         along = np.frombuffer(direction)
-        if along[self.of_dynamics :].any():
+        if along[self._whole].any():
             result[:] = self._nan
             return
         try:

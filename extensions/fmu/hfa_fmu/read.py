@@ -150,7 +150,8 @@ def _model(
         np.array([each.nominal for each in group.values()])
         for group in (states, inputs, parameters)
     ]
-    evaluator = Evaluator(instance, nominals, len(states) + len(outputs), of.indicators)
+    whole = [each.is_whole for each in of.parameters]
+    evaluator = Evaluator(instance, nominals, len(states) + len(outputs), of.indicators, whole)
     begun = _beside_events(evaluator, np.array(start), len(states))
     about = _about(evaluator, of, begun)
     of_events = _of_events(of.indicators, begun.tolist() != start)

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import SCRIPT, assert_refused, hfa as run
+from scipy.integrate import solve_ivp
 
 import hfa
 from hfa_aircraft.layout import components
@@ -396,7 +397,9 @@ def test_parameters_of_all_types_are_held(version: int, kind: str, causality: st
 
 
 def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number() -> None:
-    """A derivative by a parameter would be a difference over a step that no whole number has."""
+    """A derivative by a whole number would be a difference over a step that it does not have; that
+    by the length, gravity / length² sin(angle), is one.
+    """
     written = with_parameters(2)
     said = " ".join(run("trim", "--aircraft", written, "--hold", "the_moon=1").out.split())
     assert "parameters that --hold sets: length, damping, the_moon, links" in said
@@ -413,8 +416,26 @@ def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number() -> 
     by_state, by_input, by_parameter = rates_of(model).jacobian()([0.3, 0.0], [0.0], model.p, 0.0)
     assert np.isfinite(by_state.full()).all()
     assert np.isfinite(by_input.full()).all()
-    assert np.isnan(by_parameter.full()).all()
+    by_length, by_damping, *by_whole = by_parameter.full().T
+    assert by_length == pytest.approx([0.0, 9.81 / 4.0 * math.sin(0.3)], abs=1e-7)
+    assert by_damping == pytest.approx([0.0, 0.0], abs=1e-7)
+    assert np.isnan(by_whole).all()
     assert model.about.fault() == ""
+
+
+@pytest.mark.slow
+def test_parameters_of_an_fmu_are_identified() -> None:
+    """Gravity / length and damping of a record of the pendulum by SciPy, beside a whole number."""
+    time = np.linspace(0.0, 1.0, 11)
+
+    def rates(_: float, x: np.ndarray) -> tuple[float, float]:
+        return x[1], -9.81 / 1.5 * math.sin(x[0]) - 0.7 * x[1]
+
+    flown = solve_ivp(rates, (0.0, 1.0), [0.3, 0.0], t_eval=time, rtol=1e-9, atol=1e-12).y
+    record = {"time": time, "torque": 0.0 * time, "body_angle": flown[0], "rate": flown[1]}
+    found = hfa.identify(hfa.load_model(with_parameters(2)), record, ["length", "damping"])
+    assert found["length"].value == pytest.approx(1.5, rel=1e-2)
+    assert found["damping"].value == pytest.approx(0.7, rel=1e-2)
 
 
 def rates_of(model: hfa.Model) -> ca.Function:
