@@ -137,7 +137,7 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     needed: required entries. If none of them is at the top level, all entries are read from the
         only structure that contains all required ones.
 
-    Raises BadInputError if the entry `dt` is no sample time (`sample_time`), and for an entry
+    Raises BadInputError if `dt` or `Ts` is no sample time (`sample_time`), and for an entry
     `gamma`, which other tools use for delta and for the discount factor.
     """
     notes: list[str] = []
@@ -152,7 +152,8 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
             notes.append(f"{' and '.join(sorted(needed))} are read from the structure {plants[0]}")
     stored = {_OF_CONTROL.get(key, key): value for key, value in found.items()}
     dt = sample_time(stored)
-    stored.pop("dt", None)
+    for key in ("dt", "Ts"):
+        stored.pop(key, None)
     if dt is not None:
         stored["dt"] = dt
     for name in stored:
@@ -163,25 +164,35 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
 
 
 def sample_time(stored: Mapping[str, Any]) -> float | None:
-    """Return the sample time in the entry `dt` of a file, s.
+    """Return the sample time in the entry `dt` of a file, or in `Ts`, as in MATLAB, s.
 
-    The result is True if it is unknown, and None in continuous time, for which python-control
-    stores 0 or None.
+    The result is True if it is unknown, for which MATLAB stores -1, and None in continuous time,
+    for which python-control stores 0 or None, and MATLAB 0.
 
-    Raises BadInputError for any other entry.
+    Raises BadInputError for any other entry, and if `dt` and `Ts` differ.
     """
-    entry = np.asarray(stored.get("dt"), dtype=object)
+    found = {key: _seconds(key, stored[key]) for key in ("dt", "Ts") if key in stored}
+    if len(set(found.values())) > 1:
+        raise BadInputError("dt and Ts are different sample times; remove one of them")
+    return next(iter(found.values()), None)
+
+
+def _seconds(key: str, value: Any) -> float | bool | None:
+    """Return the sample time in an entry `dt` or `Ts` (`sample_time`)."""
+    entry = np.asarray(value, dtype=object)
     dt = entry.item() if entry.size == 1 else entry.tolist()
     if dt is None or isinstance(dt, bool):
         return True if dt else None
-    seconds = one_number("dt", dt)
+    seconds = one_number(key, dt)
+    if key == "Ts" and seconds == -1.0:
+        return True
     if not 0.0 <= seconds < math.inf:
-        raise BadInputError(f"dt is {seconds:g}; give the sample time in s, a positive number")
+        raise BadInputError(f"{key} is {seconds:g}; give the sample time in s, a positive number")
     return seconds or None
 
 
 def is_discrete(stored: Mapping[str, Any]) -> bool:
-    """Return whether the file of a plant contains time = "discrete", or a sample time dt.
+    """Return whether the file of a plant contains time = "discrete", or a sample time dt or Ts.
 
     dt = 0 is continuous time, as in python-control.
 

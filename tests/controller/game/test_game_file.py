@@ -91,6 +91,35 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
     assert "E describes the wind and is not used" in notes
 
 
+@pytest.mark.parametrize(
+    ("entries", "dt"),
+    [
+        ({"Ts": 0.1}, 0.1),
+        ({"Ts": [[-1.0]]}, True),
+        ({"Ts": 0.0}, None),
+        ({"Ts": 0.1, "dt": 0.1}, 0.1),
+        ({"Ts": 0.1, "dt": 0.2}, "dt and Ts"),
+        ({"Ts": -0.1}, "Ts is -0.1"),
+        ({"Ts": 0.1, "time": "continuous"}, "dt denotes discrete time"),
+    ],
+)
+def test_the_sample_time_of_matlab_is_read(entries: dict[str, Any], dt: float | str | None) -> None:
+    """Ts is the sample time of a plant, and of a gain, which is refused for another time."""
+    path = stored("plant.json", system=PLANT | entries)
+    if isinstance(dt, str):
+        with pytest.raises(BadInputError, match=dt):
+            load_game(path)
+        return
+    game, notes = noted(path)
+    assert game.dt == dt
+    assert "Ts" not in notes
+    gain = stored("K.json", K=[[0.0, 0.0]], **entries)
+    assert np.array_equal(read_critic(gain, game).K, np.zeros((1, 2)))
+    if dt is not None:
+        with pytest.raises(BadInputError, match="but the game is in continuous time"):
+            read_critic(gain, Game(**PLANT, E=np.eye(2), delta=math.inf))
+
+
 def noted(path: str, **changes: Any) -> tuple[Game, str]:
     """Return the game in a file, and the warnings issued, a line each."""
     with warnings.catch_warnings(record=True) as caught:
