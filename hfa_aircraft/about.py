@@ -53,6 +53,10 @@ class About:
     weights_source: str = "file"
     fault: Callable[[], str] | None = None
 
+    def name_of(self, typed: str) -> str:
+        """Return the name in the model of a typed name, which may be that in another program."""
+        return self.aliases.get(typed, typed)
+
     def failed(self) -> str:
         """Return why the last evaluation of a compiled program failed, or ""."""
         return "" if self.fault is None else self.fault()

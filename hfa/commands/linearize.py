@@ -58,12 +58,15 @@ def linearize(request: LinearizeRequest, given: GivenTrim) -> Outcome:
     """Linearize exactly at a trim, and report matrices, modes and handling qualities. --bode adds
     transfer functions. Error bands and differences from printed matrices are added where known."""
     point = trimmed(given)
-    kept = (*(request.states or given.model.linear), *request.residualize)
+    name_of = given.model.about.name_of
+    states = request.states and tuple(map(name_of, request.states))
+    residualized = tuple(map(name_of, request.residualize))
+    kept = (*(states or given.model.linear), *residualized)
     linear = point.linearize(
-        states=request.states,
-        inputs=request.inputs,
-        outputs=request.outputs,
-        residualize=request.residualize,
+        states=states,
+        inputs=request.inputs and tuple(map(name_of, request.inputs)),
+        outputs=request.outputs and tuple(map(name_of, request.outputs)),
+        residualize=residualized,
         disturbances=direct_disturbances(point, kept),
     )
     report = linear_model_report(linear, transfer_functions=request.bode)

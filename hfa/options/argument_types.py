@@ -120,7 +120,7 @@ def each_of(
     values: dict[str, T] = {}
     text_of: dict[str, str] = {}
     for typed, text in texts.items():
-        name = model.about.aliases.get(typed, typed)
+        name = model.about.name_of(typed)
         with option_errors(f"{flag} {shortened(name)}"):
             value = kind(model, name, text)
         if text_of.setdefault(name, text) != text:

@@ -140,7 +140,7 @@ def listed_points(path: Path, model: Model) -> dict[str, tuple[float, ...]]:
             "numbers with a decimal point"
         )
     headings = [name.strip().removesuffix("]").partition(" [") for name in title_row]
-    names = [name for name, _, _ in headings]
+    names = [model.about.name_of(name) for name, _, _ in headings]
     point_rows = numbered_rows[1:]
     if not point_rows or len({*names}) < len(names):
         raise BadInputError(
@@ -157,7 +157,7 @@ def listed_points(path: Path, model: Model) -> dict[str, tuple[float, ...]]:
                 f"{path}: row {number} has {len(row)} cells, but row {header} has {len(names)}; "
                 "correct the row"
             )
-        for column, ((name, _, unit), text) in enumerate(zip(headings, row, strict=True)):
+        for column, ((_, _, unit), name, text) in enumerate(zip(headings, names, row, strict=True)):
             try:
                 table[index, column] = quantity(model, name, f"{text.strip()} {unit}".strip())
             except BadInputError as error:

@@ -329,7 +329,7 @@ def _freed(model: Model, text: str) -> str:
     if "," in text:
         options = " ".join(f"--free {name.strip()}" for name in text.split(","))
         raise BadInputError(f"--free give one variable; write {options}")
-    return model.about.aliases.get(text, text)
+    return model.about.name_of(text)
 
 
 def _refuse_doubles(
@@ -379,7 +379,7 @@ def _start(request: TrimOptions, model: Model) -> tuple[dict[str, float], Operat
         begin = {}
         for word in text.split(","):
             typed, _, value = word.partition("=")
-            name = model.about.aliases.get(typed, typed)
+            name = model.about.name_of(typed)
             refuse_unknown("no variable is called", name, model.variables)
             begin[name] = quantity(model, name, value)
     return begin, None

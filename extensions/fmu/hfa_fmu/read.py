@@ -31,6 +31,7 @@ import numpy as np
 
 from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
+from hfa_aircraft.names import identifiers
 from hfa_aircraft.signals import Signal
 from hfa_fmu.description import Description, Variable, described, library_of
 from hfa_fmu.function import STEP, Evaluator, casadi_function
@@ -237,9 +238,12 @@ def _about(evaluator: Evaluator, description: Description, start: np.ndarray) ->
             f"A and B: central differences, steps {STEP:g} of the nominal values; error "
             f"{of_differences} at the start values ({why})"
         )
+    names = description.names
+    written = {plain: names[name] for name, plain in identifiers(names).items()}
     return About(
         notes=(note, *description.offered),
         doubts=doubts,
+        aliases={**written, **names},
         equations="FMU",
         fault=lambda: evaluator.fault,
     )

@@ -180,7 +180,10 @@ def test_the_part_of_all_states_is_left_out_of_their_names() -> None:
     """Of plane[1].body.angle and plane[1].body.rate remain angle and rate, but for an output angle."""
     text = description().replace('"body.', '"angle.').replace('name="rate"', 'name="angle.rate"')
     text = text.replace('name="angle.', 'name="plane[1].body.')
-    assert list(hfa.load_model(packed(text, "linux64")).states) == ["angle", "rate"]
+    model = hfa.load_model(packed(text, "linux64"))
+    assert list(model.states) == ["angle", "rate"]
+    typed = ("plane[1].body.angle", "plane_1_body_angle", "angle")
+    assert {model.about.name_of(name) for name in typed} == {"angle"}
     text = text.replace('name="height"', 'name="angle"')
     states = hfa.load_model(packed(text, "linux64")).states
     assert list(states) == ["plane_1_body_angle", "plane_1_body_rate"]
