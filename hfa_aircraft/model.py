@@ -34,7 +34,7 @@ from hfa_support.errors import (
 )
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
-from hfa_support.units import conversion, si_factor, split_unit, units_like
+from hfa_support.units import conversion, split_unit, units_like
 
 if TYPE_CHECKING:
     from hfa_support.reporting.report import Report
@@ -554,20 +554,21 @@ class Model(Reported):
         """Parameters that are not as the model was loaded: name -> value as loaded."""
         native = self.native
         return {
-            name: value * (1.0 if native is self else si_factor(native.unit(name)))
+            name: value * self.native_factor(name)
             for name, value in native.source.declared.items()
             if native.parameters[name].start != value
         }
+
+    def native_factor(self, name: str) -> float:
+        """Return the factor from a signal's unit in the original model to its unit in this one."""
+        return conversion(self.native.unit(name), self.unit(name)) or 1.0
 
     def native_values(self, names: Sequence[str], values: Any) -> np.ndarray:
         """Return values of signals in the units that the original model declares.
 
         values: values in the units of this model, (..., names)
         """
-        array = np.asarray(values, dtype=float)
-        if self.native is self:
-            return array
-        return array / [si_factor(self.native.unit(name)) for name in names]
+        return np.asarray(values, dtype=float) / [self.native_factor(name) for name in names]
 
     # Parameters.
 
@@ -595,7 +596,7 @@ class Model(Reported):
                 )
             changed[name] = signal._replace(start=float(value))
             if native is not None:
-                native_values[name] = float(value) / si_factor(native.unit(name))
+                native_values[name] = float(value) / self.native_factor(name)
         if native is not None:
             native = native.with_parameters(**native_values)
         declared = {name: self.parameters[name].start for name in values} | {**self.source.declared}

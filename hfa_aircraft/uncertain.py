@@ -12,7 +12,6 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, is_finite
 from hfa_support.files import read_toml
-from hfa_support.units import si_factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +95,7 @@ def spread_of(model: Model, known: Any, held: Collection[str]) -> ParameterSprea
             )
         spread = spread_of_set(known)
     if model.source.native is not None:
-        spread = _in_si(spread, native)
+        spread = _in_units_of(model, spread)
     kept = [at for at, name in enumerate(spread.values) if name not in held]
     return replace(
         spread,
@@ -114,9 +113,9 @@ def spread_of_set(known: Any) -> ParameterSpread:
     return ParameterSpread(values, known.covariance, of_logarithms=True)
 
 
-def _in_si(spread: ParameterSpread, native: Model) -> ParameterSpread:
-    """Return the uncertain parameters converted to SI units."""
-    factors = np.array([si_factor(native.unit(name)) for name in spread.values])
+def _in_units_of(model: Model, spread: ParameterSpread) -> ParameterSpread:
+    """Return the uncertain parameters in the units of a converted model."""
+    factors = np.array([model.native_factor(name) for name in spread.values])
     values = {
         name: value * factor
         for (name, value), factor in zip(spread.values.items(), factors.tolist(), strict=True)

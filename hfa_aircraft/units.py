@@ -9,11 +9,11 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from hfa_aircraft.about import Domain, Source
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import VECTORS, Signal, record
+from hfa_aircraft.signals import AIRSPEEDS, VECTORS, Signal, record
 from hfa_support.units import (
     ENGLISH_BASES,
     SI_BASES,
@@ -24,27 +24,18 @@ from hfa_support.units import (
 )
 
 
-class _System(NamedTuple):
-    """Units of a converted model.
-
-    unit: declared unit -> unit in the system
-    factor: declared unit -> number of units of the system in it
-    """
-
-    unit: Callable[[str], str]
-    factor: Callable[[str], float]
-
-
-_SI = _System(si_unit, si_factor)
-
-
 def in_si(model: Model) -> Model:
-    """Return a model with all signals in SI units.
+    """Return a model with all signals in SI units: meters, kilograms, seconds and radians.
 
-    `source.native` of the result is the original model. A model without English units is returned
-    unchanged.
+    Words that are no unit of a fixed size (%, rpm, °C) remain, and knots of airspeeds that are
+    named by them (kcas). `source.native` of the result is the original model. A model in SI units
+    is returned unchanged.
     """
-    return _converted(model, _SI, in_si)
+    units = {
+        name: signal.unit if name in AIRSPEEDS else si_unit(signal.unit)
+        for name, signal in model.signals.items()
+    }
+    return _converted(model, units, in_si)
 
 
 @lru_cache(maxsize=16)
@@ -58,33 +49,38 @@ def coherent(model: Model) -> Model:
         return model
     words = " ".join(signal.unit for signal in model.signals.values())
     bases = ENGLISH_BASES if re.search(r"\bft\b", words) else SI_BASES
-
-    def unit_of_system(unit: str) -> str:
-        return coherent_unit(unit, bases)
-
-    def factor(unit: str) -> float:
-        return conversion(unit, unit_of_system(unit)) or 1.0
-
-    return _converted(model, _System(unit_of_system, factor), coherent)
+    units = {name: coherent_unit(signal.unit, bases) for name, signal in model.signals.items()}
+    return _converted(model, units, coherent)
 
 
-def _converted(model: Model, system: _System, reload: Callable[[Model], Model]) -> Model:
-    """Return a model with all signals in the units of a system.
+def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model], Model]) -> Model:
+    """Return a model with all signals in some units, and with rates per second.
 
+    units: signal -> its unit
     reload: function that converts the model again
     """
-    if all(system.unit(signal.unit) == signal.unit for signal in model.signals.values()):
+    signals = model.signals
+    if all(units[name] == signal.unit for name, signal in signals.items()):
         return model
-    factors = {name: system.factor(signal.unit) for name, signal in model.signals.items()}
+    factors = {name: conversion(signal.unit, units[name]) or 1 for name, signal in signals.items()}
+    per_second = conversion(f"1/{model.time_unit}", "1/s") or 1.0
+    rates = {name: factors[name] * per_second for name in model.states}
     scaled: dict[str, Any] = {
-        kind: {name: _signal_in(system, signal) for name, signal in getattr(model, kind).items()}
+        kind: {
+            name: _signal_in(units[name], factors[name], signal)
+            for name, signal in getattr(model, kind).items()
+        }
         for kind in (*VECTORS.values(), "outputs")
     }
+    for name, factor in rates.items():
+        rate = model.rate_scale(name) * factor
+        scaled["states"][name] = scaled["states"][name]._replace(rate=rate)
+        factors.setdefault(f"{name}_dot", factor)
     domain, begin = model.domain, model.trimming.begin
     return replace(
         model,
         **scaled,
-        equations=_Equations(tuple(factors.items()), model.equations),
+        equations=_Equations(tuple(factors.items()), tuple(rates.items()), model.equations),
         trim=_scaled(factors, model.trim),
         domain=Domain(
             range={
@@ -103,15 +99,13 @@ def _converted(model: Model, system: _System, reload: Callable[[Model], Model]) 
     )
 
 
-def _signal_in(system: _System, signal: Signal) -> Signal:
-    factor = system.factor(signal.unit)
+def _signal_in(unit: str, factor: float, signal: Signal) -> Signal:
     return signal._replace(
-        unit=system.unit(signal.unit),
+        unit=unit,
         nominal=signal.nominal * factor,
         min=signal.min * factor,
         max=signal.max * factor,
         start=signal.start * factor,
-        rate=None if signal.rate is None else signal.rate * factor,
     )
 
 
@@ -159,10 +153,12 @@ class _Equations:
     """Equations of motion in converted units.
 
     factors: (name, factor from the declared unit) for each signal
+    rates: (state, factor to the rate per second)
     equations: equations of the original model
     """
 
     factors: tuple[tuple[str, float], ...]
+    rates: tuple[tuple[str, float], ...]
     equations: Callable[..., Any]
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -172,7 +168,7 @@ class _Equations:
         """
         factors = dict(self.factors)
         rates, outputs = self.equations(*(_declared(factors, vector) for vector in (x, u, p, w)))
-        return _scaled(factors, rates), _scaled(factors, outputs)
+        return _scaled(dict(self.rates), rates), _scaled(factors, outputs)
 
 
 def in_units_of(model: Model, value: Any, unit: str) -> Any:

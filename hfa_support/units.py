@@ -10,43 +10,40 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from typing import NamedTuple
-
-import numpy as np
 
 SYSTEMS = ("english", "si")
 _FOOT = 0.3048
 _POUND = 0.45359237
 _GRAVITY = 9.80665
-#: English unit -> (SI unit, number of SI units in one English unit).
-_SI = {
-    "ft": ("m", _FOOT),
-    "lbf": ("N", _POUND * _GRAVITY),
-    "slug": ("kg", _POUND * _GRAVITY / _FOOT),
-}
+_SLUG = _POUND * _GRAVITY / _FOOT
 #: Units of force, length and mass.
 ENGLISH_BASES, SI_BASES = ("lbf", "ft", "slug"), ("N", "m", "kg")
 
 
 class _Unit(NamedTuple):
-    """Size of a unit in SI units, and its exponents of m, kg, s and rad."""
+    """Size of a unit in SI units, and its powers of m, kg, s, rad, K and words that are unknown."""
 
     size: float
-    exponents: tuple[int, ...]
+    powers: Mapping[str, int]
 
 
-_LENGTH = (1, 0, 0, 0)
-_MASS = (0, 1, 0, 0)
-_TIME = (0, 0, 1, 0)
-_ANGLE = (0, 0, 0, 1)
-_SPEED = (1, 0, -1, 0)
-_FORCE = (1, 1, -2, 0)
+_LENGTH = {"m": 1}
+_MASS = {"kg": 1}
+_TIME = {"s": 1}
+_ANGLE = {"rad": 1}
+_TEMPERATURE = {"K": 1}
+_SPEED = {"m": 1, "s": -1}
+_FORCE = {"m": 1, "kg": 1, "s": -2}
+_PRESSURE = {"m": -1, "kg": 1, "s": -2}
+_POWER = {"m": 2, "kg": 1, "s": -3}
 _MINUTE, _HOUR, _NAUTICAL_MILE, _MILE = 60.0, 3600.0, 1852.0, 1609.344
+_PSF = _POUND * _GRAVITY / _FOOT**2
 #: Spelling -> unit, for all units that are converted.
 _UNITS = {
-    "1": _Unit(1.0, (0, 0, 0, 0)),
+    "1": _Unit(1.0, {}),
     "m": _Unit(1.0, _LENGTH),
     "km": _Unit(1000.0, _LENGTH),
     "cm": _Unit(0.01, _LENGTH),
@@ -56,7 +53,7 @@ _UNITS = {
     "nmi": _Unit(_NAUTICAL_MILE, _LENGTH),
     "kg": _Unit(1.0, _MASS),
     "lbm": _Unit(_POUND, _MASS),
-    "slug": _Unit(_SI["slug"][1], _MASS),
+    "slug": _Unit(_SLUG, _MASS),
     **dict.fromkeys(("us", "µs", "μs"), _Unit(1e-6, _TIME)),
     "ms": _Unit(1e-3, _TIME),
     "s": _Unit(1.0, _TIME),
@@ -66,40 +63,57 @@ _UNITS = {
     "rad": _Unit(1.0, _ANGLE),
     **dict.fromkeys(("deg", "°", "degree", "degrees"), _Unit(math.pi / 180.0, _ANGLE)),
     "N": _Unit(1.0, _FORCE),
-    "lbf": _Unit(_SI["lbf"][1], _FORCE),
+    "kN": _Unit(1000.0, _FORCE),
+    "lbf": _Unit(_POUND * _GRAVITY, _FORCE),
     **dict.fromkeys(("kt", "kts", "kn", "knot", "knots"), _Unit(_NAUTICAL_MILE / _HOUR, _SPEED)),
     "mph": _Unit(_MILE / _HOUR, _SPEED),
+    "Pa": _Unit(1.0, _PRESSURE),
+    **dict.fromkeys(("hPa", "mbar"), _Unit(100.0, _PRESSURE)),
+    "kPa": _Unit(1000.0, _PRESSURE),
+    "bar": _Unit(1e5, _PRESSURE),
+    "psf": _Unit(_PSF, _PRESSURE),
+    "psi": _Unit(144.0 * _PSF, _PRESSURE),
+    "inHg": _Unit(3386.389, _PRESSURE),
+    "W": _Unit(1.0, _POWER),
+    "kW": _Unit(1000.0, _POWER),
+    "hp": _Unit(550.0 * _FOOT * _POUND * _GRAVITY, _POWER),
+    "K": _Unit(1.0, _TEMPERATURE),
+    "degR": _Unit(5.0 / 9.0, _TEMPERATURE),
 }
 
 
 def si_unit(unit: str) -> str:
-    """Return the SI unit that corresponds to an English unit, for example m/s for ft/s."""
-    return re.sub(r"\b(ft|lbf|slug)\b", lambda word: _SI[word[0]][0], unit).replace("m N", "N m")
+    """Return the SI unit of a quantity, for example m/s for ft/s and kt, and rad for deg.
+
+    Words that are no unit of a fixed size (%, rpm, °C) remain.
+    """
+    found = coherent_unit(unit, SI_BASES)
+    return "W" if found == "N m/s" else found
 
 
 def si_factor(unit: str) -> float:
-    """Return the conversion factor from an English unit to SI, for example 0.3048 for ft/s.
+    """Return the conversion factor from a unit to that of `si_unit`, for example 0.3048 for ft/s.
 
-    All units after "/" divide, up to the end of the bracket. Seconds, radians and unknown units are
-    unchanged.
+    All units after "/" divide, up to the end of the bracket.
     """
-    sizes = {name: size for name, (_, size) in _SI.items()}
-    return math.prod(sizes.get(name, 1.0) ** power for name, power in _powers(unit).items())
+    return conversion(unit, si_unit(unit)) or 1.0
 
 
 def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:
     """Return the unit of a quantity that force, length and mass of one system give, with rad and s:
-    ft/s for kt. A unit of this size and an unknown unit are unchanged.
+    ft/s for kt. A unit of this size is unchanged, and so are words that are unknown.
 
     bases: units of force, length and mass: ("lbf", "ft", "slug")
     """
     measured = _measured(unit)
     if measured is None:
         return unit
-    m, kg, s, rad = measured.exponents
+    others = {**measured.powers}
+    m, kg, s, rad = (others.pop(base, 0) for base in ("m", "kg", "s", "rad"))
     force = int(kg == 1 and s <= -2)
-    exponents = (force, m - force, kg - force, rad, s + 2 * force)
-    powers = dict(zip((*bases, "rad", "s"), exponents, strict=True))
+    in_force, in_length, in_mass = bases
+    powers = {in_force: force, in_mass: kg - force, in_length: m - force, **others}
+    powers |= {"rad": rad, "s": s + 2 * force}
     words = {name: f"{name}^{abs(power)}".removesuffix("^1") for name, power in powers.items()}
     above = " ".join(words[name] for name, power in powers.items() if power > 0) or "1"
     below = " ".join(words[name] for name, power in powers.items() if power < 0)
@@ -110,8 +124,8 @@ def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:
 def conversion(stated: str, unit: str) -> float | None:
     """Return the factor that converts numbers in unit `stated` to numbers in `unit`.
 
-    The result is None for units of different quantities, and for unknown units. Spellings are those
-    of tables and records: km/h, kt, ft/min, deg, °, 1/deg, ms.
+    The result is None for units of different quantities; an unknown word is a quantity of its own.
+    Spellings are those of tables and records: km/h, kt, ft/min, deg, °, 1/deg, ms.
 
     >>> conversion("ft/min", "m/s")
     0.00508
@@ -119,7 +133,7 @@ def conversion(stated: str, unit: str) -> float | None:
     if stated == unit:
         return 1.0
     before, after = _measured(stated), _measured(unit)
-    if before is None or after is None or before.exponents != after.exponents:
+    if before is None or after is None or before.powers != after.powers:
         return None
     return before.size / after.size
 
@@ -135,7 +149,7 @@ def units_like(unit: str) -> list[str]:
         return []
     found = {measured.size: unit}
     for name, each in _UNITS.items():
-        if each.exponents == measured.exponents:
+        if each.powers == measured.powers:
             found.setdefault(each.size, name)
     return [*found.values()][1:]
 
@@ -156,15 +170,17 @@ def split_unit(text: str) -> tuple[str, str]:
 
 @lru_cache(maxsize=256)
 def _measured(unit: str) -> _Unit | None:
-    """Return a product of units as one unit, or None if it contains an unknown unit."""
-    powers = _powers(unit)
-    if not powers or not powers.keys() <= _UNITS.keys():
+    """Return a product of units as one unit, or None without a word."""
+    words = _powers(unit)
+    if not words:
         return None
-    size = math.prod(_UNITS[name].size ** power for name, power in powers.items())
-    exponents = np.zeros(len(_LENGTH), dtype=int)
-    for name, power in powers.items():
-        exponents += power * np.array(_UNITS[name].exponents)
-    return _Unit(size, tuple(exponents.tolist()))
+    size, powers = 1.0, Counter[str]()
+    for word, power in words.items():
+        known = _UNITS.get(word, _Unit(1.0, {word: 1}))
+        size *= known.size**power
+        for base, exponent in known.powers.items():
+            powers[base] += exponent * power
+    return _Unit(size, {base: power for base, power in powers.items() if power})
 
 
 def _powers(unit: str) -> Counter[str]:

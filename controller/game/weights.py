@@ -69,18 +69,18 @@ def default_delta(model: Model) -> float:
 def default_disturbance(model: Model, states: Sequence[str]) -> np.ndarray:
     """Return the default E, (n, k): the identity, or the columns of the states that are disturbed.
 
-    These columns are a unit in which the model declares the state.
+    These columns are a unit in which the model declares the rate of the state.
     """
     if "E" not in model.about.weights:
         return np.eye(len(states))
     disturbed = [place for place, name in enumerate(states) if name in model.about.weights["E"]]
-    return np.diag(unit_factors(model, states))[:, disturbed]
+    units = [model.rate_scale(name) / model.native.rate_scale(name) for name in states]
+    return np.diag(units)[:, disturbed]
 
 
 def unit_factors(model: Model, names: Sequence[str]) -> np.ndarray:
     """Return the units in which a model declares signals, in its own units, (k,)."""
-    declared = model.native.signals
-    return np.array([model.signals[name].nominal / declared[name].nominal for name in names])
+    return np.array([model.native_factor(name) for name in names])
 
 
 def weights_line(game: Game, whose: Mapping[str, str] | None = None) -> str:

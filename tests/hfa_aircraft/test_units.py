@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import math
 import pickle
+import random
 import re
+from collections.abc import Mapping
+from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from extension import Extension
 
 import hfa
-from hfa import BadInputError, Model, linearize, trim
+from hfa import BadInputError, Model, Signal, linearize, trim
 from hfa_aircraft import in_si
+from hfa_aircraft.about import About
 from trim import usual_condition
 
 envelopes = Extension("hfa_flight")
 
-#: English unit -> factor of its SI unit.
-FACTORS = {"ft": 0.3048, "slug": 14.593902937206364, "lbf": 4.4482216152605}
+#: Unit -> number of SI units in it.
+FACTORS = {
+    **{"ft": 0.3048, "slug": 14.593902937206364, "lbf": 4.4482216152605},
+    **{"deg": np.pi / 180.0, "hp": 745.6998715822702, "inHg": 3386.389},
+}
 
 
 def si_factor(unit: str) -> float:
@@ -95,7 +104,7 @@ def test_an_aircraft_of_each_reader_is_the_same_in_si(reader: str) -> None:
     model = hfa.load_model(READERS[reader]) if READERS[reader] else hfa.aircraft()
     metric = in_si(model)
     for name, signal in model.signals.items():
-        factor = si_factor(signal.unit)
+        factor = 1.0 if name in ("kcas", "keas") else si_factor(signal.unit)
         converted = metric.signals[name]
         expected = [
             factor * each for each in (signal.min, signal.max, signal.start, signal.nominal)
@@ -116,3 +125,121 @@ def test_an_aircraft_of_each_reader_is_the_same_in_si(reader: str) -> None:
     B = of_metric_linear.B / states[:, None] * inputs
     np.testing.assert_allclose(A, linear.A, rtol=1e-5, atol=1e-6 * scale)
     np.testing.assert_allclose(B, linear.B, rtol=1e-5, atol=1e-6 * np.abs(linear.B).max())
+
+
+#: Kind of quantity -> its units, each with the number of SI units (NIST SP 811), SI first.
+SIZES: dict[str, dict[str, float]] = {
+    "speed": {"m/s": 1.0, "kt": 1852.0 / 3600.0, "km/h": 1.0 / 3.6, "mph": 0.44704},
+    "angle": {"rad": 1.0, "deg": math.pi / 180.0},
+    "length": {"m": 1.0, "ft": 0.3048, "km": 1000.0, "nmi": 1852.0},
+    "force": {"N": 1.0, "lbf": 4.4482216152605, "kN": 1000.0},
+    "mass": {"kg": 1.0, "lbm": 0.45359237, "slug": 14.593902937206364},
+    "pressure": {"N/m^2": 1.0, "lbf/ft^2": 47.88025898033584, "psi": 6894.757293168361},
+    "power": {"W": 1.0, "hp": 745.6998715822702, "kW": 1000.0},
+    "time": {"s": 1.0, "min": 60.0},
+}
+
+
+def plane(units: Mapping[str, str]) -> Model:
+    """An aircraft with equations in SI, whose signals are in the units of each quantity."""
+    size = {kind: SIZES[kind][unit] for kind, unit in units.items()}
+    size["turn"] = size["angle"] / size["time"]
+    words = {**units, "turn": f"{units['angle']}/{units['time']}"}
+    kinds = {"speed": "speed", "alpha": "angle", "pitch": "angle", "pitch_rate": "turn"}
+    kinds |= {"altitude": "length", "elevator": "angle", "thrust": "force", "gamma": "angle"}
+    kinds |= {"lift": "force", "drag": "force", "dynamic_pressure": "pressure", "power": "power"}
+    sizes = {name: size[kind] for name, kind in kinds.items()}
+
+    def signal(name: str, *numbers: float) -> Signal:
+        return Signal(words[kinds[name]], *(number / sizes[name] for number in numbers))
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        V, alpha, pitch, q, height = (getattr(x, name) * sizes[name] for name in x._fields)
+        elevator, thrust = u.elevator * sizes["elevator"], u.thrust * sizes["thrust"]
+        mass, gravity, climb = p.mass * size["mass"], 9.80665, pitch - alpha
+        dynamic = 0.6125 * ca.exp(-height / 9000.0) * V**2
+        lift = dynamic * 16.2 * (0.31 + 4.9 * alpha + 0.43 * elevator)
+        drag = dynamic * 0.8
+        moment = dynamic * 24.0 * (-0.015 - 0.89 * alpha - 1.28 * elevator - 9.0 * q / V)
+        turning = (lift + thrust * ca.sin(alpha)) / mass / V
+        rates = {
+            "speed": (thrust * ca.cos(alpha) - drag) / mass - gravity * ca.sin(climb),
+            "alpha": q + gravity * ca.cos(climb) / V - turning,
+            "pitch": q,
+            "pitch_rate": moment / 1824.0,
+            "altitude": V * ca.sin(climb),
+        }
+        outputs = {"gamma": climb, "lift": lift, "drag": drag, "dynamic_pressure": dynamic}
+        outputs["power"] = thrust * V
+        in_units = {name: value / sizes[name] for name, value in outputs.items()}
+        return {name: rate / sizes[name] * size["time"] for name, rate in rates.items()}, in_units
+
+    outputs = ("gamma", "lift", "drag", "dynamic_pressure", "power")
+    return Model(
+        "plane",
+        states={
+            "speed": signal("speed", 10.0, 25.0, 90.0, 55.0),
+            "alpha": signal("alpha", 0.1, -0.2, 0.3),
+            "pitch": signal("pitch", 0.1, -0.6, 0.6),
+            "pitch_rate": signal("pitch_rate", 0.2, -1.0, 1.0),
+            "altitude": signal("altitude", 100.0, 0.0, 4000.0, 1000.0),
+        },
+        inputs={
+            "elevator": signal("elevator", 0.1, -0.35, 0.35),
+            "thrust": signal("thrust", 500.0, 0.0, 3000.0, 1000.0),
+        },
+        parameters={
+            "mass": Signal(units["mass"], *(np.array([1e3, 5e2, 2e3, 1043.0]) / size["mass"]))
+        },
+        outputs={name: signal(name, 1.0, -1e6, 1e6) for name in outputs},
+        equations=equations,
+        trim={"speed": 55.0 / sizes["speed"], "gamma": 0.0, "altitude": 1e3 / sizes["altitude"]},
+        linear=("speed", "alpha", "pitch", "pitch_rate"),
+        about=About(
+            weights={"Q": {"alpha": 3.0 * size["angle"] ** 2, "speed": 0.0}, "E": ("alpha",)}
+        ),
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed: int) -> None:
+    """Signals, trim, A, B, poles, sheet, game and verdict in SI are those of the twin.
+
+    The twin is the same aircraft with signals in SI. The units are random; those without a second
+    give equations per minute.
+    """
+    choose = random.Random(seed)
+    units = {kind: choose.choice([*sizes][1:]) for kind, sizes in SIZES.items()}
+    twin = plane({kind: next(iter(sizes)) for kind, sizes in SIZES.items()})
+    model = in_si(plane(units))
+    assert model.native.time_unit == "min"
+    assert model.time_unit == "s"
+    for name, signal in twin.signals.items():
+        found = model.signals[name]
+        assert found.unit == signal.unit
+        assert found[1:5] == pytest.approx(signal[1:5]), name
+    heavier, twin_heavier = (each.with_parameters(mass="1100 kg") for each in (model, twin))
+    rates = [
+        each.rates_at([50, 0.1, 0.2, 0.1, 900], [0.1, 800]) for each in (heavier, twin_heavier)
+    ]
+    assert rates[0] == pytest.approx(rates[1])
+    point, of_twin = trim(model, speed="100 kt"), trim(twin, speed="100 kt")
+    assert dict(point) == pytest.approx(dict(of_twin), abs=1e-9)
+    linear, linear_twin = point.linearize(), of_twin.linearize()
+    np.testing.assert_allclose(linear.A, linear_twin.A, atol=1e-9)
+    np.testing.assert_allclose(linear.B, linear_twin.B, atol=1e-9)
+    np.testing.assert_allclose(linear.poles(), linear_twin.poles(), rtol=1e-7)
+    rows, rows_of_twin = (each.sheet.records().rows for each in (point, of_twin))
+    for row, row_of_twin in zip(rows, rows_of_twin, strict=True):
+        assert (*row[:2], row[3]) == (*row_of_twin[:2], row_of_twin[3])
+        if not isinstance(row[2], str):  # a bound of rounding
+            assert row[2] == pytest.approx(row_of_twin[2], rel=1e-6, abs=1e-9), row
+    declared = math.radians(1.0) / 60.0  # deg/min, of a disturbance of the rate of alpha
+    np.testing.assert_allclose(hfa.game(linear).E, [[0.0], [declared], [0.0], [0.0]])
+    games = [hfa.game(each, delta=40.0, E=np.eye(4)) for each in (linear, linear_twin)]
+    solution, solution_of_twin = map(hfa.solve, games)
+    np.testing.assert_allclose(solution.P, solution_of_twin.P, rtol=1e-7, atol=1e-9)
+    critics = [hfa.from_gain(game, 1.1 * solution_of_twin.K) for game in games]
+    verdicts = [hfa.verify(game, critic) for game, critic in zip(games, critics, strict=True)]
+    checks = [{each.name: each.value for each in verdict.checks} for verdict in verdicts]
+    assert checks[0] == pytest.approx(checks[1], rel=1e-6)

@@ -14,7 +14,6 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, prefix_errors, shown
 from hfa_support.linear_table import LinearTable
 from hfa_support.schema import NUMBER, checked, read_named
-from hfa_support.units import si_factor
 from trim.point.condition import TrimCondition, release
 
 #: Entries of a condition file, with their types.
@@ -66,8 +65,7 @@ def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float
     name = key.removesuffix("_deg")
     model.refuse_unheld(f"{file}: unknown trim variable", name, more)
     if name == key:
-        declared = model.native
-        return name, 1.0 if declared is model else si_factor(declared.unit(name))
+        return name, model.native_factor(name)
     if not model.unit(name).startswith("rad"):
         raise BadInputError(f"{file}: {key} is not an angle; write {name}, in {model.unit(name)}")
     return name, math.pi / 180.0

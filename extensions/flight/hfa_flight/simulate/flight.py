@@ -283,22 +283,21 @@ def fly_within(
 
 def _refuse_invalid(point: OperatingPoint, flight: Deviations) -> None:
     """Raise NoSolutionError if the equations of the model are not valid in a flight."""
-    native = point.model.native
-    flown = native.domain.flown
+    model = point.model
+    flown = model.native.domain.flown
     if flown is None:
         return
-    X = native.native_values(native.state_names, flight.states + point.x)
-    U = native.native_values(native.input_names, flight.inputs + point.u)
+    X = model.native_values(model.state_names, flight.states + point.x)
+    U = model.native_values(model.input_names, flight.inputs + point.u)
 
     def reason(rows: int) -> str:
         """Return the reason why the equations are not valid in the first rows, or ""."""
-        return flown(X[:rows], U[:rows], native.p)
+        return flown(X[:rows], U[:rows], model.native.p)
 
     if reason(len(X)):
         row = bisect_left(range(1, len(X)), True, key=lambda rows: bool(reason(rows)))
         raise NoSolutionError(
-            f"{point.model.title}: no flight: {reason(row + 1)}; it is met at "
-            f"{flight.times[row]:.4g} s"
+            f"{model.title}: no flight: {reason(row + 1)}; it is met at {flight.times[row]:.4g} s"
         )
 
 
