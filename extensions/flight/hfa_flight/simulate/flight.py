@@ -270,11 +270,13 @@ def fly_within(
     def stop(rows: Deviations) -> np.ndarray:
         return outside(envelope, rows.limited + trim)
 
+    # Before the flight, because it evaluates the policy, whose samples the flight reports.
+    growth = 0.0 if is_limited(envelope) else compiled.growth
     flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
     _refuse_invalid(loop.plant.point, flight)
     left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
     if left_at is None and not is_limited(envelope):
-        left_at = divergence(flight, loop.plant.point, compiled.growth, loop.driven_until)
+        left_at = divergence(flight, loop.plant.point, growth, loop.driven_until)
     cycle, decay = None, None
     if left_at is None:
         cycle, decay = oscillation(loop.plant.point.model, flight, loop.scenario.driven_until)
