@@ -57,6 +57,21 @@ def test_options_are_in_degrees_and_json_in_radians() -> None:
     )
 
 
+def test_the_json_of_linearize_has_printed_matrix_and_modes() -> None:
+    """A agrees with the printed matrix within 1.5e-4, and the modes are the eigenvalues of A.
+
+    The printed matrix is omitted at another speed.
+    """
+    data = answer("linearize", "--dihedral", "15")
+    assert (np.shape(data["A_band"]), np.shape(data["B_band"])) == ((6, 6), (6, 5))
+    assert np.abs(np.subtract(data["A"], data["printed"]["A"])).max() < 1.5e-4
+    eigenvalues = np.linalg.eigvals(data["A"])
+    for mode in data["modes"]:
+        assert np.abs(eigenvalues - complex(*mode["eigenvalue"])).min() < 1e-9
+    assert sum(2 if mode["eigenvalue"][1] else 1 for mode in data["modes"]) == 6
+    assert "printed" not in answer("linearize", "--dihedral", "15", "--hold", "speed=70")
+
+
 def test_failed_sweep_points_are_rows_with_reasons() -> None:
     """A sweep point without a trim is a row of nulls with a reason.
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cli import answer, hfa
-from game_files import AT_15, LABELS, SMALL, stored
+from game_files import AT_15, LABELS, SMALL, small, stored
 from known_models import game_at
 
 from hfa import solve
@@ -50,6 +51,27 @@ def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str
     assert failed in result.err
     assert f"delta = {delta} is below delta_min = 113.5486; choose a larger delta" in result.err
     assert list(Path().iterdir()) == []
+
+
+THREE_STATES = {
+    "A": [[-1.0, 0.0, 0.0], [0.2, -2.0, 0.0], [0.0, 0.3, -4.0]],
+    "B": [[1.0], [0.5], [0.2]],
+    "Q": np.diag([1.0, 0.0, 0.0]).tolist(),
+    "E": None,
+}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"delta": math.inf}, THREE_STATES],
+    ids=["delta inf", "two free states"],
+)
+def test_commands_accept_plants_with_missing_entries(changes: dict[str, Any]) -> None:
+    """`hfa solve`, `learn` and `verify` accept plants without E, delta or cost of some states."""
+    plant = small("plant.json", **changes)
+    assert answer("solve", "--model", plant)["certificate"]["ok"] is True
+    assert answer("learn", "--model", plant, "-o", "learned.json")["converged"] is True
+    assert answer("verify", "--model", plant, "--weights", "learned.json")["P_rel_error"] <= 1e-12
 
 
 # Plants from users' files.

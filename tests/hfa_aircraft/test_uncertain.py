@@ -26,6 +26,7 @@ INDEFINITE = "is not a covariance matrix"
     ("names", "rows", "said"),
     [
         ('["CL_beta"]', "[[1.0]]", SHAPE),
+        ('["mass"]', "[[nan]]", SHAPE),
         ('["mass", "Ixx"]', "[[1.0, 0.0]]", SHAPE),
         ('["mass", "Ixx"]', "[[1.0, 0.5], [0.0, 1.0]]", INDEFINITE),
         ('["mass", "Ixx"]', "[[1.0, 1.5], [1.5, 1.0]]", INDEFINITE),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from game_files import stored
+from tolerances import FEW_ROUNDINGS
 
 from controller import basis, critic_in
 from hfa import BadInputError, Game
@@ -75,6 +76,32 @@ def test_a_value_with_a_policy_of_its_own_keeps_both(has_gain: bool) -> None:
     assert critic.u(z) == pytest.approx(rows[:, :2] @ z if has_gain else rows @ terms)
     assert critic.value is not None
     assert float(critic.value(z)) == pytest.approx(terms[2:] @ [1.0, 0.2, 3.0])
+
+
+def test_functions_of_a_critic_follow_its_matrices() -> None:
+    """Value, gradient and policy of a critic equal the formulas of its weights, or of its gain."""
+    z = np.array([0.3, -0.2])
+    weights = np.array([1.0, 2.0, 3.0, 0.5, -0.5])
+    critic = critic_in(stored("w.npz", W=weights), GAME, reading=Reading("quadratic+quartic"))
+    assert critic.value is not None
+    assert critic.gradient is not None
+    x, y = z
+    value = x**2 + 2 * x * y + 3 * y**2 + 0.5 * x**4 - 0.5 * y**4
+    slopes = np.array([2 * x + 2 * y + 2 * x**3, 2 * x + 6 * y - 2 * y**3])
+    assert float(critic.value(z)) == pytest.approx(value, rel=FEW_ROUNDINGS)
+    assert np.array(critic.gradient(z)).ravel() == pytest.approx(slopes, rel=FEW_ROUNDINGS)
+    u = -0.5 * np.linalg.solve(GAME.R, GAME.B.T @ slopes)
+    assert np.array(critic.policy(z)).ravel() == pytest.approx(u, rel=FEW_ROUNDINGS)
+    gain = critic_in(stored("k.npz", K=K[1]), GAME)
+    assert gain.value is None
+    assert np.array(gain.policy(z)).ravel() == pytest.approx(-K[1] @ z, rel=FEW_ROUNDINGS)
+
+
+def test_one_row_is_read_as_one_critic() -> None:
+    """A file with one row of weights and P is read as one critic with this P."""
+    P = np.array([[0.0, 0.5], [0.5, 2.0]])
+    critic = critic_in(stored("h.npz", W=W[0], P=P), GAME)
+    np.testing.assert_array_equal(critic.P, P)
 
 
 def test_the_files_basis_applies_unless_another_is_named() -> None:

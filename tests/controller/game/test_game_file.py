@@ -76,6 +76,19 @@ def test_the_papers_game_is_converted_to_meters() -> None:
         assert load_game("weighed.npz") == Game(**MODEL, E=np.eye(6), **weights, delta=math.inf)
 
 
+def test_arguments_override_entries_of_the_file() -> None:
+    """Arguments Q, R and delta override the entries of the plant file.
+
+    The text "inf" is read as delta = inf.
+    """
+    full = PLANT | {"E": np.eye(2)}
+    path = stored("plant.json", **full, delta=5.0)
+    assert load_game(path).delta == 5.0
+    assert load_game(stored("inf.json", **full, delta="inf")).delta == math.inf
+    game = load_game(path, Q=np.eye(2), R=[[9.0]], delta=math.inf)
+    assert game == Game(**full | {"Q": np.eye(2), "R": [[9.0]], "delta": math.inf})
+
+
 def test_misnamed_entries_and_defaults_are_noted() -> None:
     """Notes list the unused entries, the defaults, and an E that describes wind and is not used."""
     game, notes = noted(stored("plant.npz", **PLANT, D=[[1.0], [0.0]], C=np.eye(2)))

@@ -43,6 +43,24 @@ def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(
     assert hfa.game(linear, delta=np.inf).delta == np.inf
 
 
+def test_the_disturbance_of_a_game_is_named_in_its_reports() -> None:
+    """E is the identity unless another is given. Each report of a game says which, by name."""
+    model = hfa.aircraft()
+    linear = hfa.linearize(model, hfa.trim(model), outputs=("speed",))
+    winds = ", ".join(linear.disturbances)
+    weights = {"Q": np.ones(6), "R": np.ones(5), "delta": 1e4}
+    for game, named in (
+        (hfa.game(linear, **weights), "identity"),
+        (hfa.game(linear, **weights, E=linear.E), winds),
+    ):
+        solution = hfa.solve(game)
+        verdict = hfa.verify(game, hfa.from_gain(game, solution.K))
+        for report in (solution.report(), verdict.report()):
+            assert f"E {named}" in " ".join(str(report).split())
+    with pytest.raises(BadInputError, match="E has no columns; leave E out for the identity"):
+        hfa.game(linear, **weights, E=np.zeros((6, 0)))
+
+
 def test_default_weights_are_those_of_the_plant_file(folder, capsys) -> None:
     """Without Q and R, the solution is SciPy's for Q, R and N of a plant file, in Python and with
     `--aircraft`, and for 1/nominal² where a model has no weights.

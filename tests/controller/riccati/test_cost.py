@@ -102,3 +102,9 @@ def test_a_gain_beyond_delta_has_infinite_cost() -> None:
     tight = GAME.with_delta(151.0)
     assert verify(tight, from_gain(tight, 0.3 * solve(tight).K)).cost_lost == math.inf
     assert verify(GAME, from_gain(GAME, -EXACT.K)).cost_lost == math.inf
+
+
+def test_zero_gain_is_optimal_without_state_cost() -> None:
+    """In a game without state cost, zero gain is 0 % above the optimum."""
+    game = Game(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 5.0)
+    assert verify(game, from_gain(game, np.zeros((2, 2)))).cost_lost == 0.0

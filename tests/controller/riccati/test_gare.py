@@ -62,6 +62,13 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     assert solve(game.with_delta(math.inf)).to_dict()["delta"] is None
 
 
+def test_a_defective_plant_without_cost_has_zero_value() -> None:
+    """A stable plant with a defective eigenvalue and without cost has P = 0 and delta_min 0."""
+    game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], I2, 0.0 * I2, [[1.0]], 0.01)
+    assert not solve(game).P.any()
+    assert (minimum_delta(game).value, minimum_delta(game).refused) == (0.0, 0.0)
+
+
 @pytest.mark.parametrize(
     ("A", "B", "Q", "message"),
     [

@@ -230,6 +230,18 @@ def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider: Path) -
         assert "CD_elevator" not in given
 
 
+def test_inviscid_drag_and_another_mach_number_are_noted(glider: Path) -> None:
+    """Drag without profile drag, and a file for another Mach number, are noted in reports."""
+    assert tool.load_model("glider.toml").about.notes == ()
+    changed = PRINTED.replace("CDvis =   0.02000", "CDvis =   0.00000")
+    Path("glider.st").write_text(changed.replace("Mach  =     0.000", "Mach  =     0.700"))
+    of_drag, of_mach = tool.load_model("glider.toml").about.notes
+    assert "CDvis 0" in of_drag
+    assert "Mach 0.7" in of_mach
+    Path("glider.toml").write_text("CD_0 = 0.03\n" + TABLE)
+    assert len(tool.load_model("glider.toml").about.notes) == 1
+
+
 def test_names_of_controls_become_identifiers(glider: Path) -> None:
     """The aircraft with controls `elevon-L` and `1elev` is that with `elevator` and `aileron`."""
     plain = trim(tool.load_model("glider.toml"))

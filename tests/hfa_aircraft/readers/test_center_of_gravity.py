@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
 
@@ -130,6 +131,16 @@ def test_the_center_does_not_depend_on_units() -> None:
         there = model.with_parameters(cg=0.33)
         eigenvalues.append(np.sort_complex(np.linalg.eigvals(linearize(there, trim(there)).A)))
     assert eigenvalues[0] == pytest.approx(eigenvalues[1], rel=1e-6, abs=1e-9)
+
+
+def test_the_sheet_repeats_configuration_words(folder: Path) -> None:
+    """--hold cg=0.28, and the words of flap and gear, are on the sheet and in its data."""
+    text = (ROOT / "examples/uav.toml").read_text()
+    Path("uav.toml").write_text('cg = 0.25\nflap = "20 deg, slotted"\ngear = "down"\n' + text)
+    run = hfa("trim", "--aircraft", "uav.toml", "--hold", "cg=0.28", "--json")
+    found = json.loads(run.out)["sheet"]
+    assert (found["c.g."]["value"], found["c.g."]["unit"]) == (0.28, "chord")
+    assert (found["flap"]["value"], found["gear"]["value"]) == ("20 deg, slotted", "down")
 
 
 def test_a_center_that_is_not_finite_is_refused() -> None:

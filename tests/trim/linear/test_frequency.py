@@ -91,6 +91,21 @@ def test_a_free_body_has_no_static_gain(seed: int, slow: float) -> None:
         assert static == pytest.approx(held if slow else np.inf, rel=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_gains_of_a_random_system_are_those_of_its_matrices(seed: int) -> None:
+    """The static gain is D - C A⁻¹ B, with its sign, for any number of zeros and poles."""
+    rng = np.random.default_rng(seed)
+    n = 1 + seed % 4
+    A = rng.normal(size=(n, n)) - 0.5 * np.eye(n)
+    B, C = rng.normal(size=(n, 1)), rng.normal(size=(1, n))
+    D = np.zeros((1, 1)) if seed % 2 else rng.normal(size=(1, 1))
+    found = channel(A, B, C, D)
+    exact = D - C @ np.linalg.solve(A, B)
+    assert found.static == pytest.approx(exact.item(), rel=1e-8)
+    at = found.gain * np.prod(2j - found.zeros) / np.prod(2j - found.poles)
+    assert at == pytest.approx(control.ss(A, B, C, D)(2j), rel=1e-8)
+
+
 # Models of fewer states.
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from known_models import released_simulation
+from cli import hfa as run
+from known_models import model_at, released_simulation
 
 import hfa
 from hfa import LinearModel, Model, OperatingPoint, linearize, trim
@@ -203,3 +205,40 @@ def test_winds_that_act_through_an_omitted_lag_have_no_columns(
         linear=("v",),
     )
     assert direct_disturbances(trim(model), kept) == ("gust",) * has_wind
+
+
+@pytest.mark.parametrize(
+    ("printed", "computed", "half_units", "percent", "is_zero"),
+    [
+        (2.0, 2.1, 2.0, 5.0, False),
+        (-2.0, -2.1, -2.0, -5.0, False),
+        (0.0, 1e-9, 2e-8, math.nan, True),
+        (0.0, 0.1, 2.0, math.nan, False),
+        (2.0, 2.0, 0.0, 0.0, False),
+    ],
+)
+def test_an_entry_is_compared_in_half_units_and_percent(
+    printed: float, computed: float, half_units: float, percent: float, is_zero: bool
+) -> None:
+    """Half a unit of 0.05 is the last digit's; only an entry printed as 0 can be zero."""
+    row = compare(model_at(10.0), MODELS[0])[0]
+    entry = replace(
+        row, row="alpha", column="speed", printed=printed, computed=computed, half_unit=0.05
+    )
+    assert entry.half_units == pytest.approx(half_units, rel=1e-4, abs=0.0)
+    assert entry.percent == pytest.approx(percent, nan_ok=True)
+    assert (entry.is_zero, entry.name) == (is_zero, "A(alpha, speed)")
+
+
+def test_the_report_names_the_largest_difference_to_newton() -> None:
+    """`hfa linearize` names the entry of A or B that differs most between the two dynamics."""
+    published, newton = (model_at(10.0, dynamics) for dynamics in ("published", "newton"))
+    largest = {}
+    for name, columns in (("A", published.states), ("B", published.inputs)):
+        off = np.abs(getattr(published, name) - getattr(newton, name))
+        row, column = np.unravel_index(off.argmax(), off.shape)
+        largest[off.max()] = f"{name}({published.states[row]}, {columns[column]})"
+    text = " ".join(run("linearize", "--dihedral", "10").out.split())
+    _, _, after = text.partition("Largest difference of an entry to newton dynamics: ")
+    size = max(largest)
+    assert after.startswith(f"{size:.2g} in {largest[size]}")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from own_models import NAVION, trimmed
 from project import ROOT
+from scipy.linalg import block_diag
 
 import hfa
 from hfa import Model, OperatingPoint, Signal, trim
@@ -118,6 +119,16 @@ def test_handling_qualities_follow_from_the_modes() -> None:
     assert qualities["spiral time to half"] == pytest.approx(
         -math.log(2) / roots["spiral"].real, rel=1e-12
     )
+
+
+def test_repeated_zero_eigenvalues_have_no_mode_of_the_aircraft() -> None:
+    """Of a longitudinal model with lateral states without dynamics, only two modes are named."""
+    A = block_diag([[-1.0, 1.0], [-4.0, -1.0]], np.zeros((4, 4)))
+    states = ("alpha", "q", "beta", "p", "r", "phi")
+    families = {"short period": ("alpha", "q"), "dutch roll": ("beta", "p", "r", "phi")}
+    names = [mode.name for mode in modes_of(A, states, families)]
+    assert names[0] == "short period"
+    assert all(name.startswith("neutral") for name in names[1:])
 
 
 def test_a_steep_turn_has_a_spiral() -> None:

@@ -441,6 +441,25 @@ def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
     assert "level" in landing.data["sheet"]["n/alpha"]  # it has limits in category C only
 
 
+def test_published_and_newton_dynamics_differ_by_mode_in_percent() -> None:
+    """At 7 deg the fast dihedral mode is the fastest real one, in `trim` and in `linearize`."""
+    pairs, fastest = {}, {}
+    for dynamics in ("published", "newton"):
+        linear = hfa.paper.level_model(hfa.aircraft(dynamics), math.radians(7.0))
+        values = np.linalg.eigvals(linear.A)
+        fastest[dynamics] = values[values.imag == 0.0].real.min()
+        pairs[dynamics] = min(values[values.real > -10.0], key=lambda value: -abs(value.imag))
+    percent = 100.0 * abs(pairs["newton"] / pairs["published"] - 1.0)
+    for verb in ("trim", "linearize"):
+        data = json.loads(command(verb, "--dihedral", "7", "--json").out)
+        by_mode = {entry["mode"]: entry for entry in data["mode_differences"]}
+        fast, pair = by_mode["dihedral (fast)"], by_mode["short period"]
+        assert (fast["eigenvalue"][1], fast["other"][1]) == (0.0, 0.0)
+        assert fast["eigenvalue"][0] == pytest.approx(fastest["published"])
+        assert fast["other"][0] == pytest.approx(fastest["newton"])
+        assert pair["percent"] == pytest.approx(percent)
+
+
 # Doubts, advice, several sheets.
 
 

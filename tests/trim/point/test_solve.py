@@ -167,6 +167,22 @@ def test_a_control_without_effect_is_named(aircraft: Model) -> None:
     assert "no effect" not in str(refusal.value)
 
 
+def test_controls_with_proportional_effects_are_named(aircraft: Model) -> None:
+    """The message on a failed trim names two elevators with proportional effects.
+
+    Very small and distant outer tails only pitch the aircraft, as the center tail does.
+    """
+    p = hfa_model.parameters_of(aircraft)
+    far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)
+    alike = hfa.aircraft(hfa_model.variant_of(aircraft), far)
+    same = "elevator_outer has no effect independent of elevator_center; free another variable"
+    with pytest.raises(
+        TrimError, match=rf"^no trim: .*; {same}\); 8 other initial points failed too$"
+    ):
+        trim(alike, BASE)
+    trim(alike, release(BASE, free=("aileron_center",), hold={"elevator_outer": 0.0}))
+
+
 # Limits of the pitch angle, alpha + gamma, in single trims and in sweeps.
 
 

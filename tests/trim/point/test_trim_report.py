@@ -103,6 +103,12 @@ def test_undetermined_trims_name_their_variable() -> None:
     assert "singular" not in report.text()
 
 
+def test_a_later_limit_replaces_an_earlier_one() -> None:
+    """Limits of other variables are kept."""
+    first, then = {"throttle": (0.0, 90.0), "alpha": (-0.1, 0.2)}, {"throttle": (10.0, 60.0)}
+    assert release(release(BASE, limits=first), limits=then).limits == first | then
+
+
 def test_imposed_rates_are_balanced_and_freed(published_aircraft: Model) -> None:
     """With V' = 0.5 ft/s² the thrust exceeds that of level flight by m V' / cos α."""
     level = trim(published_aircraft, BASE)

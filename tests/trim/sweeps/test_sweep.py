@@ -87,6 +87,18 @@ def test_each_point_equals_its_single_trim(aircraft: Model, name: str) -> None:
     assert np.count_nonzero(~result.trimmed) == without.get(name, 0)
 
 
+def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> None:
+    """The report of a sweep to -16 deg notes the range of the paper. That of a sweep to -15 deg
+    does not.
+    """
+    within, beyond = (
+        sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
+        for lowest in (-15.0, -16.0)
+    )
+    warning = "dihedral -16 deg is beyond the paper's range, which ends at -15 deg"
+    assert (list(within), list(beyond)) == ([], [warning])
+
+
 LISTS = [
     ("dihedral,speed\n\n5,64\n\n10,6x8\n", "row 5, column speed is '6x8'; give a finite number"),
     ("dihedral,spd\n5,64\n", "the column of row 1 is unknown: 'spd'; did you mean speed?"),

@@ -7,7 +7,10 @@ import math
 import numpy as np
 import pytest
 from game_files import stored
+from game_samples import failed_names
+from known_models import game_at
 from scipy.linalg import block_diag, solve_discrete_lyapunov
+from tolerances import SAME_FORMULA
 
 from controller import critic_in
 from hfa import Game, from_gain, from_value, solve, verify
@@ -44,3 +47,23 @@ def test_a_loop_that_does_not_stabilize_may_have_a_finite_discounted_cost(factor
     verdict = verify(game, from_gain(game, K))
     assert verdict.cost_lost == pytest.approx(100.0 * above, rel=1e-6, abs=1e-9)
     assert [verdict.stabilizing, verdict.ok, verdict.holds(limit_cost=10.0)] == 3 * [False]
+
+
+def test_an_exact_critic_that_does_not_stabilize_fails() -> None:
+    """An exact discounted critic that does not stabilize is reported as exact, and fails.
+
+    With discount 0.95 and a step of 5 ms at 20 deg, the spectral radius of A - B K is 1.00003.
+    """
+    problem = game_at(20.0).sampled(0.005, 0.95)
+    exact = solve(problem)
+    verdict = verify(problem, from_value(problem, exact.P))
+    assert "not stabilizing\nexact within 1e-06" in str(verdict)
+    assert failed_names(verdict.checks) == {"control_loop_radius"}
+    radius = np.abs(np.linalg.eigvals(problem.A - problem.B @ exact.K)).max()
+    assert verdict.value_of("control_loop_radius") == pytest.approx(radius, rel=1e-9)
+    assert 1.0 < radius < 1.0001
+    assert verdict.value_of("discounted_loop_radius") == pytest.approx(
+        math.sqrt(0.95) * verdict.value_of("control_loop_radius"), rel=SAME_FORMULA
+    )
+    (reason,) = [check.reason for check in verdict.checks if not check.ok]
+    assert "the exact solution of this discounted problem does not stabilize either" in reason

@@ -10,6 +10,7 @@ import pytest
 from cli import answer
 from extension import Extension
 from game_files import stored
+from planted_critics import gain
 from scipy.linalg import solve_discrete_lyapunov
 
 from hfa import (
@@ -25,6 +26,25 @@ from tests.support.steps_of import in_steps
 network_files = Extension("network_files")
 
 pytestmark = pytest.mark.usefixtures("folder")
+
+
+def test_the_entries_of_a_report_are_the_farthest(game: Game) -> None:
+    """The three of K that are farthest from the exact ones, relative to the largest; none if exact."""
+    exact = gain(game)
+    assert "-o FILE writes all" not in str(verify(game, from_gain(game, exact)).report())
+    learned = 1.001 * exact
+    learned[2, 3] += 0.002 * np.abs(exact).max()
+    off = np.abs(learned - exact)
+    rows = verify(game, from_gain(game, learned)).report().parts[-1][0].rows
+    places = [np.unravel_index(place, off.shape) for place in np.argsort(off, axis=None)[:-4:-1]]
+    states, inputs = game.names[:2]
+    found = {name: [float(each) for each in numbers] for name, *numbers in rows}
+    assert found == {
+        f"K({inputs[i]}, {states[j]})": pytest.approx(
+            [learned[i, j], exact[i, j], learned[i, j] - exact[i, j]], rel=1e-2
+        )
+        for i, j in places
+    }
 
 
 # Networks: searched states, and simulations.

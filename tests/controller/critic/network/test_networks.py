@@ -73,7 +73,7 @@ def test_published_weights_of_gops_are_checked() -> None:
 
 
 def test_the_scale_of_inputs_is_applied(game: Game) -> None:
-    """A policy, and a layer on a basis, of scaled inputs. A scale of wrong length is refused."""
+    """A policy with scaled inputs passes with its scale. A scale of wrong length is refused."""
     scale = np.array([1 / 7.0, *[10.0] * 5])
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
     assert verify(game, from_network(game, path, scale=scale), scope=Scope(flights=1)).ok
@@ -81,11 +81,6 @@ def test_the_scale_of_inputs_is_applied(game: Game) -> None:
         "does not consist of 6 finite numbers"
         in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
     )
-    layer = stored("layer.npz", weight=np.arange(1.0, 22.0)[None], bias=np.zeros(1))
-    own, scaled = (
-        from_network(game, layer, basis="quadratic", scale=each) for each in (None, scale)
-    )
-    np.testing.assert_allclose(scaled.P, own.P * np.outer(scale, scale), rtol=1e-12)
 
 
 def test_v_and_a_policy_are_checked_together(game: Game) -> None:
@@ -107,6 +102,23 @@ def test_v_and_a_policy_are_checked_together(game: Game) -> None:
     assert check.P_rel_error < 1e-6
     assert "the gain has the wrong sign" in check.reason
     assert set(from_network(game, path).network) == {"gradient"}
+
+
+def test_scale_applies_to_the_inputs_of_a_basis(game: Game) -> None:
+    """A layer on a basis is evaluated at the scaled states."""
+    weights = np.arange(1.0, 22.0)
+    scale = np.array([0.5, 6.0, 1.0, 4.0, 3.0, 0.25])
+    path = stored("layer.npz", weight=weights[None], bias=np.zeros(1))
+    own = from_network(game, path, basis="quadratic")
+    scaled = from_network(game, path, basis="quadratic", scale=scale)
+    np.testing.assert_allclose(scaled.P, own.P * np.outer(scale, scale), rtol=1e-12)
+    assert scaled.P[0, 1] != own.P[0, 1]
+    z = ca.SX.sym("z", 6)
+    squares = ca.Function("squares", [z], [z**2])
+    path = stored("squares.npz", weight=weights[None, :6], bias=np.full(1, 2.0))
+    critic = from_network(game, path, basis=squares, scale=scale)
+    assert critic.value is not None
+    assert float(critic.value(np.ones(6))) == pytest.approx(2.0 + weights[:6] @ scale**2)
 
 
 def test_kind_of_an_npy_file_follows_from_shape(game: Game) -> None:

@@ -38,7 +38,9 @@ def critic(prefix: str, names: tuple[str, ...] = ("0", "2", "4")) -> dict[str, n
     ("more", "part", "named"),
     [
         ({"obs_norm.mean": np.zeros(STATES)}, "actor", "obs_norm.mean"),
+        ({"action_scale": np.ones(ACTIONS)}, "actor", "action_scale"),
         ({"norm.weight": np.ones(STATES), "norm.bias": np.ones(STATES)}, "actor", "norm.weight"),
+        ({"out.weight": np.ones((3, ACTIONS))}, "actor", "out.weight"),
         ({"skip.weight": np.ones((ACTIONS, STATES))}, "actor", "skip.weight"),
         ({"std": np.ones(STATES)}, "", "'std' (6,)"),
     ],
