@@ -184,6 +184,10 @@ def test_gains_are_compared_in_any_units(size: float) -> None:
     assert same((gain * (1.0 + 1e-10)).tolist(), gain)
     assert not same((gain * [1.0, 1.01]).tolist(), gain)
     assert not same((gain * [1.01, 1.0]).tolist(), gain)
+    terms = {"torque": [[2.0, [3, 0]], [1.5 / size**3, [0, 3]]]}
+    assert given.same_terms(model)(terms, terms)
+    other = {"torque": [[2.0, [3, 0]], [1.515 / size**3, [0, 3]]]}
+    assert not given.same_terms(model)(other, terms)
 
 
 def test_every_option_is_changed() -> None:

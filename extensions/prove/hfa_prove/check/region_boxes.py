@@ -27,7 +27,6 @@ import casadi as ca
 import numpy as np
 
 from hfa_prove.check.cover import Boxes, refute
-from hfa_prove.check.definite import Factor, ModelMatrix
 from hfa_prove.check.equilibrium import Equilibrium, check_near, equilibrium_near
 from hfa_prove.check.piece import ROUNDING, OnPiece
 from hfa_prove.enclosure.balls import hull, is_positive_definite, matrix
@@ -35,7 +34,7 @@ from hfa_prove.enclosure.program import Program
 from hfa_prove.enclosure.slopes import Intervals, jacobian
 from hfa_prove.enclosure.taylor import TaylorProgram, highest, lowest
 from hfa_prove.fields import Rejected
-from hfa_prove.statements.loop import Gain, Loop
+from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.piece import Piece
 from hfa_prove.statements.region import RegionStatement, RegionWitness
 from hfa_support.errors import BadInputError
@@ -211,47 +210,12 @@ class Decrease(OnSet):
         """
         for k in range(1, _SMALLEST_HOLE + 1):
             slopes = self._slopes_within(k)
-            if slopes.is_bounded and (
-                self._decreases_by_models(k) or self._decreases_by_intervals(slopes)
-            ):
+            if slopes.is_bounded and self._decreases_with(slopes):
                 return k
         raise Rejected(
             "V' < 0 is not proved near the equilibrium: V is not a Lyapunov function of the "
             "linearization, or the rates have a kink at the equilibrium"
         )
-
-    def _decreases_by_models(self, k: int) -> bool:
-        """Return whether W' < 0 is proved for 0 < max |y_i| <= 2^-k, for W = y'G y / 2.
-
-        The slopes of the rates are bounded. By the mean value theorem, the rates are J z with J a
-        mean of Jacobians on the segment from 0 to z. Hence W' = z'M'G M J z < 0 if P J + J'P with
-        P = M'G M is negative definite for the Jacobian J at every point. Taylor models enclose J.
-        The result is False for a W of higher degree.
-        """
-        if self._jacobian is None:
-            return False
-        n = self.n
-        models = self._jacobian.of(*self.symbols_on(Boxes(np.zeros((1, n)), np.full((1, n), k))))
-        G = np.zeros((n, n))
-        for coefficient, powers in self.piece.W.terms:
-            i, j = (index for index, power in enumerate(powers) for _ in range(power))
-            G[i, j] += coefficient
-            G[j, i] += coefficient
-        M = self.piece.M
-        minus_P = Factor(-(M.T @ G @ M), ROUNDING * np.abs(M).T @ np.abs(G) @ np.abs(M))
-        return ModelMatrix.of(models, n, n).is_definite(minus_P, Factor.exact(np.eye(n)))
-
-    @cached_property
-    def _jacobian(self) -> TaylorProgram | None:
-        """Program of ∂(rates)/∂z, column by column; None for W of a degree above 2 or a file."""
-        if any(sum(powers) > 2 for _, powers in self.piece.W.terms):
-            return None
-        if not isinstance(self.loop.policy, Gain):
-            return None
-        try:
-            return self.taylor([ca.vec(ca.jacobian(self.rates[0][0], self.symbols.z))])
-        except BadInputError:
-            return None
 
     def _slopes_within(self, k: int) -> Intervals:
         """Return the slopes of ∂W and the rates, (2 n, 3 n), in (y, z, e) for max |y_i| <= 2^-k."""
@@ -266,7 +230,7 @@ class Decrease(OnSet):
         """Program of the gradient of W and of the rates."""
         return self.program([self.piece.W.expressions(self.symbols.y)[1], self.rates[0][0]])
 
-    def _decreases_by_intervals(self, slopes: Intervals) -> bool:
+    def _decreases_with(self, slopes: Intervals) -> bool:
         """Return whether W' < 0 is proved where the slopes are those of `_slopes_within`.
 
         The gradient of W is G y and the rates are J z, with G and J within their enclosures. Hence

@@ -173,28 +173,35 @@ def _given_policy(request: CheckRequest, trim: GivenTrim) -> dict[str, Given]:
     close = close_to(SAME_GAIN, sizes_of_gain(trim.model))
     return {
         "loop.policy.K": Given(gain.K.tolist(), same=close),
-        "loop.policy.terms": Given(rows, same=_same_policy),
+        "loop.policy.terms": Given(rows, same=same_terms(trim.model)),
     }
 
 
 def sizes_of_gain(model: Model) -> np.ndarray:
     """Return the typical sizes (m, n) of the entries of a gain, which depend on units as K does."""
     inputs = [signal.nominal for signal in model.inputs.values()]
-    states = [model.states[name].nominal for name in model.linear]
-    return np.outer(inputs, 1.0 / np.array(states))
+    return np.outer(inputs, 1.0 / _nominal(model))
 
 
-def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
-    """Return whether policies, input -> terms, agree: coefficients within `SAME_GAIN`."""
-    if set(stated) != set(own):
-        return False
-    for name, rows in own.items():
-        found = {tuple(powers): coefficient for coefficient, powers in stated[name]}
-        wanted = {tuple(powers): coefficient for coefficient, powers in rows}
-        if set(found) != set(wanted):
+def _nominal(model: Model) -> np.ndarray:
+    return np.array([model.states[name].nominal for name in model.linear])
+
+
+def same_terms(model: Model) -> Callable[[Any, Any], bool]:
+    """Return a comparison of policies, input -> terms, with coefficients within `SAME_GAIN`."""
+
+    def same(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+        if set(stated) != set(own):
             return False
-        pairs = [[found[powers], wanted[powers]] for powers in wanted]
-        first, second = np.array(pairs).T
-        if not close_to(SAME_GAIN)(first, second):
-            return False
-    return True
+        for name, rows in own.items():
+            found = {tuple(powers): coefficient for coefficient, powers in stated[name]}
+            wanted = {tuple(powers): coefficient for coefficient, powers in rows}
+            if set(found) != set(wanted):
+                return False
+            sizes = [1.0 / np.prod(_nominal(model) ** powers) for powers in wanted]
+            close = close_to(SAME_GAIN, np.array(sizes))
+            if not close([found[powers] for powers in wanted], list(wanted.values())):
+                return False
+        return True
+
+    return same

@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_prove.check.definite import Factor, ModelMatrix
 from hfa_prove.enclosure.program import Program
 from hfa_prove.enclosure.slopes import Intervals, between, jacobian, values_at
 from hfa_prove.enclosure.taylor import Models, TaylorProgram, highest, lowest, pairs_of
@@ -275,31 +274,6 @@ def test_a_function_that_is_solved_for_is_refused() -> None:
     function = ca.Function("f", [x], [root(x0=0.0, p=x)["x"]])
     with pytest.raises(BadInputError, match="function root"):
         Program(function, "f")
-
-
-@pytest.mark.parametrize("part", ["entry", "left", "right"])
-@pytest.mark.parametrize(("error", "is_definite"), [(0.98, True), (1.02, False), (np.inf, False)])
-def test_a_matrix_is_definite_for_all_of_its_factors(
-    part: str, error: float, is_definite: bool
-) -> None:
-    """left' H right > 0 where one of the three is 1 ± error and the others are 1."""
-    of = {name: error if name == part else 0.0 for name in ("entry", "left", "right")}
-    H = ModelMatrix(np.ones((1, 1, 1)), np.full((1, 1), of["entry"]), 0)
-    left, right = (Factor(np.eye(1), np.full((1, 1), of[name])) for name in ("left", "right"))
-    with np.errstate(invalid="ignore"):
-        assert H.is_definite(left, right) == is_definite
-
-
-def test_no_matrix_is_definite_by_rounding() -> None:
-    """A singular matrix is not definite, whatever rounding makes of its eigenvalue of 0."""
-    rng = np.random.default_rng(9)
-    one = Factor.exact(np.eye(3))
-    for k in range(400):
-        B = rng.normal(size=(3, 2))
-        H = B @ B.T + (1e-9 * np.eye(3) if k % 4 == 0 else 0.0)
-        H = 0.5 * (H + H.T)
-        is_definite = ModelMatrix(H[:, :, None], np.zeros((3, 3)), 0).is_definite(one, one)
-        assert is_definite == (k % 4 == 0)
 
 
 FRACTIONS = [Fraction(each) for each in (-1.0, -0.25, 0.0, 0.5, 1.0)]
