@@ -21,7 +21,7 @@ from controller.game.q_function import of_q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
-from hfa_support.matrices import shape_text
+from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
 
@@ -194,7 +194,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     game: the game whose solution the critic approximates
     K: (m, n)
 
-    Raises BadInputError if K is not a real m x n matrix.
+    Raises BadInputError if K is not a real m x n matrix, or contains a number out of range.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -212,7 +212,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     game: the game whose solution the critic approximates
     P: (n, n)
 
-    Raises BadInputError if P is not a real n x n matrix.
+    Raises BadInputError if P is not a real n x n matrix, or contains a number out of range.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -223,6 +223,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     if P.shape != game.A.shape:
         n = len(game.A)
         raise BadInputError(f"P is {shape_text(P.shape)}; give {n} x {n}, states x states")
+    P = checked_matrix("P", P, LARGEST_CRITIC_ENTRY)
     K = game.gain((P + P.T) / 2.0)  # z'Pz depends on this part
     return Critic(K, P, "P", slope_gain=_slope_gain(game), is_discrete=game.is_discrete)
 
@@ -244,8 +245,8 @@ def from_parts(
     basis: ψ of W
     policy: CasADi Function z (n,) -> u (m,) of the entry "policy_weights" of a critic file, or None
 
-    Raises BadInputError if no part is given, if a shape is wrong, or if W and P define different
-    values.
+    Raises BadInputError if no part is given, if a shape or number is wrong, or if W and P define
+    different values.
     """
     gain = from_gain(game, parts["K"]) if "K" in parts else None
     critic = gain
@@ -328,6 +329,8 @@ def from_functions(
     outputs: "V", "gradient" (∂V/∂z), "policy" -> expression, at least one of them
     origin: source of the critic
     precision: floating-point type of the numbers in the critic's file
+
+    Raises BadInputError if a value or a derivative at z = 0 is not finite.
     """
     V = outputs.get("V")
     u = outputs.get("policy")
@@ -338,9 +341,12 @@ def from_functions(
         for name, expression in expressions.items()
         if expression is not None
     }
+    at_trim = {name: function(np.zeros(z.numel())).full() for name, function in network.items()}
     P = None if gradient is None else _derivative_at_0(gradient, z) / 2.0
+    _refuse_not_finite(at_trim | ({} if P is None else {"second derivative of V": P}))
     if u is not None:
         K, has_kink = _gain_at_0(u, z)
+        _refuse_not_finite({"slope of the policy": K})
         if has_kink:
             origin += "; kink at the trim: K has the mean slopes of both sides"
     else:
@@ -350,7 +356,7 @@ def from_functions(
         K,
         P,
         origin,
-        constant=0.0 if V is None else float(network["V"](np.zeros(len(game.A)))),
+        constant=0.0 if V is None else float(at_trim["V"].item()),
         precision=precision,
         slope_gain=_slope_gain(game) if u is None else None,
         F=game.F if u is None and game.N.any() else None,
@@ -358,6 +364,17 @@ def from_functions(
         is_discrete=game.is_discrete,
     )
     return critic if u is not None else _with_implied_policy(game, critic)
+
+
+def _refuse_not_finite(at_trim: Mapping[str, np.ndarray]) -> None:
+    """Raise BadInputError unless the numbers of a critic at the trim, by name, are finite."""
+    for name, numbers in at_trim.items():
+        wrong = numbers[~np.isfinite(numbers)]
+        if wrong.size:
+            raise BadInputError(
+                f"the {name} is {wrong[0]:g} at the trim, z = 0; give a critic whose values and "
+                "slopes are finite there"
+            )
 
 
 def _slope_gain(game: Game) -> np.ndarray | None:
@@ -446,7 +463,7 @@ def from_weights(
     constant: constant term of V, which is V(0) if ψ(0) = 0
     precision: floating-point type of the numbers in the critic's file
 
-    Raises BadInputError if W does not consist of M real numbers, if the name of the basis is
+    Raises BadInputError if W does not consist of M finite numbers, if the name of the basis is
     unknown, if the input of a CasADi Function is not a vector of n entries, or if the constant is
     not a finite number.
 
@@ -455,7 +472,7 @@ def from_weights(
     >>> hfa.from_weights(game, [3.0]).K.tolist()
     [[3.0]]
     """
-    weights = numbers_in("W", weights)
+    weights = checked_matrix("W", weights, LARGEST_CRITIC_ENTRY, None)
     n = len(game.A)
     if not is_finite(constant):
         raise BadInputError(f"constant is {shown(constant)}; give a finite number, V(0)")

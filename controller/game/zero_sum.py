@@ -275,7 +275,7 @@ class Game(ByValue, Reported):
     def checked_gain(self, K: ArrayLike) -> np.ndarray:
         """Return K as an array of floats.
 
-        Raises BadInputError if K is not a real m x n matrix.
+        Raises BadInputError if K is not a real m x n matrix, or contains a number out of range.
         """
         K = numbers_in("K", K)
         n, m = self.B.shape
@@ -284,7 +284,7 @@ class Game(ByValue, Reported):
             raise BadInputError(
                 f"K is {shape_text(K.shape)}; give {m} x {n}, inputs x states{hint}"
             )
-        return K
+        return checked_matrix("K", K, LARGEST_CRITIC_ENTRY)
 
     def worst_case_loop(self, P: np.ndarray) -> np.ndarray:
         """Return A - B K + E L, (n, n), the loop with both policies of the value z'Pz.

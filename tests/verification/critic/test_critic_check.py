@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
@@ -23,6 +24,7 @@ from hfa import (
     Signal,
     TrimCondition,
     from_gain,
+    from_network,
     from_value,
     from_weights,
     game as game_on,
@@ -64,21 +66,39 @@ def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
 @pytest.mark.filterwarnings(
     "ignore:Input"
 )  # SciPy warns of a Lyapunov equation that is singular within rounding
-def test_critics_that_overflow_or_are_nan_fail(game: Game) -> None:
-    """Critics of size 1e40 to 1e300, and weights with nan or inf, fail without an exception."""
-    for size in (1e40, 1e60, 1e300):  # finite, but P S P is not
-        for candidate in (
-            from_value(game, size * value(game)),
-            from_gain(game, -size * gain(game)),
-        ):
-            assert "K_rel_error" in failed(game, candidate)
-    for number in (np.nan, np.inf):
-        weights = weights_of(value(game))
-        weights[2] = number
-        with np.errstate(invalid="ignore"):
-            assert {"K_rel_error", "control_loop_abscissa"} <= failed(
-                game, from_weights(game, weights)
-            )
+def test_critics_that_overflow_fail(game: Game) -> None:
+    """Critics of size 1e40 fail without an exception."""
+    for candidate in (from_value(game, 1e40 * value(game)), from_gain(game, -1e40 * gain(game))):
+        assert "K_rel_error" in failed(game, candidate)
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, 1e60])
+def test_numbers_that_are_no_critic_are_refused(game: Game, number: float) -> None:
+    """Not finite numbers are bad input, and no fact about the loop."""
+    for name, make in {
+        "K": lambda: from_gain(game, number * gain(game)),
+        "P": lambda: from_value(game, number * value(game)),
+        "W": lambda: from_weights(game, number * weights_of(value(game))),
+    }.items():
+        with np.errstate(invalid="ignore"), pytest.raises(BadInputError, match=f"^{name}.* is "):
+            make()
+
+
+Z = ca.SX.sym("z", 6)
+NOT_FINITE = {
+    "the policy is nan": ("policy", ca.repmat(ca.sqrt(Z[0] - 1.0), 5)),
+    "slope of the policy is": ("policy", ca.repmat(ca.sqrt(Z[0]), 5)),
+    "the V is inf": ("V", ca.sumsqr(Z) + 1.0 / Z[0]),
+    "the gradient is nan": ("V", ca.sumsqr(Z) ** 0.75),
+    "the second derivative of V is": ("V", ca.sumsqr(Z) + Z[0] ** 1.5),
+}
+
+
+@pytest.mark.parametrize("says", NOT_FINITE)
+def test_a_network_without_numbers_at_the_trim_is_refused(game: Game, says: str) -> None:
+    kind, expression = NOT_FINITE[says]
+    with pytest.raises(BadInputError, match=says):
+        from_network(game, ca.Function(kind, [Z], [expression]))
 
 
 REFUSED: dict[str, tuple[Callable[[Game], Any], str]] = {

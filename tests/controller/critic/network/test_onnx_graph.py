@@ -194,7 +194,7 @@ GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
     },
     "ReduceSum of all": ([("ReduceSum", "x", "y")], {}, 1),
     "Pow": ([("Pow", "x two", "y")], {"two": np.float32(2)}, 6),
-    "Sqrt": ([("Relu", "x", "a"), ("Sqrt", "a", "y")], {}, 6),
+    "Sqrt": ([("Relu", "x", "a"), ("Add", "a one", "b"), ("Sqrt", "b", "y")], {}, 6),
     "Gemm": (
         [("Gemm", "x W c", "y", {"transB": 1, "alpha": 0.5, "beta": 2.0})],
         {"W": _WEIGHTS.T, "c": _WEIGHTS[0]},
