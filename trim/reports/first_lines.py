@@ -30,8 +30,6 @@ from trim.reports.trimmed import Trimmed
 _NEUTRAL = 1e-8
 #: Smaller flight-path angles and turn rates, rad and rad/s, are those of level, straight flight.
 _LEVEL = 1e-7
-#: Smaller differences of the load factor from cos γ are those of definitions.
-_LOAD = 1e-3
 #: Largest usual angle of attack, deg, and least negative drag that is doubted, per lift.
 _STEEPEST = 60.0
 _NEGATIVE = 1e-6
@@ -140,15 +138,18 @@ def _unstable(modes: Sequence[Mode], time: str) -> str:
 def condition_words(trimmed: Trimmed) -> Iterator[str]:
     """Yield the condition of an operating point as texts: "level", "68 ft/s", "40,000 ft".
 
-    The texts are flight path, turn, speed, altitude, scheduling variable, imposed load factor and
-    imposed rates. For a model without a speed, they are the first imposed values.
+    The texts are flight path, turn, speed, altitude, scheduling variable, load factor if a motion
+    is accelerated, values that are imposed otherwise than by default, and imposed rates. For a
+    model without a speed, they are the first imposed values.
     """
     point, model = trimmed.given, trimmed.given.model
     condition = None if point.problem is None else point.problem.asked
     imposed = {} if condition is None else condition.imposed
+    changed = {} if condition is None else condition.changes.get("imposed", {})
     speed = trimmed.roles.get("speed", "")
     if speed:
-        yield from _path_words(trimmed)
+        path = [*_path_words(trimmed)]
+        yield from path
         groups = [group for group in model.alternatives if speed in group]
         typed = [name for group in groups for name in group[1:] if name in imposed]
         named = [f"{name} {_number(model, name, imposed[name])}" for name in typed]
@@ -158,9 +159,12 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
         if ISA in model.parameters and model.parameters[ISA].start:
             yield f"ISA {model.parameters[ISA].start:+g} K"
         names = [model.schedule] if model.schedule in (*model.states, *model.inputs) else []
-        names += ["load_factor"] if "load_factor" in imposed or _has_other_load(trimmed) else []
-        yield from (_named(point, name) for name in names if name not in (speed, "altitude"))
-        yield from _engines_out(trimmed, imposed)
+        names += ["load_factor"] if "accelerated" in path and "load_factor" in model.outputs else []
+        engines_out = _engines_out(trimmed, imposed)
+        said = {speed, "altitude", "gamma", "turn_rate", *typed, *engines_out}
+        wanted = dict.fromkeys((*names, *changed))
+        yield from (_named(point, name) for name in wanted if name not in said)
+        yield from engines_out.values()
     else:
         yield from (_named(point, name) for name in [*imposed][:_MOST_VALUES])
     if condition is not None:
@@ -186,33 +190,28 @@ def _path_words(trimmed: Trimmed) -> Iterator[str]:
         yield "accelerated"
 
 
-def _has_other_load(trimmed: Trimmed) -> bool:
-    """Return whether the load factor is not that of steady, straight flight, cos γ."""
-    if "load_factor" not in trimmed.model.outputs:
-        return False
-    return abs(trimmed["load_factor"] - math.cos(trimmed.flight_path)) > _LOAD
-
-
-def _engines_out(trimmed: Trimmed, imposed: Mapping[str, Any]) -> Iterator[str]:
-    """Yield "engine 1 out (throttle1)" for each engine whose input is held at its lowest value, or
-    whose switch engine1 is held at 0, while that of another one is not.
+def _engines_out(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[str, str]:
+    """Return input or switch -> "engine 1 out (throttle1)" for each engine whose input is held at
+    its lowest value, or whose switch engine1 is held at 0, while that of another one is not.
 
     The number is that in the name of the input or parameter.
     """
     model = trimmed.given.model
+    all_out: dict[str, str] = {}
     for engines, values in (
         (model.inputs, {name: trimmed.given[name] for name in model.inputs}),
         (model.parameters, dict(zip(model.parameters, model.p.tolist(), strict=True))),
     ):
         found = {name: match for name in engines if (match := _ENGINE.fullmatch(name))}
-        out = [
-            f"engine {match['number']} out ({name})"
+        out = {
+            name: f"engine {match['number']} out ({name})"
             for name, match in found.items()
             if name in imposed or engines is model.parameters
             if values[name] - max(engines[name].min, 0.0) <= ROUNDING * engines[name].nominal
-        ]
+        }
         if len(out) < len(found):
-            yield from out
+            all_out |= out
+    return all_out
 
 
 def _named(point: OperatingPoint, name: str) -> str:

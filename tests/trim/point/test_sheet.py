@@ -68,6 +68,20 @@ def test_paths_controls_and_modes_stand_in_the_first_lines() -> None:
         assert f"{mode.name} {mode.frequency:.3g} rad/s, damping {mode.damping:.3g}" in third
 
 
+def test_the_first_line_has_what_is_imposed_and_no_value_that_follows() -> None:
+    """A sideslip is named, and the load factor that it causes is not; an imposed one is named."""
+    aircraft = f"{EXAMPLES}/cessna182.toml"
+    for imposed, free, words in (
+        ({}, (), []),
+        ({"beta": math.radians(5.0)}, (), ["beta 5 deg"]),
+        ({"load_factor": 1.2}, ("turn_rate",), ["load_factor 1.2"]),
+    ):
+        point = hfa.trim(hfa.load_model(aircraft), hold=imposed, free=free)
+        title = " ".join(point.report().title.partition("unstable")[0].split())
+        assert title.split(", ")[-1 - len(words) :] == ["5,000 ft", *words]
+        assert point.report().head["condition"].endswith(words[0] if words else "5,000 ft")
+
+
 def twin(*engines: str) -> Model:
     """Return an aircraft with two engines of 100 N, with switches engine1 and engine2."""
 
