@@ -131,19 +131,23 @@ def _scope(verdict: Verdict) -> str:
 def _facts(verdict: Verdict) -> list[str]:
     """Return at least two findings, the most important one first.
 
-    They are a failed check that no other finding mentions, the cost (of a simulated critic with
+    They are a kink of the policy, a failed check that no other finding mentions, the cost (of a
+    simulated critic with
     equilibrium and K), exactness and stability (first if not stabilizing), and the L2 gain.
     """
     failed = [check for check in verdict.checks if not check.ok]
-    facts = []
+    exactness = _exactness(verdict, failed)
+    has_kink = verdict.critic.has_kink and bool(failed)
+    facts = [exactness] if has_kink else []
     if failed and not any(check.kind in _IN_THE_FACTS for check in failed):
         facts.append(failed[0].reason)
     facts += [_cost_text(verdict)] if verdict.flights is None else _network_facts(verdict)
     if not verdict.stabilizing:
         facts.append("not stabilizing")
-    facts.append(_exactness(verdict, failed))
+    if not has_kink:
+        facts.append(exactness)
     if verdict.stabilizing:
-        facts.append("stabilizing")
+        facts.append("stabilizing with the mean slopes" if has_kink else "stabilizing")
     gain = next((check for check in verdict.checks if check.kind == "gain"), None)
     if gain is not None and math.isfinite(gain.value):
         facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")

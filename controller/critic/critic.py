@@ -52,6 +52,7 @@ class Critic(Reported):
     is_layer: True for a network with one layer on a basis
     has_weights: True if the value or the policy is given by the weights of listed functions
     is_discrete: whether the critic was made with a game in discrete time; None without a game
+    has_kink: True for a policy with a kink at z = 0, where K has the mean slopes of both sides
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -76,6 +77,7 @@ class Critic(Reported):
     is_layer: bool = False
     has_weights: bool = False
     is_discrete: bool | None = None
+    has_kink: bool = False
 
     @property
     def is_quadratic(self) -> bool:
@@ -344,6 +346,7 @@ def from_functions(
     at_trim = {name: function(np.zeros(z.numel())).full() for name, function in network.items()}
     P = None if gradient is None else _derivative_at_0(gradient, z) / 2.0
     _refuse_not_finite(at_trim | ({} if P is None else {"second derivative of V": P}))
+    has_kink = False
     if u is not None:
         K, has_kink = _gain_at_0(u, z)
         _refuse_not_finite({"slope of the policy": K})
@@ -362,6 +365,7 @@ def from_functions(
         F=game.F if u is None and game.N.any() else None,
         network=network,
         is_discrete=game.is_discrete,
+        has_kink=has_kink,
     )
     return critic if u is not None else _with_implied_policy(game, critic)
 

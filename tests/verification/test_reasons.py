@@ -141,6 +141,10 @@ def test_another_mistake_fails_without_a_reason(game: Game, critic: Any) -> None
     assert (verdict.ok, verdict.reason) == (False, "")
 
 
+ONE_INPUT = Game([[-1.0, 0.4], [0.1, -2.0]], [[1.0], [0.5]], Q=np.eye(2), R=[[1.0]])
+Z = ca.SX.sym("z", 2)
+
+
 def test_a_transposed_gain_is_named() -> None:
     plant = Game(
         [[-1.0, 0.4], [0.1, -2.0]], np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 3.0]), 5.0
@@ -150,12 +154,28 @@ def test_a_transposed_gain_is_named() -> None:
 
 def test_a_value_read_as_a_policy_is_named() -> None:
     """The one output of a network on a plant with one input is read as u, without --network."""
-    plant = Game([[-1.0, 0.4], [0.1, -2.0]], [[1.0], [0.5]], Q=np.eye(2), R=[[1.0]])
-    z = ca.SX.sym("z", 2)
-    V = ca.Function("f", [z], [ca.bilin(ca.DM(value(plant)), z, z)])
-    critic = from_network(plant, V)
+    V = ca.Function("f", [Z], [ca.bilin(ca.DM(value(ONE_INPUT)), Z, Z)])
+    critic = from_network(ONE_INPUT, V)
     assert "kink" not in critic.origin
-    assert "if it is V: --network V=NAME" in verify(plant, critic).reason
+    assert "if it is V: --network V=NAME" in verify(ONE_INPUT, critic).reason
+
+
+def test_a_value_without_curvature_is_named() -> None:
+    """V of an odd activation is no reason to ask whether the output is V."""
+    V = ca.Function("V", [Z], [ca.sum1(ca.tanh(Z))])
+    reason = verify(ONE_INPUT, from_network(ONE_INPUT, V)).reason
+    assert reason == "V of the network has no curvature at the trim"
+
+
+def test_a_kink_at_the_trim_is_the_first_finding() -> None:
+    """K is the mean of both slopes there, and neither a factor of K nor a stable loop."""
+    exact = ca.DM(gain(ONE_INPUT)) @ Z
+    for above, below, is_kink in ((2.0, 0.5, True), (1.5, 1.5, False)):
+        u = -ca.if_else(exact > 0.0, above * exact, below * exact)
+        verdict = verify(ONE_INPUT, from_network(ONE_INPUT, ca.Function("policy", [Z], [u])))
+        assert ("kink" in verdict.reason) == is_kink
+        assert ("kink" in verdict.report().title.partition("\n")[0]) == is_kink
+        assert str(verdict).partition("\n\n")[0].endswith("stabilizing") != is_kink
 
 
 def test_a_value_per_second_of_a_step_is_named() -> None:

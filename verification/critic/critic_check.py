@@ -39,7 +39,7 @@ _CRITICS = (
     "a critic: write hfa.from_gain(game, K), hfa.from_value(game, P), hfa.from_weights(game, W, "
     "basis=...), hfa.from_network(game, NETWORK) or hfa.read_critic(FILE, game)"
 )
-#: Slope of a policy, relative to the exact gain, below which it is the value that has none.
+#: Slope of a policy or curvature of a value, relative to the exact one, below which it is 0.
 _FLAT = 1e-6
 
 
@@ -238,10 +238,14 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
     if not critic.is_finite:
         return ""
     if critic.network and critic.weights is None:
-        size = np.abs(exact.K).max()
-        if len(critic.K) == 1 and np.abs(critic.K).max() <= _FLAT * size:
+        if critic.P is not None:
+            if box @ np.abs(critic.P) @ box <= _FLAT * (box @ np.abs(exact.P) @ box):
+                return "V of the network has no curvature at the trim"
+        elif len(critic.K) == 1 and np.all(np.abs(critic.K) @ box <= _FLAT * np.abs(exact.K) @ box):
             return "the output, read as u, has no slope at the trim; if it is V: --network V=NAME"
         mistake = mistake_of_policy(critic, exact, box, limit)
+        if critic.has_kink and not mistake:
+            return "the policy has a kink at the trim, and K has the mean slopes of both sides"
         if mistake or relative_error(critic.K, exact.K) <= limit:
             return mistake
     return reason_for(exact, critic, limit)
