@@ -9,6 +9,7 @@ from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
+from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import (
     ROUNDING,
@@ -20,8 +21,10 @@ from hfa_support.reporting.text import (
     wrapped,
 )
 from trim.linear.modes import Mode
+from trim.point.condition import release
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
+from trim.point.solve import trim
 from trim.point.status import BALANCE
 from trim.reports.configuration import configuration_of
 from trim.reports.trimmed import Trimmed
@@ -33,6 +36,8 @@ _LEVEL = 1e-7
 #: Largest usual angle of attack, deg, and least negative drag that is doubted, per lift.
 _STEEPEST = 60.0
 _NEGATIVE = 1e-6
+#: Outputs that are 0 without air.
+_OF_AIR = ("density", "dynamic_pressure", "keas", "kcas")
 #: Smaller speeds, per nominal speed, are none of a flight.
 _STANDING = 1e-2
 #: Names of inputs and parameters that belong to one of several engines.
@@ -91,9 +96,8 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
     directional stability.
     """
     model, roles = trimmed.given.model, trimmed.roles
-    size = abs(math.degrees(trimmed[roles["alpha"]])) if "alpha" in roles else 0.0
-    if size > _STEEPEST:
-        yield f"alpha is {size:.4g} deg in size; the data may have degrees without a unit"
+    if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _STEEPEST:
+        yield _steep(trimmed)
     speed = roles.get("speed", "")
     if speed and abs(trimmed.given[speed]) < _STANDING * model.states[speed].nominal:
         yield f"the speed is {_number(model, speed, trimmed.given[speed])}, no flight; hold a speed"
@@ -104,6 +108,37 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
     is_known = {"beta", "r", "speed"} <= {*roles} and trimmed.given.ok and not trimmed.fault
     if is_known and _yaw_stiffness(trimmed) < 0.0:
         yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
+
+
+def _steep(trimmed: Trimmed) -> str:
+    """Return a sentence on an alpha at which nothing flies: what is 0 without air, the cause in a
+    table, and the options of a trim near the start values of the model, which was tried.
+    """
+    point, model, condition = trimmed.given, trimmed.given.model, trimmed.given.posed.condition
+    without_air = [
+        name
+        for name in _OF_AIR
+        if name in model.outputs and abs(point[name]) < ROUNDING * model.outputs[name].nominal
+    ]
+    words = [_named(point, trimmed.roles["alpha"])]
+    words += [f"{name} {_number(model, name, 0.0)}" for name in without_air]
+    doubt = f"{', '.join(words)}: {'no' if without_air else 'hardly a'} flight"
+    if model.about.equations == "derivatives":
+        return f"{doubt}; the data may have degrees without a unit"
+    motion = [name for name in (trimmed.roles.get("speed", ""), "altitude") if name in model.states]
+    hold = {name: model.states[name].start for name in motion if name not in condition.imposed}
+    is_default = {name: condition.imposed.get(name) == value for name, value in model.trim.items()}
+    free = [name for name in model.inputs if is_default.get(name)]
+    try:
+        flown = trim(model, release(condition, hold=hold, free=free))
+    except (BadInputError, NoSolutionError):
+        return doubt
+    alpha = math.degrees(flown.coherent[trimmed.roles["alpha"]])
+    if not hold or abs(alpha) > _STEEPEST:
+        return doubt
+    options = [f"--hold {name}={shown_value(hold[name], model.unit(name))}" for name in hold]
+    options += [f"--free {name}" for name in free]
+    return f"{doubt}; a flight: {' '.join(options)}"
 
 
 def _yaw_stiffness(trimmed: Trimmed) -> float:

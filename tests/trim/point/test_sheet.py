@@ -590,3 +590,30 @@ def test_a_standing_aircraft_is_doubted(speed: float, doubted: bool) -> None:
         "car", states, inputs, lambda x, u, p, w: ({"speed": u.thrust}, {}), trim={"speed": speed}
     )
     assert ("no flight" in hfa.trim(model).report().title) == doubted
+
+
+def test_a_trim_without_air_is_doubted_and_leads_to_a_flight() -> None:
+    """The held controls balance only where the density is 0; the advised options give a flight."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        density = 1.0 - x.altitude / 40e3
+        rates = {
+            "speed": u.thrust * ca.cos(x.alpha) - 1e-3 * density * x.speed**2,
+            "alpha": density * (u.elevator - x.alpha),
+            "altitude": x.speed * density * (x.alpha - 0.1),
+        }
+        return rates, {"density": density}
+
+    states = {"speed": Signal("m/s", start=50.0), "alpha": Signal("rad", 0.1)}
+    states["altitude"] = Signal("m", 1e3, start=1e3)
+    inputs = {"elevator": Signal("rad", 0.1), "thrust": Signal("N")}
+    outputs, trim = {"density": Signal("kg/m^3")}, {"elevator": -0.05, "thrust": 1.0}
+    model = Model("kite", states, inputs, equations, outputs=outputs, trim=trim)
+    point = hfa.trim(model, start={"altitude": 39e3, "alpha": -1.5})
+    title = " ".join(point.report().title.split())
+    assert "Check: alpha -90 deg, density 0 kg/m^3: no flight" in title
+    assert "degrees without a unit" not in title
+    held = {name: float(value) for name, value in re.findall(r"--hold (\w+)=(\S+)", title)}
+    flown = hfa.trim(model, hold=held, free=re.findall(r"--free (\w+)", title))
+    assert dict(flown.states) == pytest.approx({"speed": 50.0, "alpha": 0.1, "altitude": 1e3})
+    assert "Check" not in flown.report().title
