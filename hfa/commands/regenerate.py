@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from hfa.options.command import Outcome, Request, command
 from hfa.options.option import option
 from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
+from hfa_aircraft.model import Model
 from hfa_model.variants import variant_named
 
 
@@ -19,8 +20,8 @@ class RegenerateRequest(Request, AircraftOptions):
     all: bool = option("print every entry, the matrices and the spectra")
 
 
-@command(RegenerateRequest)
-def regenerate(request: RegenerateRequest) -> Outcome:
+@command(RegenerateRequest, loaded_model)
+def regenerate(request: RegenerateRequest, model: Model) -> Outcome:
     """Compute both printed matrix pairs (A, B) from one aircraft, and compare each entry with its
     printed value.
 
@@ -28,7 +29,6 @@ def regenerate(request: RegenerateRequest) -> Outcome:
     """
     from verification.regeneration import regenerate_all
 
-    model = loaded_model(request)
     variant_named(request.dynamics or "published")  # the unsteady equations have no printed pair
     regeneration = regenerate_all(model)
     printed = None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from hfa.options.command import Outcome, Request, command
 from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
+from hfa_aircraft.model import Model
 from studies.alone import run_alone
 from studies.validation.outside import validate
 
@@ -19,14 +20,13 @@ class ValidationRequest(Request, AircraftOptions):
     units: None = None
 
 
-@command(ValidationRequest)
-def validation(request: ValidationRequest) -> Outcome:
+@command(ValidationRequest, loaded_model)
+def validation(request: ValidationRequest, model: Model) -> Outcome:
     """Compare the model with printed and released data: a third printed model, and a simulation's
     trims.
 
     Exit code 1 when a difference is beyond its limit.
     """
-    model = loaded_model(request)
     result = validate(model)
     return Outcome(report=result.report(), ok=result.ok, source=aircraft_source(request, model))
 

@@ -268,8 +268,8 @@ def _assumed_trim(request: AssessRequest, point: OperatingPoint) -> str:
     )
 
 
-@command(AssessRequest)
-def assess(request: AssessRequest) -> Outcome:
+@command(AssessRequest, _given)
+def assess(request: AssessRequest, given: _Given) -> Outcome:
     """Assess a policy as deployed: sampled and held, with normalizer and delay.
 
     For each trim, the report contains the equilibrium, the spectral radius of the sampled loop with
@@ -284,8 +284,7 @@ def assess(request: AssessRequest) -> Outcome:
     from hfa_flight.policies.deployment.deployed import Deployed
 
     if request.law is not None:
-        return _assess_law(request)
-    given = _given(request)
+        return _assess_law(request, given)
     deployment = _deployment(request, given.model)
     if request.filter:
         deployment = _filtered(deployment, given)
@@ -300,12 +299,11 @@ def assess(request: AssessRequest) -> Outcome:
     )
 
 
-def _assess_law(request: AssessRequest) -> Outcome:
-    """Fly a law from each trim, print the report of the flights and return the exit code."""
+def _assess_law(request: AssessRequest, given: _Given) -> Outcome:
+    """Return the outcome of the flights of a law from each trim."""
     from hfa_flight.samples.flights_in_air import flights_in_air
 
     _refuse_of_law(request)
-    given = _given(request)
     plans = [_plan_of_law(request, given, trimmed(each)) for each in given.trims]
     assumed = _assumed_trim(request, plans[0].point)
     flown = flights_in_air(plans)

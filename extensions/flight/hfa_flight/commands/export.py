@@ -77,8 +77,19 @@ class ExportRequest(Request, PolicyOptions):
     turbulence: Turbulence | None = turbulence_option()
 
 
-@command(ExportRequest)
-def export(request: ExportRequest) -> Outcome:
+def _given_trim(request: ExportRequest) -> GivenTrim:
+    """Return the trim of the options, which of the paper's aircraft is at `_DIHEDRAL` by default.
+
+    All options are checked, also those of the trim that the output does not use.
+    """
+    asked = trim_input(request)
+    if asked.at is None and request.aircraft is None:
+        return asked.trim(_DIHEDRAL, asked.held())
+    return asked.single()
+
+
+@command(ExportRequest, _given_trim)
+def export(request: ExportRequest, given: GivenTrim) -> Outcome:
     """Export an aircraft and its controller to other tools; -o selects the format.
 
     A folder receives C source without dependencies: equations, trim at --at, A, B, a gain and an
@@ -90,7 +101,6 @@ def export(request: ExportRequest) -> Outcome:
     """
     target = request.output
     assert target is not None  # required
-    given = _given_trim(request)
     if target.suffix.lower() == ".m":
         return _show_written(request, given, [_write_function(target)])
     is_fmu = target.suffix.lower() == ".fmu"
@@ -111,17 +121,6 @@ def export(request: ExportRequest) -> Outcome:
     else:
         written = _write_source(request, target, given, point)
     return _show_written(request, given, written, point.warnings)
-
-
-def _given_trim(request: ExportRequest) -> GivenTrim:
-    """Return the trim of the options, which of the paper's aircraft is at `_DIHEDRAL` by default.
-
-    All options are checked, also those of the trim that the output does not use.
-    """
-    asked = trim_input(request)
-    if asked.at is None and request.aircraft is None:
-        return asked.trim(_DIHEDRAL, asked.held())
-    return asked.single()
 
 
 def _check_filter(request: ExportRequest) -> None:

@@ -134,8 +134,8 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
         return self.samples if self.draws is None else self.draws
 
 
-@command(FlyRequest)
-def fly(request: FlyRequest) -> Outcome:
+@command(FlyRequest, given_trim)
+def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
     """Simulate a policy on the nonlinear aircraft, and compare the flight with the linear model.
 
     `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy. --reference
@@ -147,7 +147,7 @@ def fly(request: FlyRequest) -> Outcome:
     oscillation does not decay. Of several flights, every one must pass, or the share of --need.
     """
     if request.members is not None:
-        return _fly_members(request, request.members)
+        return _fly_members(request, given, request.members)
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
     from hfa_flight.simulate.flight import fly
     from trim.linear.linearize import linearize
@@ -160,7 +160,6 @@ def fly(request: FlyRequest) -> Outcome:
             f"{file} is a store for the flights of --samples or --draws; add --samples N"
         )
     _refuse_contradictions(request)
-    given = given_trim(request)
     planned = _planned(request, given, trimmed(given))
     model, point = planned.model, planned.point
     if request.duration is None:
@@ -350,8 +349,8 @@ def _end_of(result: Flight) -> str:
     return f"{ended}, cost {result.cost:.4g}{ratio}"
 
 
-def _fly_members(request: FlyRequest, members: int) -> Outcome:
-    """Simulate the flights of --samples or --draws, print the report and return the exit code."""
+def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome:
+    """Return the outcome of the flights of --samples or --draws."""
     from hfa_flight.samples.drawn_aircraft import drawn_figure
     from hfa_flight.samples.flights_in_air import flown_report, uncontrolled
     from hfa_flight.samples.monte_carlo import MonteCarlo
@@ -362,7 +361,6 @@ def _fly_members(request: FlyRequest, members: int) -> Outcome:
     target = request.output
     _refuse_of_members(request)
     _refuse_contradictions(request)
-    given = given_trim(request)
     spread = None
     if request.draws is not None:
         held = given.hold if given.at is None else (*given.hold, given.model.schedule)

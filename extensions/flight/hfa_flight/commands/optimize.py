@@ -157,8 +157,8 @@ def _refuse_contradictions(request: OptimizeRequest) -> None:
         refuse(request, ("need",), "applies only to --starts; remove this option, or add --starts")
 
 
-@command(OptimizeRequest)
-def optimize(request: OptimizeRequest) -> Outcome:
+@command(OptimizeRequest, trim_input)
+def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     """Search for the best flight of the nonlinear aircraft to its trim, and compare policies.
 
     The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Collocation proposes
@@ -174,7 +174,6 @@ def optimize(request: OptimizeRequest) -> Outcome:
     from hfa_flight.plan.problem import flight_problem
 
     _refuse_contradictions(request)
-    asked = trim_input(request)
     given = asked.single()
     end = _end(request, asked, given)
     model = end.model

@@ -86,8 +86,8 @@ class IdentifyRequest(Request, AircraftOptions):
     )
 
 
-@command(IdentifyRequest)
-def identify(request: IdentifyRequest) -> Outcome:
+@command(IdentifyRequest, loaded_model)
+def identify(request: IdentifyRequest, model: Model) -> Outcome:
     """Identify parameters of an aircraft from flight records by maximum likelihood.
 
     The method is output error. The report contains estimates with 95 % bands corrected for colored
@@ -99,7 +99,6 @@ def identify(request: IdentifyRequest) -> Outcome:
     from hfa_identify.estimation import identify as identified_of
     from hfa_support.files import write_text
 
-    model = loaded_model(request)
     kept_out = [request.validate] if request.validate else []
     progress = ProgressLine("identify")
     found = identified_of(
