@@ -16,7 +16,7 @@ import numpy as np
 
 from controller.critic.features import basis_of
 from controller.critic.symbols import symbols_for
-from controller.game.basis import Basis, monomials
+from controller.game.basis import Basis, bases_of_size, monomials
 from controller.game.q_function import of_q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_support.arguments import ArrayLike
@@ -494,9 +494,11 @@ def from_weights(
         listed = from_functions(game, z, {"V": V}, "weights of a list of functions", precision)
         return replace(listed, has_weights=True)
     if weights.shape != (psi.size,):
+        named = " or ".join(bases_of_size(weights.size, n))
+        instead = f"{psi.size} weights, P or a list of functions as the basis"
         raise BadInputError(
             f"W has {weights.size} weights, but basis {psi.name!r} of {psi.states} states has "
-            f"{psi.size} functions; give the name of the basis of W"
+            f"{psi.size} functions; give {f'the basis {named}' if named else instead}"
         )
     P = psi.matrix(weights)
     critic = Critic(

@@ -20,7 +20,13 @@ from controller.critic.reading import DIMENSIONS, CriticFile, Reading, in_plant_
 from controller.game.basis import Basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
-from hfa_aircraft.readers.matrices_file import file_scales, found_in, sample_time, words
+from hfa_aircraft.readers.matrices_file import (
+    file_scales,
+    found_in,
+    one_number,
+    sample_time,
+    words,
+)
 from hfa_support.arrays.one_matrix import UNKNOWN
 from hfa_support.arrays.read import read_arrays
 from hfa_support.entry_points import CRITICS, loaded, offered
@@ -65,7 +71,12 @@ def critic_file(path: str | Path) -> CriticFile:
 
         return CriticFile(partial(critic_of_network, path), is_network=True)
     entries = entries_in(path)
-    return CriticFile(partial(_critic_of, entries), plant=", ".join(words(entries, "plant")))
+    with prefix_errors(path):
+        return CriticFile(
+            partial(_critic_of, entries),
+            plant=", ".join(words(entries, "plant")),
+            delta=_delta_in(entries),
+        )
 
 
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
@@ -143,6 +154,14 @@ def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> No
 
 #: Schemas of files with P and K of a game, beside H in discrete time.
 _OF_A_GAME = ("hfa.learning-result/1", "hfa.game-solution/1")
+
+
+def _delta_in(entries: Mapping[str, Any]) -> float | None:
+    """Return δ of the game whose result a file contains, or None for a file of others."""
+    if str(entries.get("schema")) not in _OF_A_GAME:
+        return None
+    delta = entries.get("delta")
+    return math.inf if delta is None else one_number("delta", delta)  # JSON has null for inf
 
 
 def _refuse_other_time(entries: Mapping[str, Any], game: Game) -> None:

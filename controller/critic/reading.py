@@ -55,6 +55,7 @@ class CriticFile(NamedTuple):
     plant: name of the plant, "" if the file has none
     inputs: the inputs that the policy moves, () if the file has none
     cost: "Q" and "R" -> name -> weight, empty if the file has none
+    delta: δ of the game whose result the file contains, or None
     """
 
     critic: Callable[[Game, Reading], Critic]
@@ -62,6 +63,7 @@ class CriticFile(NamedTuple):
     plant: str = ""
     inputs: tuple[str, ...] = ()
     cost: Mapping[str, Mapping[str, float]] = {}
+    delta: float | None = None
 
 
 def in_plant_units(

@@ -164,3 +164,9 @@ BASES: dict[str, Callable[[int], np.ndarray]] = {
     "quadratic+quartic": lambda states: 4 * np.eye(states, dtype=int),
     "paper": _paper,
 }
+
+
+def bases_of_size(size: int, states: int) -> list[str]:
+    """Return the names of the bases with this number of functions of the given number of states."""
+    names = [name for name in BASES if name != "paper" or states == PAPER_STATES]
+    return [name for name in names if basis(name, states).size == size]

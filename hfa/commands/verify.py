@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -163,6 +164,8 @@ def _refuse_unused(request: VerifyRequest, files: Mapping[str, CriticFile]) -> N
             ("reference", "taylor"),
             "requires a single critic; remove it, or give a single file with --weights",
         )
+    if request.plant is not None:
+        refuse(request, ("taylor",), "applies only to an aircraft; remove it or --model")
     if not any(file.is_network for file in files.values()):
         refuse(
             request,
@@ -193,7 +196,7 @@ def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Ver
 def _notes(
     request: VerifyRequest, named: NamedGame, files: Mapping[str, CriticFile]
 ) -> Iterator[str]:
-    """Yield notes on what the files state of the game: cost, inputs, another plant."""
+    """Yield notes on what the files state of the game: cost, inputs, another plant or delta."""
     names = named.game.names
     moved = ", ".join(names.inputs)
     is_part = named.linear is not None and len(names.inputs) < len(named.linear.model.inputs)
@@ -205,3 +208,6 @@ def _notes(
             yield f"{path} moves {moved}; the other inputs stay at the trim"
         if file.plant not in ("", names.origin):
             yield f"{path} is of {file.plant}; the game is of {names.origin}"
+        delta = named.game.delta
+        if file.delta is not None and not math.isclose(file.delta, delta, rel_tol=1e-6):
+            yield f"{path} is of a game with delta {file.delta:g}; the game has delta {delta:g}"

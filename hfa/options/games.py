@@ -93,7 +93,8 @@ class GameOptions(WeightOptions, TrimOptions):
     """The game: on an aircraft at a trim, or on a plant read from a file."""
 
     plant: Path | None = option(
-        f"file with a plant: A, B and optionally E, Q, R, N ({' '.join(MATRIX_FILES)})",
+        "file with a plant: A, B and optionally E, Q, R, N (.json .npz .mat, or A.csv or A.npy, "
+        "with B beside it)",
         "FILE",
         input_file(*MATRIX_FILES),
         names="--model",

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_support.errors import file_faults
+from hfa_support.errors import file_faults, shortened
 from hfa_support.files import regular_file
 
 #: Matrix -> sides that belong to the states: 0 for its rows, 1 for its columns.
@@ -43,6 +43,7 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
     # that is not a number.
     with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
         rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
+    _refuse_separators(name, rows)
     column_names: list[str] = []
     if rows and not any(map(_is_number, rows[0])):
         column_names = rows.pop(0)
@@ -62,6 +63,18 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
         cells = " and of ".join(map(str, sorted(widths)))
         raise ValueError(f"{name} has rows of {cells} cells; give rows of equal length")
     return np.array(rows, dtype=float), row_names, column_names
+
+
+def _refuse_separators(name: str, rows: list[list[str]]) -> None:
+    """Raise ValueError if the numbers in a .csv file are not separated by commas."""
+    for cell in (cell for row in rows for cell in row):
+        of_table, by_blanks = re.split(r"[;\t]", cell), cell.split()
+        is_table = len(of_table) > 1 and any(map(_is_number, of_table))
+        if is_table or (len(by_blanks) > 1 and all(map(_is_number, by_blanks))):
+            raise ValueError(
+                f"{name} has the cell {shortened(cell)!r}; separate numbers by commas, and write "
+                "decimals with a point"
+            )
 
 
 class _Label(NamedTuple):

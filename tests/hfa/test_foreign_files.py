@@ -98,9 +98,14 @@ def test_an_entry_dt_that_is_no_sample_time_is_refused(dt: object) -> None:
 
 
 def test_a_solution_of_another_trim_is_named(tmp_path: Path) -> None:
-    """`hfa verify` says of which trim a file of `hfa solve` is, if the game is of another."""
+    """`hfa verify` says of which trim, and of which delta, a file of `hfa solve` is, if the game is
+    of another.
+    """
     solved = str(tmp_path / "solved.json")
     assert hfa("solve", "--dihedral", "10", "-q", "-o", solved).code == 0
     for dihedral, code in (("10", 0), ("11", 1)):
         result = hfa("verify", "--dihedral", dihedral, "--weights", solved)
         assert (result.code, "dihedral 10 deg, published" in result.err) == (code, code == 1)
+    for delta, is_other in (("200", False), ("300", True)):
+        result = hfa("verify", "--dihedral", "10", "--delta", delta, "--weights", solved)
+        assert ("is of a game with delta 200" in result.err) == is_other

@@ -45,6 +45,8 @@ SKEW = np.eye(4) + np.triu(np.ones((4, 4)), 1)
         (GAME, {"P": I2, "policy_weights": np.ones((1, 2))}, "give one for each of the 2 inputs"),
         (GAME, {"W": [1.0], "basis": "__import__('os')"}, "is not supported; use x1 to x2"),
         (GAME, {"W": np.ones(5), "basis": ["quadratic", "paper"]}, "entry basis is not one name"),
+        (GAME, {"W": np.ones(7)}, "give the basis cubic$"),
+        (GAME, {"W": np.ones(4)}, "give 3 weights, P or a list of functions as the basis$"),
         (STEPS, {"H": np.eye(5)}, r"give 4 x 4 over \(x, u\) or 6 x 6 over \(x, u, w\)"),
         (STEPS, {"H": SKEW}, r"\(row 1, column 2\); give \(H \+ H'\)/2"),
         (STEPS, {"H": np.diag([1.0, 1.0, 1.0, 0.0])}, "is singular"),

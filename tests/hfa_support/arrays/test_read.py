@@ -89,7 +89,12 @@ def test_csv_matrices_are_read_with_optional_names(
         ({"A": "0,1\n-2\n"}, "A has rows of 1 and of 2 cells"),
         ({"A": "x,y,z\n0,1\n-2,-3\n"}, "A has rows of 2 and of 3 cells"),
         ({"A": "0,1\n-2,x\n"}, "could not convert string to float: 'x'"),
-        ({"A": "0;1\n-2;-3\n"}, "could not convert string to float: '-2;-3'"),
+        ({"A": "0;1\n-2;-3\n"}, "'0;1'; separate numbers by commas"),
+        ({"A": "x;y\n0,5;1,5\n"}, "'5;1'; separate numbers by commas"),
+        ({"A": "0\t1\n-2\t-3\n"}, "separate numbers by commas"),
+        ({"A": "speed\t0\t1\nalpha\t-2\t-3\n"}, "separate numbers by commas"),
+        ({"A": "0 1\n-2 -3\n"}, "'0 1'; separate numbers by commas"),
+        ({"P": "1;2\n"}, "'1;2'; separate numbers by commas"),
         (
             {"A": ",x,y\ny,-2,-3\nx,0,1\n"},
             "the columns of A are x, y, but the states are y, x",
