@@ -51,6 +51,8 @@ NONE = "none"
 EXACT = "exact"
 #: Default duration of a flight, s.
 _DURATION = 20.0
+#: Duration of a sample of a flight, s.
+_SAMPLE = 0.01
 #: Forms of values in the help of options.
 _GUST = "LENGTH:PEAK[:BEGIN]"
 _ACTUATORS = "LAG:RATE[:ORDER]"
@@ -253,7 +255,7 @@ def behind_a_filter(policy: Policy, scenario: Scenario, point: OperatingPoint) -
     from hfa_flight.policies.filtered_policy import own_sample_time
 
     noise = noise_of_filter(scenario.uncertainty.noise)
-    dt = own_sample_time(policy, scenario.tick)
+    dt = own_sample_time(policy, scenario.interval)
     return filter(point.linearize(), noise, scenario.uncertainty.turbulence, dt).policy(policy)
 
 
@@ -418,7 +420,7 @@ def scenario_of(
 ) -> Scenario:
     """Return the scenario that the options specify for a trim.
 
-    The tick is the longest whole number of ms that divides both 10 ms and the delay.
+    A sample has 10 ms. The tick is the longest whole number of ms that divides it and the delay.
 
     hold: values of --hold, whose altitude is the one of the turbulence
     drawn: whether the scenario is of several flights, with random errors of parameters
@@ -440,6 +442,7 @@ def scenario_of(
     common = Scenario(
         duration=duration,
         tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
+        sample=_SAMPLE,
         initial=np.array([initial.get(name, 0.0) for name in model.states]),
         disturbance=constant(np.array([disturbed.get(name, 0.0) for name in names])),
         actuators=actuators_of(model, request.actuators),

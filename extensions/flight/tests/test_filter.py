@@ -4,6 +4,7 @@ import copy
 import json
 import pickle
 from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -269,17 +270,25 @@ def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
     np.testing.assert_allclose(critic(0.0, y + known.innovation), U)
 
 
-def test_a_delay_is_known_to_the_filter(point, linear, gain):
-    """The prediction moves with the command that acts, three samples late."""
+@pytest.mark.parametrize(("delay", "samples"), [(0.03, 4), (0.025, 3)])
+def test_a_delay_is_known_to_the_filter(point, linear, gain, delay, samples):
+    """The prediction moves with the first command from its delay on, until then with none."""
     known = hfa.filter(linear, NOISE)
-    late, _ = known.policy(gain).in_scenario(Scenario(1.0, delay=0.03))
+    late, _ = known.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=delay))
     late.reset()
     y = np.array([point[name] for name in known.sensors])
-    late(0.0, y + known.innovation)
-    x = known.L @ known.innovation
-    moved = known.Phi @ x
+    U = late(0.0, y + known.innovation)
+    for sample in range(1, samples):
+        late(0.01 * sample, np.full(6, np.nan))
+    A, B = np.array(linear.A), np.array(linear.B)
+    moved = expm(np.block([[A, B], [np.zeros((5, 11))]]) * (0.01 * samples - delay))
+    x = expm(A * delay) @ known.L @ known.innovation
+    x = moved[:6, :6] @ x + moved[:6, 6:] @ (U - point.u)
     np.testing.assert_allclose(
-        list(late.estimate.values()), [point[name] for name in linear.states] + moved[:6]
+        list(late.estimate.values()), [point[name] for name in linear.states] + x, rtol=1e-9
+    )
+    np.testing.assert_allclose(
+        U, point.u - gain @ expm(A * delay) @ known.L @ known.innovation, rtol=1e-9
     )
 
 
@@ -345,6 +354,12 @@ def test_a_deployment_file_names_its_filter(folder):
     known = hfa.filter(point.linearize(), noise, "light:1000", 0.02)
     by_hand = hfa.fly(model, point, known.policy(deployed.changed(filter=None)), scenario=scenario)
     np.testing.assert_array_equal(by_file.states, by_hand.states)
+    late = hfa.fly(
+        model, point, deployed.changed(timing={"dt": 0.02, "delay": 0.03}), 0.1, predict=False
+    )
+    assert (late.policy["filter"]["dt"], late.scenario["delay"]) == (0.02, 0.03)
+    _, again = late.loop.policy.in_scenario(late.loop.scenario)
+    assert again.delay == 0.03  # not added twice
     words = ("--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--policy", "filtered.toml", "--at", "45")
     assert_refused(run("export", *words, "-o", "c"), 2, "has a [filter]")
     with pytest.raises(BadInputError, match=r"give the filter dt=0\.02"):
@@ -367,11 +382,20 @@ def test_wrong_arguments_of_a_filter_are_refused(linear, given, said):
         hfa.filter(linear, **given)
 
 
-def test_a_delay_between_samples_and_a_gain_of_other_sizes_are_refused(known, gain):
+def test_a_gain_of_other_sizes_is_refused(known, gain):
     with pytest.raises(BadInputError, match="size 5 x 5; give 5 x 6"):
         known.policy(gain[:, 1:])
-    with pytest.raises(BadInputError, match=r"the delay is 0\.015 s; the filter takes whole"):
-        known.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=0.015))
+
+
+@pytest.mark.parametrize("delay", ["0", ".013"])
+def test_a_delay_changes_neither_noise_nor_filter(folder, delay):
+    """A sample has 10 ms with any delay."""
+    words = ["fly", "--dihedral", "10", "--law", "exact", "--filter", "--duration", ".05", *TYPED]
+    assert run(*words, "--delay", delay, "-o", "f.json").code == 0
+    data = json.loads(Path("f.json").read_text())
+    drawn = Uncertainty(noise=NOISE).samples(0, 0, 5, tuple(NOISE))
+    np.testing.assert_allclose(data["scenario"]["drawn_noise"], drawn.std(axis=0))
+    assert data["policy"]["filter"]["dt"] == 0.01
 
 
 def test_the_band_of_lost_flights_is_that_of_the_binomial():

@@ -38,6 +38,25 @@ def in_samples(delay: float, dt: float) -> Delay:
     return Delay(whole, delay - whole * dt)
 
 
+def acting_commands(delay: float, dt: float, seconds: float) -> list[tuple[int, float]]:
+    """Return which commands act in some seconds after a sample, with the duration of each, s.
+
+    A command is named by the number of samples since its own: 0 is that of this sample.
+
+    delay, dt: delay and sample time, s
+    """
+    late, until = in_samples(delay, dt)
+    begin = 0.0
+    acting = []
+    for since in range(late + 1, -1, -1):
+        end = min(until, seconds)
+        if end - begin > WHOLE * dt:
+            acting.append((since, end - begin))
+            begin = end
+        until += dt
+    return acting
+
+
 def steps_of(seconds: float, step: float) -> int:
     """Return the least number of steps, at least 1, that last as long as a time, up to `WHOLE`."""
     return max(1, math.ceil(seconds / step - WHOLE))

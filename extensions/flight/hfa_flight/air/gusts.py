@@ -44,8 +44,8 @@ class Gust:
         """Return a note on the gust for the report of a flight, or ""."""
         return ""
 
-    def held_inputs(self, tick: int) -> np.ndarray:
-        """Return the held inputs of a tick, (held_size,)."""
+    def held_inputs(self, sample: int) -> np.ndarray:
+        """Return the held inputs of a sample, (held_size,)."""
         return np.zeros(0)
 
 

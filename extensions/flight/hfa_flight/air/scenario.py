@@ -44,7 +44,7 @@ class Uncertainty:
 
     errors: parameter -> relative standard deviation about the nominal value
     noise: state of the linear model -> standard deviation of the sensor noise. The noise is drawn
-        every tick and constant during the tick
+        every sample and constant during the sample
     turbulence: `Turbulence`, or None
 
     Errors, noise and turbulence of member k = 0, 1, ... use three independent streams from (seed,
@@ -85,9 +85,9 @@ class Uncertainty:
         return np.asarray(np.exp(sigma * random.standard_normal(len(sigma)) - sigma**2 / 2))
 
     def samples(
-        self, seed: int, member: int, ticks: int, names: tuple[str, ...]
+        self, seed: int, member: int, count: int, names: tuple[str, ...]
     ) -> np.ndarray | None:
-        """Return drawn sensor noise N(0, s²), (ticks, k), of the states `names`.
+        """Return drawn sensor noise N(0, s²), (count, k), of the states `names`.
 
         Returns None if none of these states has noise.
         """
@@ -95,7 +95,7 @@ class Uncertainty:
         if not levels.any():
             return None
         random = np.random.default_rng(_sequence(seed, member, _NOISE))
-        return levels * random.standard_normal((ticks, len(levels)))
+        return levels * random.standard_normal((count, len(levels)))
 
 
 def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
@@ -118,13 +118,15 @@ class Scenario(Reported):
     actuators: dynamics of the actuators, or None
     gust: motion of the air, or None
     uncertainty: random quantities, not yet drawn
-    samples: sensor noise, (ticks, k), constant during each tick, or None
+    samples: sensor noise, (N, k), constant during each sample, or None
     air: disturbance of the model -> waveform, (1,)
     delay: delay of every command, s, a whole number of ticks
+    sample: interval of the noise, of turbulence and of a filter or function that acts as the
+        policy, s, a whole number of ticks. Default: a tick
 
     Raises BadInputError if times are not multiples of each other or are too long, the step is too
-    long for the actuators, a factor is not positive, the delay is not a whole number of ticks, or
-    there are both a gust and turbulence.
+    long for the actuators, a factor is not positive, the delay or the sample is not a whole number
+    of ticks, or there are both a gust and turbulence.
 
     >>> from hfa_flight import OneMinusCosine, Scenario
     >>> gust = OneMinusCosine(length=400.0, peak=5.0, speed=68.0)
@@ -145,6 +147,7 @@ class Scenario(Reported):
     samples: np.ndarray | None = None
     air: Mapping[str, Waveform] = field(default_factory=dict)
     delay: float = 0.0
+    sample: float | None = None
 
     def __post_init__(self) -> None:
         """Raise BadInputError if times do not fit each other, or for an invalid factor or delay."""
@@ -167,18 +170,19 @@ class Scenario(Reported):
             refuse_unless_positive(f"the factor on {name}", factor)
         if not 0.0 <= self.delay < math.inf:
             raise BadInputError(f"delay is {self.delay:g} s; give a finite time of at least 0 s")
-        if not in_samples(self.delay, self.tick).is_whole:
-            raise BadInputError(
-                f"delay is {self.delay:g} s; give a multiple of the tick, {self.tick:g} s"
-            )
+        for name, time in (("delay", self.delay), ("sample", self.interval)):
+            if not in_samples(time, self.tick).is_whole:
+                raise BadInputError(
+                    f"{name} is {time:g} s; give a multiple of the tick, {self.tick:g} s"
+                )
         if not isinstance(self.gust, Gust | None):
             example = "hfa_flight.OneMinusCosine(length=400.0, peak=5.0, speed=68.0)"
             raise BadInputError(f"gust is {shown(self.gust)}; give a gust such as {example}")
         if self.samples is not None:
             shape = numbers_in("samples", self.samples).shape
-            if len(shape) != 2 or shape[0] < self.ticks:
+            if len(shape) != 2 or shape[0] < self.intervals:
                 raise BadInputError(
-                    f"samples has shape {shape}; give noise (ticks, k) for {self.ticks} ticks"
+                    f"samples has shape {shape}; give noise (N, k) for {self.intervals} samples"
                 )
         if self.gust is not None and self.uncertainty.turbulence is not None:
             raise BadInputError(
@@ -194,6 +198,21 @@ class Scenario(Reported):
     def delayed_ticks(self) -> int:
         """Number of ticks by which every command is delayed."""
         return in_samples(self.delay, self.tick).whole
+
+    @property
+    def interval(self) -> float:
+        """Duration of a sample, s."""
+        return self.tick if self.sample is None else self.sample
+
+    @property
+    def ticks_per_sample(self) -> int:
+        """Number of ticks in a sample."""
+        return round(self.interval / self.tick)
+
+    @property
+    def intervals(self) -> int:
+        """Number of samples of the flight."""
+        return steps_of(self.duration, self.interval)
 
     @property
     def moving_air(self) -> bool:
@@ -252,13 +271,15 @@ class Scenario(Reported):
             )
         return replace(self, reference=reference)
 
-    def in_ticks(self, tick: float, longest: float) -> Scenario:
+    def in_ticks(self, tick: float, longest: float, sample: float | None = None) -> Scenario:
         """Return the scenario with another tick, s, and a duration of whole ticks.
 
         longest: longest integration step, s
+        sample: duration of a sample, s, or None for a tick
         """
         count = max(1, round(self.duration / tick))
-        return replace(self, duration=count * tick, tick=tick, step=tick / steps_of(tick, longest))
+        step = tick / steps_of(tick, longest)
+        return replace(self, duration=count * tick, tick=tick, step=step, sample=sample)
 
     @property
     def ticks(self) -> int:
@@ -278,13 +299,13 @@ class Scenario(Reported):
         gust = self.gust
         if uncertain.turbulence is not None:
             air = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
-            gust = uncertain.turbulence.air(point, self.tick, self.ticks, air)
+            gust = uncertain.turbulence.air(point, self.interval, self.intervals, air)
         return replace(
             self,
             errors=errors,
             gust=gust,
             uncertainty=Uncertainty(),
-            samples=uncertain.samples(seed, member, self.ticks, point.model.linear),
+            samples=uncertain.samples(seed, member, self.intervals, point.model.linear),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -307,6 +328,8 @@ class Scenario(Reported):
             data["air"] = {name: waveform.to_dict() for name, waveform in self.air.items()}
         if self.delay:
             data["delay"] = self.delay
+        if self.ticks_per_sample > 1:
+            data["sample"] = self.interval
         return data
 
 

@@ -147,7 +147,7 @@ class Turbulence:
     def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
         """Return the turbulence of a flight that begins at the trim `point`.
 
-        interval: duration of a tick, s
+        interval: duration of a sample, s
         ticks: number of ticks
         seed: seed of the noise
 
@@ -311,7 +311,7 @@ class TurbulentAir(Gust):
     altitude: altitude of the level, ft, or None for a given intensity.
     feet: length of a foot in the model's unit.
     speed: V, ft/s.
-    interval: duration of a tick, s.
+    interval: duration of a sample, s.
     ticks: number of ticks.
     seed: seed of the noise.
     taken: component -> disturbance of the model -> factor.
@@ -342,13 +342,13 @@ class TurbulentAir(Gust):
         """Number of held inputs: time, values and slopes at the start of a tick."""
         return 1 + 2 * len(self.names)
 
-    def held_inputs(self, tick: int) -> np.ndarray:
-        """Return [time; values; slopes] of the disturbances at the start of a tick.
+    def held_inputs(self, sample: int) -> np.ndarray:
+        """Return [time; values; slopes] of the disturbances at the start of a sample.
 
-        The values are those of `values`, and the slopes are their time derivatives during the tick.
+        The values are those of `values`, and the slopes their time derivatives during the sample.
         """
-        now, later = self.values[tick : tick + 2]
-        return np.concatenate([[tick * self.interval], now, (later - now) / self.interval])
+        now, later = self.values[sample : sample + 2]
+        return np.concatenate([[sample * self.interval], now, (later - now) / self.interval])
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
         """Return the turbulence at time t, as disturbance of the model -> value."""
@@ -423,7 +423,7 @@ class AirFilter:
     A: (n, n)
     B: (n, 4), or (n, 3) without wing span
     C: (6, n)
-    interval: duration of a tick, s
+    interval: duration of a sample, s
     """
 
     A: np.ndarray

@@ -259,7 +259,7 @@ def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> Pl
         from hfa_flight.plan.keep_inside import kept_inside
         from hfa_flight.plan.problem import flight_problem
 
-        policy = kept_inside(policy, flight_problem(point.model, point), scenario.tick)
+        policy = kept_inside(policy, flight_problem(point.model, point), scenario.interval)
     if request.filter:
         policy = behind_a_filter(policy, scenario, point)
     policy, scenario = policy.in_scenario(scenario)

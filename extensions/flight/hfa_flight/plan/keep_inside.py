@@ -37,8 +37,9 @@ class KeptInside(Policy):
     policy: the policy
     problem: aircraft, trim and limits
     nearest: nearest inputs of a sample that keep the limits
-    tick: time between samples, s
+    tick: duration of a sample, s
     delay: time from a sample until its command acts, s
+    ticks: number of ticks of the flight in a sample
     changed: one entry, the number of samples of the last flight whose command was changed
     """
 
@@ -49,6 +50,7 @@ class KeptInside(Policy):
     nearest: NearestInputs
     tick: float
     delay: float
+    ticks: int
     changed: list[int]
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
@@ -65,19 +67,24 @@ class KeptInside(Policy):
         """
         problem, nearest = self.problem, self.nearest
         own = self.policy
-        policy_held = own.sampler() or (lambda k, _: own.held_inputs(k, k * self.tick))
+        step = self.tick / self.ticks
+        policy_held = own.sampler() or (lambda k, _: own.held_inputs(k, k * step))
         command = BoundFunction(self._command())
         known = Measured(nearest.model, self.delay)
         trim = problem.point.x
         self.changed[0] = 0
+        latest = self.held[0]
 
         def sample(tick: int, measured: np.ndarray) -> np.ndarray:
+            nonlocal latest
+            if tick % self.ticks:
+                return latest
             z = known.when_acting(problem.followed_of(trim + measured), STILL)
             acted = measured.copy()
             if self.delay:
                 acted[problem.followed_places] = z * problem.sizes[0]
             held = policy_held(tick, acted)
-            (u,) = command.at(tick * self.tick, measured, held)
+            (u,) = command.at(tick * step, measured, held)
             v = u[problem.moved] / problem.sizes[1]
             inside = nearest(z, v)
             acts = bool(np.abs(inside - v).max() > _ROUNDING)
@@ -85,7 +92,8 @@ class KeptInside(Policy):
             self.changed[0] += acts
             if acts:
                 u = problem.inputs_of(inside) - problem.point.u
-            return np.concatenate([held, [float(acts)], u])
+            latest = np.concatenate([held, [float(acts)], u])
+            return latest
 
         return sample
 
@@ -104,7 +112,8 @@ class KeptInside(Policy):
         A deployment's delay is added to that of the scenario, which acts after the nearest inputs.
         The policy itself has no delay then: its states are those when its command acts (`sampler`).
 
-        Raises BadInputError (of the scenario) unless the delay is a whole number of samples.
+        Raises BadInputError (of the scenario) for a delay of a deployment that is not a whole
+        number of samples.
         """
         policy = self.policy
         if isinstance(policy, DeployedPolicy):
@@ -115,14 +124,15 @@ class KeptInside(Policy):
             policy, scenario = policy.in_scenario(scenario)
         if isinstance(policy, SampledPolicy):
             policy = replace(policy, delay=0.0)
-        nearest = NearestInputs(self.nearest.model.scaled, scenario.tick)
+        nearest = NearestInputs(self.nearest.model.scaled, scenario.interval)
         held = np.zeros((1, policy.held.shape[1] + 1 + len(self.problem.model.inputs)))
         changed = replace(
             self,
             policy=policy,
             nearest=nearest,
-            tick=scenario.tick,
+            tick=scenario.interval,
             delay=scenario.delay,
+            ticks=scenario.ticks_per_sample,
             held=held,
         )
         return changed, scenario
@@ -178,7 +188,7 @@ def keep_inside(
 
 
 def kept_inside(policy: Policy, problem: FlightProblem, tick: float = 0.01) -> KeptInside:
-    """Return the policy of `keep_inside` for a problem, and ticks of a flight, s."""
+    """Return the policy of `keep_inside` for a problem, and samples of a flight, s."""
     nearest = NearestInputs(ScaledProblem(problem), tick)
     if not nearest.states:
         raise BadInputError(
@@ -193,6 +203,7 @@ def kept_inside(policy: Policy, problem: FlightProblem, tick: float = 0.01) -> K
         nearest,
         tick,
         0.0,
+        1,
         [0],
         held=held,
         identity={**policy.identity, "keeps": list(nearest.states)},

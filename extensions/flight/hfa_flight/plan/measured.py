@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfa_flight.air.delay import WHOLE, in_samples
+from hfa_flight.air.delay import acting_commands, in_samples
 from hfa_flight.plan.held_model import HeldModel
 from hfa_flight.plan.hold import hold_of
 
@@ -81,16 +81,8 @@ class Measured:
 
     def _acting(self, sample: int, seconds: float) -> list[tuple[np.ndarray, float]]:
         """Return the inputs that act in some seconds after a sample, each with its duration, s."""
-        late, until = in_samples(self._delay, self._dt)
-        begin = 0.0
-        acting = []
-        for number in range(sample - late - 1, sample + 1):
-            end = min(until, seconds)
-            if end - begin > WHOLE * self._dt:
-                acting.append((self._command(number), end - begin))
-                begin = end
-            until += self._dt
-        return acting
+        acting = acting_commands(self._delay, self._dt, seconds)
+        return [(self._command(sample - since), duration) for since, duration in acting]
 
     def _command(self, number: int) -> np.ndarray:
         """Return the command of a sample, 0 before the flight, (m,)."""

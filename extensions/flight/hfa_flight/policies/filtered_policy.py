@@ -7,18 +7,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self, cast
+from typing import Any, NamedTuple, Self, cast
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.air.delay import in_samples
+from hfa_flight.air.delay import acting_commands, in_samples
 from hfa_flight.air.held_step import held_step, parts_of_a_sample
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
+from hfa_flight.policies.deployment.sampled_loop import held
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
 from hfa_flight.policies.sampled_policy import SampledPolicy
@@ -39,7 +40,7 @@ class _Memory:
     """Memory of one flight.
 
     predicted: predicted states of the filter at the next sample, (n,)
-    waiting: commands that do not act yet
+    waiting: commands that may act yet, the oldest first
     samples, unused: numbers of samples, and of samples that were not used
     missed: number of samples in a row with an impossible innovation
     law: the policy behind the filter, or None before the first sample
@@ -53,22 +54,35 @@ class _Memory:
     law: _Law | None = None
 
 
+class _Part(NamedTuple):
+    """Models of a part of a sample with held inputs: x⁺ = Φ x + Γ u, and the nonlinear one of a law
+    that plans, (X, U, [0; winds], p) -> (X⁺, extremes).
+    """
+
+    Phi: np.ndarray
+    Gamma: np.ndarray
+    nonlinear: BoundFunction | None
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class FilteredPolicy(SampledPolicy):
     """Policy U = sat(law(x̂)) of the estimate x̂ of a Kalman filter.
 
     A sample that is not finite, or with an innovation beyond 8 standard deviations, is not used
     and counted. If the first sample, or ten in a row, are impossible, the estimate begins at the
-    measured values. With a delay the law acts on the state predicted over the commands under way.
-    The linear model predicts the states, or the nonlinear one for a law that plans on it. Such a
-    law may receive the winds of the filter too.
+    measured values. With a delay the law acts on the state predicted over the commands under way;
+    a deployment with a delay of its own acts on the estimate of its sample. The linear model
+    predicts the states, or the nonlinear one for a law that plans on it. Such a law may receive
+    the winds of the filter too.
 
     filter: the filter
     law: the policy behind it
+    ahead: time from a sample for which the state is predicted before the law, s
     """
 
     filter: KalmanFilter
     law: Policy
+    ahead: float = field(default=0.0, kw_only=True)
     _memory: _Memory = field(init=False)
 
     @classmethod
@@ -107,7 +121,7 @@ class FilteredPolicy(SampledPolicy):
 
     def _new(self) -> _Memory:
         late = in_samples(self.delay, self.dt).whole
-        still = [np.zeros(len(self.point.u)) for _ in range(late)]
+        still = [np.zeros(len(self.point.u)) for _ in range(late + 1)]
         return _Memory(np.zeros(len(self.filter.Phi)), still)
 
     def __call__(self, t: float, y: Any) -> np.ndarray:
@@ -161,55 +175,81 @@ class FilteredPolicy(SampledPolicy):
         if memory.law is None:
             memory.law = _law_of(self.law, self.point, self.dt)
         known = self.filter
+        still = np.zeros(len(self.point.u))
         updated = self._updated(memory, y)
-        ahead = updated  # when the command of this sample acts
-        for under_way in memory.waiting:
-            ahead = self._moved(ahead, under_way)
+        ahead = self._predicted(updated, [*memory.waiting, still], self.ahead)
         x = np.zeros(len(self.point.x))
         x[self.point.model.state_places(known.states)] = ahead[: len(known.states)]
         limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
         command = memory.law(memory.samples, x, known.winds_at(ahead)) + self.point.u
         u = np.clip(command, limits.lowest, limits.highest) - self.point.u
         memory.waiting.append(u)
-        acting = memory.waiting.pop(0)
-        memory.predicted = self._moved(updated, acting)
+        memory.predicted = self._predicted(updated, memory.waiting, self.dt)
+        memory.waiting.pop(0)
         memory.samples += 1
         return np.asarray(u)
 
-    def _moved(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return the states of the filter after a sample, (n,).
+    def _predicted(self, x: np.ndarray, commands: list[np.ndarray], seconds: float) -> np.ndarray:
+        """Return the states of the filter some seconds after a sample, (n,).
+
+        x: states of the filter at the sample, (n,)
+        commands: the commands of the samples until this one, the latest last, (m,) each
+        """
+        for since, duration in acting_commands(self.delay, self.dt, seconds):
+            x = self._moved(x, commands[-1 - since], duration)
+        return x
+
+    def _moved(self, x: np.ndarray, u: np.ndarray, seconds: float) -> np.ndarray:
+        """Return the states of the filter after some seconds, at most a sample, (n,).
 
         x: states of the filter, (n,)
         u: deviations of the acting inputs from the trim, (m,)
         """
         known, k = self.filter, len(self.filter.states)
-        after: np.ndarray = known.Phi @ x + known.Gamma @ u
-        if isinstance(self.law, SampledPolicy) and self.law.plans:
+        part = self._part(seconds)
+        after: np.ndarray = part.Phi @ x + part.Gamma @ u
+        if part.nonlinear is not None:
             point, rows = self.point, self.point.model.state_places(known.states)
             X, push = point.x, np.append(np.zeros(k), [*known.winds_at(x).values()])
             X[rows] += x[:k]
-            moved, _ = self._nonlinear.at(X, point.u + u, push, point.model.p)
+            moved, _ = part.nonlinear.at(X, point.u + u, push, point.model.p)
             if np.isfinite(moved).all():
                 after[:k] = (moved - point.x)[rows]
         return after
 
+    def _part(self, seconds: float) -> _Part:
+        """Return the models of some seconds with held inputs, at most a sample."""
+        key = round(seconds / self.dt, 6)
+        if key not in self._parts:
+            known, nonlinear = self.filter, None
+            matrices = (known.Phi, known.Gamma) if key == 1.0 else held(known.A, known.B, seconds)
+            if isinstance(self.law, SampledPolicy) and self.law.plans:
+                steps = parts_of_a_sample([self.point], seconds)
+                nonlinear = BoundFunction(
+                    held_step(self.point.model, seconds, steps, self.filter.winds)
+                )
+            self._parts[key] = _Part(*matrices, nonlinear)
+        return self._parts[key]
+
     @cached_property
-    def _nonlinear(self) -> BoundFunction:
-        """Function (X, U, [0; winds], p) -> (X after a sample of the nonlinear model, extremes)."""
-        parts = parts_of_a_sample([self.point], self.dt)
-        return BoundFunction(held_step(self.point.model, self.dt, parts, self.filter.winds))
+    def _parts(self) -> dict[float, _Part]:
+        """Share of a sample -> its models."""
+        return {}
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
         """Return the policy and the scenario with ticks that divide samples and delays.
 
-        Raises BadInputError if the delay is not a whole number of samples.
+        The delay of a deployment is added to that of the scenario.
         """
+        law, ahead = self.law, scenario.delay
+        if isinstance(law, DeployedPolicy):
+            if not law.is_late:
+                return self, scenario
+            scenario = scenario.in_ticks(law.tick, scenario.step, self.dt)
+            scenario = replace(scenario, delay=ahead + law.deployed.deployment.delay)
+            law = replace(law, is_late=False)
         policy, scenario = super().in_scenario(scenario)
-        if not in_samples(scenario.delay, self.dt).is_whole:
-            raise BadInputError(
-                f"the delay is {scenario.delay:g} s; the filter takes whole samples of "
-                f"{self.dt:g} s"
-            )
+        policy = replace(policy, law=law, ahead=ahead)
         if not isinstance(self.law, SampledPolicy):
             return policy, scenario
         law, _ = self.law.in_scenario(replace(scenario, delay=0.0))
@@ -261,7 +301,7 @@ class FilteredPolicy(SampledPolicy):
         """Return the fields, without functions that are made at the next sample."""
         memory = replace(self._memory, law=None, waiting=[*self._memory.waiting])
         fields = {**self.__dict__, "_memory": memory}
-        fields.pop("_nonlinear", None)
+        fields.pop("_parts", None)
         return fields
 
 
@@ -269,11 +309,14 @@ def own_sample_time(policy: Policy, otherwise: float) -> float:
     """Return the sample time of a policy, s, or `otherwise` for one without samples."""
     if isinstance(policy, SampledPolicy):
         return policy.dt
-    return policy.tick if isinstance(policy, DeployedPolicy) else otherwise
+    return policy.deployed.deployment.dt if isinstance(policy, DeployedPolicy) else otherwise
 
 
 def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
     """Return the law of the estimate: a sampler of the policy, or its expression."""
+    if isinstance(policy, DeployedPolicy):
+        commanded = policy.commander()
+        return lambda _, x, __: commanded(x)
     sampler = policy.sampler()
     if isinstance(policy, SampledPolicy) and policy.winds:
         trim, inputs, planned = point.x, point.u, cast(Any, policy)
@@ -312,5 +355,7 @@ def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy
         return policy
     with prefix_errors(deployment.origin):
         noise, turbulence = entries["noise"], entries.get("turbulence")
-        known = KalmanFilter.of(point.linearize(), noise, turbulence, policy.tick, {})
+        known = KalmanFilter.of(
+            point.linearize(), noise, turbulence, policy.deployed.deployment.dt, {}
+        )
         return FilteredPolicy.behind(known, policy)

@@ -93,7 +93,7 @@ def policy_and_scenario(
     if isinstance(given, ca.Function) and given.n_in() == 1:
         return function_policy(given.name(), given, point), scenario
     if callable(given):
-        return _python_policy(given, point, scenario.tick), scenario
+        return _python_policy(given, point, scenario.interval).in_scenario(scenario)
     if isinstance(given, Deployment):
         return behind_own_filter(given, point).in_scenario(scenario)
     try:
@@ -150,7 +150,7 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PythonPolicy(SampledPolicy):
-    """Policy U = function(t, X) in absolute values, called at the beginning of each tick.
+    """Policy U = function(t, X) in absolute values, called at the beginning of each sample.
 
     function: (t in s, X by name) -> U, (m,), or U by name. Inputs without a value remain at trim
     """
@@ -177,13 +177,11 @@ class PythonPolicy(SampledPolicy):
         return U
 
 
-def _python_policy(
-    function: Callable[..., Any], point: OperatingPoint, tick: float
-) -> PythonPolicy:
+def _python_policy(function: Callable[..., Any], point: OperatingPoint, dt: float) -> PythonPolicy:
     """Return the policy of a function of (t, X), named after the function."""
     name = getattr(function, "__name__", type(function).__name__)
     try:
         inspect.signature(function).bind(0.0, point.states)
     except (TypeError, ValueError):
         raise BadInputError(f"the policy {name} does not accept (t, X); {_FORMS}") from None
-    return PythonPolicy(name, point, tick, function, tick=tick)
+    return PythonPolicy(name, point, dt, function)

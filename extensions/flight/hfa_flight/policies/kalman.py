@@ -73,6 +73,7 @@ class KalmanFilter(Result):
     noise: measured state -> standard deviation of its noise in a sample.
     drift: linear state -> standard deviation of its unmodeled drift in one second.
     turbulence: turbulence that the filter assumes, or None for still air.
+    A, B: model in continuous time, x' = A x + B u, (n, n), (n, m).
     Phi, Gamma, C: model of a sample, (n, n), (n, m), (p, n).
     Q, R: covariance of the disturbances in a sample, and of the noise.
     air: part of Q that is due to turbulence.
@@ -90,6 +91,8 @@ class KalmanFilter(Result):
     noise: Mapping[str, float]
     drift: Mapping[str, float]
     turbulence: Turbulence | None
+    A: np.ndarray
+    B: np.ndarray
     Phi: np.ndarray
     Gamma: np.ndarray
     C: np.ndarray
@@ -167,6 +170,8 @@ class KalmanFilter(Result):
             noise=noise,
             drift=drift,
             turbulence=turbulence,
+            A=plant.A,
+            B=plant.B,
             Phi=Phi,
             Gamma=Gamma,
             C=plant.C,

@@ -448,10 +448,11 @@ class ClosedLoop:
             held[parts.begin] = time + SAME_TIME
         if sizes.actuators and scenario.actuators is not None:
             held[parts.actuators] = scenario.actuators.held_inputs(time)
+        sample = tick // scenario.ticks_per_sample
         if scenario.samples is not None:
-            held[parts.noise] = scenario.samples[tick]
+            held[parts.noise] = scenario.samples[sample]
         if sizes.gust and scenario.gust is not None:
-            held[parts.gust] = scenario.gust.held_inputs(tick)
+            held[parts.gust] = scenario.gust.held_inputs(sample)
 
     def parts(self, y: np.ndarray) -> StateParts:
         """Return the columns of y for the plant, the actuators and the cost.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Self
@@ -39,10 +39,12 @@ class DeployedPolicy(Policy):
 
     deployed: the policy on its aircraft.
     point: trim from which the deviations are measured.
+    is_late: whether the policy delays its commands, or the scenario of the flight does.
     """
 
     deployed: Deployed
     point: OperatingPoint
+    is_late: bool = field(default=True, kw_only=True)
 
     @property
     def tick(self) -> float:
@@ -68,29 +70,45 @@ class DeployedPolicy(Policy):
         It is called at each tick, with the measured deviations of the states from trim, (n,).
         """
         deployment = self.deployed.deployment
-        trim = self.deployed.trim_vector(self.point)
-        states = self.point.x
-        inputs = self.point.u
         ticks = round(deployment.dt / self.tick)
         late = in_samples(deployment.delay, self.tick).whole
         waiting: list[tuple[int, np.ndarray]] = []
-        acting = [inputs]
+        acting = np.zeros(len(self.point.u))
+        commanded = self.commander()
+
+        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
+            nonlocal acting
+            if tick % ticks == 0:
+                waiting.append((tick + late, commanded(measured)))
+            while waiting and waiting[0][0] <= tick:
+                acting = waiting.pop(0)[1]
+            return acting
+
+        return sample
+
+    def commander(self) -> Callable[[np.ndarray], np.ndarray]:
+        """Return the function measured -> command as deviations from trim, (m,).
+
+        It is called at each sample, with the measured deviations of the states from trim, (n,).
+        """
+        deployment = self.deployed.deployment
+        trim = self.deployed.trim_vector(self.point)
+        states = self.point.x
+        inputs = self.point.u
+        under_way = [inputs] * (in_samples(deployment.delay, deployment.dt).whole + 1)
         past: list[np.ndarray] = []
         sampled = BoundFunction(self.deployed.sampled)
 
-        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
-            if tick % ticks == 0:
-                at = (states + measured, acting[0], trim)  # the input just before the sample
-                if not past:
-                    first = np.array(self.deployed.observe(*at)).ravel()
-                    past.append(np.tile(first, deployment.history - 1))
-                U, past[0] = sampled.at(*at, past[0])
-                waiting.append((tick + late, U))
-            while waiting and waiting[0][0] <= tick:
-                acting[0] = waiting.pop(0)[1]
-            return np.asarray(acting[0] - inputs)
+        def command(measured: np.ndarray) -> np.ndarray:
+            at = (states + measured, under_way.pop(0), trim)  # the input just before the sample
+            if not past:
+                first = np.array(self.deployed.observe(*at)).ravel()
+                past.append(np.tile(first, deployment.history - 1))
+            U, past[0] = sampled.at(*at, past[0])
+            under_way.append(np.array(U))
+            return np.asarray(U - inputs)
 
-        return sample
+        return command
 
     def prompt(self) -> Self:
         """Return the policy without the delay of its deployment."""
@@ -109,7 +127,7 @@ class DeployedPolicy(Policy):
         dt = self.deployed.deployment.dt
         is_fine = scenario.moving_air or scenario.actuators is not None
         longest = min(dt / parts_of_a_sample([self.point], dt), _FINE if is_fine else _LONGEST)
-        return self, scenario.in_ticks(self.tick, longest)
+        return self, scenario.in_ticks(self.tick, longest, dt)
 
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop at the equilibrium near the trim, 1/s, or None."""
