@@ -17,7 +17,7 @@ from hfa_support.matrices import quadratic_forms
 from hfa_support.native.row_code import row_code
 from hfa_support.reporting.results import Result, Vector
 from verification.box import Box, starts_in
-from verification.scope import NonlinearPlant
+from verification.plant import NonlinearPlant
 
 #: Largest cost of a critic's flight above that of the exact policy, relative to it.
 SHARE = 0.05

@@ -22,6 +22,8 @@ from hfa_support.errors import BadInputError
 from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.checks import Check, at_most
 
+#: Default limit of the errors of P, K, V, its gradient and the policies, and of the residual.
+LIMIT = 1e-6
 REACH = 10.0
 #: The error of an entry below this fraction of the largest is relative to this fraction.
 SMALL = 1e-5

@@ -21,7 +21,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.results import without_empty
 from hfa_support.reporting.text import Table
-from verification.scope import LIMIT
+from verification.critic_errors import LIMIT
 from verification.verdict import ROUNDING, Section
 
 

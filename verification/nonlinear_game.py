@@ -23,7 +23,7 @@ from hfa_support.reporting.text import Table
 from trim.linear.linear_model import LinearModel
 from verification.box import Box
 from verification.box_flights import BoxFlights, box_flights
-from verification.scope import FLIGHTS, nonlinear_plant
+from verification.plant import nonlinear_plant
 
 if TYPE_CHECKING:
     from controller.expansion.radius import Radius
@@ -175,8 +175,8 @@ def compare_with_nonlinear(
     linear: LinearModel,
     solution: Solution,
     limit: float,
-    box: Box | None = None,
-    flights: int = FLIGHTS,
+    box: Box,
+    flights: int,
     progress: Progress | None = None,
 ) -> NonlinearComparison:
     """Return the errors of a critic's terms against the nonlinear game, and its flights.
@@ -187,7 +187,7 @@ def compare_with_nonlinear(
 
     linear: linear model of the game at a trim of the aircraft
     limit: limit of the error of each coefficient
-    box: box of states, of which a part is flown, or None for no flights
+    box: box of states, of which a part is flown
     flights: number of flights
     progress: called with (parts done, parts, text), or None
 
@@ -206,7 +206,7 @@ def compare_with_nonlinear(
     ]
     report(1, 3, "flights from the box")
     flown = None
-    if box is not None and flights:
+    if flights:
         by_value = not _is_policy_given(critic)
         exact = _by_value(critic, expansion) if by_value else expansion.policy
         plant = nonlinear_plant(linear)

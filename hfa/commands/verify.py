@@ -22,10 +22,10 @@ from hfa_support.errors import BadInputError, prefix_errors
 from hfa_support.files import MATRIX_FILES
 from hfa_support.progress import with_progress
 from hfa_support.reporting.report import Report
-from verification.critic.critic_check import verify as judge
+from verification.critic.critic_check import FLIGHTS, verify as judge
+from verification.critic_errors import LIMIT
 from verification.figures import verdicts_figure
 from verification.reports import verdict_report, verdicts_report
-from verification.scope import FLIGHTS, LIMIT, Scope
 from verification.verdict import NEAR, Verdict
 
 #: With more files than this, a critic that is not quadratic is simulated from only a few initial
@@ -134,7 +134,7 @@ def verify(request: VerifyRequest) -> Outcome:
                 game,
                 file.critic(game, reading),
                 limit=request.limit_error,
-                scope=Scope(flights=FLIGHTS if len(files) <= _MANY else _FEW_FLIGHTS),
+                flights=FLIGHTS if len(files) <= _MANY else _FEW_FLIGHTS,
                 linear=named.linear,
                 taylor=request.taylor or (None if alone else False),
                 progress=ProgressLine("verify"),

@@ -27,7 +27,7 @@ BREACHES = {
         f"{FLIGHT}/plan/search.py": "hfa_prove.problem",
         "hfa/options/output.py": "hfa.commands.trim",
     },
-    "The core imports no extension": {"verification/scope.py": "hfa_prove.certificate"},
+    "The core imports no extension": {"verification/plant.py": "hfa_prove.certificate"},
     "Readers of aircraft import": {
         "extensions/daveml/hfa_daveml/read.py": "trim.point.solve",
         "extensions/fmu/hfa_fmu/read.py": "trim.point.solve",
@@ -54,7 +54,7 @@ BREACHES = {
         "controller/expansion/radius.py": "controller.expansion.expansion_report",
     },
     "Verdicts:": {
-        "verification/scope.py": "verification.axis",
+        "verification/plant.py": "verification.verdict",
         "verification/network/search.py": "verification.reasons",
         "verification/reports.py": "verification.figures",
         "verification/verdict.py": "verification.reports",

@@ -15,10 +15,9 @@ from scipy.integrate import solve_ivp
 
 import hfa
 from hfa import Expansion, Game, LinearModel, Model, Signal
-from verification import Scope
 
 #: No search for a proof, and few flights.
-QUICK = Scope(flights=3)
+QUICK = 3
 LIMIT = 1e-6
 PENDULUM = f"{ROOT}/examples/pendulum.py:PENDULUM"
 
@@ -51,8 +50,7 @@ def case(order: int) -> tuple[LinearModel, Game, Expansion]:
 
 def compared(critic: hfa.Critic, linear: LinearModel, game: Game) -> Any:
     """Return the comparison of a critic with the nonlinear game."""
-    scope = Scope(flights=1)
-    return hfa.verify(game, critic, scope=scope, linear=linear, taylor=True).nonlinear
+    return hfa.verify(game, critic, flights=1, linear=linear, taylor=True).nonlinear
 
 
 @pytest.mark.parametrize(("order", "basis"), [(3, "cubic"), (4, "quartic")])
@@ -66,7 +64,7 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -
     critic = hfa.from_weights(game, expansion.weights, basis=basis)
     said: list[str] = []
     verdict = hfa.verify(
-        game, critic, scope=QUICK, linear=linear, progress=lambda *done: said.append(done[-1])
+        game, critic, flights=QUICK, linear=linear, progress=lambda *done: said.append(done[-1])
     )
     assert said[:2] == ["power series", "flights from the box"]
     assert (verdict.ok, verdict.grade) == (True, "exact")
@@ -76,7 +74,7 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order: int, basis: str) -
     assert verdict.nonlinear.flown.excess < 1e-9
     assert verdict.nonlinear.radius.degree == order
     for aircraft, is_flown in ((None, False), (linear, True)):
-        verdict = hfa.verify(game, critic, scope=QUICK, linear=aircraft, taylor=False)
+        verdict = hfa.verify(game, critic, flights=QUICK, linear=aircraft, taylor=False)
         assert (verdict.ok, verdict.nonlinear) == (False, None)
         assert (verdict.data()["network"]["reach_nonlinear"] is not None) == is_flown
 
@@ -90,7 +88,7 @@ def judged(expansion: Expansion, game: Game, linear: LinearModel, change: ca.SX,
         basis=expansion.basis,
         has_weights=True,
     )
-    return hfa.verify(game, critic, scope=Scope(flights=8), linear=linear), critic.policy
+    return hfa.verify(game, critic, flights=8, linear=linear), critic.policy
 
 
 def test_a_policy_that_is_right_at_the_trim_only_is_flown() -> None:
@@ -183,9 +181,9 @@ def test_a_network_is_compared_on_request() -> None:
     linear, game, expansion = case(4)
     z = ca.SX.sym("z", 2)
     network = hfa.from_network(game, ca.Function("policy", [z], [expansion.policy(z)]))
-    plain = hfa.verify(game, network, scope=QUICK, linear=linear)
+    plain = hfa.verify(game, network, flights=QUICK, linear=linear)
     assert plain.nonlinear is None
-    asked = hfa.verify(game, network, scope=QUICK, linear=linear, taylor=True)
+    asked = hfa.verify(game, network, flights=QUICK, linear=linear, taylor=True)
     assert asked.nonlinear is not None
     assert asked.nonlinear.ok
     for critic, model in ((network, None), (hfa.solve(game), linear)):

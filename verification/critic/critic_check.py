@@ -19,6 +19,7 @@ from hfa_support.errors import (
     NoSolutionError,
     numbers_in,
     refuse_unless_positive,
+    refuse_unless_whole,
     shown,
 )
 from hfa_support.progress import Progress
@@ -26,14 +27,16 @@ from hfa_support.reporting.checks import Check, at_least
 from hfa_support.reporting.report import Part
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
-from verification.critic_errors import critic_errors, relative_error
+from verification.critic_errors import LIMIT, critic_errors, relative_error
 from verification.linear_checks import linear_loop, value_checks
-from verification.scope import LIMIT, Scope, nonlinear_plant
+from verification.plant import nonlinear_plant
 from verification.verdict import Section, Verdict, explained
 
 if TYPE_CHECKING:
     from verification.nonlinear_game import NonlinearComparison
 
+#: Default number of initial conditions from which a critic that is not quadratic is simulated.
+FLIGHTS = 100
 #: What is given as a critic.
 _CRITICS = (
     "a critic: write hfa.from_gain(game, K), hfa.from_value(game, P), hfa.from_weights(game, W, "
@@ -48,7 +51,8 @@ def verify(
     critic: Critic | Solution | TrainingRun | ArrayLike | str | Path,
     *,
     limit: float = LIMIT,
-    scope: Scope | None = None,
+    box: ArrayLike | None = None,
+    flights: int = FLIGHTS,
     linear: LinearModel | None = None,
     taylor: bool | None = None,
     progress: Progress | None = None,
@@ -80,7 +84,9 @@ def verify(
         `hfa.read_critic`; or the name of its file; or K, P or W as an array, told by its shape;
         or a solution, or a training run
     limit: limit of the errors and the residual
-    scope: further data for the checks; by default `Scope()`
+    box: half-widths (n,) of the box of states; by default typical deviations of the paper's
+        aircraft, the limits of the states that a model declares, or balanced units
+    flights: number of initial conditions from which a critic that is not quadratic is simulated
     linear: the linear model of the game at a trim of an aircraft, or None
     taylor: whether the critic is judged on the nonlinear game, which requires `linear` and a critic
         that is not quadratic; by default only a polynomial is
@@ -96,32 +102,35 @@ def verify(
     'the gain has the wrong sign: the policy is u = -K z'
     """
     refuse_unless_positive("limit", limit)
-    scope = scope or Scope()
+    refuse_unless_whole("flights", flights, 0)
     given = _critic(game, critic, linear)
     exact = unconfirmed_solution(game)
     if taylor and (linear is None or given.is_quadratic):
         missing = "linear=LINEAR of an aircraft" if linear is None else "a network"
         raise BadInputError(f"verify: taylor requires {missing}")
-    box = usual_box(game) if scope.box is None else _given_box(scope.box, game)
+    in_box = usual_box(game) if box is None else _given_box(box, game)
+    widths = in_box.half_widths
 
     nonlinear, about_nonlinear = None, None
     in_series = given.has_weights if taylor is None else taylor
     if linear is not None and not given.is_quadratic and in_series:
-        nonlinear, about_nonlinear = _nonlinear(given, linear, exact, limit, box, scope, progress)
+        nonlinear, about_nonlinear = _nonlinear(
+            given, linear, exact, limit, in_box, flights, progress
+        )
     part = given if nonlinear is None else given.linear_part
-    errors = critic_errors(part, exact, limit, box.half_widths)
+    errors = critic_errors(part, exact, limit, widths)
     loop = linear_loop(exact, given, all(check.ok for check in errors))
     found = None
     if nonlinear is None and not given.is_quadratic:
         from verification.network.search import findings_of
 
         plant = None if linear is None or game.is_discrete else nonlinear_plant(linear)
-        found = findings_of(exact, given, box.half_widths, limit, scope.flights, plant)
+        found = findings_of(exact, given, widths, limit, flights, plant)
 
     checks = [*errors, *loop.checks]
     if given.P is not None and given.is_finite:
         checks += value_checks(exact, given.P, limit)
-    sections = [Section((f"Box of states: {box.about}",), {"box": box}), loop.section]
+    sections = [Section((f"Box of states: {in_box.about}",), {"box": in_box}), loop.section]
     if found is not None:
         errors = [*errors, *found.errors]
         checks += found.checks
@@ -135,7 +144,7 @@ def verify(
         checks.append(_rank_check(critic))
         reason = checks[-1].reason
     if not reason and not all(check.ok for check in errors):
-        reason = _reason(exact, part, box.half_widths, limit)
+        reason = _reason(exact, part, widths, limit)
     return Verdict(
         critic=given,
         exact=exact,
@@ -143,7 +152,7 @@ def verify(
         limit=limit,
         reason=reason,
         cost_lost=loop.cost_lost if found is None else found.flown.cost_lost_flown_percent,
-        box=box,
+        box=in_box,
         flights=None if found is None else found.flown.flights,
         searched=0 if found is None else found.states,
         sections=tuple(sections),
@@ -164,14 +173,14 @@ def _rank_check(run: TrainingRun) -> Check:
     return at_least("data_rank", rank.rank, rank.size, poor, kind="data")
 
 
-def _given_box(box: Box, game: Game) -> Box:
-    """Return the box of a scope, refused unless it has a positive half-width for each state."""
-    widths = numbers_in("scope.box.half_widths", box.half_widths)
+def _given_box(box: ArrayLike, game: Game) -> Box:
+    """Return the box with these half-widths, refused unless each state has a positive one."""
+    widths = numbers_in("box", box)
     count = len(game.A)
     if widths.shape != (count,) or not np.all(widths > 0.0):
         given = shown(widths.tolist())
-        raise BadInputError(f"verify: scope.box is {given}; give {count} positive half-widths")
-    return box._replace(half_widths=widths)
+        raise BadInputError(f"verify: box is {given}; give {count} positive half-widths")
+    return Box(widths, "given")
 
 
 def _nonlinear(
@@ -180,7 +189,7 @@ def _nonlinear(
     exact: Solution,
     limit: float,
     box: Box,
-    scope: Scope,
+    flights: int,
     progress: Progress | None,
 ) -> tuple[NonlinearComparison | None, Part]:
     """Return the comparison with the nonlinear game, or None, and its part of the report."""
@@ -189,9 +198,7 @@ def _nonlinear(
     if exact.game.is_discrete:
         return None, ("Nonlinear game: not compared in discrete time",)
     try:
-        compared = compare_with_nonlinear(
-            critic, linear, exact, limit, box, scope.flights, progress
-        )
+        compared = compare_with_nonlinear(critic, linear, exact, limit, box, flights, progress)
     except (BadInputError, NoSolutionError) as error:
         return None, (f"Nonlinear game: not compared: {error}",)
     return compared, compared.part()

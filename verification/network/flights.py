@@ -16,12 +16,11 @@ from controller.riccati.balancing import stability
 from controller.riccati.cost import SIGNLESS, loss_matrix
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, at_most
-from verification.axis import Loop
 from verification.box import starts_in
-from verification.network.loops import plant_loop, undisturbed_loop, worst_loop
+from verification.network.loops import Loop, plant_loop, undisturbed_loop, worst_loop
 
 if TYPE_CHECKING:
-    from verification.scope import NonlinearPlant
+    from verification.plant import NonlinearPlant
 
 #: Number of initial conditions for a wide network, whose policy takes 2 to 20 ms.
 _WIDE_FLIGHTS = 2

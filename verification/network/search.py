@@ -15,7 +15,6 @@ import numpy as np
 from controller.critic.critic import FUNCTIONS, Critic
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, at_most, below
-from verification.axis import quadratic_at
 from verification.box import starts_in
 from verification.critic_errors import SMALL, error_check
 from verification.network.flights import (
@@ -29,7 +28,7 @@ from verification.network.mistakes import bias_text
 from verification.verdict import Section
 
 if TYPE_CHECKING:
-    from verification.scope import NonlinearPlant
+    from verification.plant import NonlinearPlant
 
 #: Number of states at which the errors are computed. Half of them are corners of the box.
 STARTS = 20_000
@@ -156,6 +155,15 @@ def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple
         error = function(z) - constant - quadratic_at(exact, kind, z)
         errors.append(error / ca.DM(sizes_of[kind]))
     return names, ca.vertcat(*errors)
+
+
+def quadratic_at(exact: Solution, kind: str, z: ca.SX) -> ca.SX:
+    """Return z'Pz ("value"), 2 P z ("gradient") or -K z ("policy") of an exact solution."""
+    if kind == "value":
+        return ca.bilin(ca.DM(exact.P), z, z)
+    if kind == "gradient":
+        return 2.0 * ca.DM(exact.P) @ z
+    return -ca.DM(exact.K) @ z
 
 
 def search(exact: Solution, critic: Critic, box: np.ndarray) -> tuple[float, tuple[Found, ...]]:

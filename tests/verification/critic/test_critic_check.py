@@ -36,10 +36,9 @@ from hfa import (
 )
 from hfa.main import BAD_INPUT
 from hfa_model import INPUTS, LINEAR_STATES
-from verification import Box, Scope, relative_error
+from verification import relative_error
 
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
-FEW = Scope(flights=1)
 pytestmark = pytest.mark.usefixtures("folder")
 
 
@@ -47,8 +46,8 @@ def failed(game: Game, candidate: Critic, **how: Any) -> set[str]:
     return failed_names(verify(game, candidate, **how).checks)
 
 
-def over_the_box(game: Game, candidate: Critic, scope: Scope = FEW) -> dict[str, float]:
-    checks = verify(game, candidate, scope=scope).checks
+def over_the_box(game: Game, candidate: Critic, box: Any = None) -> dict[str, float]:
+    checks = verify(game, candidate, box=box, flights=1).checks
     return {check.name: check.value for check in checks}
 
 
@@ -249,13 +248,12 @@ def test_errors_are_those_of_their_definitions() -> None:
         ),
     }
     critic = Critic(K, P, "P and K")
-    scope = Scope(Box(box, "planted"), flights=1)
-    found = over_the_box(game, critic, scope)
+    found = over_the_box(game, critic, box)
     assert {name: found[name] for name in expected} == pytest.approx(expected, rel=1e-9)
     quartic = basis("quadratic+quartic", 3)
     weights = quartic.weights(exact.P)
     weights[-1] = 1e-3  # of the last state to the fourth
-    found = over_the_box(game, from_weights(game, weights, quartic), scope)
+    found = over_the_box(game, from_weights(game, weights, quartic), box)
     slopes = 4e-3 * 3.0**3 * 10.0**2 * np.eye(3)[2]  # in a box ten times as large, over its size
     expected = {
         "policy_rel_error": entry(
@@ -270,7 +268,7 @@ def test_errors_are_those_of_their_definitions() -> None:
     linear = basis("quadratic+linear", 3)
     weights = linear.weights(exact.P)
     weights[-1] = 1e-3  # of the last state; in a box a tenth as large, it counts ten times
-    found = over_the_box(game, from_weights(game, weights, linear), scope)
+    found = over_the_box(game, from_weights(game, weights, linear), box)
     assert found["value_rel_error"] == pytest.approx(
         1e-2 * 3.0 / (box @ np.abs(exact.P) @ box), rel=1e-9
     )

@@ -22,10 +22,9 @@ import hfa
 from controller import basis
 from hfa import Critic, solve
 from tests.support.steps_of import in_steps
-from verification import Scope
 
 pytestmark = pytest.mark.usefixtures("folder")
-FAST = Scope(flights=4)
+FAST = 4
 DEGREE = np.pi / 180.0
 
 
@@ -137,7 +136,7 @@ def in_each_time(kinds: Iterable[str]) -> list[Any]:
 @pytest.mark.parametrize(("way", "time"), in_each_time(RIGHT))
 def test_a_right_critic_passes(way: str, time: str) -> None:
     case = case_of(time)
-    verdict = hfa.verify(case.game, RIGHT[way](case), scope=FAST)
+    verdict = hfa.verify(case.game, RIGHT[way](case), flights=FAST)
     assert verdict.ok, str(verdict)
     assert verdict.reason == ""
     assert (verdict.flights is None) == (way not in ("network of u", "function V", "listed"))
@@ -147,7 +146,7 @@ def test_a_right_critic_passes(way: str, time: str) -> None:
 def test_a_wrong_critic_fails_for_the_right_reason(mistake: str, time: str) -> None:
     case = case_of(time)
     critic, reasons = WRONG[mistake]
-    verdict = hfa.verify(case.game, critic(case), scope=FAST)
+    verdict = hfa.verify(case.game, critic(case), flights=FAST)
     assert not verdict.ok
     named = any(words in verdict.reason for words in reasons)
     assert named if reasons else verdict.reason == ""

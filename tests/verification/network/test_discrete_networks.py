@@ -11,13 +11,11 @@ from game_samples import failed_names
 
 from hfa import Critic, Game, Solution, from_gain, from_network, solve, verify
 from tests.support.steps_of import in_steps
-from verification import Box, Scope
 
 pytestmark = pytest.mark.usefixtures("folder")
 A = np.array([[1.02, 0.1], [0.1, 1.0]])
 B = np.array([[0.0], [0.1]])
 BOX = np.array([0.5, 0.2])
-SCOPE = Scope(Box(BOX, "planted"), flights=20)
 Z = ca.SX.sym("z", 2)
 
 
@@ -52,7 +50,7 @@ def test_networks_of_exact_values_and_policies_pass() -> None:
         {"gradient": ca.gradient(V, Z)},
         {"V": V, "policy": exact_policy(problem)},
     ):
-        verdict = verify(problem, critic_of(problem, **outputs), scope=replace(SCOPE, flights=2))
+        verdict = verify(problem, critic_of(problem, **outputs), box=BOX, flights=2)
         assert verdict.ok, failed_names(verdict.checks)
         assert "searched_policy_error" in [check.name for check in verdict.checks]
 
@@ -67,7 +65,7 @@ def test_a_policy_exact_in_the_box_that_loses_flights_fails() -> None:
         dt=0.1,
     )
     u = ca.if_else(ca.norm_inf(Z) < 1.05, exact_policy(slow), 0.0)
-    verdict = verify(slow, critic_of(slow, policy=u), scope=replace(SCOPE, box=Box([1.0, 1.0], "")))
+    verdict = verify(slow, critic_of(slow, policy=u), box=[1.0, 1.0], flights=20)
     assert failed_names(verdict.checks) == {"cost_lost_flown_percent"}
     assert not verdict.ok
     assert "not all flights from the box converge" in verdict.headline
@@ -111,7 +109,7 @@ def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(
     problem = problem_of(discount=0.97, delta=delta)
     game = problem if is_discrete else replace(problem, dt=None, discount=1.0)
     K = factor * solve(game).K
-    network = verify(game, critic_of(game, policy=-ca.DM(K) @ Z), scope=SCOPE)
+    network = verify(game, critic_of(game, policy=-ca.DM(K) @ Z), box=BOX, flights=20)
     assert network.cost_lost == pytest.approx(verify(game, from_gain(game, K)).cost_lost, rel=1e-6)
     assert network.to_dict()["network"]["cost_lost_flown_percent"] == pytest.approx(
         network.cost_lost, rel=1e-6

@@ -12,7 +12,6 @@ from network_files import torch_file
 from planted_critics import gain, value
 
 from hfa import Critic, Game, from_gain, from_network, solve, verify
-from verification import Box, Scope
 
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
 pytestmark = pytest.mark.usefixtures("folder")
@@ -23,7 +22,7 @@ def test_a_network_right_only_at_the_origin_fails(game: Game) -> None:
     z = ca.SX.sym("z", 6)
     u = -ca.DM(gain(game)) @ z + 5.0 * (z[0] / 7.0) ** 3 * ca.DM(np.eye(5)[0])
     critic = from_network(game, ca.Function("policy", [z], [u]), network="policy")
-    check = verify(game, critic, scope=Scope(flights=20))
+    check = verify(game, critic, flights=20)
     assert check.K_rel_error < 1e-12
     assert failed_names(check.checks) == {"searched_policy_error"}
     largest = np.sqrt(game.R.diagonal()) * (np.abs(solve(game).K) @ BOX)
@@ -37,7 +36,7 @@ def test_a_value_with_nan_in_the_box_fails(game: Game) -> None:
     z = ca.SX.sym("z", 6)
     V = ca.bilin(ca.DM(value(game)), z, z) + 1e-30 * ca.sqrt(z[0] + 1.0)
     critic = from_network(game, ca.Function("V", [z], [V]), network="V")
-    verdict = verify(game, critic, scope=Scope(flights=1))
+    verdict = verify(game, critic, flights=1)
     assert verdict.value_of("searched_value_error") == math.inf
 
 
@@ -48,7 +47,7 @@ def test_actor_with_constant_is_stable_off_trim(game: Game) -> None:
     """
     offset = 0.01 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
-    verdict = verify(game, critic, scope=Scope(flights=10))
+    verdict = verify(game, critic, flights=10)
     assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
     data = verdict.to_dict()["network"]
     rest = np.linalg.solve(game.B @ gain(game) - game.A, game.B @ offset)
@@ -73,7 +72,7 @@ def test_only_the_clipping_of_an_exact_gain_is_named(factor: float) -> None:
     z = ca.SX.sym("z")
     policy = ca.Function("policy", [z], [ca.fmin(ca.fmax(-K * z, -0.3), 0.3)])
     critic = from_network(game, policy, network="policy")
-    verdict = verify(game, critic, scope=Scope(flights=2, box=Box(np.ones(1), "unit")))
+    verdict = verify(game, critic, flights=2, box=np.ones(1))
     assert not verdict.ok
     says = "u1 is clipped at -0.3 and 0.3 in 88 % of the box; otherwise the policy is exact"
     assert (verdict.reason == says) == (factor == 1.0)
@@ -92,8 +91,7 @@ def biased(game: Game, share: float) -> Critic:
 def test_the_cost_of_a_very_small_bias_is_printed(game: Game) -> None:
     """At the trim within 1e-6 of the box, the cost decides; the cost per second is z'Qz + u'Ru."""
     critic = biased(game, 1e-8)
-    scope = Scope(flights=4)
-    verdict = verify(game, critic, limit=1e-9, scope=scope)
+    verdict = verify(game, critic, limit=1e-9, flights=4)
     assert "rest_point" in failed_names(verdict.checks)
     assert verdict.grade == "near"
     assert verdict.holds(limit_cost=1.0)
@@ -112,7 +110,7 @@ def test_a_low_cost_is_no_reason_to_pass_off_the_trim(game: Game) -> None:
 
     The cost counts from the equilibrium. From the trim, the cost grows without bound.
     """
-    verdict = verify(game, biased(game, 1e-5), scope=Scope(flights=4))
+    verdict = verify(game, biased(game, 1e-5), flights=4)
     assert verdict.cost_lost <= 1.0
     assert "rest_point" in failed_names(verdict.checks)
     assert verdict.grade == "fail"
@@ -129,8 +127,7 @@ def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box() -> None:
     z = ca.SX.sym("z", 2)
     V = 1.1 * ca.bilin(ca.DM(P), z, z) + 7.0
     both = ca.Function("both", [z], [ca.vertcat(V, -0.8 * ca.DM(K) @ z)])
-    scope = Scope(Box(b, "planted"), flights=1)
-    found = verify(game, from_network(game, both, network="V+policy"), scope=scope)
+    found = verify(game, from_network(game, both, network="V+policy"), box=b, flights=1)
     errors = {each["name"]: each["error"] for each in found.to_dict()["network"]["searched"]}
     largest = max(corner @ P @ corner for corner in (b, b * [1.0, -1.0]))
     expected = {
@@ -142,5 +139,5 @@ def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box() -> None:
     inputs = np.sqrt(np.diag(game.R)) * (np.abs(K) @ b)
     assert inputs[1] < 1e-5 * inputs[0]
     wrong = from_gain(game, K * [[1.0], [1.2]])  # the input with the small effect
-    policy = verify(game, wrong, scope=scope).value_of("policy_rel_error")
+    policy = verify(game, wrong, box=b).value_of("policy_rel_error")
     assert policy == pytest.approx(0.2 * inputs[1] / (1e-5 * inputs[0]))

@@ -25,7 +25,6 @@ from hfa import (
     verify,
 )
 from hfa.main import BAD_INPUT, DONE, FAILED
-from verification import Scope
 
 GOPS = json.loads(Path(__file__).with_name("gops.json").read_text(encoding="utf-8"))
 pytestmark = pytest.mark.usefixtures("folder")
@@ -76,7 +75,7 @@ def test_the_scale_of_inputs_is_applied(game: Game) -> None:
     """A policy with scaled inputs passes with its scale. A scale of wrong length is refused."""
     scale = np.array([1 / 7.0, *[10.0] * 5])
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
-    assert verify(game, from_network(game, path, scale=scale), scope=Scope(flights=1)).ok
+    assert verify(game, from_network(game, path, scale=scale), flights=1).ok
     assert (
         "does not consist of 6 finite numbers"
         in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
@@ -97,7 +96,7 @@ def test_v_and_a_policy_are_checked_together(game: Game) -> None:
     ]
     constants = {"P": value(game), "axes": np.array([1]), "K": gain(game).T}
     path = onnx_file("both.onnx", nodes, constants, 6)
-    check = verify(game, from_network(game, path, network="V+policy="), scope=Scope(flights=1))
+    check = verify(game, from_network(game, path, network="V+policy="), flights=1)
     assert not check.ok
     assert check.P_rel_error < 1e-6
     assert "the gain has the wrong sign" in check.reason
@@ -193,7 +192,7 @@ def test_one_layer_on_one_state_is_a_policy_unless_v_is_asked_for() -> None:
         for name, matrix in (("policy", -exact.K), ("value", exact.P))
     )
     for path, network in ((policy, ""), (policy, "policy="), (value, "V=")):
-        assert verify(plant, from_network(plant, path, network=network), scope=Scope(flights=2)).ok
+        assert verify(plant, from_network(plant, path, network=network), flights=2).ok
     assert not verify(plant, from_network(plant, policy, network="V=")).ok
 
 

@@ -1,8 +1,7 @@
-"""Nonlinear plant in deviations from its trim, and box of states in which critics are compared."""
+"""Nonlinear plant in deviations from its trim, with the limits of its inputs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import casadi as ca
@@ -11,9 +10,7 @@ import numpy as np
 from controller.expansion.deviations import rates_about_trim
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.march.march import saturated
-from hfa_support.errors import refuse_unless_whole
 from trim.linear.linear_model import LinearModel
-from verification.box import Box
 
 
 class NonlinearPlant(NamedTuple):
@@ -48,26 +45,3 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
     lowest = np.minimum(limits.lowest - at_trim, 0.0)
     highest = np.maximum(limits.highest - at_trim, 0.0)
     return NonlinearPlant(rates_about_trim(linear), lowest, highest)
-
-
-#: Default limit of the errors of P, K, V, its gradient and the policies, and of the residual.
-LIMIT = 1e-6
-#: Number of initial conditions from which a critic that is not quadratic is simulated.
-FLIGHTS = 100
-
-
-@dataclass(frozen=True)
-class Scope:
-    """Data for the checks of a critic besides the game.
-
-    box: box of states in which V, its gradient and the policies are compared; by default the
-        `usual_box` of the game
-    flights: number of initial conditions from which a critic that is not quadratic is simulated
-    """
-
-    box: Box | None = None
-    flights: int = FLIGHTS
-
-    def __post_init__(self) -> None:
-        """Raise BadInputError for another number of flights."""
-        refuse_unless_whole("Scope: flights", self.flights, 0)
