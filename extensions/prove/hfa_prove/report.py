@@ -272,9 +272,11 @@ def _(statement: RegionStatement) -> Claim:
 
 
 def _saturated(loop: Plant) -> list[str]:
-    """Return the names of the inputs, with the limits of those that are not the model's."""
+    """Return the names of the limited inputs, with the limits of those that are not the model's."""
     shown = []
     for name, signal in loop.model.inputs.items():
+        if name not in loop.limits:
+            continue
         is_own = loop.limits.get(name, (-np.inf, np.inf)) == (signal.min, signal.max)
         shown.append(name if is_own else f"{name} at {' and '.join(_limits(loop, name))}")
     return shown

@@ -23,6 +23,7 @@ from hfa_prove.search.region_search import (
     RegionProblem,
     Settings,
     lyapunov_matrices,
+    refuse_boundless,
     refuse_unstable,
 )
 from hfa_prove.search.shape_boxes import Growth, Shape
@@ -97,9 +98,12 @@ class BoxesSearch:
 
         After an interruption or at the time limit, the largest region proved so far is returned.
 
-        Raises NoSolutionError if no region is proved or the linearization is not Hurwitz.
+        Raises NoSolutionError if no region is proved or the linearization is not Hurwitz. Raises
+        BadInputError if the loop is linear and nothing limits it.
         """
         refuse_unstable(self.J)
+        if not self._problem.loop.disturbances:
+            refuse_boundless(self.loop, self.J)
         try:
             self._search()
         except OutOfTimeError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 import scipy.linalg
 
@@ -12,7 +13,7 @@ from hfa_prove.search.clock import Clock
 from hfa_prove.search.shape_boxes import Shape
 from hfa_prove.statements.loop import Loop
 from hfa_prove.statements.region import RegionStatement, RegionWitness
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Report, Reported
 
 
@@ -113,4 +114,19 @@ def refuse_unstable(J: np.ndarray) -> None:
         raise NoSolutionError(
             "the loop's linearization is not Hurwitz (largest real part of an eigenvalue: "
             f"{modes.real.max():.3g}); only equilibria with a stable linearization are supported"
+        )
+
+
+def refuse_boundless(loop: Loop, J: np.ndarray) -> None:
+    """Raise BadInputError if a stable loop is linear and has no limits: its region has no end.
+
+    J: matrix of the loop, (n, n)
+    """
+    x = ca.SX.sym("x", len(loop.states))
+    is_linear = not any(ca.which_depends(loop.rates(x)[0], x, 2, True))
+    if is_linear and not loop.limits:
+        raise BadInputError(
+            f"{loop.model.title}: the loop is linear and has no limits, so it is stable from every "
+            f"state (largest real part of a pole: {np.linalg.eigvals(J).real.max():.3g}); "
+            "--limit NAME=LOW:HIGH of an input or a state bounds a region"
         )

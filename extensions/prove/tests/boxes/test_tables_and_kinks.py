@@ -64,3 +64,31 @@ def test_a_region_about_the_trim_is_found(name: str) -> None:
     model = Model(name, states, {"torque": torque}, equations, trim=at)
     found = hfa.prove_region(model, hfa.trim(model), [[2.0, 1.5]], seconds=2.0)
     assert found.set.size() > 0.0
+
+
+SLOW_LIMITED = [pytest.param(name, marks=pytest.mark.slow) for name in ("torque", "angle")]
+
+
+@pytest.mark.parametrize("limited", ["", *SLOW_LIMITED])
+def test_a_linear_loop_has_a_region_only_with_limits(limited: str) -> None:
+    """angle' = angle - 3 angle is stable from every angle; a limit of .5 bounds its region.
+
+    An input without limits is not called saturated.
+    """
+    limits = {limited: (-0.5, 0.5)}
+    unlimited = (-np.inf, np.inf)
+    model = Model(
+        "linear",
+        {"angle": Signal("rad", 1.0, *limits.get("angle", unlimited))},
+        {"torque": Signal("N m", 1.0, *limits.get("torque", unlimited))},
+        lambda x, u, p, w: ({"angle": u.torque + x.angle}, {}),
+        trim={"angle": 0.0},
+    )
+    point = hfa.trim(model)
+    if not limited:
+        with pytest.raises(hfa.BadInputError, match="stable from every state"):
+            hfa.prove_region(model, point, [[3.0]], seconds=0.2)
+        return
+    found = hfa.prove_region(model, point, [[3.0]], seconds=1.0)
+    assert 0.1 < found.statement.extents["angle"][1] <= 0.5
+    assert ("saturated: torque" in found.report().text()) == (limited == "torque")
