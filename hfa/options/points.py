@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -17,7 +18,7 @@ from hfa.options.option import option
 from hfa.options.ranges import Range, array_of
 from hfa.options.trims import SeveralTrims, TrimInput, trim_input
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, prefix_errors, shown
 from hfa_support.files import regular_file
 from trim.point.condition import TrimCondition
 
@@ -120,25 +121,26 @@ def given_points(request: PointOptions) -> GivenPoints:
 
 def listed_points(path: Path, model: Model) -> dict[str, tuple[float, ...]]:
     """Return name -> value at each point, from a CSV file of trim points. A column may have a unit
-    in its heading, "gamma [deg]".
+    in its heading, "gamma [deg]" or "altitude [FL]". Lines that begin with # are comments.
     """
     try:
         lines = regular_file(path).read_text("utf-8-sig").splitlines()
         numbered_rows = [
             (number, row)
             for number, row in enumerate(csv.reader(lines), start=1)
-            if any(cell.strip() for cell in row)
+            if any(cell.strip() for cell in row) and not row[0].strip().startswith("#")
         ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInputError(
             f"{path} cannot be read ({error}); give a readable CSV file of conditions"
         ) from error
     header, title_row = numbered_rows[0] if numbered_rows else (1, [])
-    if any(";" in title for title in title_row):
-        raise BadInputError(
-            f"{path}: row {header} contains a semicolon; separate the columns by commas, and write "
-            "numbers with a decimal point"
-        )
+    for separator, word in ((";", "semicolon"), ("\t", "tab")):
+        if any(separator in title for title in title_row):
+            raise BadInputError(
+                f"{path}: row {header} contains a {word}; separate the columns by commas, and "
+                "write numbers with a decimal point"
+            )
     headings = [name.strip().removesuffix("]").partition(" [") for name in title_row]
     names = [model.about.name_of(name) for name, _, _ in headings]
     point_rows = numbered_rows[1:]
@@ -147,19 +149,41 @@ def listed_points(path: Path, model: Model) -> dict[str, tuple[float, ...]]:
             f"{path}: row {header} contains a name twice, or no values follow; give a row of "
             "different names, then a row of values for each point"
         )
-    for name in names:
-        what = f"{path}: the column of row {header} is unknown:"
-        model.refuse_unheld(what, name, tuple(model.parameters))
-    table = np.empty((len(point_rows), len(names)))
-    for index, (number, row) in enumerate(point_rows):
+    for number, row in point_rows:
         if len(row) != len(names):
             raise BadInputError(
                 f"{path}: row {number} has {len(row)} cells, but row {header} has {len(names)}; "
                 "correct the row"
             )
+    for name, cell in zip(names, point_rows[0][1], strict=True):
+        with prefix_errors(f"{path}: row {header}"):
+            _refuse_heading(model, name, cell.strip())
+    table = np.empty((len(point_rows), len(names)))
+    for index, (number, row) in enumerate(point_rows):
         for column, ((_, _, unit), name, text) in enumerate(zip(headings, names, row, strict=True)):
             try:
-                table[index, column] = quantity(model, name, f"{text.strip()} {unit}".strip())
+                table[index, column] = quantity(model, name, _with_unit(text.strip(), unit))
             except BadInputError as error:
                 raise BadInputError(f"{path}: row {number}, column {name} {error}") from error
     return {name: tuple(values.tolist()) for name, values in zip(names, table.T, strict=True)}
+
+
+def _refuse_heading(model: Model, name: str, cell: str) -> None:
+    """Raise BadInputError for an unknown column, which may have labels, or a unit without brackets.
+
+    cell: text below the heading
+    """
+    known = (*model.holdable, *model.rates, *model.parameters)
+    found = re.fullmatch(r"(\w+)[\s(]+([^()]+)\)?", name)
+    if found and model.about.name_of(found[1]) in known:
+        raise BadInputError(f"{shown(name)} has no brackets; write {found[1]} [{found[2]}]")
+    if cell and name not in known and not re.match(r"[-+.\d]|FL\s*\d", cell):
+        raise BadInputError(
+            f"the column {shown(name)} has labels ({shown(cell)}), which are not read; remove it"
+        )
+    model.refuse_unheld("the column is unknown:", name, tuple(model.parameters))
+
+
+def _with_unit(text: str, unit: str) -> str:
+    """Return the text of a cell with the unit of its column: "250 kt", "FL100"."""
+    return f"FL{text}" if unit.upper() == "FL" else f"{text} {unit}".strip()

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from cli import assert_refused, hfa
+from cli import answer, assert_refused, hfa
 from matplotlib import pyplot
 from own_models import F16
 from project import ROOT
@@ -101,7 +101,11 @@ def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> Non
 
 LISTS = [
     ("dihedral,speed\n\n5,64\n\n10,6x8\n", "row 5, column speed is '6x8'; give a finite number"),
-    ("dihedral,spd\n5,64\n", "the column of row 1 is unknown: 'spd'; did you mean speed?"),
+    ("dihedral,spd\n5,64\n", "row 1: the column is unknown: 'spd'; did you mean speed?"),
+    ("dihedral,case\n5,A1\n", "row 1: the column 'case' has labels ('A1'), which are not read"),
+    ("dihedral,speed kt\n5,40\n", "row 1: 'speed kt' has no brackets; write speed [kt]"),
+    ("dihedral,speed (kt)\n5,40\n", "row 1: 'speed (kt)' has no brackets; write speed [kt]"),
+    ("dihedral\tspeed\n5\t64\n", "row 1 contains a tab; separate the columns by commas"),
     ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells, but row 1 has 2; correct the row"),
     ("dihedral;speed\n5;64\n", "row 1 contains a semicolon; separate the columns by commas"),
     ("dihedral,speed\n", "row 1 contains a name twice, or no values follow"),
@@ -115,6 +119,16 @@ def test_a_wrong_listed_point_is_named(text: str, words: str, tmp_path: Path) ->
     path = tmp_path / "points.csv"
     path.write_text(text, encoding="utf-8")
     assert_refused(hfa("sweep", "--conditions", str(path)), 2, words)
+
+
+def test_a_list_may_have_comments_units_and_flight_levels(tmp_path: Path) -> None:
+    """Its point is that of the options."""
+    path = tmp_path / "points.csv"
+    text = "# card 7\ndihedral [rad],altitude [FL]\n# flown\n0.2,380\n"
+    path.write_text(text, encoding="utf-8")
+    listed = answer("sweep", "--conditions", str(path))
+    typed = answer("sweep", "--dihedral", "0.2rad", "--hold", "altitude=38000")
+    assert listed["states"] == typed["states"]
 
 
 @pytest.mark.parametrize("command", ["trim", "sweep"])
