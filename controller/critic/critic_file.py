@@ -158,9 +158,9 @@ _OF_A_GAME = ("hfa.learning-result/1", "hfa.game-solution/1")
 
 def _delta_in(entries: Mapping[str, Any]) -> float | None:
     """Return δ of the game whose result a file contains, or None for a file of others."""
-    if str(entries.get("schema")) not in _OF_A_GAME:
+    if str(entries.get("schema")) not in _OF_A_GAME or "delta" not in entries:
         return None
-    delta = entries.get("delta")
+    delta = entries["delta"]
     return math.inf if delta is None else one_number("delta", delta)  # JSON has null for inf
 
 

@@ -90,18 +90,31 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> FileScales:
     cannot be converted, or if the file lists the plant's states or inputs in another order.
     """
     for key in ("states", "inputs"):
-        in_file = words(stored, key)
-        of_plant = getattr(plant, key)
-        if in_file != of_plant and sorted(in_file) == sorted(of_plant):
-            raise BadInputError(
-                f"the {key} are {shortened(', '.join(in_file), 200)} in the file, but in the "
-                f"plant {shortened(', '.join(of_plant), 200)}; reorder the matrices or remove "
-                f"{key}"
-            )
+        _refuse_other_order(key, words(stored, key), getattr(plant, key))
     return FileScales(
         _scales_of("state", stored, plant.state_units),
         _scales_of("input", stored, plant.input_units),
     )
+
+
+def _refuse_other_order(key: str, in_file: tuple[str, ...], of_plant: tuple[str, ...]) -> None:
+    """Raise BadInputError if a file has a state or an input of a plant at another place.
+
+    Other names are those of the file's author, for signals in the order of the plant.
+
+    key: "states" or "inputs"
+    in_file, of_plant: names
+    """
+    if in_file == of_plant or len(in_file) != len(of_plant):
+        return
+    place = {name.lower(): i for i, name in enumerate(of_plant)}
+    places = [place.get(name.lower(), i) for i, name in enumerate(in_file)]
+    if places != list(range(len(of_plant))):
+        raise BadInputError(
+            f"the {key} are {shortened(', '.join(in_file), 200)} in the file, but in the "
+            f"plant {shortened(', '.join(of_plant), 200)}; reorder the matrices or remove "
+            f"{key}"
+        )
 
 
 def _scales_of(signal: str, stored: Mapping[str, Any], of_plant: tuple[str, ...]) -> np.ndarray:

@@ -209,6 +209,8 @@ def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: 
         ({"states": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
         ({"state_labels": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
         ({"inputs": ["aileron", "elevator"]}, "the inputs are aileron, elevator in the file"),
+        ({"inputs": ["Aileron", "Elevator"]}, "the inputs are Aileron, Elevator in the file"),
+        ({"states": ["alpha", "V"]}, "the states are alpha, V in the file"),
     ],
 )
 def test_other_units_and_another_order_of_a_critic_are_refused(
