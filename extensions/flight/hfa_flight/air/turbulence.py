@@ -560,8 +560,13 @@ def _in_parallel(parts: list[_Filter]) -> _Filter:
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:
-    """Return G with G G' equal to a positive semidefinite covariance matrix, up to rounding."""
+    """Return G with G G' equal to a positive semidefinite covariance matrix, up to rounding.
+
+    G is the symmetric root of the correlations times the standard deviations: it is unique,
+    whatever the units of the states and the eigenvectors of equal eigenvalues (those of v and w).
+    """
     scale = np.sqrt(np.diag(covariance))
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    roots = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    return np.asarray(scale[:, None] * roots)
