@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cli
 import control
 import numpy as np
 import pytest
@@ -93,3 +94,11 @@ def test_a_gain_closes_the_loop_and_has_margins() -> None:
     assert (margin.phase, margin.crossover) == pytest.approx((phase, crossover), rel=1e-6)
     with pytest.raises(BadInputError, match="K is 2 x 1; give 1 x 2"):
         linear.closed_loop(K.T)
+
+
+def test_modes_of_given_matrices_are_printed(folder: Path) -> None:
+    """`hfa linearize --model FILE` reports the eigenvalues of A, which may be alone in the file."""
+    Path("plant.json").write_text('{"A": [[0.0, 1.0], [-2.0, -0.3]]}')
+    (mode,) = cli.answer("linearize", "--model", "plant.json")["modes"]
+    assert mode["frequency"] == pytest.approx(2.0**0.5)
+    assert mode["damping"] == pytest.approx(0.15 / 2.0**0.5)

@@ -14,6 +14,7 @@ import pytest
 from cli import hfa
 
 from hfa import Model, Signal, TrimCondition, linearize, sweep, trim
+from hfa.paper import level_flight
 from trim import usual_condition
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
@@ -103,6 +104,20 @@ def test_several_kinks_at_one_point_have_their_own_slopes() -> None:
         pytest.approx([1.5], abs=1e-9),
     ]
     assert [note.split()[1] for note in point.kinks] == ["A(v,", "A(v,", "B(v,"]
+
+
+def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
+    """A model of the flexible aircraft has a kink at 11 km, where the temperature stops falling.
+
+    At 40,000 ft the model has no kink.
+    """
+    tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
+    kinks = []
+    for altitude in (tropopause, 40_000.0):
+        point = trim(published_aircraft, level_flight(0.1, altitude=altitude))
+        kinks.append(linearize(published_aircraft, point, full=True).kinks)
+    assert "A(speed, altitude)" in " ".join(kinks[0])
+    assert kinks[1] == ()
 
 
 KINKED = """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from network_files import refusal, torch_file
+from network_files import read, refusal, torch_file
 
 RANDOM = np.random.default_rng(7)
 STATES = 6
@@ -32,6 +32,21 @@ def actor(prefix: str, names: tuple[str, ...] = ("0", "2", "4")) -> dict[str, np
 
 def critic(prefix: str, names: tuple[str, ...] = ("0", "2", "4")) -> dict[str, np.ndarray]:
     return chain(prefix, names, (STATES, 8, 8, 1))
+
+
+def test_a_policy_is_read_beside_other_networks() -> None:
+    """Names tell the policy from a value and from the tensors of an optimizer."""
+    tensors = {"log_std": np.zeros(ACTIONS), **actor("actor."), **critic("critic.")}
+    tensors |= {"optimizer.state.0.exp_avg": np.ones((8, STATES))}
+    layers = ["actor.0", "actor.2", "actor.4"]
+    path = torch_file("a.pt", tensors)
+    policy = read(path, inputs=ACTIONS, activation="tanh", network="policy=").policy
+    for x in 3.0 * RANDOM.normal(size=(20, STATES)):
+        h = x
+        for name in layers:
+            h = tensors[f"{name}.weight"] @ h + tensors.get(f"{name}.bias", 0.0)
+            h = np.tanh(h) if name != layers[-1] else h
+        assert np.array(policy(x)).ravel() == pytest.approx(h, rel=1e-9)
 
 
 @pytest.mark.parametrize(
