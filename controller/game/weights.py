@@ -67,13 +67,12 @@ def default_delta(model: Model) -> float:
 
 
 def default_disturbance(model: Model, states: Sequence[str]) -> np.ndarray:
-    """Return the default E, (n, k): the identity, or the columns of the states that are disturbed.
+    """Return the default E, (n, k): a column for each state that the model names, or for all.
 
-    These columns are a unit in which the model declares the rate of the state.
+    A column is a unit in which the model declares the rate of the state.
     """
-    if "E" not in model.about.weights:
-        return np.eye(len(states))
-    disturbed = [place for place, name in enumerate(states) if name in model.about.weights["E"]]
+    named = model.about.weights.get("E", states)
+    disturbed = [place for place, name in enumerate(states) if name in named]
     units = [model.rate_scale(name) / model.native.rate_scale(name) for name in states]
     return np.diag(units)[:, disturbed]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from own_models import GTM, trimmed
 from scipy.linalg import solve_continuous_are
 
 import hfa
-from hfa import BadInputError, LinearModel
+from hfa import BadInputError, LinearModel, Model, Signal
 from hfa.main import main
 from hfa_aircraft import in_si
 
@@ -41,6 +42,30 @@ def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(
     assert pytest.approx(np.eye(len(linear.states), 6) * factors) == default.E
     assert default.delta == 200.0
     assert hfa.game(linear, delta=np.inf).delta == np.inf
+
+
+@pytest.mark.parametrize("is_stored_in_si", [True, False])
+def test_a_solution_passes_in_other_units_of_its_aircraft(
+    is_stored_in_si: bool, tmp_path: Path
+) -> None:
+    """Q, R and E are those of one game, and the file is converted."""
+    model = Model(
+        "cart",
+        {"speed": Signal("ft/s", nominal=3.0), "angle": Signal("deg", nominal=5.0)},
+        {"push": Signal("lbf", nominal=20.0), "turn": Signal("deg", nominal=2.0)},
+        lambda x, u, p, w: (
+            {"speed": -x.speed + 0.3 * x.angle + u.push, "angle": x.speed - x.angle + u.turn},
+            {},
+        ),
+    )
+    games = [
+        hfa.game(hfa.linearize(each, hfa.trim(each)), delta=2.0) for each in (model, in_si(model))
+    ]
+    judging, solved = games if is_stored_in_si else games[::-1]
+    path = tmp_path / "solution.json"
+    hfa.solve(solved).save(path)
+    assert judging.names.input_units != solved.names.input_units
+    assert hfa.verify(judging, path).ok
 
 
 def test_the_disturbance_of_a_game_is_named_in_its_reports() -> None:
