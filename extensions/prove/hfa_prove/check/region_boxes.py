@@ -209,8 +209,7 @@ class Decrease(OnSet):
         Raises Rejected if no k is found.
         """
         for k in range(1, _SMALLEST_HOLE + 1):
-            slopes = self._slopes_within(k)
-            if slopes.is_bounded and self._decreases_with(slopes):
+            if self._decreases_with(self._slopes_within(k)):
                 return k
         raise Rejected(
             "V' < 0 is not proved near the equilibrium: V is not a Lyapunov function of the "

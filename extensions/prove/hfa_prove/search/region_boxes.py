@@ -1,7 +1,7 @@
 """Search for a large level set {V <= c} of a closed loop, proved on boxes.
 
 The first V are quadratic, later V have a higher degree. Linear programs on samples enlarge the set
-(`shape_boxes.py`). A point at which a proof fails becomes a constraint of the next program.
+(`shape_boxes.py`).
 """
 
 from __future__ import annotations
@@ -50,8 +50,6 @@ _OF_LATER = 0.8
 _LARGER = 1.01
 #: Extents of a set that is scaled to a state limit, relative to the limit.
 _WITHIN = 0.999
-#: Largest number of refuted points that become rows of linear programs, for one V.
-_REFUTED = 12
 #: Numbers of Lyapunov matrices and sums of squared modes that are tried, and of those that are
 #: sampled more densely.
 _CANDIDATES = 20
@@ -184,33 +182,26 @@ class BoxesSearch:
     def _is_proved(self, growth: Growth, share: float, origin: str, time_share: float) -> bool:
         """Return whether the set of a V, scaled in length by a share, is proved.
 
-        If the proof fails at a point, V is changed there and the proof is repeated.
-
         growth: V with its linear programs
         share: factor on the lengths of the set
         origin: description of V
         time_share: largest share of the remaining time for the proof of one V
         """
+        part = self.part(growth.shape, share)
         try:
-            for _ in range(_REFUTED):
-                part = self.part(growth.shape, share)
-                try:
-                    with self._clock.step(time_share):
-                        self._prove(part, origin)
-                except (RefutedError, SmallestBoxError) as error:
-                    place = part.N @ error.place
-                    is_refuted = isinstance(error, RefutedError)
-                    what = "V' >= 0 or a limit is exceeded" if is_refuted else "V' < 0 is undecided"
-                    where = place_in_words(self.loop, place)
-                    self._stopped = f"{what} at {where}, in {share:.3g} of the set by samples"
-                    if growth.refuted(place) is None:
-                        return False
-                else:
-                    self._stopped = "no V with a larger set was found"
-                    return True
+            with self._clock.step(time_share):
+                self._prove(part, origin)
+        except (RefutedError, SmallestBoxError) as error:
+            is_refuted = isinstance(error, RefutedError)
+            what = "V' >= 0 or a limit is exceeded" if is_refuted else "V' < 0 is undecided"
+            where = place_in_words(self.loop, part.N @ error.place)
+            self._stopped = f"{what} at {where}, in {share:.3g} of the set by samples"
+            return False
         except (OpenBoxError, Rejected, OutOfTimeError) as error:
             self._stopped = f"at {share:.3g} of the set by samples, linearly: {error}"
-        return False
+            return False
+        self._stopped = "no V with a larger set was found"
+        return True
 
     def part(self, shape: Shape, share: float) -> Shape:
         """Return the set of a V, scaled in length by a share and reduced to the state limits."""

@@ -54,8 +54,6 @@ _ENOUGH = 0.97
 #: Largest number of fits of one level, and least growth of a set in length.
 _FITS = 8
 _GAIN = 1.01
-#: Least size of a set that is changed at a refuted point, relative to its size before.
-_KEPT = 0.97
 #: For linear programs: numbers of samples, of rows added per turn and of turns; largest
 #: coefficient.
 _FIRST = 3000
@@ -380,29 +378,15 @@ class Growth:
         self._samples = samples
         self._report = report
         self._random = np.random.default_rng(1)
-        self._refuted = np.zeros((0, len(shape.M)))
-        self._slowest = np.zeros((0, len(shape.M)))
+        self._obstacles = np.zeros((0, len(shape.M)))
         self._growths = _GROWTHS
         self._least_decay = _DECAY
         self.shape = shape
 
-    def refuted(self, place: np.ndarray) -> Shape | None:
-        """Return a new V that also decreases at and near z (n,), where a proof failed, or None.
-
-        The new V replaces the present V. The result is None if no such V is found, or if the size
-        of the new set is less than `_KEPT` times the size of the present set.
-        """
-        self._add(place)
-        found = self._good(1.0)
-        if found is None or found.size() < _KEPT * self.shape.size():
-            return None
-        self.shape = found
-        return found
-
     def _add(self, place: np.ndarray) -> None:
         """Require V' < 0 at and near a point z (n,) in the next linear programs."""
         near = self._random.normal(size=(30, len(place))) * 0.02 * np.abs(place)
-        self._refuted = np.concatenate([self._refuted, place[None], place + near])
+        self._obstacles = np.concatenate([self._obstacles, place[None], place + near])
 
     def grown(self) -> Shape | None:
         """Return a V with a larger set than the present V, or None if none is found.
@@ -437,7 +421,7 @@ class Growth:
         """Return the V with the largest set without an obstacle among several fits, or None.
 
         The obstacle of one fit becomes a constraint of the next fit. The result is None if no fit
-        has a solution that decreases fast enough in the linear loop.
+        has a solution.
 
         level: level of the present V up to which the fits extend
         """
@@ -448,10 +432,6 @@ class Growth:
             found = self._fitted(level)
             if found is None:
                 break
-            slow = self._slow(found)
-            if len(slow):
-                self._slowest = np.concatenate([self._slowest, slow])
-                continue
             # the fit has no samples beyond its level 1
             bound = found.bound(self._samples, 1.0, quick=True)
             if bound.level >= _ENOUGH:
@@ -477,12 +457,11 @@ class Growth:
         monomials = last.V.monomials
         checked = int(_CHECKED * max(self._samples.share, 0.1))
         inner = self._inside(last, level, _FIRST)
-        inner = np.concatenate([inner, self._refuted @ last.M.T])
+        inner = np.concatenate([inner, self._obstacles @ last.M.T])
         edge = self._edge(last, level, _FIRST // 2)
         falls, least = self._rows(last, inner)
-        near = self._linear_rows(last, self._slowest)
-        rows = [monomials(edge), falls, near]
-        sides = [np.full(len(edge), 1.02), least, np.full(len(near), self._least_decay)]
+        rows = [monomials(edge), falls]
+        sides = [np.full(len(edge), 1.02), least]
         unknowns = self._unknowns(last)
         mean = monomials(self._edge(last, 1.0, _FIRST)).mean(axis=0)
         shape = None
@@ -570,14 +549,3 @@ class Growth:
         decay = np.einsum("ki,ij,kj->k", z, self._decay, z)
         slopes = last.V.monomial_slopes(z @ last.M.T)
         return np.asarray(-np.einsum("ktj,kj->kt", slopes, rates @ last.M.T) / decay[:, None])
-
-    def _slow(self, shape: Shape) -> np.ndarray:
-        """Return directions z (k, n) in which V decreases too slowly in the linear loop."""
-        decay = shape.linear_decay(self._samples.J)
-        values, directions = scipy.linalg.eigh(decay, shape.N.T @ self._decay @ shape.N)
-        return np.asarray((shape.N @ directions[:, values < 0.5 * self._least_decay]).T)
-
-    def _linear_rows(self, last: Shape, z: np.ndarray) -> np.ndarray:
-        """Return rows (N, K) of the decay of quadratic monomials in the linear loop, z (N, n)."""
-        rows = self._decays(last, z, z @ self._samples.J.T)
-        return np.where(last.V.degrees == 2, rows, 0.0)
