@@ -64,7 +64,8 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
     one = load_gain_schedule(gains_file(tmp_path, K=K[0], **metric), TANK)
     np.testing.assert_allclose(one.gains[0], K[0] * FOOT / POUND)
     one.refuse_beyond(-9.0, 9.0)
-    table = load_gain_schedule(gains_file(tmp_path, K=K, level=levels, **metric), TANK)
+    table = load_gain_schedule(gains_file(tmp_path, K=K, level=levels * FOOT, **metric), TANK)
+    np.testing.assert_allclose(table.breakpoints, levels)
     np.testing.assert_allclose(table.gains, K * FOOT / POUND)
     model = hfa.aircraft()
     angles = {"K": np.ones((2, 5, 6)), "dihedral_deg": [10.0, 20.0]}
@@ -95,6 +96,16 @@ def test_gain_files_of_each_layout_are_read(tmp_path: Path) -> None:
 def test_wrong_gain_files_are_refused(tmp_path: Path, content: Any, said: str) -> None:
     with pytest.raises(BadInputError, match=re.escape(said)):
         load_gain_schedule(gains_file(tmp_path, **content), TANK)
+
+
+def test_breakpoints_of_an_unknown_unit_are_refused(tmp_path: Path) -> None:
+    """The unit of a scheduling variable that is no linear state is not in the file."""
+    model = Model("tank", TANK.states, TANK.inputs, tank, linear=("rate",),
+                  trim={"level": 0.5}, schedule="level")  # fmt: skip
+    table = {"K": np.ones((2, 1, 1)), "level": [1.0, 2.0]}
+    load_gain_schedule(gains_file(tmp_path, **table, state_units=["ft/s"]), model)
+    with pytest.raises(BadInputError, match="the unit of level is not known"):
+        load_gain_schedule(gains_file(tmp_path, **table, state_units=["m/s"]), model)
 
 
 def test_a_policy_with_a_reference_follows_no_other() -> None:

@@ -103,10 +103,11 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
       `schedule_key`, angles in degrees. In MATLAB files, K is (m, n, G)
     model: model with m inputs and n states of the linear model
 
-    Gains in other units, `state_units` and `input_units`, are converted to the units of the model.
+    Gains in other units, `state_units` and `input_units`, are converted to the units of the model,
+    and with them the breakpoints of a state.
 
     Raises BadInputError if K or the breakpoints are missing or have a wrong shape, if a unit cannot
-    be converted, or if the gains are for a sample time.
+    be converted or is not known, or if the gains are for a sample time.
     """
     stored = read_arrays(path)
     inputs, m, n = tuple(model.inputs), len(model.inputs), len(model.linear)
@@ -119,14 +120,14 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
                 f"K is missing; add a K of {m} x {n}, or one for each value of {key}"
             )
         K = numbers_in("K", stored["K"])
-        factors = file_scales(stored, plant).gain
+        scales = file_scales(stored, plant)
         if K.ndim != 3:
             if K.shape != (m, n):
                 shape = " x ".join(map(str, K.shape)) or "a number"
                 raise BadInputError(
                     f"K is {shape}; give a K of {m} x {n}, or one for each value of {key}"
                 )
-            gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * factors
+            gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * scales.gain
             return GainSchedule(np.zeros(1), gain[None], model)
 
         if key not in stored:
@@ -143,6 +144,13 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
             K = np.moveaxis(K, -1, 0)
         if model.is_typed_in_degrees:
             breakpoints = np.radians(breakpoints)
+        elif model.schedule in model.linear:
+            breakpoints = breakpoints / scales.states[model.linear.index(model.schedule)]
+        elif np.any(scales.gain != 1.0):
+            raise BadInputError(
+                f"the gains are in other units than the model, and the unit of {key} is not known; "
+                f"convert K and {key} to the units of the model"
+            )
         if K.shape[1:] == (m, n):
-            K = K * factors
+            K = K * scales.gain
         return GainSchedule(breakpoints, K, model)
