@@ -128,6 +128,9 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "the model has no inputs, so no Bode plot exists": lambda _: bode(inputs=()),
     "no chosen input affects any chosen output": lambda _: bode(inputs=("thrust",)),
     "unknown input 3; choose from throttle": lambda _: linear().select(inputs=3),
+    "state alpha is both kept and residualized": lambda _: linear().select(
+        states=("speed", "alpha"), residualize=("alpha",)
+    ),
     "the index is not a pair of names": lambda _: linear()["pitch_rate"],
     "trimmed with 'published' dynamics, but the aircraft has 'newton'": lambda _: hfa.linearize(
         hfa.aircraft("newton"), point()

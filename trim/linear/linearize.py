@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from trim.linear.kinks import linearization_at
 from trim.linear.linear_model import LinearModel
-from trim.linear.reduction import positions, reduction_note
+from trim.linear.reduction import omitted_positions, positions, reduction_note
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
@@ -53,7 +53,8 @@ def linearize(
     """
     point._refuse_other(model)
     if states or inputs or residualize:
-        positions("state", (*(states or ()), *residualize), tuple(model.states))
+        positions("state", states or (), tuple(model.states))
+        omitted_positions(states or (), residualize, tuple(model.states))
         kept = states or [name for name in model.linear if name not in residualize]
         shown = outputs or tuple(kept)
         whole = linearize(model, point, full=True, outputs=shown, disturbances=disturbances or ())

@@ -34,6 +34,23 @@ def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) ->
     return [positions[name] for name in chosen]
 
 
+def omitted_positions(
+    states: Sequence[str], residualize: Sequence[str], known: tuple[str, ...]
+) -> list[int]:
+    """Return the positions of the residualized states in a list of known names.
+
+    states: the states that are kept
+
+    Raises BadInputError for an unknown or repeated name, and for one that is kept too.
+    """
+    for name in residualize:
+        if name in [*states]:
+            raise BadInputError(
+                f"state {name} is both kept and residualized; name it in states or in residualize"
+            )
+    return positions("state", residualize, known)
+
+
 #: Condition number, in nominal units, above which a matrix counts as singular.
 _SINGULAR = 1e12
 
@@ -99,7 +116,7 @@ def reduced(
         states = tuple(name for name in whole.states if name not in residualize)
     rows = positions("state", states, whole.states)
     columns = positions("input", inputs, whole.inputs)
-    following = positions("state", (*states, *residualize), whole.states)[len(rows) :]
+    following = omitted_positions(states, residualize, whole.states)
     if not rows:
         raise BadInputError(
             "residualize contains every state of the model; remove at least one state"

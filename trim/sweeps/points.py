@@ -96,9 +96,14 @@ def trim_points(
     if condition is None:
         condition = usual_condition(model)
     refuse_unfit(condition, model)
+    asked, asked_values = variables, values
     variables, values, condition = _resolved(model, variables, values, condition)
     system = _system(model, condition, variables, start)
     points = _settled_together(system, variables, values)
+    within = _true_rows(condition.limits_on(asked).within(asked_values))
+    refused = ~within & (points.status == TRIMMED)  # as of a parameter
+    points.status[refused] = NO_TRIM
+    points.one_by_one[refused] = True
     slow = np.flatnonzero(points.one_by_one).tolist()
     for done, i in enumerate(slow, start=len(values) - len(slow) + 1):
         _settle_alone(system, points, i, variables, values[i], start)

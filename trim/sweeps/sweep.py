@@ -718,10 +718,12 @@ def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
     for i in np.flatnonzero(rows["status"] == BEYOND_LIMITS).tolist():
         values = rows["values"][i]
         balancing = dict(zip(plan.model.inputs, rows["inputs"][i].tolist(), strict=True))
-        condition = condition_at(plan.condition, plan.variables, values)
-        reasons[i] = beyond_limits(
-            model_at(plan.model, plan.variables, values), condition, balancing
-        )
+        try:
+            model = model_at(plan.model, plan.variables, values)
+            condition = condition_at(plan.condition, plan.variables, values)
+            reasons[i] = beyond_limits(model, condition, balancing)
+        except BadInputError as error:  # a listed value outside its limits
+            reasons[i] = str(error)
     return tuple(reasons)
 
 

@@ -63,9 +63,10 @@ class SweepPlan:
     listed: bool = False
 
     def __post_init__(self) -> None:
-        """Check all fields, including the condition at the extreme values.
+        """Check all fields, including the condition at the extreme values of a grid.
 
-        Raises BadInputError for an unknown name, a value outside its limits, and too many points.
+        Raises BadInputError for an unknown name, a value of a grid outside its limits, and too many
+        points.
         """
         model = self.model
         if self.condition is None:
@@ -85,6 +86,8 @@ class SweepPlan:
                 f"the sweep has {self.count:,.15g} points (maximum {MOST_POINTS:,}); use larger "
                 "steps"
             )
+        if self.listed:  # a point outside a limit has no trim
+            return
         self._check_parameters()
         for corner in np.array(list(self._ends.values())).T:
             condition_at(self.condition, self.variables, corner)

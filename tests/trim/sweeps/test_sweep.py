@@ -109,7 +109,6 @@ LISTS = [
     ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells, but row 1 has 2; correct the row"),
     ("dihedral;speed\n5;64\n", "row 1 contains a semicolon; separate the columns by commas"),
     ("dihedral,speed\n", "row 1 contains a name twice, or no values follow"),
-    ("dihedral,speed\n5,64\n10,680\n", "speed is 680 ft/s"),
 ]
 
 
@@ -119,6 +118,19 @@ def test_a_wrong_listed_point_is_named(text: str, words: str, tmp_path: Path) ->
     path = tmp_path / "points.csv"
     path.write_text(text, encoding="utf-8")
     assert_refused(hfa("sweep", "--conditions", str(path)), 2, words)
+
+
+def test_a_listed_point_outside_a_limit_fails_alone(tmp_path: Path) -> None:
+    """Its reason names the value, also of a parameter with which a trim exists."""
+    path = tmp_path / "points.csv"
+    path.write_text("speed,isa\n220,10\n99000,10\n220,120\n", encoding="utf-8")
+    table = str(ROOT / "examples" / "cessna182.toml")
+    result = hfa("sweep", "--aircraft", table, "--conditions", str(path))
+    said = " ".join(result.out.split())
+    assert result.code == 0
+    assert "trimmed at 1 of 3 points" in said
+    assert "99000, 10: speed is 99000 ft/s; give a value between" in said
+    assert "220, 120: isa is 120 K; give at most 100 K" in said
 
 
 def test_a_list_may_have_comments_units_and_flight_levels(tmp_path: Path) -> None:
