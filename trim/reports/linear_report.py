@@ -127,23 +127,23 @@ def _records(
 
     bands: as in `Beside`, for a column of their own; None without this column
     """
-    # Each row is (matrix, row name, column name, value, unit). An offset has "X0" or "U0" in place
-    # of a matrix.
+    # Each row is (matrix, row name, column name, value, unit, band). An offset has "X0" or "U0" in
+    # place of a matrix.
     rows: list[tuple[Any, ...]] = []
     for block in blocks:
+        of_block = (bands or {}).get(block.name)
         for i, row in enumerate(block.rows):
             for j, column in enumerate(block.columns):
                 unit = f"({block.row_units[i]})/({block.column_units[j]})"
-                entry = (block.name, row, column, block.values[i, j], unit)
-                band = bands[block.name][i, j] if bands and block.name in bands else ""
-                rows.append(entry if bands is None else (*entry, band))
+                band = "" if of_block is None else of_block[i, j]
+                rows.append((block.name, row, column, block.values[i, j], unit, band))
     unit_of = model.model.unit
     for offset, names in (("X0", model.states), ("U0", model.inputs)):
         for name in names:
-            entry = (offset, name, "", model.point.values[name], unit_of(name))
-            rows.append(entry if bands is None else (*entry, ""))
-    header = ("matrix", "row", "column", "value", "unit")
-    return Table(header if bands is None else (*header, "band"), rows)
+            rows.append((offset, name, "", model.point.values[name], unit_of(name), ""))
+    header = ("matrix", "row", "column", "value", "unit", "band")
+    width = len(header) - (bands is None)
+    return Table(header[:width], [row[:width] for row in rows])
 
 
 def units_in_words(model: LinearModel) -> str:
