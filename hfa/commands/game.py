@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, game_at, given_game, given_weights
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
-from hfa.options.plants import loaded_model
 from hfa.options.tracking import reference_of, reference_option, with_tracking
 from hfa.options.trims import (
     SeveralTrims,
@@ -30,7 +29,6 @@ from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
     from controller.riccati.gare import Solution
-    from hfa_aircraft.model import Model
 
 #: Largest number of games of a gain table. Each takes about a tenth of a second.
 _MOST_BREAKPOINTS = 1000
@@ -53,8 +51,41 @@ class SolveRequest(Request, SeveralTrims, GameOptions):
     reference: Mapping[str, str] = reference_option()
 
 
-@command(SolveRequest)
-def solve(request: SolveRequest) -> Outcome:
+class GivenGames(NamedTuple):
+    """The game that the options define, or the games at several values of the scheduling variable.
+
+    at: values of the scheduling variable, (G,), rad for angles, or None for a single game
+    source: entries of the provenance
+    """
+
+    games: list[NamedGame]
+    at: np.ndarray | None
+    source: Mapping[str, Any]
+
+
+def given_games(request: SolveRequest) -> GivenGames:
+    """Return the games that the options define."""
+    if request.order is None:
+        refuse(request, ("picture",), "shows the nonlinear game; add --order D")
+    if request.plant is not None:
+        refuse(request, _OF_ONE_TRIM, "requires the equations of an aircraft; remove --model")
+    typed = request.dihedral or request.at or ""
+    if request.plant is not None or not ("," in typed or ":" in typed):
+        named = given_game(request)
+        return GivenGames([named], None, named.source)
+    trims, source = given_trims(request, _MOST_BREAKPOINTS)
+    name = f"--{at_name(trims[0].model)}"
+    refuse(request, _OF_ONE_TRIM, f"applies to one trim; remove this option, or give one {name}")
+    breakpoints = np.array([each.at for each in trims])
+    if np.any(np.diff(breakpoints) <= 0.0):
+        raise BadInputError(f"{name} does not increase; give the values in increasing order")
+    weights = given_weights(request)
+    trimmed = with_progress(trims, ProgressLine("trim"))
+    return GivenGames([game_at(each, weights) for each in trimmed], breakpoints, source)
+
+
+@command(SolveRequest, given_games)
+def solve(request: SolveRequest, given: GivenGames) -> Outcome:
     """Solve the zero-sum game exactly, and report a certificate, the smallest delta, the cost of
     the policies and their stability margins.
 
@@ -67,14 +98,9 @@ def solve(request: SolveRequest) -> Outcome:
     from controller.expansion.expansion import expand
     from controller.riccati import gare
 
-    if request.order is None:
-        refuse(request, ("picture",), "shows the nonlinear game; add --order D")
-    at = request.dihedral or request.at or ""
-    if request.plant is not None:
-        refuse(request, _OF_ONE_TRIM, "requires the equations of an aircraft; remove --model")
-    elif "," in at or ":" in at:
-        return _solve_table(request)
-    named = given_game(request)
+    if given.at is not None:
+        return _solved_table(given.games, given.at, given.source)
+    (named,) = given.games
     reference = reference_of(request.reference, named)
     with named.asking_for_time():
         solution = gare.solve(named.game, ProgressLine("solve"))
@@ -95,40 +121,29 @@ def solve(request: SolveRequest) -> Outcome:
     )
 
 
-def _solve_table(request: SolveRequest) -> Outcome:
-    """Solve the game at each value of the scheduling variable, and show the gain table."""
+def _solved_table(games: list[NamedGame], at: np.ndarray, source: Mapping[str, Any]) -> Outcome:
+    """Return the outcome of a gain table.
+
+    at: values of the scheduling variable, (G,)
+    """
     from controller.riccati import gare
 
-    model = loaded_model(request)
-    name = f"--{at_name(model)}"
-    refuse(
-        request,
-        _OF_ONE_TRIM,
-        f"applies to one trim; remove this option, or give one {name}",
-    )
-    trims, source = given_trims(request, _MOST_BREAKPOINTS)
-    breakpoints = np.array([each.at for each in trims])
-    if np.any(np.diff(breakpoints) <= 0.0):
-        raise BadInputError(f"{name} does not increase; give the values in increasing order")
-    weights = given_weights(request)
-    games: list[NamedGame] = []
-    solutions: list[Solution] = []
-    for given in with_progress(trims, ProgressLine("solve")):
-        games.append(game_at(given, weights))
-        solutions.append(gare.solve(games[-1].game))
+    solutions = [gare.solve(each.game) for each in with_progress(games, ProgressLine("solve"))]
     notes = dict.fromkeys(note for named in games for note in named.warnings)
-    report = _table_report(model, breakpoints, games, solutions)
-    return Outcome(report=report, source=source, notes=notes)
+    return Outcome(report=_table_report(at, games, solutions), source=source, notes=notes)
 
 
 def _table_report(
-    model: Model, breakpoints: np.ndarray, games: list[NamedGame], solutions: list[Solution]
+    breakpoints: np.ndarray, games: list[NamedGame], solutions: list[Solution]
 ) -> Report:
     """Return the report of a gain table.
 
     breakpoints: (G,), values of the scheduling variable, rad for angles
     games, solutions: the game and its solution at each value
     """
+    linear = games[0].linear
+    assert linear is not None  # the games of a table are those of an aircraft
+    model = linear.model
     by = model.schedule
     in_degrees = np.degrees(breakpoints)
     rows = []
@@ -142,7 +157,12 @@ def _table_report(
                 "none" if disk is None else f"{disk.disk:.4g}",
             )
         )
-    columns = (by, "delta_min", "largest real part, 1/s", "disk margin, all inputs")
+    columns = (
+        by,
+        "delta_min",
+        f"largest real part, 1/{model.time_unit}",
+        "disk margin, all inputs",
+    )
     title = (
         f"Gain table over {by} for {model.title}: {len(rows)} exact solutions, certified,"
         f" {rows[0][0]} to {rows[-1][0]}"
@@ -164,8 +184,8 @@ class LearnRequest(Request, GameOptions, LearningOptions):
     """Options of `hfa learn`."""
 
 
-@command(LearnRequest)
-def learn(request: LearnRequest) -> Outcome:
+@command(LearnRequest, given_game)
+def learn(request: LearnRequest, named: NamedGame) -> Outcome:
     """Learn the value and gain of the game, and compare them with the exact solution.
 
     -o FILE saves the weights for `hfa verify`. For a discrete-time plant, Q-learning from recorded
@@ -175,7 +195,6 @@ def learn(request: LearnRequest) -> Outcome:
     from verification.critic.critic_check import verify
     from verification.reports import checks_part
 
-    named = given_game(request)
     if named.game.is_discrete:
         refuse(request, ("law",), CONTINUOUS)
     law = request.law or DEFAULT_LAW

@@ -8,9 +8,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from controller.critic.critic_file import critic_file, critic_suffixes
 from controller.critic.reading import CriticFile
+from controller.game.zero_sum import Game
 from hfa.options.argument_types import positive, whole
 from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
@@ -110,11 +112,21 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
     )
 
 
-@command(VerifyRequest)
-def verify(request: VerifyRequest) -> Outcome:
-    """Compare a critic with the exact solution of the game.
+class GivenCritics(NamedTuple):
+    """The critics of --weights and their game.
 
-    The exit code is 0 if every check passes or the cost is within --limit-cost, and 1 otherwise."""
+    files: path -> what the file contains
+    named: game of the options and of a single deployment file
+    game: the game on which the critics are judged, sampled with --discount
+    """
+
+    files: Mapping[str, CriticFile]
+    named: NamedGame
+    game: Game
+
+
+def given_critics(request: VerifyRequest) -> GivenCritics:
+    """Return the critics and the game that the options define."""
     files = {str(path): critic_file(path) for paths in request.weights for path in paths}
     _refuse_unused(request, files)
     alone = next(iter(files.values())) if len(files) == 1 else None
@@ -125,35 +137,7 @@ def verify(request: VerifyRequest) -> Outcome:
     game = named.game
     if request.discount is not None and request.dt is not None:
         game = game.sampled(request.dt, request.discount)
-    reference = reference_of(request.reference, named)
-    reading = reading_of(request, named.linear)
-    verdicts = {}
-    for path, file in with_progress([*files.items()], ProgressLine("compare")):
-        with named.asking_for_time(), prefix_errors(path):
-            verdicts[path] = judge(
-                game,
-                file.critic(game, reading),
-                limit=request.limit_error,
-                flights=FLIGHTS if len(files) <= _MANY else _FEW_FLIGHTS,
-                linear=named.linear,
-                taylor=request.taylor or (None if alone else False),
-                progress=ProgressLine("verify"),
-            )
-    report = _report(request, named, verdicts)
-    if request.flights is not None:
-        from hfa_flight.commands.section import with_flights
-
-        report = with_flights(report, list(verdicts.values()), named, request.flights)
-    *_, last = verdicts.values()
-    report = with_tracking(report, reference, named, last.exact.P, last.critic.K)
-    figure = partial(verdicts_figure, verdicts)
-    return Outcome(
-        report=report,
-        ok=all(verdict.holds(request.limit_cost) for verdict in verdicts.values()),
-        source=named.source,
-        notes=named.warnings,
-        figure=figure,
-    )
+    return GivenCritics(files, named, game)
 
 
 def _refuse_unused(request: VerifyRequest, files: Mapping[str, CriticFile]) -> None:
@@ -178,21 +162,6 @@ def _refuse_unused(request: VerifyRequest, files: Mapping[str, CriticFile]) -> N
         refuse(request, ("reference",), "applies only to continuous time; remove it or --discount")
 
 
-def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Verdict]) -> Report:
-    """Return the report of the verdicts, file -> verdict."""
-    if len(verdicts) > 1:
-        report = verdicts_report(verdicts, request.limit_cost)
-    else:
-        ((source, verdict),) = verdicts.items()
-        lines = [named.weights_line()]
-        if request.limit_cost is None and verdict.grade == "near":
-            lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
-        if verdict.critic.network and not verdict.critic.has_weights:
-            lines.append("Without sample time, delay and input limits; see hfa assess")
-        report = verdict_report(verdict, limit_cost=request.limit_cost, about=lines, source=source)
-    return report.with_data(named, named.weights)
-
-
 def _notes(
     request: VerifyRequest, named: NamedGame, files: Mapping[str, CriticFile]
 ) -> Iterator[str]:
@@ -211,3 +180,55 @@ def _notes(
         delta = named.game.delta
         if file.delta is not None and not math.isclose(file.delta, delta, rel_tol=1e-6):
             yield f"{path} is of a game with delta {file.delta:g}; the game has delta {delta:g}"
+
+
+@command(VerifyRequest, given_critics)
+def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
+    """Compare a critic with the exact solution of the game.
+
+    The exit code is 0 if every check passes or the cost is within --limit-cost, and 1 otherwise."""
+    files, named, game = given
+    reference = reference_of(request.reference, named)
+    reading = reading_of(request, named.linear)
+    verdicts = {}
+    for path, file in with_progress([*files.items()], ProgressLine("compare")):
+        with named.asking_for_time(), prefix_errors(path):
+            verdicts[path] = judge(
+                game,
+                file.critic(game, reading),
+                limit=request.limit_error,
+                flights=FLIGHTS if len(files) <= _MANY else _FEW_FLIGHTS,
+                linear=named.linear,
+                taylor=request.taylor or (None if len(files) == 1 else False),
+                progress=ProgressLine("verify"),
+            )
+    report = _report(request, named, verdicts)
+    if request.flights is not None:
+        from hfa_flight.commands.section import with_flights
+
+        report = with_flights(report, list(verdicts.values()), named, request.flights)
+    *_, last = verdicts.values()
+    report = with_tracking(report, reference, named, last.exact.P, last.critic.K)
+    figure = partial(verdicts_figure, verdicts)
+    return Outcome(
+        report=report,
+        ok=all(verdict.holds(request.limit_cost) for verdict in verdicts.values()),
+        source=named.source,
+        notes=named.warnings,
+        figure=figure,
+    )
+
+
+def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Verdict]) -> Report:
+    """Return the report of the verdicts, file -> verdict."""
+    if len(verdicts) > 1:
+        report = verdicts_report(verdicts, request.limit_cost)
+    else:
+        ((source, verdict),) = verdicts.items()
+        lines = [named.weights_line()]
+        if request.limit_cost is None and verdict.grade == "near":
+            lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
+        if verdict.critic.network and not verdict.critic.has_weights:
+            lines.append("Without sample time, delay and input limits; see hfa assess")
+        report = verdict_report(verdict, limit_cost=request.limit_cost, about=lines, source=source)
+    return report.with_data(named, named.weights)
