@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -21,7 +21,8 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.motion import flow_rates, rotation, wind_axes
 from hfa_aircraft.signals import VECTORS, Signal
-from hfa_flight.air.names import UPDRAFT
+from hfa_flight.air.names import UPDRAFT, state_of
+from hfa_support.units import conversion
 
 #: Component of a gust -> disturbance that `in_gusts` adds for it.
 ADDED = {
@@ -33,16 +34,16 @@ ADDED = {
     "r": "gust_yaw_rate",
 }
 _SIGN = {"w": -1.0}
-#: Component of a gust -> states that it requires and their units. The unit "" stands for any unit
-#: of speed.
+#: Component of a gust -> states that it requires.
 _NEEDED = {
-    "u": {"speed": "", "alpha": "rad", "pitch": "rad"},
-    "v": {"speed": "", "alpha": "rad", "pitch": "rad", "beta": "rad", "roll": "rad"},
-    "w": {"speed": "", "alpha": "rad", "pitch": "rad"},
-    "p": {"speed": "", "alpha": "rad", "roll_rate": "rad/s"},
-    "q": {"speed": "", "alpha": "rad", "pitch_rate": "rad/s"},
-    "r": {"speed": "", "alpha": "rad", "yaw_rate": "rad/s"},
+    "u": ("speed", "alpha", "pitch"),
+    "v": ("speed", "alpha", "pitch", "beta", "roll"),
+    "w": ("speed", "alpha", "pitch"),
+    "p": ("speed", "alpha", "roll_rate"),
+    "q": ("speed", "alpha", "pitch_rate"),
+    "r": ("speed", "alpha", "yaw_rate"),
 }
+_STATES = ("speed", "alpha", "beta", "pitch", "roll", "roll_rate", "pitch_rate", "yaw_rate")
 _RATES = {"p": "roll_rate", "q": "pitch_rate", "r": "yaw_rate"}
 #: States whose rates depend on the motion over the ground.
 _OVER_GROUND = (
@@ -91,13 +92,21 @@ def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]
 def missing_states(model: Model, component: str) -> list[str]:
     """Return the states that a gust component requires but the model lacks.
 
-    A state that the model has in another unit counts as missing.
+    A state that the model has in a unit without a known size counts as missing.
     """
-    return [
-        name
-        for name, unit in _NEEDED[component].items()
-        if name not in model.states or (unit and model.unit(name) != unit)
-    ]
+    return [name for name in _NEEDED[component] if name not in _states(model)]
+
+
+def _states(model: Model) -> dict[str, tuple[str, float]]:
+    """Return standard name -> state of the model, and its unit in rad or rad/s; 1 for the speed."""
+    found = {}
+    for name in _STATES:
+        state = state_of(model, name)
+        unit = "rad/s" if name.endswith("_rate") else "rad"
+        size = 1.0 if name == "speed" else conversion(model.unit(state), unit) if state else None
+        if state in model.states and size is not None:
+            found[name] = (state, size)
+    return found
 
 
 def other_kind(model: Model, disturbance: str) -> str:
@@ -136,7 +145,7 @@ def in_gusts(model: Model) -> Model:
     added = [name for name in ADDED if name not in own and _can_be_added(model, name)]
     if not added:
         return model
-    speed = model.states["speed"].unit
+    speed = model.unit(state_of(model, "speed"))
     signals = {ADDED[name]: Signal("rad/s" if name in _RATES else speed) for name in added}
     return replace(
         model,
@@ -152,9 +161,14 @@ class _InGusts:
     model: Model
     added: tuple[str, ...]  # gust components that the model does not declare
 
+    @cached_property
+    def states(self) -> dict[str, tuple[str, float]]:
+        """Standard name -> state of the model, and its unit in rad or rad/s."""
+        return _states(self.model)
+
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
         """Return the rates by state and the outputs by name."""
-        states = {name: getattr(x, name) for name in self.model.states}
+        states = {name: getattr(x, state) * size for name, (state, size) in self.states.items()}
         layout = self.model.layout
         own = layout.record("w", [getattr(w, name) for name in self.model.disturbances])
         gust = {
@@ -175,13 +189,20 @@ class _InGusts:
             **dict(zip(_RATES.values(), ca.vertsplit(rates_in_air), strict=True)),
         }
         seen = {name: relative.get(name, value) for name, value in states.items()}
-        moved, outputs = self.model.equations(layout.record("x", seen.values()), u, p, own)
-        acceleration = _acceleration(seen, moved)
+        vector = {name: getattr(x, name) for name in self.model.states}
+        vector |= {self.states[name][0]: seen[name] / self.states[name][1] for name in seen}
+        moved, outputs = self.model.equations(layout.record("x", vector.values()), u, p, own)
+        rates_of = {name: moved[state] * size for name, (state, size) in self.states.items()}
+        acceleration = _acceleration(seen, rates_of)
         acceleration += ca.cross(rates_in_air, in_air) - ca.cross(rates, velocity)
         flow = zip(("speed", "alpha", "beta"), flow_rates(velocity, acceleration), strict=True)
         over_ground, _ = self.model.equations(x, u, p, own)
-        found = {name: over_ground[name] for name in _OVER_GROUND if name in states}
-        found |= {name: rate for name, rate in flow if name in states}
+        grounded = {state_of(self.model, name) or name for name in _OVER_GROUND}
+        found = {name: over_ground[name] for name in vector if name in grounded}
+        for name, rate in flow:
+            if name in states:
+                state, size = self.states[name]
+                found[state] = rate / size
         return {**moved, **found}, outputs
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from hfa_aircraft.model import Model
+from hfa_aircraft.model import Model, altitudes, recognized
 from hfa_support.errors import BadInputError
+from hfa_support.units import conversion, si_factor
 from trim.point.operating_point import OperatingPoint
 
 #: Disturbance of a model for a vertical gust.
@@ -11,6 +12,11 @@ UPDRAFT = "updraft"
 #: State whose limits apply to the output `ANGLE_OF_ATTACK` in moving air.
 ALPHA = "alpha"
 ANGLE_OF_ATTACK = "angle_of_attack"
+#: Standard name of a state -> role for which another state may be recognized.
+_ROLES = {
+    **{"pitch": "theta", "roll": "phi"},
+    **{"roll_rate": "p", "pitch_rate": "q", "yaw_rate": "r"},
+}
 #: Notes on flights in moving air.
 OVER_GROUND = (
     f"alpha is relative to the ground; the envelope limits {ANGLE_OF_ATTACK}, relative to the air"
@@ -37,17 +43,44 @@ def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
     return tuple(ANGLE_OF_ATTACK if name == ALPHA else name for name in model.states)
 
 
-def gust_speed(point: OperatingPoint) -> float:
-    """Return the speed at which gusts pass an aircraft: the trim value of `speed`.
+def state_of(model: Model, name: str) -> str:
+    """Return the state or output with a standard name, or the recognized state, or "".
 
-    `speed` is a state or an output of the model. Raises BadInputError if the model has neither.
+    name: speed, alpha, beta, pitch, roll or one of their rates, or altitude
+    """
+    if name in model.states or name in model.outputs:
+        return name
+    if name == "altitude":
+        return next(iter(altitudes(model)), "")
+    return recognized(model.states).get(_ROLES.get(name, name), "")
+
+
+def gust_speed(point: OperatingPoint) -> float:
+    """Return the speed at which gusts pass an aircraft at its trim, in its units of length per s.
+
+    It is a state or an output of the model. Raises BadInputError if the model has neither.
     """
     model = point.model
-    if "speed" not in (*model.states, *model.outputs):
+    name = state_of(model, "speed")
+    if not name:
         raise BadInputError(
-            f"{model.name} has no state or output named speed, which a gust requires; declare an "
-            "output speed"
+            f"{model.name} has no state that is recognized as its speed, which a gust requires; "
+            "an aircraft in Python may declare a state or output speed"
         )
-    if "speed" in point.values:
-        return point.values["speed"]
-    return model.outputs_at(point.states, point.inputs, ["speed"])["speed"]
+    value = point.values.get(name)
+    if value is None:
+        value = model.outputs_at(point.states, point.inputs, [name])[name]
+    in_feet = conversion(model.unit(name), "ft/s")
+    return value if in_feet is None else value * in_feet * feet_of(model)
+
+
+def feet_of(model: Model) -> float:
+    """Return the length of a foot in the unit of length that belongs to the speed of a model.
+
+    The unit is ft for ft/s, that of the altitude for knots (ft without an altitude), and else m.
+    """
+    unit = model.unit(state_of(model, "speed"))
+    if unit in ("kt", "kts", "knot"):
+        altitude = state_of(model, "altitude")
+        return conversion("ft", model.unit(altitude)) or 1.0 if altitude else 1.0
+    return 1.0 if unit == "ft/s" else si_factor("ft")

@@ -25,9 +25,9 @@ from hfa_flight.air.gust_equations import (
     undeclared,
 )
 from hfa_flight.air.gusts import Gust
-from hfa_flight.air.names import UPDRAFT, gust_speed
+from hfa_flight.air.names import UPDRAFT, feet_of, gust_speed, state_of
 from hfa_support.errors import BadInputError, is_finite, shown
-from hfa_support.units import conversion, si_factor
+from hfa_support.units import conversion
 from trim.point.operating_point import OperatingPoint
 
 LEVELS = ("light", "moderate", "severe")
@@ -152,11 +152,12 @@ class Turbulence:
         seed: seed of the noise
 
         Raises BadInputError if the altitude is unknown, if the specification has no turbulence of
-        this level there, if the speed is neither in ft/s nor in m/s, or if the model supports no
+        this level there, if no speed is recognized, or if the model supports no
         component.
         """
         model = point.model
         feet = _feet(model)
+        height = state_of(model, "altitude")
         if isinstance(self.level, str):
             altitude = self._altitude(point) / _foot_of_altitude(model)
             scales = scales_and_intensities(self.level, altitude, self.spectrum)
@@ -165,12 +166,17 @@ class Turbulence:
             intensity, scale = self.level
             scales = Scales((scale / feet,) * 3, (intensity / feet,) * 3)
         trimmed_at = None
-        if "altitude" in model.states:
-            trimmed_at = float(point.values["altitude"]) / _foot_of_altitude(model)
-        heading = float(point.values.get("yaw", 0.0))
+        if height in model.states:
+            trimmed_at = float(point.values[height]) / _foot_of_altitude(model)
+        heading = 0.0
+        if "yaw" in model.states:
+            heading = point.values["yaw"] * (conversion(model.unit("yaw"), "rad") or 1.0)
         taken = taken_components(model, heading)
         if self.span is None:
             taken = {name: taken[name] for name in taken if name in "uvw"}
+        per_length = conversion("ft/s", model.unit(state_of(model, "speed"))) or feet
+        for name in {*taken} & {*"uvw"}:
+            taken[name] = {wind: size * per_length / feet for wind, size in taken[name].items()}
         if not taken:
             needed = ", ".join(missing_states(model, "w"))
             if not needed:
@@ -198,13 +204,14 @@ class Turbulence:
             return self.altitude
         model = point.model
         give = f"give --turbulence {self.level}:ALTITUDE (in Python altitude=)"
-        if "altitude" not in model.states:
+        name = state_of(model, "altitude")
+        if name not in model.states:
             raise BadInputError(
                 f"{model.name} has no state altitude, which turbulence requires; {give}"
             )
-        altitude = float(point.values["altitude"])
-        if altitude == model.trim.get("altitude"):
-            unit = model.unit("altitude")
+        altitude = float(point.values[name])
+        if altitude == model.trim.get(name):
+            unit = model.unit(name)
             raise BadInputError(
                 f"turbulence requires an explicit altitude, not the default of {altitude:g} "
                 f"{unit}; {give}"
@@ -233,18 +240,19 @@ def turbulence_of(text: str) -> Turbulence:
 
 def _feet(model: Model) -> float:
     """Return the length of a foot in the model's unit of length."""
-    units = {"ft/s": 1.0, "m/s": si_factor("ft")}
-    if "speed" not in model.signals or model.unit("speed") not in units:
+    name = state_of(model, "speed")
+    if not name or conversion("ft/s", model.unit(name)) is None:
         raise BadInputError(
-            f"{model.name} has no speed in ft/s or m/s, which turbulence requires; declare speed "
-            "in ft/s or m/s"
+            f"{model.name} has no state in a unit of speed that is recognized as its speed, which "
+            "turbulence requires; an aircraft in Python may declare a state or output speed in m/s"
         )
-    return units[model.unit("speed")]
+    return feet_of(model)
 
 
 def _foot_of_altitude(model: Model) -> float:
     """Return the length of a foot in the unit of the altitude, by default that of the speed."""
-    unit = model.unit("altitude") if "altitude" in model.signals else ""
+    name = state_of(model, "altitude")
+    unit = model.unit(name) if name else ""
     return conversion("ft", unit) or _feet(model)
 
 

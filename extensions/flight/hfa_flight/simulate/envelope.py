@@ -23,6 +23,8 @@ from trim.point.operating_point import OperatingPoint
 #: quarter of the flight to the last: with an unstable linear loop, more than a drift at a constant
 #: rate, else more than a drift with t^4.
 _OF_UNSTABLE, _OF_STABLE = 4.0, 256.0
+#: Smallest number of steps after the last excitation by which a flight is judged.
+_FEWEST = 8
 #: Smallest error of a flight that diverges, in nominal values.
 _VISIBLE = 0.01
 #: What the first line of flights without an envelope says, and how a state gets a limit.
@@ -194,10 +196,10 @@ def divergence(
     point: the trim
     growth: largest growth of a mode of the linear loop, 1/s, or 0 if no mode is known to grow
     driven_until: time at which the last excitation ends, s. The quarters are those of the flight
-        after it, or of the whole flight if it does not end before the flight
+        after it, or of the whole flight if no time or few steps remain
     """
     times, end = flight.times, float(flight.times[-1])
-    begin = driven_until if driven_until < end else 0.0
+    begin = driven_until if np.sum(times >= driven_until) >= _FEWEST else 0.0
     quarter = (end - begin) / 4.0
     before, after = (
         np.abs(flight.errors[rows]).max(axis=0)
