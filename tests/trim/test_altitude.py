@@ -8,7 +8,7 @@ import pytest
 from project import ROOT
 
 import hfa
-from hfa import trim
+from hfa import sweep, trim
 
 UAV = hfa.load_model(f"{ROOT}/examples/uav.toml")
 FREE = replace(UAV, trim={name: each for name, each in UAV.trim.items() if name != "altitude"})
@@ -22,6 +22,12 @@ def test_a_trim_keeps_the_altitude_where_it_begins(altitude: float) -> None:
     assert dict(free) == pytest.approx(dict(held), rel=1e-9, abs=1e-12)
     said = "Neither held nor determined, kept at the initial value: altitude"
     assert (said in str(free.report()), said in str(held.report())) == (True, False)
+
+
+def test_a_sweep_keeps_the_altitude() -> None:
+    """Each point of a sweep is at the initial altitude."""
+    points = [linear.point for linear in sweep(FREE, speed=[30.0, 35.0, 40.0])]
+    assert [point["altitude"] for point in points] == [UAV.states["altitude"].start] * 3
 
 
 def test_an_altitude_that_the_equations_determine_is_found() -> None:

@@ -330,6 +330,7 @@ def test_each_entry_has_its_own_unit():
         ({"elevator": [1.0, -1.0]}, "lower limit is not less than the upper limit"),
         ({"alpha": [0.0, 0.1]}, "give a single value"),
         ({"left flap": [0.0, 0.1]}, "limit of an input"),
+        ({"thrust": 0.1}, "thrust has a single value"),
         ({"avl": 5.0}, "give the name of a stability file"),
         ({5: 0.1}, "5 is not the name of an entry"),
         ({"elevator": ["-20 m", "20 m"]}, "in m; give elevator in rad or deg"),
