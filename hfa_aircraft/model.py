@@ -667,7 +667,7 @@ class Model(Reported):
             return f"{self.name}: {what} contains NaN; use CasADi's functions (ca.sin), not math's"
         where = ", ".join(f"{self.describe(name, value)} {name}" for name, value in values.items())
         if self.about.failed():
-            return f"{self.name}: {self.about.failed()} at {where}"
+            return f"{self.name}: {self.about.failed()} (at {where})"
         return f"{self.name}: {what} is not a number at {where}; correct the equations or limits"
 
     def outputs_at(

@@ -46,7 +46,8 @@ def default_weight(
     if isinstance(stored, Mapping):
         names = wanted[signals[0]]
         declared = [stored.get(name, 0.0) for name in names]
-        return np.diag(declared / unit_factors(model, names) ** 2)
+        units = [model.native_factor(name) for name in names]
+        return np.diag(declared / np.square(units))
     with prefix_errors(model.name):
         weight = numbers_in(matrix, stored)
         if weight.ndim == 1 and matrix != "N":
@@ -75,11 +76,6 @@ def default_disturbance(model: Model, states: Sequence[str]) -> np.ndarray:
     disturbed = [place for place, name in enumerate(states) if name in named]
     units = [model.rate_scale(name) / model.native.rate_scale(name) for name in states]
     return np.diag(units)[:, disturbed]
-
-
-def unit_factors(model: Model, names: Sequence[str]) -> np.ndarray:
-    """Return the units in which a model declares signals, in its own units, (k,)."""
-    return np.array([model.native_factor(name) for name in names])
 
 
 def weights_line(game: Game, whose: Mapping[str, str] | None = None) -> str:

@@ -26,7 +26,7 @@ from hfa_aircraft.rigid.atmosphere import (
     pitot_pressure,
 )
 from hfa_aircraft.signals import ISA
-from hfa_support.errors import BadInputError, shown
+from hfa_support.errors import BadInputError
 from hfa_support.units import conversion
 
 #: ft/s.
@@ -64,8 +64,9 @@ def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
         )
     if name in model.outputs and ISA not in model.parameters:
         return dict(imposed)
-    if not np.all(np.asarray(imposed[name]) > 0.0):
-        raise BadInputError(f"{name} is {shown(imposed[name])}; give a positive speed")
+    least = np.min(imposed[name])
+    if not least > 0.0:
+        raise BadInputError(f"{name} is {model.describe(name, least)}; give a positive speed")
     rest = {each: imposed[each] for each in imposed if each != name}
     return rest | {speed: _speed(model, name, altitude, imposed) * _per(model, speed, "ft/s")}
 
