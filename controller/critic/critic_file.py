@@ -21,6 +21,7 @@ from controller.game.basis import Basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import (
+    NAME_KEYS,
     file_scales,
     found_in,
     one_number,
@@ -76,6 +77,7 @@ def critic_file(path: str | Path) -> CriticFile:
             partial(_critic_of, entries),
             plant=", ".join(words(entries, "plant")),
             delta=_delta_in(entries),
+            names={key: words(entries, key) for key in NAME_KEYS},
         )
 
 

@@ -56,6 +56,7 @@ class CriticFile(NamedTuple):
     inputs: the inputs that the policy moves, () if the file has none
     cost: "Q" and "R" -> name -> weight, empty if the file has none
     delta: δ of the game whose result the file contains, or None
+    names: "states", "inputs", "state_units" and "input_units" -> texts in the file
     """
 
     critic: Callable[[Game, Reading], Critic]
@@ -64,6 +65,7 @@ class CriticFile(NamedTuple):
     inputs: tuple[str, ...] = ()
     cost: Mapping[str, Mapping[str, float]] = {}
     delta: float | None = None
+    names: Mapping[str, tuple[str, ...]] = {}
 
 
 def in_plant_units(

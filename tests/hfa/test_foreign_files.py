@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import hfa
+from game_files import small, stored
 
 from hfa.main import BAD_INPUT
 
@@ -95,6 +96,27 @@ def test_an_entry_dt_that_is_no_sample_time_is_refused(dt: object) -> None:
         assert (result.code, result.out) == (BAD_INPUT, "")
         assert len(result.err.splitlines()) == 1
         assert ".npz: dt " in result.err
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ({"states": ["speed", "alpha"], "state_units": ["ft/s", "rad"]}, ""),
+        ({"states": ["V", "alpha"]}, "has the states V, alpha; taken as speed, alpha"),
+        ({"state_units": ["kt", "rad"]}, "converted speed from kt to ft/s"),
+        ({"input_units": ["N"]}, "converted push from N to lbf"),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_names_and_units_of_a_critic_are_noted(entries: dict[str, object], said: str) -> None:
+    """`hfa verify` says which names of a file it took for which, and what it converted."""
+    names = {"states": ["speed", "alpha"], "inputs": ["push"]}
+    units = {"state_units": ["ft/s", "rad"], "input_units": ["lbf"]}
+    small("plant.json", **names, **units)
+    file = stored("K.json", K=[[1.0, 1.0]], **entries)
+    notes = hfa("verify", "--model", "plant.json", "--weights", file).err
+    assert ("K.json" in notes) == bool(said)
+    assert said in notes
 
 
 def test_a_solution_of_another_trim_is_named(tmp_path: Path) -> None:
