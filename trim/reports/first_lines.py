@@ -112,9 +112,9 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
 
 def _steep(trimmed: Trimmed) -> str:
     """Return a sentence on an alpha at which nothing flies: what is 0 without air, the cause in a
-    table, and the options of a trim near the start values of the model, which was tried.
+    table, and the options of a flight.
     """
-    point, model, condition = trimmed.given, trimmed.given.model, trimmed.given.posed.condition
+    point, model = trimmed.given, trimmed.given.model
     without_air = [
         name
         for name in _OF_AIR
@@ -125,20 +125,31 @@ def _steep(trimmed: Trimmed) -> str:
     doubt = f"{', '.join(words)}: {'no' if without_air else 'hardly a'} flight"
     if model.about.equations == "derivatives":
         return f"{doubt}; the data may have degrees without a unit"
-    motion = [name for name in (trimmed.roles.get("speed", ""), "altitude") if name in model.states]
-    hold = {name: model.states[name].start for name in motion if name not in condition.imposed}
+    options = _flight_options(trimmed) if point.ok else ""
+    return f"{doubt}; a flight: {options}" if options else doubt
+
+
+def _flight_options(trimmed: Trimmed) -> str:
+    """Return the options that hold speed and altitude at the start values of the model and free its
+    inputs, or "" if they lead to no trim, or to one that is as steep.
+    """
+    model, condition = trimmed.given.model, trimmed.given.posed.condition
+    alpha, speed = trimmed.roles["alpha"], trimmed.roles.get("speed", "")
+    taken = {*condition.imposed}
+    if not taken.isdisjoint(model.airspeeds):
+        taken.add(speed)
+    motion = [name for name in (speed, "altitude") if name in model.states and name not in taken]
+    hold = {name: model.states[name].start for name in motion}
     is_default = {name: condition.imposed.get(name) == value for name, value in model.trim.items()}
     free = [name for name in model.inputs if is_default.get(name)]
     try:
         flown = trim(model, release(condition, hold=hold, free=free))
     except (BadInputError, NoSolutionError):
-        return doubt
-    alpha = math.degrees(flown.coherent[trimmed.roles["alpha"]])
-    if not hold or abs(alpha) > _STEEPEST:
-        return doubt
-    options = [f"--hold {name}={shown_value(hold[name], model.unit(name))}" for name in hold]
-    options += [f"--free {name}" for name in free]
-    return f"{doubt}; a flight: {' '.join(options)}"
+        return ""
+    if not hold or abs(math.degrees(flown.coherent[alpha])) > _STEEPEST:
+        return ""
+    held = [f"--hold {name}={shown_value(hold[name], model.unit(name))}" for name in hold]
+    return " ".join([*held, *(f"--free {name}" for name in free)])
 
 
 def _yaw_stiffness(trimmed: Trimmed) -> float:
