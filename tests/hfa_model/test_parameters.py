@@ -57,7 +57,7 @@ def test_a_covariance_with_a_negative_eigenvalue_is_refused(
     [
         *(
             (r"(?<=^\[chord\]\n)value = .*", f"value = {value}", "chord.value is ")
-            for value in ("-1.0", "nan", '"8.0"')
+            for value in ("-1.0", "0.0", "nan", '"8.0"')
         ),
         (r"^\[chord\]$", "[chrod]", "unknown entry chrod; did you mean chord"),
         (r"^\[chord\]\n(.+\n)+", "", "chord is missing"),
@@ -68,6 +68,7 @@ def test_a_covariance_with_a_negative_eigenvalue_is_refused(
             "chord.source is 'guessed'",
         ),
         (r"(?<=^names = \[)\"panel_mass\"", '"chord"', COVARIANCE),
+        (r"^rows = \[\n.*\n", "rows = [\n", COVARIANCE),
         (r"(?<=^rows = \[\n)(  \[[^,]*, )[^,]*", r"\g<1>1.0", COVARIANCE),
         (r"^\[covariance\]\n(.*\n)*", "[covariance]\nnames = 3\n", "covariance.names is 3"),
     ],
