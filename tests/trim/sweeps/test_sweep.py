@@ -97,6 +97,7 @@ def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> Non
     )
     warning = "dihedral -16 deg is beyond the paper's range, which ends at -15 deg"
     assert (list(within), list(beyond)) == ([], [warning])
+    assert warning in hfa("sweep", "--dihedral=-16,15").err
 
 
 LISTS = [
