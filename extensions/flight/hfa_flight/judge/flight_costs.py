@@ -172,8 +172,8 @@ def _refuse_slow(search: BestFlights, starts: np.ndarray) -> None:
     state = max(slowest.participation, key=lambda name: slowest.participation[name])
     raise NoSolutionError(
         f"with the exact gain, the mode {slowest.name} has a time constant of "
-        f"{-1.0 / slowest.eigenvalue.real:.3g} s; leave {state} out of the linear states of the "
-        f"model (linear=), or give {state} a larger weight in Q"
+        f"{-1.0 / slowest.eigenvalue.real:.3g} s; give a deployment file with a larger weight of "
+        f"{state} in Q of [cost]"
     )
 
 
