@@ -32,7 +32,7 @@ from hfa_flight.air.actuators import ActuatorBank
 from hfa_flight.air.gusts import Gust, OneMinusCosine
 from hfa_flight.air.names import gust_speed
 from hfa_flight.air.scenario import Scenario, Uncertainty
-from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, turbulence_of
+from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, typed_turbulence
 from hfa_flight.policies.laws import LAWS, PREDICTIVE
 from hfa_flight.simulate.envelope import control_limits
 from hfa_support.errors import BadInputError, warn
@@ -182,6 +182,11 @@ def check_policy(request: PolicyOptions, prices: Sequence[str] = (), usual: str 
         if is_given(request, name):
             reason = f"has no effect with {options[name].names[-1]}; remove this option"
             idle = [each for each in without_effect if each not in prices and each in options]
+            if name == "deployment" and is_given(request, "delay"):
+                raise BadInputError(
+                    f"--delay has no effect with --policy; set delay in [timing] of "
+                    f"{request.deployment}"
+                )
             refuse(request, idle, reason)
     law = flown_law(request, usual)
     if law == NONE:
@@ -286,7 +291,7 @@ def turbulence_option() -> Any:
         f"karman-LEVEL has spectra of von Karman; {FORM_OF_OWN} has intensity and scale; units of "
         "the model; random by --seed"
     )
-    return option(about, FORM, turbulence_of, rare=True)
+    return option(about, FORM, typed_turbulence, rare=True)
 
 
 def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbulence | None:
@@ -311,7 +316,15 @@ def noise_option(about: str) -> Any:
 
 def noise_of(texts: Mapping[str, str], model: Model) -> dict[str, float]:
     """Return state -> standard deviation of its sensor noise, from the texts of --noise."""
-    return each_of("--noise", model, texts, linear_state)
+    return each_of("--noise", model, texts, _deviation)
+
+
+def _deviation(model: Model, name: str, text: str) -> float:
+    """Return the standard deviation that is typed for a state, at least 0, in the model's units."""
+    value = linear_state(model, name, text)
+    if value < 0.0:
+        raise BadInputError(f"is {text}; give a number of at least 0")
+    return value
 
 
 def noise_of_filter(noise: Mapping[str, float]) -> dict[str, float]:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa.options.argument_types import positive
+from hfa.options.argument_types import option_errors, positive
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import (
     ADDED,
@@ -224,6 +224,12 @@ def turbulence_of(text: str) -> Turbulence:
 
     Raises BadInputError for another form than `FORM` and `FORM_OF_OWN`.
     """
+    with option_errors("turbulence"):
+        return typed_turbulence(text)
+
+
+def typed_turbulence(text: str) -> Turbulence:
+    """Return the turbulence of a text; the message of its BadInputError lacks the subject."""
     word, *typed = text.split(":")
     spectrum, _, level = word.rpartition("-")
     least, most = (2, 3) if level == "own" else (0, 2)

@@ -30,6 +30,9 @@ from hfa_support.reporting.text import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: Largest initial deviation that is rounding, in nominal values.
+_ROUNDING = 1e-12
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
@@ -227,7 +230,12 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     def _start_text(self) -> str:
         """Return the initial deviations as text, such as "speed +5 ft/s, alpha +2.865 deg"."""
-        texts = {name: self.model.describe(name, value) for name, value in self.start.items()}
+        moved = {
+            name: value
+            for name, value in self.start.items()
+            if abs(value) > _ROUNDING * self.model.states[name].nominal
+        }
+        texts = {name: self.model.describe(name, value) for name, value in moved.items()}
         signs = {name: "" if text.startswith("-") else "+" for name, text in texts.items()}
         return ", ".join(f"{name} {signs[name]}{text}" for name, text in texts.items())
 

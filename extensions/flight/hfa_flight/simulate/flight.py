@@ -134,7 +134,8 @@ def fly(
       None, the inputs remain at trim.
     duration: s. Default: that of the scenario, or 20 s without a scenario, or more if the
       linear loop has growing modes
-    initial: deviations from trim at the start, by the names of states, or (n,)
+    initial: deviations from trim at the start, by the names of states (numbers, or text with a
+        unit: "2 deg"), or (n,)
     scenario: disturbances, noise and faults. Its random quantities must be drawn already
     envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
     predict: whether the linear model is simulated too, except with a policy that plans
@@ -217,7 +218,7 @@ def _scenario_of_flight(
     if isinstance(initial, Mapping):
         for name in initial:
             refuse_unknown("initial names the unknown state", name, tuple(model.states))
-        initial = [initial.get(name, 0.0) for name in model.states]
+        initial = [model.number(name, initial.get(name, 0.0)) for name in model.states]
     if initial is not None:
         scenario = replace(scenario, initial=numbers_in("initial", initial))
     return scenario.on(model)
