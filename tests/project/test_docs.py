@@ -31,6 +31,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -284,6 +285,7 @@ def entries() -> list[Any]:
     return [(name, value) for name, value in values if hasattr(value, "__qualname__")]
 
 
+@cache
 def examples_of_docstrings() -> dict[Any, doctest.DocTest]:
     """Return the examples of each public class and function that has some."""
     parser = doctest.DocTestParser()
@@ -294,12 +296,12 @@ def examples_of_docstrings() -> dict[Any, doctest.DocTest]:
     return {value: example for value, example in found.items() if example.examples}
 
 
-@pytest.mark.parametrize("part", range(30))
+@pytest.mark.parametrize("part", range(45))
 def test_docstring_examples_print_the_shown_results(part: int) -> None:
     """The examples in docstrings of public names print the shown results."""
     failures = io.StringIO()
     runner = doctest.DocTestRunner(verbose=False)
-    for example in list(examples_of_docstrings().values())[part::30]:
+    for example in list(examples_of_docstrings().values())[part::45]:
         runner.run(example, out=failures.write)
     assert failures.getvalue() == ""
 
