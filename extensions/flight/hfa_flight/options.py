@@ -182,7 +182,7 @@ def check_policy(request: PolicyOptions, prices: Sequence[str] = (), usual: str 
         if is_given(request, name):
             reason = f"has no effect with {options[name].names[-1]}; remove this option"
             idle = [each for each in without_effect if each not in prices and each in options]
-            if name == "deployment" and is_given(request, "delay"):
+            if name == "deployment" and "delay" in options and is_given(request, "delay"):
                 raise BadInputError(
                     f"--delay has no effect with --policy; set delay in [timing] of "
                     f"{request.deployment}"
