@@ -329,7 +329,7 @@ def test_plans_that_know_the_winds_are_cheaper_than_the_exact_gain(point, known,
                 point.model, point, policy, scenario=scenario.drawn(5, member, point),
                 weights=(game.Q, game.R),
             )
-            for member in range(2)
+            for member in range(4)
         ]  # fmt: skip
         costs[name] = sum(flight.cost for flight in flights)
     assert costs["plans"] < 0.8 * costs["gain"]
