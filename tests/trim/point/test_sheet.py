@@ -455,6 +455,17 @@ def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
     assert "level" in landing.data["sheet"]["n/alpha"]  # it has limits in category C only
 
 
+def test_a_sheet_of_degrees_taken_as_radians_is_doubted(folder: Path) -> None:
+    """Alpha of 143 deg, limits beyond a turn, inertias of no body: each is named, trim or not."""
+    text = (EXAMPLES / "uav.toml").read_text("utf-8")
+    text = text.replace('["-25 deg", "25 deg"]', "[-25, 25]").replace("Izz = 1.759", "Izz = 2.9")
+    Path("wrong.toml").write_text(text, "utf-8")
+    result = command("trim", "--aircraft", "wrong.toml")
+    said = " ".join((result.out + result.err).split())
+    for name in ("elevator is 25 rad", "rudder is 25 rad", "no rigid body"):
+        assert name in said
+
+
 def test_published_and_newton_dynamics_differ_by_mode_in_percent() -> None:
     """At 7 deg the fast dihedral mode is the fastest real one, in `trim` and in `linearize`."""
     pairs, fastest = {}, {}
