@@ -7,7 +7,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hfa.options.command import Outcome, Request
 from hfa.options.option import options_of
@@ -16,9 +16,6 @@ from hfa_support.errors import NoSolutionError, printable
 from hfa_support.progress import print_notes, print_to_stderr
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.report import Report
-
-if TYPE_CHECKING:
-    pass
 
 
 def provenance(request: Request, source: Mapping[str, Any]) -> Provenance:

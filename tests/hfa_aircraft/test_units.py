@@ -16,8 +16,8 @@ from extension import Extension
 
 import hfa
 from hfa import BadInputError, Model, Signal, linearize, trim
+from hfa.extend import About
 from hfa_aircraft import in_si
-from hfa_aircraft.about import About
 from trim import usual_condition
 
 envelopes = Extension("hfa_flight")
