@@ -43,7 +43,8 @@ class GivenPoints(NamedTuple):
 
     trims: what the options say about the trims
     constants: variable or parameter -> value of --hold, if it is the same at all points
-    axes: variable or parameter -> its values; parameters and the variable of --at are axes
+    axes: variable or parameter -> its values; parameters, the variable of --at, and constants that
+        an axis would replace are axes
     listed: whether the axes are the columns of a list, otherwise the points are all combinations
     """
 
@@ -101,16 +102,14 @@ def given_points(request: PointOptions) -> GivenPoints:
             raise BadInputError(
                 f"give {name} either as a column of {listing} or by an option with one value"
             )
-    for group in model.alternatives:
-        both = [name for name in group if name in values or name in columns]
-        if len(both) > 1:
-            raise BadInputError(f"{both[0]} and {both[1]} give the same; remove one of them")
     constants = {name: each[0] for name, each in given.hold.items() if len(each) == 1}
-    axes: dict[str, Range] = {
-        name: each
-        for name, each in values.items()
-        if name not in constants or name in model.parameters
+    others = {name for name in (*values, *columns) if name not in constants}
+    # An axis would replace a constant of its group, such as the speed the Mach number.
+    beside_axes = {
+        name for group in model.alternatives if others.intersection(group) for name in group
     }
+    varied = {*others, *beside_axes, *model.parameters}
+    axes: dict[str, Range] = {name: each for name, each in values.items() if name in varied}
     if not columns:
         single_first = dict(sorted(axes.items(), key=lambda axis: len(axis[1]) > 1))
         return GivenPoints(given, constants, single_first, listed=False)

@@ -103,7 +103,7 @@ REFUSED = {
         ("--dihedral 5 --free dihedral", "dihedral is free and swept"),
         (
             f"--aircraft {F16} --hold mach=.5 --hold speed=400,500",
-            "speed and mach give the same",
+            "mach and speed are both imposed",
         ),
     ],
     "solve": [
