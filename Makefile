@@ -70,7 +70,7 @@ test-all: .venv/ready test-core
 mutants: .venv/tests
 	$(BIN)/python tests/mutants.py $(LISTS)
 
-# Many examples of every property: hostile inputs by every way in, games, trims and files.
+# Many hostile command lines and files; the tests draw a few.
 EXAMPLES ?= 500
 fuzz: .venv/tests
 	EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest $$(grep -rl "^from hypothesis import" tests extensions --include=test_*.py)

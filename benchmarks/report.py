@@ -51,19 +51,21 @@ def in_turn(
     theirs: Callable[[], Any] | float,
     units: tuple[float, float] = (1.0, 1.0),
     rounds: int = 5,
+    agree: Callable[[Any, Any], None] | None = None,
 ) -> Comparison:
     """Return the times of two functions, called alternately after one uncounted call of each.
 
-    A drift of the machine's speed then affects both functions equally. A single round has no
-    uncounted calls.
+    A drift of the machine's speed then affects both functions equally.
 
     theirs: function of the peer, or a fixed time, s
     units: units of work in one call of each
     rounds: number of timed calls of each
+    agree: function of both results that asserts their equality; None for a goal, not a peer
     """
     functions = [each for each in (ours, theirs) if callable(each)]
-    for function in functions if rounds > 1 else ():
-        function()
+    results = [function() for function in functions]
+    if agree is not None:
+        agree(*results)
     times: list[list[float]] = [[], []]
     for _ in range(rounds):
         for place, function in enumerate(functions):

@@ -244,12 +244,12 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
 
     words: command line without the program name
 
-    Raises BadInputError if a second word of the name is missing or unknown, or if an option comes
-    before or between the words of the name.
+    Raises BadInputError if a second word of the name is missing or unknown, if an option comes
+    before or between the words of the name, or if the words are quoted together.
     """
     first = words[0] if words else ""
     if " " in first:
-        return "", words
+        raise BadInputError(f"{shortened(first)!r} is one argument; type its words without quotes")
     if _is_single(first):
         return first, words[1:]
     names = {*own_commands(), *_of_others()}

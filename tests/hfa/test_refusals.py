@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -163,13 +164,14 @@ def test_bad_requests_are_refused_in_one_line(command: str, words: str, named: s
         ("frobnicate", "unknown command 'frobnicate' (see `hfa --help`)"),
         ("linearise", "unknown command 'linearise'; did you mean linearize?"),
         ("x" * 5000, "unknown command 'xxxx"),
+        ("'trim --dihedral' 10", "'trim --dihedral' is one argument"),
         *((f"{command} --frobnicate", f"hfa {command} --help") for command in commands()),
     ],
 )
 def test_unknown_commands_and_options_are_refused(words: str, named: str) -> None:
     """An unknown command or option is refused, and the message suggests the nearest name."""
     pytest.importorskip("hfa_flight")
-    assert_refused(hfa(*words.split()), BAD_INPUT, named)
+    assert_refused(hfa(*shlex.split(words)), BAD_INPUT, named)
 
 
 @pytest.mark.parametrize(

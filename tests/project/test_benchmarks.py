@@ -2,40 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from project import ROOT
 
 import hfa
 from benchmarks import __main__ as bench, jobs, report
 from hfa.paper import level_flight
 
-F16 = hfa.load_model(f"{ROOT}/examples/f16.py:F16")
+
+def found(condition: hfa.TrimCondition) -> jobs.Found:
+    point = hfa.trim(condition.model, condition)
+    A = hfa.linearize(condition.model, point).A
+    return jobs.Found(np.array(point.states), np.array(point.inputs), np.array(A))
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:number of constraints")
-@pytest.mark.parametrize(
-    ("condition", "name", "values"),
-    [
-        (level_flight(0.1), "dihedral", [0.1, 0.2]),
-        (hfa.TrimCondition(F16, F16.trim), "turn_rate", [0.0, 0.1]),
-    ],
-)
-def test_python_control_trims_and_linearizes_the_same_aircraft(
-    condition: hfa.TrimCondition, name: str, values: list[float]
-) -> None:
-    """python-control finds the same trims, and its finite differences give A within 2e-3."""
-    theirs = jobs.control_points(condition)(name, values)
-    for value, (point, model) in zip(values, theirs, strict=True):
-        imposed = {**condition.imposed, name: value}
-        ours = hfa.trim(condition.model, replace(condition, imposed=imposed))
-        np.testing.assert_allclose(point.states, ours.states, rtol=1e-6, atol=1e-6)
-        np.testing.assert_allclose(point.inputs, ours.inputs, rtol=1e-6, atol=1e-6)
-        A = condition.model.at(list(ours.states), list(ours.inputs)).A
-        np.testing.assert_allclose(model.A, A, atol=2e-3)
+def test_a_job_refuses_a_peer_with_another_result() -> None:
+    """python-control finds the trim and A of the HFA, and an error of either is found."""
+    condition = level_flight(0.1)
+    ours = found(condition)
+    peers = jobs.control_points(condition)("dihedral", [0.1])
+    jobs.same_points(condition, [ours], peers)
+    for wrong in (
+        ours._replace(states=ours.states * 1.001),
+        ours._replace(inputs=ours.inputs * 1.001),
+        ours._replace(A=ours.A * 1.1),
+    ):
+        with pytest.raises(AssertionError):
+            jobs.same_points(condition, [wrong], peers)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The wheel contains all modules and data."""
+"""The wheel contains all modules and data, and the root only what is named here."""
 
 from __future__ import annotations
 
@@ -43,3 +43,24 @@ def test_the_wheel_contains_all_modules_and_data(tmp_path: Path) -> None:
     }
     assert ours >= DATA
     assert {name for name in names if ".dist-info/" not in name} == ours
+
+
+#: Tracked files and folders of the root.
+AT_THE_ROOT = {
+    *(".ci", ".gitignore", "Makefile", "conftest.py", "import_contracts.py", "noxfile.py"),
+    *("pyproject.toml", "requirements.lock", "requirements-docs.lock"),
+    *("requirements-report.lock", "requirements-test.lock"),
+    *("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "README.md"),
+    *("hfa_model", "trim", "controller", "verification", "tests"),
+    *("hfa", "hfa_aircraft", "hfa_support", "extensions"),
+    *("benchmarks", "docs", "examples", "studies"),
+}
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout of git")
+def test_the_root_contains_only_the_named_files() -> None:
+    """The tracked names of the root are those listed here: no notes, no output."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
+    assert {
+        name.split("/")[0] for name in listed.stdout.decode().split("\0") if name
+    } == AT_THE_ROOT

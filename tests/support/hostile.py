@@ -102,7 +102,9 @@ class Hanging(BaseException):
 @cache
 def options_of(command: str) -> tuple[str, ...]:
     """Return the options that the help of a command names."""
-    return tuple(sorted({*re.findall(r"(?<![\w-])--?[a-zA-Z][\w-]*", hfa(command, "--help").out)}))
+    return tuple(
+        sorted({*re.findall(r"(?<![\w-])--?[a-zA-Z][\w-]*", hfa(*command.split(), "--help").out)})
+    )
 
 
 @st.composite
