@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: report pictures docs test test-core test-all mutants test-matrix fuzz lint bench notebooks lock clean
+.PHONY: report pictures docs test test-core test-blas test-all mutants test-matrix fuzz lint bench notebooks lock clean
 
 .venv/report: pyproject.toml requirements-report.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -60,6 +60,14 @@ test: .venv/tests
 # The tests of the core where no extension is installed.
 test-core: .venv/tests
 	$(BIN)/python tests/core_alone.py
+
+# The fast tests with the BLAS kernels of five kinds of processors, one after the other: no answer depends on the processor.
+KERNELS := Haswell Zen SkylakeX Sandybridge Nehalem
+test-blas: .venv/tests
+	@for kernel in $(KERNELS); do \
+		echo "OPENBLAS_CORETYPE=$$kernel"; \
+		OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -q -m "not slow" || exit 1; \
+	done
 
 # Files of long tests would wait behind each other: a worker without work takes tests of the others.
 test-all: .venv/ready test-core

@@ -12,10 +12,9 @@ from trim.point.condition import TrimCondition, release
 from trim.point.problem import TrimProblem
 from trim.point.status import BALANCE
 
-#: If all entries of a column of the scaled Jacobian are at most this, the variable has no effect.
-_NOTHING = 1e-12
-#: Relative remainder below which the effect of a variable counts as a combination of other effects.
-_DEPENDENT = 1e-9
+#: Part of an effect, in balanced units, below which it counts as a combination of other effects:
+#: half of the digits of a double, far above roundings and far below effects that are used.
+_DEPENDENT = float(np.sqrt(np.finfo(float).eps))
 #: Residuals below this fraction of the largest are not named.
 _MINOR = 1e-3
 
@@ -53,12 +52,13 @@ def _causes(problem: TrimProblem, found: np.ndarray) -> Iterator[str]:
     binding = binding_limits(problem, found)
     yield f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"
     equations, unknowns = problem.count
-    if equations > unknowns and not balances_beyond_limits:
+    effects = _effects(problem, z)
+    idle = _without_effect(problem, effects)
+    if equations > unknowns + len(idle) and not balances_beyond_limits:
         yield f"{equations} equations for {unknowns} unknowns; free more variables"
-    idle = [name for name in _without_effect(problem, z) if name not in binding]
     if idle:
         yield f"no effect of {' and '.join(idle)}; free another variable"
-    elif not balances_beyond_limits and (alike := _alike(problem, z)):
+    elif not balances_beyond_limits and (alike := _alike(problem, effects)):
         yield f"{'; '.join(alike)}; free another variable"
 
 
@@ -91,35 +91,50 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
     return words
 
 
-def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return the names of the free variables that affect no equation."""
-    # z (k,)
-    effects = np.abs(problem.at(z).jacobian).max(axis=0)
-    names = [*problem.idle]
-    for name, effect in zip(problem.free, effects.tolist(), strict=True):
-        if effect <= _NOTHING:
-            names.append(name)
-    return names
+def _effects(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
+    """Return the Jacobian in balanced units, (e, k): rows with the largest entry 1, then columns of
+    length 1.
 
-
-def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return a sentence for each free variable without an effect of its own on the equations."""
-    # The column of such a variable in the Jacobian is a linear combination of the columns of the
-    # free variables before it. The list is empty if the Jacobian has full row rank.
+    An entry below the rounding of its row is 0, and a row or column of zeros remains one.
+    """
     # z (k,)
     jacobian = problem.at(z).jacobian
+    largest = np.abs(jacobian).max(axis=1, keepdims=True)
+    rows = jacobian / np.where(largest > 0.0, largest, 1.0)
+    rows[np.abs(rows) <= np.finfo(float).eps] = 0.0
+    lengths = np.linalg.norm(rows, axis=0)
+    return rows / np.where(lengths > 0.0, lengths, 1.0)
+
+
+def _without_effect(problem: TrimProblem, effects: np.ndarray) -> list[str]:
+    """Return the names of the free variables that affect no equation.
+
+    effects: Jacobian in balanced units, (e, k)
+    """
+    affects = effects.any(axis=0).tolist()
+    return [
+        *problem.idle,
+        *(name for name, some in zip(problem.free, affects, strict=True) if not some),
+    ]
+
+
+def _alike(problem: TrimProblem, effects: np.ndarray) -> list[str]:
+    """Return a sentence for each free variable without an effect of its own on the equations.
+
+    effects: Jacobian in balanced units, (e, k), without columns of zeros
+    """
+    # The column of such a variable is a linear combination of the columns of the free variables
+    # before it. The list is empty if the Jacobian has full row rank.
     sentences: list[str] = []
     kept: list[int] = []
     for column, name in enumerate(problem.free):
-        before = jacobian[:, kept]
-        effect = jacobian[:, column]
-        shares = np.linalg.lstsq(before, effect)[0]
-        remainder = np.linalg.norm(effect - before @ shares)
-        if remainder > _DEPENDENT * np.linalg.norm(effect):
+        before = effects[:, kept]
+        shares = np.linalg.lstsq(before, effects[:, column])[0]
+        remainder = np.linalg.norm(effects[:, column] - before @ shares)
+        if remainder > _DEPENDENT:
             kept.append(column)
             continue
-        parts = np.linalg.norm(before, axis=0) * np.abs(shares)
-        significant = np.flatnonzero(parts > _DEPENDENT * parts.max())
+        significant = np.flatnonzero(np.abs(shares) > _DEPENDENT)
         others = [problem.free[kept[i]] for i in significant]
         sentences.append(f"{name} has no effect independent of {' and '.join(others)}")
     if len(kept) == problem.count[0]:

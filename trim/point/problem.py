@@ -199,10 +199,8 @@ class TrimProblem:
     def starts(self, guess: np.ndarray) -> Iterator[np.ndarray]:
         """Yield initial points for further searches, evenly spread within the limits, (k,) each.
 
-        Of `STARTS` points, those at which the equations cannot be evaluated are omitted. Points at
-        which the Jacobian equals the Jacobian at the guess are also omitted, because equations with
-        a constant Jacobian have one solution. No point is yielded without unknowns, or with more
-        equations than unknowns.
+        Of `STARTS` points, those at which the equations cannot be evaluated are omitted. No point
+        is yielded without unknowns, with more equations than unknowns, or for affine equations.
 
         The points are k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden
         ratio), without random numbers.
@@ -210,7 +208,7 @@ class TrimProblem:
         guess: initial point of the first search, (k,)
         """
         equations, unknowns = self.count
-        if not unknowns or equations > unknowns:
+        if not unknowns or equations > unknowns or self.system.equations.is_affine:
             return
         system = self.system
         far = np.minimum(_FAR, system.usual)
@@ -218,15 +216,13 @@ class TrimProblem:
         highest = np.where(np.isfinite(system.highest), system.highest, guess + far)
         polynomial = np.concatenate([[1.0], np.zeros(unknowns - 1), [-1.0, -1.0]])
         golden = max(np.roots(polynomial).real) ** -np.arange(1.0, unknowns + 1)
-        here = self.at(guess).jacobian
         for number in range(1, STARTS + 1):
             start = lowest + (highest - lowest) * ((0.5 + number * golden) % 1.0)
             try:
-                jacobian = self.at(start).jacobian
+                self.at(start)
             except (BadInputError, FloatingPointError):
                 continue  # outside the range of the model
-            if not np.allclose(jacobian, here, rtol=1e-9, atol=1e-12):
-                yield start
+            yield start
 
     def ends_within(self, starts: list[np.ndarray]) -> np.ndarray:
         """Return the scaled unknowns after bounded Newton's method from each of N initial points,

@@ -65,6 +65,7 @@ class Structure(NamedTuple):
     watched: states and outputs with limits that are neither imposed nor unknown
     altitude: altitude of an aircraft that its trim does not declare, or ""; it is an unknown only
         if there are as many equations
+    zero: names of the parameters that are exactly 0 at all points
     """
 
     layout: Layout
@@ -73,6 +74,7 @@ class Structure(NamedTuple):
     rows: tuple[Row, ...]
     watched: tuple[Scaled, ...]
     altitude: str
+    zero: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +127,11 @@ class Equations:
     def row_scales(self) -> np.ndarray:
         """Scale of each equation, (e,)."""
         return np.array([row.scale for row in self.rows])
+
+    @cached_property
+    def is_affine(self) -> bool:
+        """Whether J is the same for all z, so that no other initial point has another solution."""
+        return not (self.solved and ca.depends_on(self.jacobian, self.z))
 
     @cached_property
     def residual_rows(self) -> RowFunction:
@@ -191,7 +198,7 @@ def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] =
 
     model: model of the aircraft
     condition: condition of the trim
-    varied: variables, outputs or rates whose values differ between the points
+    varied: variables, outputs, rates or parameters whose values differ between the points
     """
     return _structure(
         model,
@@ -240,6 +247,7 @@ def _structure(
         tuple(rows),
         tuple(Scaled(name, model.signals[name].nominal) for name in watched),
         next((name for name in altitudes(model) if name in free and name not in model.trim), ""),
+        tuple(name for name, p in model.parameters.items() if not (p.start or name in varied)),
     )
 
 
@@ -258,7 +266,12 @@ def equations(structure: Structure) -> Equations:
     values = {**dict.fromkeys(layout.variables, ca.SX(0)), **given, **free}
     outputs = [row.name for row in structure.rows if not row.is_rate]
     watched = [signal.name for signal in structure.watched]
-    x, u, f, seen = layout.in_variables(values, p, (*outputs, *watched))
+    # A variable whose effect a zero parameter switches off is in no equation.
+    in_equations = _column(
+        0.0 if name in structure.zero else symbol
+        for name, symbol in zip(layout.names.parameters, components(p), strict=True)
+    )
+    x, u, f, seen = layout.in_variables(values, in_equations, (*outputs, *watched))
     rates = dict(zip(layout.names.states, components(f), strict=True))
     seen_by_name = dict(zip((*outputs, *watched), components(seen), strict=True))
 

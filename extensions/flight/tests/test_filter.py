@@ -319,7 +319,7 @@ def test_a_law_that_plans_is_filtered_with_the_nonlinear_model(law):
 def test_plans_that_know_the_winds_are_cheaper_than_the_exact_gain(point, known, gain, linear):
     """In moderate turbulence; and from x(0) in it, where the exact gain leaves, they stay inside."""
     game = hfa.paper.published_game(linear)
-    planned = hfa.predictive(point.model, point, game.Q, game.R, margin=0.03)
+    planned = hfa.predictive(point.model, point, game.Q, game.R, margin=0.03, budget=np.inf)
     air = Uncertainty(noise=NOISE, turbulence=Turbulence("moderate", 40000.0))
     costs = {}
     for name, law in (("gain", gain), ("plans", planned)):

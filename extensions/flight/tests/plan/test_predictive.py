@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import pickle
 from copy import copy, deepcopy
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +40,9 @@ CART = hfa.Model(
 )
 AT_REST = hfa.trim(CART)
 WEIGHTS = np.eye(2), np.eye(1)
-LAWS = {"predictive": hfa.predictive, "state-dependent": hfa.state_dependent}
+#: Without a budget of time, plans do not depend on how busy the machine is.
+predictive = partial(hfa.predictive, budget=math.inf)
+LAWS = {"predictive": predictive, "state-dependent": hfa.state_dependent}
 
 
 def made(law: str = "predictive", **settings: Any) -> Any:
@@ -88,7 +92,7 @@ def gain_of_holds(A: np.ndarray, B: np.ndarray, holds: np.ndarray) -> np.ndarray
 def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds() -> None:
     """Near the trim the gain of equal holds for ever takes over, by `solve_discrete_are`."""
     linear = hfa.linearize(PENDULUM, UPRIGHT)
-    policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS)
+    policy = predictive(PENDULUM, UPRIGHT, *WEIGHTS)
     plant = np.array(linear.A), np.array(linear.B)
     K = gain_of_holds(*plant, policy.holds)
     np.testing.assert_allclose(gradient(policy), K, rtol=1e-5)
@@ -102,7 +106,7 @@ def test_one_program_makes_the_last_plan_the_optimum_of_another_state() -> None:
     """At a second sample whose state is not the predicted one, the input of a linear model is that
     of the exact gain of the holds. The old plan would give -0.43 in place of -0.17.
     """
-    policy = hfa.predictive(
+    policy = predictive(
         CART, AT_REST, *WEIGHTS, horizon=1.6, margin=0.0,
         limits={"position": (-1.0, 1.0)},
     )  # fmt: skip
@@ -126,7 +130,7 @@ def test_the_sample_time_resolves_the_fastest_pole() -> None:
         ),
         trim={"position": 0.0},
     )
-    policy = hfa.predictive(filtered, hfa.trim(filtered), np.diag([1.0, 1.0, 1e-4]), np.eye(1))
+    policy = predictive(filtered, hfa.trim(filtered), np.diag([1.0, 1.0, 1e-4]), np.eye(1))
     slow = made()
     assert 0.3 < 50.0 * policy.dt <= 0.7 < 50.0 * slow.dt
 
@@ -153,7 +157,7 @@ def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs(
 ) -> None:
     """Its cost is that of SciPy's least squares with bounds, over the holds of the plan."""
     wide = {"speed": (-100.0, 100.0), "position": (-1000.0, 1000.0)}
-    policy = hfa.predictive(CART, AT_REST, Q, R, limits=wide, horizon=horizon)
+    policy = predictive(CART, AT_REST, Q, R, limits=wide, horizon=horizon)
     linear = hfa.linearize(CART, AT_REST)
     plant = np.array(linear.A), np.array(linear.B), Q, R
     free, forced = np.array(start), np.zeros((2, len(policy.holds)))
@@ -187,7 +191,7 @@ def unstable(square: float, cube: float) -> hfa.Model:
 def test_a_plan_that_is_lost_begins_anew() -> None:
     """The inputs of the last plan lead to infinity after a kick, in which case feedback returns."""
     model = unstable(0.0, 1.0)
-    policy = hfa.predictive(model, hfa.trim(model), [[1.0]], [[1.0]])
+    policy = predictive(model, hfa.trim(model), [[1.0]], [[1.0]])
     x = np.array([1.0])
     for number in range(80):
         x = x + 0.9 * (number == 5)
@@ -200,7 +204,7 @@ def test_the_exact_gain_waits_until_its_own_flight_costs_the_value() -> None:
     """At x = 1 the plan costs the linear value, although the gain's own flight costs 16 % more."""
     model = unstable(-3.0, 3.91)
     point = hfa.trim(model)
-    policy = hfa.predictive(model, point, [[1.0]], [[1.0]])
+    policy = predictive(model, point, [[1.0]], [[1.0]])
     flight = hfa.fly(
         model, point, policy, scenario=Scenario(duration=8.0), initial=[1.0], predict=False,
         weights=(np.eye(1), np.eye(1)),
@@ -228,7 +232,7 @@ def test_garbage_of_the_quadratic_program_leaves_the_old_plan(
         return ca.Function("garbage", given, results, *names)
 
     monkeypatch.setattr(ca, "conic", conic)
-    policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS)
+    policy = predictive(PENDULUM, UPRIGHT, *WEIGHTS)
     _, states, _ = flown(policy, PENDULUM, UPRIGHT, {"angle": 0.8, "rate": -0.5}, 6.0)
     assert np.abs(states[-1]).max() < 1e-2
     assert policy.samples.refused == policy.samples.planned - 1 > 0
@@ -284,8 +288,8 @@ def test_the_game_of_a_finite_delta_is_at_the_end() -> None:
     """Near the trim, K is that of the game with held inputs, by SciPy; it acts harder than the LQR."""
     linear = hfa.linearize(PENDULUM, UPRIGHT)
     delta = 1.5 * hfa.solve(hfa.game(linear, *WEIGHTS, delta=1e3)).delta_min
-    calm = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS)
-    tense = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS, delta=delta)
+    calm = predictive(PENDULUM, UPRIGHT, *WEIGHTS)
+    tense = predictive(PENDULUM, UPRIGHT, *WEIGHTS, delta=delta)
     dt, plant = tense.dt, np.array(linear.A)
     A, B, Q, N, R = moved(plant, np.array(linear.B), *WEIGHTS, dt)
     both = np.hstack([B, moved(plant, np.eye(2), np.eye(2), np.eye(2), dt)[1]])
@@ -310,7 +314,7 @@ def test_the_policy_rests_at_the_cheapest_equilibrium_in_a_known_wind() -> None:
         lambda x, u, p, w: ({"speed": u.force - x.speed + w.push, "roll": -x.roll}, {}),
         disturbances={"push": hfa.Signal("N")},
     )
-    policy = hfa.predictive(boat, hfa.trim(boat), np.diag([1.0, 1e6]), np.eye(1))
+    policy = predictive(boat, hfa.trim(boat), np.diag([1.0, 1e6]), np.eye(1))
     knows = policy.in_air(("push",))
     air = {"push": Waveform(np.array([push]), np.zeros(1))}
     scenario = Scenario(duration=15.0, tick=policy.dt, step=policy.dt / 10.0, air=air)
@@ -329,7 +333,7 @@ def test_the_first_plan_knows_the_wind() -> None:
 
 def test_a_long_horizon_is_cut() -> None:
     """A horizon of a minute is cut to 10 time constants of the pendulum's growing pole."""
-    policy = hfa.predictive(PENDULUM, UPRIGHT, *WEIGHTS, horizon=60.0)
+    policy = predictive(PENDULUM, UPRIGHT, *WEIGHTS, horizon=60.0)
     growing = np.linalg.eigvals(np.array(hfa.linearize(PENDULUM, UPRIGHT).A)).real.max()
     assert 0.0 <= 10.0 / growing - policy.holds.sum() < policy.dt
 
@@ -495,7 +499,7 @@ def test_the_flexible_aircraft_converges_inside_its_envelope_from_the_papers_sta
     weights = game.Q, game.R
     planned, exact = (
         hfa.fly(model, point, policy, 3.0, initial=start, predict=False, weights=weights)
-        for policy in (hfa.predictive(model, point, *weights), hfa.solve(game))
+        for policy in (predictive(model, point, *weights), hfa.solve(game))
     )
     assert planned.ok
     assert planned.cost < 1.02 * 4560.0
