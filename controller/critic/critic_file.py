@@ -335,7 +335,7 @@ def single_parts(
         if name == "K" and values.ndim == 3:
             raise BadInputError(
                 "K has three dimensions, as scheduled gains have; hfa fly reads those with "
-                "--controller FILE, other commands a K of m x n"
+                "--policy FILE, other commands a K of m x n"
             )
         is_row = max(values.shape, default=1) == values.size
         if values.ndim == DIMENSIONS[name] + 1 and not is_row:

@@ -93,7 +93,7 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
     polynomials, with the set in which they agree with simulated flights. With --reference, the
     exact feedforward for a command is reported, with the cost of tracking, and whether the command
     is a trim. With several values of the scheduling variable, such as --dihedral 5,10,15, the gain
-    is computed at each: -o FILE writes the gain table that `hfa fly --controller FILE` interpolates
+    is computed at each: -o FILE writes the gain table that `hfa fly --policy FILE` interpolates
     linearly. The exit code is 1 if there is no certified solution."""
     from controller.expansion.expansion import expand
     from controller.riccati import gare

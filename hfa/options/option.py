@@ -35,6 +35,7 @@ class Option:
     group: heading in the help, or "" for the common options
     package: package of an extension that the option requires, or "". Without the package, the help
         omits the option
+    former: earlier names, whose refusal names the option
     """
 
     about: str | Callable[[], str]
@@ -50,6 +51,7 @@ class Option:
     rare: bool = False
     group: str = ""
     package: str = ""
+    former: tuple[str, ...] = ()
 
 
 def option(

@@ -109,8 +109,11 @@ class Parser(argparse.ArgumentParser):
         option_words = words
         if "--" in words:
             option_words = words[: words.index("--")]
+        former = {old: each.names[-1] for each in self.options.values() for old in each.former}
         for word in option_words:
             name = word.partition("=")[0]
+            if name in former:
+                raise BadInputError(f"{name} is called {former[name]} now; type {former[name]}")
             if name.startswith("--") and name not in actions:
                 raise BadInputError(unknown(f"option {shortened(name)}", name, actions, self.prog))
         parsed, strays = self.parse_known_intermixed_args(words)

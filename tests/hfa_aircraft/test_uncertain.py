@@ -43,7 +43,18 @@ def test_another_covariance_is_refused(names: str, rows: str, said: str) -> None
 def test_drawn_aircraft_do_not_depend_on_units() -> None:
     """Mass and lift slope are drawn together: the loops of the drawn aircraft are the same in SI."""
     path = found("cessna182", '["mass", "CL_alpha"]', "[[16.0, 0.4], [0.4, 0.04]]")
-    words = ("fly", "--aircraft", path, "--law", "exact", "--draws", "3", "--duration", "0.1", "-q")
+    words = (
+        "fly",
+        "--aircraft",
+        path,
+        "--policy",
+        "exact",
+        "--draws",
+        "3",
+        "--duration",
+        "0.1",
+        "-q",
+    )
     bands = [
         answer(*words, *units)["draws"]["bands"]["abscissa of the loop"]
         for units in ((), ("--units", "si"))

@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.critic.critic_file import entries_in, is_network
 from hfa.options.argument_types import (
     among,
     each_of,
-    input_file,
     linear_state,
     number,
-    one_of,
     positive,
     span,
     whole,
@@ -24,7 +24,7 @@ from hfa.options.argument_types import (
 from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
 from hfa.options.games import WeightOptions, given_weights, weighted_game
 from hfa.options.option import is_given, option, options_of, refuse
-from hfa.options.trims import TrimOptions
+from hfa.options.trims import GivenTrim, TrimOptions
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import constant
@@ -35,15 +35,16 @@ from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, typed_turbulence
 from hfa_flight.policies.laws import LAWS, PREDICTIVE
 from hfa_flight.simulate.envelope import control_limits
-from hfa_support.errors import BadInputError, warn
-from hfa_support.files import MATRIX_FILES
+from hfa_support.errors import BadInputError, choice_of, shortened, warn
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
+    from hfa_flight.air.signals import CommandSteps
     from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
+    from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
 
 #: Name of the law without a policy, with which commands are steps of inputs; name of the game's
 #: exact policy.
@@ -56,13 +57,23 @@ _SAMPLE = 0.01
 #: Forms of values in the help of options.
 _GUST = "LENGTH:PEAK[:BEGIN]"
 _ACTUATORS = "LAG:RATE[:ORDER]"
-#: Options of the game that the law solves.
+#: What a file of --policy contains, as messages name it.
+_GAIN = "a gain or critic"
+_NETWORK = "a network"
+TABLE = "a gain table"
+DEPLOYMENT = "a deployment"
 _OF_THE_GAME = ("delta", "Q", "R")
-#: Option that replaces the law -> options that have no effect with it.
-_REPLACE_THE_LAW = {
-    "controller": ("law", "set", "weights", *_OF_THE_GAME),
-    "weights": ("law", "delta", "Q"),
-    "deployment": ("law", "set", "weights", "controller", *_OF_THE_GAME, "delay", "command"),
+_OF_PLANS = ("horizon", "margin")
+_OF_FILES = ("basis", "network", "set")
+#: Kind of policy -> options that it does not use.
+_UNUSED: Mapping[str, tuple[str, ...]] = {
+    NONE: (*_OF_THE_GAME, *_OF_FILES),
+    EXACT: _OF_FILES,
+    **dict.fromkeys(LAWS, ("command", "reference", *_OF_FILES)),
+    _GAIN: ("delta", "Q", "network", "set"),
+    _NETWORK: ("delta", "Q"),
+    TABLE: ("reference", "keep_inside", "filter", *_OF_THE_GAME, *_OF_FILES),
+    DEPLOYMENT: ("command", "reference", *_OF_THE_GAME, *_OF_FILES),
 }
 
 
@@ -107,25 +118,56 @@ def actuators_option() -> Any:
 _FILTERED_MARGIN = 0.1
 
 
+def policy_option(about: str, *words: str, **more: Any) -> Any:
+    """Return the option --policy, whose value is one of some words, or the path of a file.
+
+    about: help text
+    more: further fields of the option
+    """
+    former = ("--law", "--weights", "--controller")
+    return option(about, "WHAT", partial(_word_or_file, words), former=former, **more)
+
+
+def _word_or_file(words: tuple[str, ...], text: str) -> str | Path:
+    if text in words:
+        return text
+    if not Path(text).suffix:
+        raise BadInputError(f"is {shortened(text)!r}; {choice_of(text, words)}, or give a file")
+    return critic_path(text)
+
+
+def kind_of(policy: str | Path) -> str:
+    """Return the kind of a policy of --policy: its word, or what its file contains."""
+    if isinstance(policy, str):
+        return policy
+    if policy.suffix.lower() == ".toml":
+        return DEPLOYMENT
+    if is_network(policy):
+        return _NETWORK
+    return TABLE if np.ndim(entries_in(policy).get("K", 0.0)) == 3 else _GAIN
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolicyOptions(TrimOptions, WeightOptions, ReadingOptions):
-    """The policy: a law with its game, or a file with a gain, a critic or a controller."""
+    """The policy: a word, with the game of which it is the solution, or a file."""
 
     N: None = None
-    law: str | None = option(
-        f"policy: {NONE}; {EXACT}, that of the game; or {' or '.join(LAWS)}, which plan on the "
-        f"nonlinear model; default: {EXACT} for the HFA, {NONE} for another aircraft",
-        "NAME",
-        one_of(NONE, EXACT, *LAWS),
+    policy: str | Path | None = policy_option(
+        f"{NONE}; {EXACT}, that of the game; {' or '.join(LAWS)}, which plan on the nonlinear "
+        "model; or a FILE: a gain, a gain table of `hfa solve`, a critic, a network or a "
+        f"deployment; default: {EXACT} for the HFA, {NONE} for another aircraft",
+        NONE,
+        EXACT,
+        *LAWS,
     )
     horizon: float | None = option(
-        f"duration of a plan of --law {PREDICTIVE}, s; default from the linear model",
+        f"duration of a plan of --policy {PREDICTIVE}, s; default from the linear model",
         "S",
         positive,
         rare=True,
     )
     margin: float | None = option(
-        f"fraction of the distance to a limit by which --law {PREDICTIVE} narrows the envelope; "
+        f"fraction of the distance to a limit by which --policy {PREDICTIVE} narrows the envelope; "
         f"default 0.01, with --filter {_FILTERED_MARGIN:g}",
         "SHARE",
         number,
@@ -134,74 +176,43 @@ class PolicyOptions(TrimOptions, WeightOptions, ReadingOptions):
     keep_inside: bool = option(
         "change the command of a sample where a rate would leave its limits", rare=True
     )
-    weights: Path | None = option(
-        "file with a gain K, a critic (W or P) or a network; replaces --law", "FILE", critic_path
-    )
-    controller: Path | None = option(
-        "gain table, as of `hfa solve --dihedral 5,10,15 -o FILE`; replaces --law",
-        "FILE",
-        input_file(*MATRIX_FILES),
-        rare=True,
-    )
-    deployment: Path | None = option(
-        "policy from a deployment file, sampled and held",
-        "DEPLOYMENT.toml",
-        input_file(".toml"),
-        names="--policy",
-    )
 
+    @property
+    def flown(self) -> str | Path:
+        """The policy of --policy, or the default."""
+        return self.policy or (EXACT if self.aircraft is None else NONE)
 
-def flown_law(request: PolicyOptions, usual: str = "") -> str:
-    """Return the law that --law names, or the default; "" if a file replaces it.
-
-    usual: the default, or "" for that of the aircraft
-    """
-    if any(is_given(request, name) for name in _REPLACE_THE_LAW):
-        return ""
-    return request.law or usual or (EXACT if request.aircraft is None else NONE)
+    @cached_property
+    def kind(self) -> str:
+        """The kind of `flown`."""
+        return kind_of(self.flown)
 
 
 def require_policy(request: PolicyOptions, name: str) -> None:
     """Raise BadInputError, which names the option that requires a policy, without a policy."""
-    if flown_law(request) == NONE:
-        raise BadInputError(f"{name} requires a policy; {_remedy(request)}")
+    if request.kind == NONE:
+        raise BadInputError(f"{name} requires a policy; give --policy {EXACT}")
 
 
-def _remedy(request: PolicyOptions) -> str:
-    return f"remove --law {NONE}" if request.law else f"add --law {EXACT}"
-
-
-def check_policy(request: PolicyOptions, prices: Sequence[str] = (), usual: str = "") -> None:
+def check_policy(request: PolicyOptions, prices: Sequence[str] = ()) -> None:
     """Raise BadInputError for an option that has no effect with the chosen policy.
 
     prices: weights of the flight's cost, which are not of the policy
-    usual: the default law, or "" for that of the aircraft
     """
-    options = options_of(type(request))
-    for name, without_effect in _REPLACE_THE_LAW.items():
-        if is_given(request, name):
-            reason = f"has no effect with {options[name].names[-1]}; remove this option"
-            idle = [each for each in without_effect if each not in prices and each in options]
-            if name == "deployment" and "delay" in options and is_given(request, "delay"):
-                raise BadInputError(
-                    f"--delay has no effect with --policy; set delay in [timing] of "
-                    f"{request.deployment}"
-                )
-            refuse(request, idle, reason)
-    law = flown_law(request, usual)
-    if law == NONE:
-        of_game = [each for each in _OF_THE_GAME if each not in prices]
-        instead = f"remove this option or --law {NONE}" if request.law else f"add --law {EXACT}"
-        refuse(request, of_game, f"applies only to a law; {instead}")
-    if law != PREDICTIVE:
-        of_plans = ("horizon", "margin")
-        refuse(request, of_plans, f"applies only to --law {PREDICTIVE}; remove this option")
-    if request.weights is None:
-        refuse(
-            request,
-            ("set",),
-            "applies only to a network; remove this option, or give a network with --weights",
+    kind, options = request.kind, options_of(type(request))
+    if kind == DEPLOYMENT and "delay" in options and is_given(request, "delay"):
+        raise BadInputError(
+            f"--delay cannot be combined with a deployment; set delay in [timing] of "
+            f"{request.flown}"
         )
+    unused = [name for name in _UNUSED[kind] if name in options and name not in prices]
+    whose = kind if isinstance(request.flown, Path) else f"--policy {kind}"
+    reason = f"cannot be combined with {whose}; remove one of the two"
+    if kind == NONE and request.policy is None:
+        reason = f"requires a policy; give --policy {EXACT}"
+    refuse(request, unused, reason)
+    if kind != PREDICTIVE:
+        refuse(request, _OF_PLANS, f"applies only to --policy {PREDICTIVE}; remove this option")
 
 
 def policy_of_law(
@@ -225,7 +236,7 @@ def policy_of_law(
 
     if law == EXACT:
         return exact_policy(game)
-    game.refuse_cross_weights(f"--law {law}")
+    game.refuse_cross_weights(f"--policy {law}")
     of_game = (point.model, point, game.Q, game.R)
     if law != PREDICTIVE:
         return state_dependent(*of_game, delta=game.delta, E=game.E, limits=limits)
@@ -273,8 +284,8 @@ def policy_about(request: PolicyOptions, linear: LinearModel) -> GainPolicy | Fu
     from controller.critic.critic_file import critic_in
     from hfa_flight.policies.policy import GainPolicy, function_policy
 
-    path, weights = request.weights, given_weights(request)
-    if path is None:
+    path, weights = request.flown, given_weights(request)
+    if not isinstance(path, Path):
         return exact_policy(noted_game(weights, linear))
     game = weighted_game(weights, linear).game
     critic = critic_in(path, game, reading_of(request))
@@ -282,6 +293,17 @@ def policy_about(request: PolicyOptions, linear: LinearModel) -> GainPolicy | Fu
         return function_policy(f"critic of {path}", critic.policy, linear.point)
     kind = "gain" if critic.slope_gain is None else "weights"
     return GainPolicy(f"{kind} of {path}", critic.K)
+
+
+def gain_table(
+    path: Path, given: GivenTrim, point: OperatingPoint, commands: CommandSteps | None = None
+) -> ScheduledGainPolicy:
+    """Return the policy of the gain table in a file, which follows commands (`scheduled_gains`)."""
+    from hfa_flight.policies.scheduled_gains import scheduled_gains
+    from hfa_flight.schedule.gain_schedule import load_gain_schedule
+
+    schedule = load_gain_schedule(path, given.model)
+    return scheduled_gains(f"gains of {path}", schedule, point, given.common.at, commands)
 
 
 def turbulence_option() -> Any:

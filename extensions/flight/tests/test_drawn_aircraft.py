@@ -32,7 +32,7 @@ def test_the_band_of_a_trim_agrees_with_a_linear_prediction(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """95 % of the elevators at the aircraft's own trims, within 15 % of covariance times slopes."""
-    words = ["fly", "--aircraft", written(), "--law", "none", "--draws", "150"]
+    words = ["fly", "--aircraft", written(), "--policy", "none", "--draws", "150"]
     assert main([*words, "--duration", "0.01", "--json"]) == 0
     draws = json.loads(capsys.readouterr().out)["draws"]
     model = hfa.load_model("found.toml")
@@ -62,7 +62,7 @@ def test_unstable_linear_loops_fail_although_flights_stay(
     np.savez("net.npz", **{"0.weight": -K})
     words = ["fly", "--aircraft", "found.toml", "--draws", "2", "--duration", "0.1", "--json"]
     for weights in ("K.npz", "net.npz"):
-        assert main([*words, "--weights", weights]) == 1
+        assert main([*words, "--policy", weights]) == 1
         assert json.loads(capsys.readouterr().out)["draws"]["stable"] == 0
-    assert main([*words, "--weights", "K.npz", "--delay", "0.02"]) == 0
+    assert main([*words, "--policy", "K.npz", "--delay", "0.02"]) == 0
     assert "draws" not in json.loads(capsys.readouterr().out)

@@ -390,7 +390,17 @@ def test_a_gain_of_other_sizes_is_refused(known, gain):
 @pytest.mark.parametrize("delay", ["0", ".013"])
 def test_a_delay_changes_neither_noise_nor_filter(folder, delay):
     """A sample has 10 ms with any delay."""
-    words = ["fly", "--dihedral", "10", "--law", "exact", "--filter", "--duration", ".05", *TYPED]
+    words = [
+        "fly",
+        "--dihedral",
+        "10",
+        "--policy",
+        "exact",
+        "--filter",
+        "--duration",
+        ".05",
+        *TYPED,
+    ]
     assert run(*words, "--delay", delay, "-o", "f.json").code == 0
     data = json.loads(Path("f.json").read_text())
     drawn = Uncertainty(noise=NOISE).samples(0, 0, 5, tuple(NOISE))
@@ -410,7 +420,7 @@ def test_the_band_of_lost_flights_is_that_of_the_binomial():
 
 def test_the_command_reports_flights_in_air():
     """Counts and band, and the same flights without control. A flight alone is the first of them."""
-    words = ("fly", "--dihedral", "10", "--law", "exact", "--turbulence", AIR, *TYPED)
+    words = ("fly", "--dihedral", "10", "--policy", "exact", "--turbulence", AIR, *TYPED)
     flown = run(*words, "--filter", "--samples", "2", "--duration", "0.2", "--json")
     assert flown.code == 0
     data = json.loads(flown.out)
@@ -432,7 +442,7 @@ def test_the_command_reports_flights_in_air():
     ("words", "said"),
     [
         ("fly --filter", "add --noise STATE=VALUE"),
-        ("fly --filter --noise speed=.3 --law none", "remove --law none"),
+        ("fly --filter --noise speed=.3 --policy none", "give --policy exact"),
         ("fly --filter --noise speed=.3 --command speed=1:2", "cannot be combined with --filter"),
         ("export -o c --noise speed=.3", "add --filter"),
         ("export -o c --filter", "add --noise STATE=VALUE"),

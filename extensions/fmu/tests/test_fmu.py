@@ -231,7 +231,16 @@ def test_an_fmu_flies() -> None:
     """The LQR cost of a flight is x'Px."""
     given = ("--aircraft", fmu(), "--Q", "1,1", "--R", "1")
     assert run("solve", *given, "-o", "K.npz").code == 0
-    words = ["--law", "exact", "--initial", "body_angle=0.05", "--duration", "40", "--json", "-q"]
+    words = [
+        "--policy",
+        "exact",
+        "--initial",
+        "body_angle=0.05",
+        "--duration",
+        "40",
+        "--json",
+        "-q",
+    ]
     flight = run("fly", *given, *words)
     P = np.load("K.npz")["P"]
     expected = math.radians(0.05) ** 2 * P[0, 0]
@@ -311,7 +320,7 @@ def test_a_flight_into_a_failure_or_an_event_is_refused(
     The FMU's height in ft makes `--units si` convert.
     """
     text = description(fault=fault).replace('unit="m"', 'unit="ft"')
-    given = ("--aircraft", packed(text, "linux64"), *units, "--law", "none", "--duration")
+    given = ("--aircraft", packed(text, "linux64"), *units, "--policy", "none", "--duration")
     refused = run("fly", *given, "2", "--initial", "rate=200")
     assert_refused(refused, 1, said)
     met = float(re.search(r"it is met at\s+([0-9.]+) s", refused.err)[1])

@@ -277,7 +277,7 @@ def assess(request: AssessRequest, given: _Given) -> Outcome:
     the optimum for Q and R. Flights from a box of initial conditions are simulated with and without
     a disturbance pulse. The first line compares costs with the best flights', or the exact gain's.
 
-    With --law, the flights and their report are those of `hfa fly --law NAME --samples N`.
+    With --policy, the flights and their report are those of `hfa fly --policy NAME --samples N`.
 
     Exit code 0 if the policy holds at every trim and satisfies every --need, else 1.
     """

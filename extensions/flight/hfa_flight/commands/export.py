@@ -11,24 +11,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import one_of, output_file
+from hfa.options.argument_types import output_file
 from hfa.options.command import Outcome, Request, command
-from hfa.options.option import is_given, option, refuse
+from hfa.options.option import option, refuse
 from hfa.options.show import provenance
 from hfa.options.trims import GivenTrim, trim_input
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.export.c_text import write_texts
 from hfa_flight.options import (
+    DEPLOYMENT,
     EXACT,
+    TABLE,
     PolicyOptions,
     actuators_of,
     actuators_option,
     at_held_altitude,
     check_policy,
+    gain_table,
     noise_of,
     noise_option,
     noted_linear_model,
     policy_about,
+    policy_option,
     turbulence_option,
 )
 from hfa_support.errors import BadInputError, printable
@@ -55,8 +59,10 @@ class ExportRequest(Request, PolicyOptions):
     horizon: None = None
     margin: None = None
     keep_inside: bool = False
-    law: str | None = option(
-        f"gain to export: {EXACT}; default: {EXACT} in C, none in an FMU", "NAME", one_of(EXACT)
+    policy: str | Path | None = policy_option(
+        f"{EXACT}, that of the game, or a FILE: a gain, a gain table, a critic, a network or a "
+        f"deployment; default: {EXACT} in C, none in an FMU",
+        EXACT,
     )
     output: Path | None = option(
         "folder for C source, FILE.fmu for an FMU, or FILE.m for a function that reads models "
@@ -76,6 +82,11 @@ class ExportRequest(Request, PolicyOptions):
     )
     turbulence: Turbulence | None = turbulence_option()
 
+    @property
+    def flown(self) -> str | Path:
+        """The policy of --policy, or the exact one."""
+        return self.policy or EXACT
+
 
 def _given_trim(request: ExportRequest) -> GivenTrim:
     """Return the trim of the options, which of the paper's aircraft is at `_DIHEDRAL` by default.
@@ -93,8 +104,8 @@ def export(request: ExportRequest, given: GivenTrim) -> Outcome:
     """Export an aircraft and its controller to other tools; -o selects the format.
 
     A folder receives C source without dependencies: equations, trim at --at, A, B, a gain and an
-    example 100 Hz loop. FILE.fmu is the nonlinear aircraft as an FMU 2.0, in closed loop if a
-    law, gain or gain table is given. An FMU requires a C compiler. FILE.m is a MATLAB and Octave
+    example 100 Hz loop. FILE.fmu is the nonlinear aircraft as an FMU 2.0, in closed loop if
+    --policy or --filter is given. An FMU requires a C compiler. FILE.m is a MATLAB and Octave
     function that makes state-space systems from the .mat files of `hfa sweep` and `hfa linearize`.
     With --policy DEPLOYMENT.toml, the C source is only a function for one sample of the deployed
     policy, with normalizer, clipping and mapping.
@@ -106,16 +117,16 @@ def export(request: ExportRequest, given: GivenTrim) -> Outcome:
     is_fmu = target.suffix.lower() == ".fmu"
     if not is_fmu:
         refuse(request, ("actuators",), "applies only to an FMU; remove this option")
-    elif request.deployment is not None:
+    elif request.kind == DEPLOYMENT:
         raise BadInputError(
             f"{target}: an FMU has neither the sample time nor the delay of a deployment "
             "file; give a folder for C source, which is called once a sample"
         )
-    check_policy(request, usual=EXACT)
+    check_policy(request)
     _check_filter(request)
     point = trimmed(given)
-    if request.deployment is not None:
-        written = _write_deployed_policy(request, target, request.deployment, given, point)
+    if isinstance(request.flown, Path) and request.kind == DEPLOYMENT:
+        written = _write_deployed_policy(request, target, request.flown, given, point)
     elif is_fmu:
         written = _write_fmu(request, target, given, point)
     else:
@@ -130,7 +141,8 @@ def _check_filter(request: ExportRequest) -> None:
         return
     if not request.noise:
         raise BadInputError("--filter requires the noise of the sensors; add --noise STATE=VALUE")
-    refuse(request, ("controller", "deployment"), "cannot be combined with --filter")
+    if request.kind == DEPLOYMENT:
+        raise BadInputError("--filter cannot be combined with a deployment; remove --filter")
 
 
 def _write_function(target: Path) -> Path:
@@ -178,7 +190,7 @@ def _write_fmu(
     if request.filter:
         policy = _policy(request, given, linear)
         steering = behind_a_filter(model, _filtered(request, given, linear, policy))
-    elif any(is_given(request, name) for name in ("law", "weights", "controller")):
+    elif request.policy is not None:
         steering = following_a_reference(model, _policy(request, given, linear))
     loop = exported_loop(model, point, steering, actuators)
     write_fmu(loop, target, provenance(request, given.source))
@@ -216,14 +228,9 @@ def _policy(
     request: ExportRequest, given: GivenTrim, linear: LinearModel
 ) -> GainPolicy | FunctionPolicy | ScheduledGainPolicy:
     """Return the policy that the options specify: a gain table, a file, or the exact policy."""
-    from hfa_flight.policies.scheduled_gains import scheduled_gains
-    from hfa_flight.schedule.gain_schedule import load_gain_schedule
-
-    if request.controller is None:
-        return policy_about(request, linear)
-    schedule = load_gain_schedule(request.controller, given.model)
-    name = f"gains of {request.controller}"
-    return scheduled_gains(name, schedule, linear.point, given.common.at)
+    if isinstance(request.flown, Path) and request.kind == TABLE:
+        return gain_table(request.flown, given, linear.point)
+    return policy_about(request, linear)
 
 
 def _show_written(

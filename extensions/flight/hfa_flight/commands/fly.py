@@ -25,13 +25,15 @@ from hfa_flight.air.scenario import Scenario, with_errors
 from hfa_flight.air.signals import CommandedStates
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
+    DEPLOYMENT,
     NONE,
+    TABLE,
     PolicyOptions,
     ScenarioOptions,
     behind_a_filter,
     check_policy,
     envelope_of,
-    flown_law,
+    gain_table,
     noted_game,
     noted_linear_model,
     policy_about,
@@ -96,7 +98,7 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
     )
     picture: Path | None = picture_option("the flight, or the flights of --draws")
     command: Mapping[str, str] = option(
-        f"steps of a state, or with --law {NONE} of an input: times, s, and deviations from the "
+        f"steps of a state, or with --policy {NONE} of an input: times, s, and deviations from the "
         "trim",
         _COMMAND,
         named=True,
@@ -138,10 +140,10 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
 def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
     """Simulate a policy on the nonlinear aircraft, and compare the flight with the linear model.
 
-    `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy. --reference
-    adds the exact feedforward, and a flight without it. --samples N simulates N flights, with
-    --error and --noise as standard deviations; --draws N simulates N aircraft with random
-    parameters. --Q and --R add the cost of the flight.
+    `--policy none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy.
+    --reference adds the exact feedforward, and a flight without it. --samples N simulates N
+    flights, with --error and --noise as standard deviations; --draws N simulates N aircraft with
+    random parameters. --Q and --R add the cost of the flight.
 
     Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
     oscillation does not decay. Of several flights, every one must pass, or the share of --need.
@@ -169,7 +171,7 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(planned.policy, ScheduledGainPolicy)
     weights = None
-    plans = flown_law(request) in LAWS
+    plans = request.kind in LAWS
     if plans or request.Q is not None or request.R is not None:
         game = weighted_game(given_weights(request), linearize(model, point)).game
         weights = (game.Q, game.R)
@@ -206,15 +208,17 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
 
 def _refuse_contradictions(request: FlyRequest) -> None:
     """Raise BadInputError if options contradict each other or have no effect."""
-    if request.reference:
-        refuse(
-            request,
-            ("command", "controller", "deployment"),
-            "cannot be combined with --reference; remove one of these options",
-        )
-        require_policy(request, "--reference")
     # Of a single flight, --Q and --R are the weights of its cost.
     check_policy(request, ("Q", "R") if request.members is None else ())
+    beside = "cannot be combined with --{}; remove one of the two"
+    if request.reference:
+        require_policy(request, "--reference")
+        refuse(request, ("command", "keep_inside", "filter"), beside.format("reference"))
+    if request.filter:
+        require_policy(request, "--filter")
+        refuse(request, ("command", "keep_inside"), beside.format("filter"))
+    if request.keep_inside:
+        refuse(request, ("command",), beside.format("keep-inside"))
     is_random = request.turbulence is not None or bool(request.noise)
     if request.members is None and not is_random:
         refuse(
@@ -222,25 +226,6 @@ def _refuse_contradictions(request: FlyRequest) -> None:
             ("seed",),
             "applies only to --turbulence, --noise, --samples and --draws; remove this option",
         )
-    if flown_law(request) in LAWS:
-        refuse(
-            request,
-            ("command", "reference"),
-            f"cannot be combined with --law {request.law}; remove this option",
-        )
-    if request.keep_inside:
-        refuse(
-            request,
-            ("command", "reference", "controller"),
-            "cannot be combined with --keep-inside; remove one of the two",
-        )
-    if request.filter:
-        refuse(
-            request,
-            ("command", "reference", "keep_inside", "controller"),
-            "cannot be combined with --filter; remove one of the two",
-        )
-        require_policy(request, "--filter")
 
 
 def _planned(request: FlyRequest, given: GivenTrim, point: OperatingPoint) -> PlannedFlight:
@@ -297,27 +282,22 @@ def _steering(
     from hfa_flight.policies.filtered_policy import behind_own_filter
     from hfa_flight.policies.given import command_steps
     from hfa_flight.policies.policy import GainPolicy, open_loop
-    from hfa_flight.policies.scheduled_gains import scheduled_gains
-    from hfa_flight.schedule.gain_schedule import load_gain_schedule
 
     model = given.model
     steps = command_steps(commands)
-    law = flown_law(request)
-    if request.deployment is not None:
-        return behind_own_filter(request.deployment, point), None, None
-    if request.controller is not None:
-        schedule = load_gain_schedule(request.controller, model)
-        name = f"gains of {request.controller}"
-        policy: Policy = scheduled_gains(name, schedule, point, given.common.at, steps)
-        return policy, None, None
-    if law == NONE:
-        if not request.law:
-            warn(f"no --law is given: no policy acts (--law {NONE})")
+    flown = request.flown
+    if isinstance(flown, Path) and request.kind == DEPLOYMENT:
+        return behind_own_filter(flown, point), None, None
+    if isinstance(flown, Path) and request.kind == TABLE:
+        return gain_table(flown, given, point, steps), None, None
+    if flown == NONE:
+        if request.policy is None:
+            warn(f"no --policy is given: no policy acts (--policy {NONE})")
         return open_loop(steps, tuple(model.inputs)), None, None
     linear = noted_linear_model(model, point)
-    if law in LAWS:
-        policy = policy_of_law(
-            law,
+    if request.kind in LAWS:
+        planned = policy_of_law(
+            request.kind,
             noted_game(given_weights(request), linear),
             point,
             limits,
@@ -325,7 +305,7 @@ def _steering(
             horizon=request.horizon,
             margin=request.margin,
         )
-        return policy, None, None
+        return planned, None, None
     for name in steps.names:
         refuse_unknown("a gain cannot follow a command of", name, model.linear)
     reference = CommandedStates(steps, model.linear) if steps.names else None
@@ -407,7 +387,7 @@ def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome
 def _refuse_of_members(request: FlyRequest) -> None:
     """Raise BadInputError for options that many flights do not have."""
     target = request.output
-    if flown_law(request) in LAWS or request.keep_inside:
+    if request.kind in LAWS or request.keep_inside:
         refuse(
             request,
             ("workers",),

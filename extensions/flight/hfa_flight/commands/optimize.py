@@ -12,23 +12,29 @@ import numpy as np
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import (
     each_of,
-    input_file,
     linear_state,
-    one_of,
     quantity,
     span,
     whole,
 )
 from hfa.options.command import Outcome, Request, command, picture_option
-from hfa.options.critic_files import critic_path
 from hfa.options.games import WeightOptions, given_weights, weighted_game
 from hfa.options.option import option, refuse
 from hfa.options.output import ProgressLine
 from hfa.options.trims import GivenTrim, TrimInput, TrimOptions, trim_input
 from hfa_flight.needs import ALL, SHARE, needed_share
-from hfa_flight.options import policy_of_law
+from hfa_flight.options import (
+    DEPLOYMENT,
+    EXACT,
+    NONE,
+    TABLE,
+    exact_policy,
+    kind_of,
+    policy_of_law,
+    policy_option,
+)
 from hfa_flight.policies.laws import LAWS
-from hfa_support.errors import BadInputError, prefix_errors
+from hfa_support.errors import BadInputError
 from trim.linear.linearize import linearize
 
 if TYPE_CHECKING:
@@ -36,7 +42,7 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 _MOST_STARTS = 10_000
-#: Name of the policy that solves the game, which does not decide the verdict.
+#: Name of the policy that solves the game. Without --policy, it does not decide the verdict.
 _EXACT = "exact game policy, saturated"
 
 
@@ -75,23 +81,20 @@ class OptimizeRequest(Request, TrimOptions, WeightOptions):
     )
     need: Mapping[str, float] = option(
         "share of the initial conditions of --starts from which a flight is found and the "
-        "policies of --law, --weights and --policy converge within limits, for exit code 0; "
-        "default 1, all",
+        "policies of --policy converge within limits, for exit code 0; default 1, all",
         f"{SHARE}=X",
         needed_share,
         named=True,
         rare=True,
     )
-    law: str | None = option(
-        f"compare with a law that plans on the nonlinear model: {' or '.join(LAWS)}",
-        "NAME",
-        one_of(*LAWS),
-    )
-    weights: Path | None = option(
-        "compare with the policy of this gain K, critic (W or P) or network", "FILE", critic_path
-    )
-    policy: Path | None = option(
-        "compare with the policy of this deployment file", "DEPLOYMENT.toml", input_file(".toml")
+    policy: tuple[str | Path, ...] = policy_option(
+        f"compare with a policy, and require that it converges: {NONE}, {EXACT}, "
+        f"{' or '.join(LAWS)}, or a FILE: a gain, a gain table, a critic, a network or a "
+        "deployment; repeatable",
+        NONE,
+        EXACT,
+        *LAWS,
+        repeated=True,
     )
 
 
@@ -114,31 +117,30 @@ def _end(request: OptimizeRequest, asked: TrimInput, begin: GivenTrim) -> GivenT
 def _policies(
     request: OptimizeRequest, game: Game, point: OperatingPoint, limits: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the policies to compare with the best flight, by name.
-
-    - the exact game policy, unless δ is infinite
-    - the policy of --law
-    - the policy of the critic in --weights
-    - the policy of the deployment file --policy
+    """Return the policies of --policy, by name.
 
     Raises NoSolutionError if the game has no solution. Raises BadInputError if a file is invalid.
     """
-    from controller.critic.critic_file import critic_in
-    from controller.critic.reading import Reading
-    from controller.riccati.gare import unconfirmed_solution
+    return dict(_policy(each, game, point, limits) for each in request.policy)
 
-    policies: dict[str, Any] = {}
-    if np.isfinite(game.delta):
-        policies[_EXACT] = unconfirmed_solution(game).K
-    if request.law:
-        policies[request.law] = policy_of_law(request.law, game, point, limits)
-    if request.weights is not None:
-        with prefix_errors(request.weights):
-            critic = critic_in(request.weights, game, Reading())
-        policies[f"critic of {request.weights}"] = critic
-    if request.policy is not None:
-        policies[f"policy of {request.policy}"] = request.policy
-    return policies
+
+def _policy(
+    given: str | Path, game: Game, point: OperatingPoint, limits: Mapping[str, Any]
+) -> tuple[str, Any]:
+    """Return the name of a policy of --policy, and the policy."""
+    from controller.critic.critic_file import critic_in
+    from hfa_flight.schedule.gain_schedule import load_gain_schedule
+
+    kind = kind_of(given)
+    if not isinstance(given, Path):
+        if kind == EXACT:
+            return _EXACT, exact_policy(game)
+        return kind, None if kind == NONE else policy_of_law(kind, game, point, limits)
+    if kind == DEPLOYMENT:
+        return f"policy of {given}", given
+    if kind == TABLE:
+        return f"gains of {given}", load_gain_schedule(given, point.model)
+    return f"critic of {given}", critic_in(given, game)
 
 
 def _refuse_contradictions(request: OptimizeRequest) -> None:
@@ -164,11 +166,10 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Collocation proposes
     flights within the limits. A simulation of each proposal yields the reported cost. A cheaper
     flight may exist. The policies are the linear optimum and the exact game policy, both saturated
-    at the limits of the inputs, and those of --law, --weights and --policy. --starts N prints a
-    table for many initial conditions. --to NAME=VALUE searches for flights from one trim to
-    another. Exit code 1 if no flight was found, or if the simulation refutes the flight. With
-    --starts, a flight must be found and the policies of --weights and --policy converge within the
-    limits from every initial condition, or from the share of --need.
+    at the limits of the inputs, and those of --policy. --starts N prints a table for many initial
+    conditions. --to NAME=VALUE searches for flights from one trim to another. Exit code 1 if no
+    flight was found, or a policy of --policy does not converge within the limits; with --starts,
+    from every initial condition, or from the share of --need.
     """
     from hfa_flight.plan import optimize as flights
     from hfa_flight.plan.problem import flight_problem
@@ -183,19 +184,26 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     game = weighted_game(given_weights(request), linearize(model, point)).game
     game.refuse_cross_weights("the cost of hfa optimize")
     problem = flight_problem(model, point, game.Q, game.R, limits=limits)
-    policies = _policies(request, game, point, limits)
+    judged = _policies(request, game, point, limits)
+    policies = {_EXACT: exact_policy(game), **judged} if np.isfinite(game.delta) else judged
     if request.starts is not None:
         progress = ProgressLine("optimize")
         table = flights.optimize_starts(
             problem, request.starts, policies, seed=request.seed, progress=progress
         )
-        judged = [name for name in policies if name != _EXACT]
-        table = replace(table, judged=judged, share=request.need.get(SHARE, ALL))
+        table = replace(table, judged=[*judged], share=request.need.get(SHARE, ALL))
         return Outcome(report=table.report(), ok=table.ok, source=given.source)
     initial = trimmed(given) if request.to else deviations
     best = flights.optimize(model, point, initial, game.Q, game.R, limits=limits, policies=policies)
     history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
     in_files = {"flight": history}
+    rows = [each for each in best.policies if each.policy in judged]
+    failed = [f"FAIL: {each.policy}: {each.outcome()}" for each in rows if not each.converges]
+    report = best.report()
     return Outcome(
-        report=best.report(), source=given.source, figure=best.figure, only_in_files=in_files
+        report=replace(report, title="\n".join([*failed, report.title])),
+        ok=not failed,
+        source=given.source,
+        figure=best.figure,
+        only_in_files=in_files,
     )

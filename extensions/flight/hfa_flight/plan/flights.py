@@ -22,8 +22,10 @@ from hfa_flight.air.scenario import Scenario
 from hfa_flight.plan.collocation import Proposal
 from hfa_flight.plan.problem import FlightProblem
 from hfa_flight.plan.tracking import STEPS, TrackingPolicy, held_size, tracking_rows
+from hfa_flight.policies.filtered_policy import command_of
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
+from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import departure, share_at_limits
 from hfa_flight.simulate.returned import has_returned
@@ -123,10 +125,11 @@ class Flights:
             return self._of_function(name, given.policy)
         scenario = self.scenario(self.tick)
         policy, scenario = policy_and_scenario(given, self.problem.point, scenario)
-        if isinstance(policy, GainPolicy) and policy.feedforward is None:
+        is_gain = isinstance(policy, GainPolicy) and policy.feedforward is None
+        if is_gain or isinstance(policy, ScheduledGainPolicy):
             z = ca.SX.sym("z", len(self.problem.states))
-            gain = ca.Function("gain", [z], [-ca.mtimes(ca.DM(policy.K), z)])
-            return self._of_function(name, gain)
+            u = command_of(policy, ca.SX(0.0), z, ca.DM(policy.held_inputs(0, 0.0)))
+            return self._of_function(name, ca.Function("gain", [z], [u]))
         return self.compiled(replace(policy, name=name), scenario)
 
     def _of_function(self, name: str, function: ca.Function) -> CompiledLoop:

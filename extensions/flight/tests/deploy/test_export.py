@@ -135,11 +135,11 @@ def test_exported_c_has_the_functions_of_networks(tmp_path):
     ("words", "named"),
     [
         (["-o", "policy.fmu"], "an FMU has neither the sample time nor the delay"),
-        (["--law", "exact", "-o", "c"], "--law has no effect with --policy"),
+        (["--delta", "9", "-o", "c"], "--delta cannot be combined with a deployment"),
     ],
 )
 def test_what_a_deployment_file_cannot_be_is_refused(words, named, tmp_path, monkeypatch, capsys):
-    """An FMU, which has neither sample time nor delay, and --law beside --policy."""
+    """An FMU, which has neither sample time nor delay, and a weight of a game."""
     monkeypatch.chdir(tmp_path)
     where = ["--policy", str(FOLDER / "ppo_gtm.toml"), "--aircraft", AIRCRAFT["ppo_gtm"][0]]
     assert main(["export", *where, "--at", "45", *words]) == 2

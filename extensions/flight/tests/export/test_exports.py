@@ -75,7 +75,7 @@ def gains(folder: Path) -> np.ndarray:
 
 def test_the_policy_in_c_interpolates_a_gain_table(folder: Path, gains: np.ndarray) -> None:
     """u = u0 - K(dihedral) (x - x0), K linear between the breakpoints and constant beyond."""
-    exported("--controller", "gains.npz", "-o", "c")
+    exported("--policy", "gains.npz", "-o", "c")
     compiled(folder / "c", "-shared", "-fPIC", "hfa_aircraft.c", "-o", "library.so")
     point = model_at(10.0).point
     rows = [STATES.index(name) for name in LINEAR_STATES]
@@ -114,13 +114,13 @@ def test_an_fmu_simulates_the_flight_in_fmpy(
     if kind == "aircraft":
         exported("-o", "a.fmu")
     elif kind == "gain":
-        exported("--law", "exact", "-o", "a.fmu")
+        exported("--policy", "exact", "-o", "a.fmu")
         start["reference_speed"] = 0.05
         happens["reference"] = Waveform(np.eye(6)[0] * 0.05, np.zeros(6))
         policy = exact_gain(10.0)
     else:
         table = request.getfixturevalue("gains")
-        exported("--controller", "gains.npz", "--actuators", f"{LAG}:{RATE}:2", "-o", "a.fmu")
+        exported("--policy", "gains.npz", "--actuators", f"{LAG}:{RATE}:2", "-o", "a.fmu")
         policy = GainSchedule(np.radians(ANGLES), table, point.model)
         happens["actuators"] = surfaces_bank(point.model)
     scenario = Scenario(5.0, 0.001, 0.1, 0.02 * np.eye(len(STATES))[0], **happens)

@@ -42,7 +42,7 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(
 ) -> None:
     """The best flight costs z'Pz; that of another gain z'Xz of SciPy's Lyapunov solution.
 
-    The flight of a gain that destabilizes the plant has no cost.
+    The flight of a gain that destabilizes the plant has no cost, and fails.
     """
     A, B = np.array([[0.0, 1.0], [-2.0, -0.3]]), np.array([[0.0], [3.0]])
     np.savez("plant.npz", A=A, B=B)
@@ -50,7 +50,7 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(
     K = 0.5 * B.T @ P
     np.savez("K.npz", K=K)
     words = ["optimize", "--aircraft", "plant.npz", "--start", "x1=0.5,x2=0.2"]
-    assert main([*words, "--weights", "K.npz", "--Q", "1,1", "--R", "1", "--json"]) == 0
+    assert main([*words, "--policy", "K.npz", "--Q", "1,1", "--R", "1", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     X = solve_continuous_lyapunov((A - B @ K).T, -(np.eye(2) + K.T @ K))
     z = np.array([0.5, 0.2])
@@ -61,7 +61,7 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(
     assert other["over_best"] == pytest.approx(other["cost"] / data["cost"])
     np.savez("K.npz", K=-K)
     weighted = ["--Q", "1,1", "--R", "1", "-o", "flight.json"]
-    assert main([*words, "--weights", "K.npz", *weighted]) == 0
+    assert main([*words, "--policy", "K.npz", *weighted]) == 1
     assert " inf " not in capsys.readouterr().out
     _, lost = json.loads(Path("flight.json").read_text())["policies"]
     assert (lost["converges"], lost["cost"], lost["over_best"]) == (False, None, None)
@@ -75,7 +75,7 @@ def test_a_deployment_and_a_critic_are_compared(
     game = nominal_game(hfa.linearize(model, hfa.trim(model)))
     np.savez("K.npz", K=0.5 * hfa.solve(game).K)
     deployment = pendulum_deployment(folder, "[timing]\ndt = 0.02\n")
-    words = ["optimize", "--aircraft", PENDULUM, "--start", "angle=20", "--weights", "K.npz"]
+    words = ["optimize", "--aircraft", PENDULUM, "--start", "angle=20", "--policy", "K.npz"]
     assert main([*words, "--policy", str(deployment), "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     linear, *others = data["policies"]
@@ -94,7 +94,7 @@ def test_optimize_counts_and_summarizes_initial_conditions(
     """
     np.savez("plant.npz", A=[[0.0, 1.0], [-2.0, -0.3]], B=[[0.0], [3.0]])
     np.savez("K.npz", K=[[0.2, 0.5]])
-    words = ["optimize", "--aircraft", "plant.npz", "--starts", "6", "--weights", "K.npz"]
+    words = ["optimize", "--aircraft", "plant.npz", "--starts", "6", "--policy", "K.npz"]
     limits = ["--limit", "x1=-1:0.3", "--limit", "x2=-9:9"]
     assert main([*words, *limits, "--seed", "7", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)

@@ -442,7 +442,7 @@ def test_a_flight_of_the_command_does_not_depend_on_the_machine(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On a machine that needs a second between two instructions, the flight is the same."""
-    words = ["fly", "--aircraft", PENDULUM_FILE, "--law", "predictive", "--duration", "0.4"]
+    words = ["fly", "--aircraft", PENDULUM_FILE, "--policy", "predictive", "--duration", "0.4"]
     words += ["--initial", "angle=40", "--disturbance", "push=2", "--json"]
     finals = []
     for slow in (False, True):
@@ -457,8 +457,8 @@ def test_a_flight_of_the_command_does_not_depend_on_the_machine(
 def test_laws_fly_and_are_compared_on_the_command_line(
     law: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`fly --law` and `optimize --law` fly the same flight, near the best."""
-    words = ["--aircraft", PENDULUM_FILE, "--law", law, "--json"]
+    """`fly --policy` and `optimize --policy` fly the same flight, near the best."""
+    words = ["--aircraft", PENDULUM_FILE, "--policy", law, "--json"]
     assert main(["fly", *words, "--initial", "angle=40", "--duration", "5"]) == 0
     flown = json.loads(capsys.readouterr().out)
     assert main(["optimize", *words, "--start", "angle=40"]) == 0
@@ -476,10 +476,10 @@ def test_laws_fly_and_are_compared_on_the_command_line(
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("--law predictive --command angle=1:2", "--command cannot be combined with --law"),
-        ("--law state-dependent --horizon 1", "--horizon applies only to"),
-        ("--law exact --margin 0.1", "--margin applies only to"),
-        ("--law predictive --samples 2 --workers 2", "a law that plans"),
+        ("--policy predictive --command angle=1:2", "--command cannot be combined with --policy"),
+        ("--policy state-dependent --horizon 1", "--horizon applies only to"),
+        ("--policy exact --margin 0.1", "--margin applies only to"),
+        ("--policy predictive --samples 2 --workers 2", "a law that plans"),
         ("--keep-inside", "move no limited state"),
     ],
 )
