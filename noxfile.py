@@ -16,7 +16,7 @@ import numpy as np
 
 nox.options.error_on_missing_interpreters = False
 PROJECT = nox.project.load_toml("pyproject.toml")["project"]
-EXTRAS = ("distributed", "page", "proof")
+EXTRAS = ("distributed", "page")
 TOOLS = ("pytest", "pytest-xdist", "mpmath", "setuptools>=70.1", "ambiance", "xarray")
 #: Command -> arrays in its JSON output that are compared.
 COMMANDS = {

@@ -134,21 +134,18 @@ COMMANDS = {
         "prove a schedule, a region; or --check a certificate",
         "hfa_prove.commands.check:prove",
         example="hfa prove --check certificate.json",
-        install=("python-flint",),
     ),
     "prove region": CommandEntry(
         "proof",
         "region of attraction of a loop with saturated inputs",
         "hfa_prove.commands.region:region",
         example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
-        install=("python-flint",),
     ),
     "prove schedule": CommandEntry(
         "proof",
         "stability of a gain schedule at every point of an interval",
         "hfa_prove.commands.schedule:schedule",
         example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
-        install=("python-flint",),
     ),
     "report": CommandEntry(
         "model",

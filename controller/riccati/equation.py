@@ -1,0 +1,362 @@
+"""The Riccati equation of a game with the game's exact entries, in balls of either arithmetic."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar, Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balls import BallMatrix, Balls, ball_matrix, identity, stacked
+
+if TYPE_CHECKING:
+    from flint import arb, arb_mat
+
+Matrix = TypeVar("Matrix", bound=BallMatrix)
+Other = TypeVar("Other", bound=BallMatrix)
+
+
+class Units(NamedTuple):
+    """Units of the states, inputs and disturbances as exponents of two: z_i = 2^states_i y_i.
+
+    states: (n,) integers
+    inputs: (m,) integers
+    disturbances: (k,) integers
+    """
+
+    states: np.ndarray
+    inputs: np.ndarray
+    disturbances: np.ndarray
+
+
+def users_units(game: Game) -> Units:
+    """Return the units of a game as the user gave it."""
+    return Units(*(np.zeros(size, dtype=int) for size in (*game.B.shape, game.E.shape[1])))
+
+
+def scaled(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | arb_mat:
+    """Return 2^rows_i M_ij 2^columns_j exactly, in balls if doubles over- or underflow.
+
+    rows, columns: (n,) and (m,) integers
+    """
+    powers = np.add.outer(rows, columns)
+    with np.errstate(all="ignore"):
+        result = np.ldexp(matrix, powers)
+        is_exact = np.array_equal(np.ldexp(result, -powers), matrix)
+    if is_exact and np.isfinite(result).all():
+        return result
+    return scaled_balls(ball_matrix(matrix), rows, columns)
+
+
+def scaled_balls(matrix: arb_mat, rows: np.ndarray, columns: np.ndarray) -> arb_mat:
+    """Return 2^rows_i M_ij 2^columns_j in balls, exactly if their bits suffice for the entries.
+
+    rows, columns: (n,) and (m,) integers
+    """
+    from flint import arb
+
+    if not rows.any() and not columns.any():
+        return matrix
+    left, right = ([arb(2) ** int(power) for power in powers] for powers in (rows, columns))
+    entries = iter(matrix.entries())
+    return ball_matrix([[next(entries) * i * j for j in right] for i in left])
+
+
+class Sensitivity(NamedTuple):
+    """Bounds of the changes if X is changed by a symmetric Z, (n, n), with |Z| <= most.
+
+    loop: |change of the loop F of both players| <= loop |Z|
+    gains: if |Z| <= Y and F'Y F <= Y, in discrete time, |change of column j of the gains| is at
+        most gains |s| s_j, with the roots s of the diagonal of Y
+    most: largest |Z|
+    """
+
+    loop: arb
+    gains: arb
+    most: arb
+
+
+class Equation(ABC, Generic[Matrix]):
+    """Riccati equation of a game in exact units, whose matrices are balls of one arithmetic.
+
+    The residual of a proposed X is always in `Balls`: only there its digits do not cancel.
+
+    game: the game
+    units: exact units
+    arithmetic: `Balls` or `DoubleBalls`
+    delta: in place of that of the game
+
+    A, B, E, Q, N: balls of the arithmetic. The discount is taken into √α A, √α B and √α E.
+    R: (m, m), exact
+    w: 1 / delta², 0 without a disturbance
+    """
+
+    is_discrete: ClassVar[bool]
+
+    def __init__(
+        self, game: Game, units: Units, arithmetic: type[Matrix], delta: float | None = None
+    ) -> None:
+        from flint import arb
+
+        self.game = game
+        self.units = units
+        self.arithmetic = arithmetic
+        self.delta = game.delta if delta is None else delta
+        z, u, d = units
+        root = arb(game.discount).sqrt()
+
+        def rates(matrix: np.ndarray, columns: np.ndarray) -> Matrix:
+            exact = arithmetic.of(scaled(matrix, -z, columns))
+            return exact if game.discount == 1.0 else exact.times(root)
+
+        self.n = len(game.A)
+        self.is_disturbed = math.isfinite(self.delta) and bool(game.E.any())
+        self.w = 1 / arb(self.delta) ** 2 if self.is_disturbed else arb(0)
+        self.A, self.B, self.E = rates(game.A, z), rates(game.B, u), rates(game.E, d)
+        self.Q = arithmetic.of(_symmetric(game.Q, z))
+        self.R = _balls(_symmetric(game.R, u))
+        self.N = arithmetic.of(scaled(game.N, z, u))
+
+    def with_arithmetic(self, arithmetic: type[Other]) -> Equation[Other]:
+        """Return the same equation in another arithmetic."""
+        return equation_of(self.game, self.units, arithmetic, self.delta)
+
+    @abstractmethod
+    def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
+        """Return the gains of X and the residual of the Riccati equation, in `Balls`.
+
+        X: (n, n), balls
+        """
+
+    @abstractmethod
+    def loop(self, X: Matrix, gains: Matrix) -> Matrix:
+        """Return the loop of both players, (n, n).
+
+        gains: of X
+        """
+
+    @abstractmethod
+    def control_loop(self, X: Matrix, gains: Matrix) -> Matrix:
+        """Return the loop without disturbance, (n, n)."""
+
+    @abstractmethod
+    def disturbance_price(self, X: Matrix) -> Matrix | None:
+        """Return δ² - E'X E, (k, k), of discrete time, which must be positive definite."""
+
+    @abstractmethod
+    def sensitivity(self, X: Matrix, loop: Matrix) -> Sensitivity:
+        """Return bounds of the changes of the loop and the gains at X.
+
+        loop: of both players at X
+        """
+
+
+def change_along(loop: Matrix, Y: Matrix, *, is_discrete: bool) -> Matrix:
+    """Return the change F'Y + Y F of z'Y z along a loop F, in discrete time F'Y F - Y."""
+    if is_discrete:
+        return loop.T @ (Y @ loop) - Y
+    product = Y @ loop
+    return product + product.T
+
+
+def _symmetric(weights: np.ndarray, units: np.ndarray) -> np.ndarray | arb_mat:
+    """Return the exact symmetric part of weights in exact units."""
+    exact = scaled(weights, units, units)
+    if np.array_equal(weights, weights.T):
+        return exact
+    whole = _balls(exact)
+    return (whole + whole.transpose()) * 0.5
+
+
+def _balls(matrix: np.ndarray | arb_mat) -> arb_mat:
+    return ball_matrix(matrix) if isinstance(matrix, np.ndarray) else matrix
+
+
+class ContinuousEquation(Equation[Matrix]):
+    """A'X + X A + Q - (X B + N) R⁻¹ (B'X + N') + w X E E'X = 0.
+
+    The gain of X is R⁻¹ (B'X + N'), and the loop of both players is A - B R⁻¹ N' - S X with
+    S = B R⁻¹ B' - w E E'.
+    """
+
+    is_discrete = False
+
+    @cached_property
+    def R_inverse(self) -> arb_mat:
+        """R⁻¹, (m, m)."""
+        return self.R.inv()
+
+    @cached_property
+    def of_control(self) -> Matrix:
+        """B R⁻¹ B', (n, n)."""
+        return self._B_over_R @ self.B.T
+
+    @cached_property
+    def of_disturbance(self) -> Matrix:
+        """w E E', (n, n)."""
+        return (self.E @ self.E.T).times(self.w)
+
+    @cached_property
+    def S(self) -> Matrix:
+        """B R⁻¹ B' - w E E', (n, n)."""
+        return self.of_control - self.of_disturbance if self.is_disturbed else self.of_control
+
+    @cached_property
+    def free(self) -> Matrix:
+        """A - B R⁻¹ N', (n, n)."""
+        return self.A - self._B_over_R @ self.N.T if self.game.N.any() else self.A
+
+    @cached_property
+    def _B_over_R(self) -> Matrix:
+        return self.B @ self.arithmetic.of(self.R_inverse)
+
+    def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
+        """Return the gain (m, n) and the residual (n, n) of X, in `Balls`."""
+        A, B, Q, N = (_of(each) for each in (self.A, self.B, self.Q, self.N))
+        priced = B.transpose() * X + N.transpose()
+        gain = self.R_inverse * priced
+        driven = X * A
+        residual = driven + driven.transpose() + Q - priced.transpose() * gain
+        if self.is_disturbed:
+            worst = _of(self.E).transpose() * X
+            residual = residual + (worst.transpose() * worst) * self.w
+        return gain, residual
+
+    def loop(self, X: Matrix, gains: Matrix) -> Matrix:
+        """Return A - B R⁻¹ N' - S X."""
+        return self.free - self.S @ X
+
+    def control_loop(self, X: Matrix, gains: Matrix) -> Matrix:
+        """Return A - B R⁻¹ N' - B R⁻¹ B'X."""
+        return self.free - self.of_control @ X
+
+    def disturbance_price(self, X: Matrix) -> None:
+        """Return None: in continuous time, d costs δ²."""
+
+    def sensitivity(self, X: Matrix, loop: Matrix) -> Sensitivity:
+        """Return |S|, |R⁻¹ B'| and inf: the equation is quadratic."""
+        from flint import arb
+
+        return Sensitivity(self.S.norm(), self._B_over_R.norm(), arb("inf"))
+
+    def hamiltonian(self) -> arb_mat:
+        """Return [[A - B R⁻¹N', -S], [-(Q - N R⁻¹N'), -(A - B R⁻¹N')']], (2n, 2n), in `Balls`."""
+        free, S, Q, N = (_of(each) for each in (self.free, self.S, self.Q, self.N))
+        cost = Q - N * self.R_inverse * N.transpose()
+        return stacked([[free, -S], [-cost, -free.transpose()]])
+
+
+class StepEquation(Equation[Matrix]):
+    """A'X A - X + Q - (A'X G + C) (W + G'X G)⁻¹ (G'X A + C') = 0.
+
+    G = [B E], W = blkdiag(R, -δ² I) and C = [N 0]. Without a disturbance, E has no columns.
+
+    The gains of X are k = (W + G'X G)⁻¹ (G'X A + C'), and the loop of both players is A - G k.
+    """
+
+    is_discrete = True
+
+    @cached_property
+    def G(self) -> Matrix:
+        """[B E], (n, m + k)."""
+        return self.B.beside(self.E) if self.is_disturbed else self.B
+
+    @cached_property
+    def W(self) -> arb_mat:
+        """blkdiag(R, -δ² I), (m + k, m + k), in `Balls`."""
+        if not self.is_disturbed:
+            return self.R
+        m, k = self.R.nrows(), self.game.E.shape[1]
+        d = self.units.disturbances
+        price = scaled_balls(identity(k) * (-1 / self.w), d, d)
+        nothing = ball_matrix(np.zeros((m, k)))
+        return stacked([[self.R, nothing], [nothing.transpose(), price]])
+
+    @cached_property
+    def C(self) -> arb_mat:
+        """[N 0], (n, m + k), in `Balls`."""
+        N = _balls(scaled(self.game.N, self.units.states, self.units.inputs))
+        if not self.is_disturbed:
+            return N
+        return stacked([[N, ball_matrix(np.zeros(self.game.E.shape))]])
+
+    def price(self, X: arb_mat) -> arb_mat:
+        """Return W + G'X G, (m + k, m + k), in `Balls`."""
+        G = _of(self.G)
+        return self.W + G.transpose() * X * G
+
+    def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
+        """Return the gains (m + k, n) and the residual (n, n) of X, in `Balls`."""
+        A, G, Q = (_of(each) for each in (self.A, self.G, self.Q))
+        ahead = X * A
+        right = G.transpose() * ahead + self.C.transpose()
+        gains = self.price(X).solve(right)
+        return gains, A.transpose() * ahead - X + Q - right.transpose() * gains
+
+    def loop(self, X: Matrix, gains: Matrix) -> Matrix:
+        """Return A - G k."""
+        return self.A - self.G @ gains
+
+    def control_loop(self, X: Matrix, gains: Matrix) -> Matrix:
+        """Return A - B K."""
+        return self.A - self.B @ gains.block(slice(self.R.nrows()), slice(None))
+
+    def disturbance_price(self, X: Matrix) -> Matrix | None:
+        """Return δ² - E'X E, (k, k), or None without a disturbance."""
+        if not self.is_disturbed:
+            return None
+        own = slice(self.R.nrows(), None)
+        return -(self.arithmetic.of(self.W).block(own, own) + self.E.T @ (X @ self.E))
+
+    def sensitivity(self, X: Matrix, loop: Matrix) -> Sensitivity:
+        """Return bounds for |V⁻¹| |G'Z G| <= 1/2, with the price V = W + G'X G.
+
+        The gains of X + Z are k + (V + G'Z G)⁻¹ G'Z F, and |(V + G'Z G)⁻¹| <= 2 |V⁻¹|.
+        """
+        G = self.G.norm()
+        inverse = (self.arithmetic.of(self.W) + self.G.T @ (X @ self.G)).inverse_norm()
+        gains = 2 * inverse * G
+        return Sensitivity(gains * G * loop.norm(), gains, 1 / (2 * inverse * G**2))
+
+    def pencil(self) -> tuple[arb_mat, arb_mat]:
+        """Return L and M, (2n + m + k, 2n + m + k), in `Balls`, whose pencil L - z M is singular at
+        the eigenvalues of the loop of both players and at their inverses.
+        """
+        A, G, Q = (_of(each) for each in (self.A, self.G, self.Q))
+        n, s = self.n, G.ncols()
+        one = identity(n)
+
+        def zeros(rows: int, columns: int) -> arb_mat:
+            return ball_matrix(np.zeros((rows, columns)))
+
+        L = stacked(
+            [[A, zeros(n, n), G], [-Q, one, -self.C], [self.C.transpose(), zeros(s, n), self.W]]
+        )
+        M = stacked(
+            [
+                [one, zeros(n, n), zeros(n, s)],
+                [zeros(n, n), A.transpose(), zeros(n, s)],
+                [zeros(s, n), -G.transpose(), zeros(s, s)],
+            ]
+        )
+        return L, M
+
+
+def _of(matrix: BallMatrix) -> arb_mat:
+    """Return the matrix of FLINT of an equation in `Balls`."""
+    assert isinstance(matrix, Balls)
+    return matrix.matrix
+
+
+def equation_of(
+    game: Game, units: Units, arithmetic: type[Matrix], delta: float | None = None
+) -> Equation[Matrix]:
+    """Return the Riccati equation of a game.
+
+    Raises ZeroDivisionError if R is singular in continuous time.
+    """
+    kind = StepEquation[Matrix] if game.is_discrete else ContinuousEquation[Matrix]
+    return kind(game, units, arithmetic, delta)

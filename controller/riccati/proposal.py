@@ -1,0 +1,383 @@
+"""Proposals of solutions, in doubles or in many bits. `proof` decides what they prove."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balls import (
+    Balls,
+    DoubleBalls,
+    ball_matrix,
+    bits,
+    identity,
+    midpoints,
+    norm,
+    part,
+    symmetric,
+)
+from controller.riccati.equation import (
+    ContinuousEquation,
+    Equation,
+    Matrix,
+    StepEquation,
+    Units,
+    change_along,
+    equation_of,
+    users_units,
+)
+from controller.riccati.lyapunov import Lyapunov
+from hfa_support.matrices import balanced
+
+if TYPE_CHECKING:
+    from flint import arb, arb_mat
+
+    from controller.riccati.proof import Stabilizing
+
+#: Exponents of entries of this size are left as they are.
+MODERATE = 12
+#: Exponents of units that differ by more from those of a first proposal need another one.
+NEAR = 3
+#: Largest numbers of corrections of a proposal in doubles, of steps of Newton's method for the sign
+#: function, and of doublings.
+CORRECTIONS, NEWTON_STEPS, DOUBLINGS = 6, 150, 80
+
+
+class FailedError(Exception):
+    """Raised if no solution can be proposed, with the step that fails."""
+
+
+class Proposal(NamedTuple):
+    """Proposed solution of a Riccati equation, for `proof`.
+
+    equation: the equation, in `Balls`
+    X: (n, n)
+    Y: (n, n), of the loop of both players
+    """
+
+    equation: Equation[Balls]
+    X: arb_mat
+    Y: arb_mat
+
+
+def in_doubles(game: Game, delta: float) -> Proposal:
+    """Return a proposal by LAPACK, corrected by residuals in balls.
+
+    Raises FailedError.
+    """
+    with np.errstate(all="ignore"):
+        try:
+            return _in_doubles(game, delta)
+        except (np.linalg.LinAlgError, ValueError, ZeroDivisionError, OverflowError) as failure:
+            raise FailedError(str(failure)) from None
+
+
+def _in_doubles(game: Game, delta: float) -> Proposal:
+    units = first_units(game, delta)
+    X = _stabilizing(equation_of(game, units, DoubleBalls, delta))
+    for _ in range(2):
+        further = units_of(game, units, X, delta)
+        steps = further.states - units.states
+        units, X = further, np.ldexp(X, np.add.outer(steps, steps))
+        if np.abs(steps).max() <= NEAR:
+            break
+        X = _stabilizing(equation_of(game, units, DoubleBalls, delta))
+    equation = equation_of(game, units, Balls, delta)
+    exact, size = ball_matrix(X), np.abs(X).max()
+    for _ in range(CORRECTIONS):
+        gains, residual = equation.gains_and_residual(exact)
+        F = midpoints(equation.loop(Balls(exact), Balls(gains)).matrix)
+        lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
+        correction, _ = lyapunov.solve(-midpoints(residual))
+        exact = (exact + ball_matrix(correction)).mid()
+        if not np.abs(correction).max() > 1e-9 * size:
+            break
+    Y, _ = lyapunov.solve(-np.eye(len(F)))
+    return Proposal(equation, exact, ball_matrix(Y))
+
+
+def lyapunov_of(F: np.ndarray, *, is_discrete: bool) -> Lyapunov:
+    """Return the solver of the Lyapunov equation of a loop, in discrete time of Stein's."""
+    return Lyapunov.of_steps(F) if is_discrete else Lyapunov(F)
+
+
+def _stabilizing(equation: Equation[DoubleBalls]) -> np.ndarray:
+    """Return the stabilizing X, (n, n), by LAPACK."""
+    if isinstance(equation, StepEquation):
+        X = by_doubling(equation)
+    else:
+        assert isinstance(equation, ContinuousEquation)
+        X = by_schur_form(equation)
+    if not np.isfinite(X).all():
+        raise FailedError("the proposal is not finite")
+    return X
+
+
+def by_schur_form(equation: ContinuousEquation[DoubleBalls]) -> np.ndarray:
+    """Return X of the stable subspace of the Hamiltonian, (n, n)."""
+    from scipy.linalg.lapack import dgees
+
+    n = equation.n
+    free, S = equation.free.midpoint, equation.S.midpoint
+    cost = equation.Q.midpoint
+    if equation.game.N.any():
+        N = equation.N.midpoint
+        cost = cost - N @ midpoints(equation.R_inverse) @ N.T
+    H = np.concatenate([np.concatenate([free, -S], 1), np.concatenate([-cost, -free.T], 1)])
+    _, stable, _, _, basis, _, _ = dgees(_is_stable, np.asarray_chkfinite(H), sort_t=1)
+    if stable != n:
+        raise FailedError(f"the Hamiltonian has {stable} stable eigenvalues instead of {n}")
+    X = np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T)
+    return (X + X.T) / 2.0
+
+
+def _is_stable(real: float, imaginary: float) -> bool:
+    return real < 0.0
+
+
+def by_doubling(equation: StepEquation[DoubleBalls]) -> np.ndarray:
+    """Return the limit of 2^k steps, (n, n).
+
+    Source: Anderson, International Journal of Control 28 (1978), 295-306.
+    """
+    m = equation.R.nrows()
+    W, C = midpoints(equation.W), midpoints(equation.C)
+    G, A, Q = equation.G.midpoint, equation.A.midpoint, equation.Q.midpoint
+    F = np.linalg.solve(W[:m, :m], C[:, :m].T)
+    A, H = A - G[:, :m] @ F, Q - C[:, :m] @ F
+    S = G @ np.linalg.solve(W, G.T)
+    one = np.eye(len(A))
+    for _ in range(DOUBLINGS):
+        both = np.linalg.solve(one + S @ H, np.concatenate([A, S], 1))
+        ahead, through = both[:, : len(A)], both[:, len(A) :]
+        growth = A.T @ H @ ahead
+        A, S, H = A @ ahead, S + A @ through @ A.T, H + growth
+        S, H = (S + S.T) / 2.0, (H + H.T) / 2.0
+        if not np.abs(growth).max() > 1e-14 * np.abs(H).max():
+            return H
+    raise FailedError("the doublings do not converge")
+
+
+def first_units(game: Game, delta: float) -> Units:
+    """Return units in which the Hamiltonian is balanced, or the user's if they are moderate.
+
+    Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001).
+    """
+    entries = np.concatenate([each.ravel() for each in (game.A, game.B, game.E, game.Q, game.R)])
+    exponents = np.frexp(entries[entries != 0.0])[1]
+    units = users_units(game)
+    if np.abs(exponents).max(initial=0) > MODERATE:
+        weighed = np.where(np.diag(game.R) > 0.0, np.diag(game.R), 1.0)
+        S = (game.B / weighed) @ game.B.T + game.E @ game.E.T / delta**2
+        H = np.concatenate([np.concatenate([game.A, S], 1), np.concatenate([game.Q, game.A.T], 1)])
+        of_states, of_costates = np.split(np.log2(balanced(H)[1]), 2)
+        units = units._replace(states=np.round(0.5 * (of_states - of_costates)).astype(int))
+    return units
+
+
+def units_of(game: Game, units: Units, X: np.ndarray, delta: float) -> Units:
+    """Return units in which the diagonal of X, and the prices of the players, are nearly 1.
+
+    units: of X
+    X: (n, n)
+    """
+    states = units.states - _half_exponents(np.diag(X))
+    B = np.ldexp(game.B, -states[:, None])
+    price = np.diag(game.R).astype(float)
+    if game.is_discrete:
+        price = price + game.discount * np.einsum(
+            "ij,ij->j", B, np.ldexp(X, _steps(states - units.states)) @ B
+        )
+    disturbances = np.zeros_like(units.disturbances)
+    if game.is_discrete and math.isfinite(delta):
+        disturbances -= math.frexp(delta)[1]
+    return Units(states, -_half_exponents(price), disturbances)
+
+
+def _steps(steps: np.ndarray) -> np.ndarray:
+    return np.add.outer(steps, steps)
+
+
+def _half_exponents(values: np.ndarray) -> np.ndarray:
+    """Return the exponents of the roots of positive values, and 0 for others."""
+    positive = np.where((values > 0.0) & np.isfinite(values), values, 1.0)
+    return np.round(0.5 * np.log2(positive)).astype(int)
+
+
+def loop_units(F: np.ndarray) -> np.ndarray:
+    """Return units of the states, exponents of two, in which a loop is balanced, (n,) integers."""
+    return np.round(np.log2(balanced(F)[1])).astype(int)
+
+
+def lyapunov_in_bits(loop: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat:
+    """Return a proposal for the solution of F'D + D F + C = 0, (n, n), in as many bits.
+
+    By LAPACK, corrected by residuals in balls; by the matrix sign function if they do not shrink.
+    In discrete time, the equation is F'D F - D + C = 0.
+
+    Raises FailedError.
+    """
+    from flint import arb
+
+    F = Balls(loop.mid())
+    try:
+        solver = lyapunov_of(midpoints(loop), is_discrete=is_discrete)
+        D = ball_matrix(solver.solve(-midpoints(C))[0])
+        before = arb("inf")
+        while True:
+            residual = change_along(F, Balls(D), is_discrete=is_discrete).matrix + C.mid()
+            size = norm(residual.mid())
+            if not size < before * 0.1:
+                break
+            before = size
+            D = (D + ball_matrix(solver.solve(-midpoints(residual))[0])).mid()
+        if size <= norm(C) * arb(2) ** (-bits() // 2) or size == 0:
+            return D
+    except (np.linalg.LinAlgError, ValueError):
+        pass
+    return squared_steps(loop, C) if is_discrete else by_sign_function(loop, C)
+
+
+def squared_steps(loop: arb_mat, C: arb_mat) -> arb_mat:
+    """Return the sum D of F'^k C F^k by doubling the number of steps, (n, n).
+
+    Raises FailedError if it does not converge.
+    """
+    F, D = loop.mid(), C.mid()
+    for _ in range(DOUBLINGS):
+        more = (F.transpose() * D * F).mid()
+        D, F = (D + more).mid(), (F * F).mid()
+        if norm(more) <= norm(D) * _last_bits():
+            return D
+        if not norm(F).is_finite():
+            break
+    raise FailedError("the steps do not decay")
+
+
+def by_sign_function(loop: arb_mat, C: arb_mat) -> arb_mat:
+    """Return D of F'D + D F + C = 0 by Newton's method for the sign of [[F, 0], [C, -F']], (n, n).
+
+    Source: Roberts, International Journal of Control 32 (1980), 677-687.
+    Raises FailedError if it does not converge.
+    """
+    F, D = loop.mid(), C.mid()
+    for step in range(NEWTON_STEPS):
+        inverse = _inverse(F)
+        scale = _scale(F, inverse, step)
+        D = ((D * scale + inverse.transpose() * D * inverse * (1 / scale)) * 0.5).mid()
+        further = ((F * scale + inverse * (1 / scale)) * 0.5).mid()
+        if scale == 1 and norm(further - F) <= norm(further) * _half_the_bits():
+            return (D * 0.5).mid()
+        F = further
+    raise FailedError("the loop may be on the axis")
+
+
+def sign_function(matrix: arb_mat) -> arb_mat:
+    """Return the matrix sign function by Newton's method.
+
+    Raises FailedError if it does not converge.
+    """
+    for step in range(NEWTON_STEPS):
+        inverse = _inverse(matrix)
+        scale = _scale(matrix, inverse, step)
+        further = ((matrix * scale + inverse * (1 / scale)) * 0.5).mid()
+        if scale == 1 and norm(further - matrix) <= norm(further) * _half_the_bits():
+            return ((further + _inverse(further)) * 0.5).mid()
+        matrix = further
+    raise FailedError("an eigenvalue may be on the axis")
+
+
+def _inverse(matrix: arb_mat) -> arb_mat:
+    try:
+        return matrix.inv().mid()
+    except ZeroDivisionError:
+        raise FailedError("a matrix is singular with these bits") from None
+
+
+def _scale(matrix: arb_mat, inverse: arb_mat, step: int) -> arb:
+    """Return the factor of a Newton step that brings the eigenvalues near to 1 soon, or 1."""
+    from flint import arb
+
+    factor = (norm(inverse) / norm(matrix)).sqrt().mid()
+    is_near = bool(factor > 0.9) and bool(factor < 1.1)
+    return arb(1) if is_near or step > NEWTON_STEPS // 2 else factor
+
+
+def _half_the_bits() -> arb:
+    """Return a small number: Newton's next step is then exact up to the last bits."""
+    from flint import arb
+
+    return arb(2) ** (-bits() // 2)
+
+
+def _last_bits() -> arb:
+    from flint import arb
+
+    return arb(2) ** (10 - bits())
+
+
+def proposal_in_bits(game: Game, delta: float) -> Proposal:
+    """Return a proposal with as many bits as `precision` gives.
+
+    Raises FailedError.
+    """
+    units = first_units(game, delta)
+    with np.errstate(all="ignore"):
+        first = in_bits(equation_of(game, units, Balls, delta))
+        further = units_of(game, units, midpoints(first.X), delta)
+        if all(map(np.array_equal, units, further)):
+            return first
+        return in_bits(equation_of(game, further, Balls, delta))
+
+
+def in_bits(equation: Equation[Balls]) -> Proposal:
+    """Return a proposal by the matrix sign function.
+
+    equation: in `Balls`
+
+    Raises FailedError.
+    """
+    try:
+        X = symmetric(_of_stable_subspace(equation))
+        gains, _ = equation.gains_and_residual(X)
+    except ZeroDivisionError:
+        raise FailedError("a matrix is singular with these bits") from None
+    F = equation.loop(Balls(X), Balls(gains)).matrix.mid()
+    Y = lyapunov_in_bits(F, identity(equation.n), is_discrete=equation.is_discrete)
+    return Proposal(equation, X, Y)
+
+
+def of_control_loop(found: Stabilizing[Matrix]) -> arb_mat:
+    """Return a proposal for Y of the loop without disturbance, (n, n).
+
+    Raises FailedError.
+    """
+    equation = found.equation
+    P = Balls.around(found.X, found.spread)
+    loop = equation.control_loop(P, Balls(found.gains)).matrix
+    return lyapunov_in_bits(loop, identity(equation.n), is_discrete=equation.is_discrete)
+
+
+def _of_stable_subspace(equation: Equation[Balls]) -> arb_mat:
+    """Return X = X2 X1⁻¹ of the basis [X1; X2] of the stable subspace, (n, n)."""
+    n = equation.n
+    if isinstance(equation, StepEquation):
+        L, M = equation.pencil()
+        # The stable eigenvalues, |z| < 1, are those of (L + M)⁻¹ (L - M) with Re < 0.
+        matrix = (L + M).mid().solve((L - M).mid()).mid()
+    else:
+        assert isinstance(equation, ContinuousEquation)
+        matrix = equation.hamiltonian().mid()
+    sign = sign_function(matrix)
+    size = matrix.nrows()
+    stable = (identity(size) - sign).mid()
+    dimension = sum((stable[i, i] for i in range(size)), 0 * stable[0, 0]) / 2
+    if not abs(dimension - n) < 0.5:
+        raise FailedError(f"{float(dimension):.0f} stable eigenvalues instead of {n}")
+    columns = np.random.default_rng(1).normal(size=(size, n))
+    basis = (stable * ball_matrix(columns)).mid()
+    X1, X2 = part(basis, slice(n), slice(None)), part(basis, slice(n, 2 * n), slice(None))
+    return X1.transpose().mid().solve(X2.transpose().mid()).transpose().mid()
