@@ -167,18 +167,3 @@ UNCERTAIN_GTM = replace(
     parameters={name: Signal(nominal=1.0, start=1.0, min=0.2, max=5.0) for name in FACTORS},
     equations=uncertain_equations,
 )
-
-
-def kicked_equations(x, u, p, w):
-    """Return the state derivatives and the outputs, with a disturbance of the pitch acceleration."""
-    rates, signals = equations(x, u, p, w)
-    return rates | {"pitch_rate": rates["pitch_rate"] + w.kick}, signals
-
-
-#: The aircraft with this disturbance, for `hfa prove region --disturbance kick=11.46`.
-KICKED_GTM = replace(
-    GTM,
-    name="GTM with kicks",
-    disturbances={"kick": Signal("rad/s^2", nominal=0.1)},
-    equations=kicked_equations,
-)

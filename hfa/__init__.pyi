@@ -39,7 +39,6 @@ from hfa_flight.samples.flights_in_air import FlightsInAir as FlightsInAir
 from hfa_flight.simulate.flight import Flight as Flight, fly as fly
 from hfa_identify.estimation import identify as identify
 from hfa_model.choice import aircraft as aircraft
-from hfa_prove.prove_region import prove_region as prove_region
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
 from trim.linear.linear_model import LinearModel as LinearModel
 from trim.linear.linearize import linearize as linearize

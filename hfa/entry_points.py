@@ -131,15 +131,9 @@ COMMANDS = {
     ),
     "prove": CommandEntry(
         "proof",
-        "prove a schedule, a region; or --check a certificate",
+        "prove a schedule, or --check a certificate",
         "hfa_prove.commands.check:prove",
         example="hfa prove --check certificate.json",
-    ),
-    "prove region": CommandEntry(
-        "proof",
-        "region of attraction of a loop with saturated inputs",
-        "hfa_prove.commands.region:region",
-        example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
     ),
     "prove schedule": CommandEntry(
         "proof",
@@ -161,7 +155,7 @@ COMMANDS = {
 def own_commands() -> dict[str, CommandEntry]:
     """Return the commands of this distribution whose package is installed, name -> entry.
 
-    A name has one or two words, for example "prove region".
+    A name has one or two words, for example "prove schedule".
     """
     return {
         name: entry
@@ -193,7 +187,7 @@ def commands() -> dict[str, CommandEntry]:
 
 
 def command_named(name: str) -> CommandEntry:
-    """Return the entry of an existing command, for example "prove region".
+    """Return the entry of an existing command, for example "prove schedule".
 
     Raises BadInputError if the entry point of another package is not a CommandEntry.
     """
@@ -251,15 +245,15 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
         return first, words[1:]
     names = {*own_commands(), *_of_others()}
     two_words = " ".join(words[:2])
-    if len(words) > 1 and two_words in names:  # prove region ...
+    if len(words) > 1 and two_words in names:  # prove schedule ...
         return two_words, words[2:]
     parted = [f"{first} {word}" for word in words[2:] if f"{first} {word}" in names]
-    if parted and words[1].startswith("-"):  # prove -q region
+    if parted and words[1].startswith("-"):  # prove -q schedule
         raise BadInputError(
             f"give both words of the command first: hfa {parted[0]} {shortened(words[1])} ..."
         )
     known = words_after(first)
-    if known and len(words) > 1 and not words[1].startswith("-"):  # prove regions
+    if known and len(words) > 1 and not words[1].startswith("-"):  # prove schedules
         what = f"unknown word {shortened(words[1])!r} after `hfa {first}`"
         raise BadInputError(f"{what}; {choice_of(words[1].lower(), known)}")
     if first in names:

@@ -15,7 +15,7 @@ from hfa_support.errors import BadInputError, on_one_line
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-#: Group of commands: name, as "prove.region" for `hfa prove region` -> `CommandEntry`.
+#: Group of commands: name, as "prove.schedule" for `hfa prove schedule` -> `CommandEntry`.
 COMMANDS = "hfa.commands"
 #: Group of aircraft readers: scheme, as "jsbsim" of jsbsim:NAME, or suffix -> (text -> Model).
 AIRCRAFT = "hfa.aircraft"

@@ -10,8 +10,6 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from hfa_support.progress import Progress
-
 
 @contextmanager
 def interruption() -> Iterator[threading.Event]:
@@ -37,19 +35,3 @@ def interruption() -> Iterator[threading.Event]:
         yield asked
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-@contextmanager
-def interruptible(progress: Progress) -> Iterator[Progress]:
-    """Yield a progress function that raises KeyboardInterrupt when it is called after Ctrl-C.
-
-    progress: the progress function that is called otherwise
-    """
-    with interruption() as asked:
-
-        def report(done: float, total: float, what: str = "", /) -> None:
-            if asked.is_set():
-                raise KeyboardInterrupt
-            progress(done, total, what)
-
-        yield report

@@ -24,7 +24,7 @@ PROVE = "extensions/prove/hfa_prove"
 BREACHES = {
     "Packages import only those below": {
         "controller/game/zero_sum.py": "hfa_flight.air.scenario",
-        f"{FLIGHT}/plan/search.py": "hfa_prove.problem",
+        f"{FLIGHT}/plan/search.py": "hfa_prove.subject",
         "hfa/options/output.py": "hfa.commands.trim",
     },
     "The core imports no extension": {"verification/plant.py": "hfa_prove.certificate"},
@@ -59,10 +59,8 @@ BREACHES = {
         "verification/reports.py": "verification.figures",
         "verification/verdict.py": "verification.reports",
     },
-    "Enclosures are arithmetic": {
-        "extensions/prove/hfa_prove/enclosure/taylor.py": "hfa_aircraft.rigid.motion"
-    },
-    "Enclosures serve": {"verification/box.py": "hfa_prove.enclosure.taylor"},
+    "Enclosures are arithmetic": {f"{PROVE}/enclosure/balls.py": "hfa_aircraft.rigid.motion"},
+    "Enclosures serve": {"verification/box.py": "hfa_prove.enclosure.balls"},
     "Flights:": {
         f"{FLIGHT}/air/scenario.py": "hfa_flight.simulate.simulation",
         f"{FLIGHT}/simulate/flight.py": "hfa_flight.options",
@@ -80,8 +78,8 @@ BREACHES = {
     },
     "Proofs:": {
         f"{PROVE}/search/family.py": "hfa_prove.commands.options",
-        f"{PROVE}/statements/region.py": "hfa_prove.check.region_boxes",
-        f"{PROVE}/certificate.py": "hfa_prove.check.cover",
+        f"{PROVE}/statements/schedule.py": "hfa_prove.check.schedule",
+        f"{PROVE}/certificate.py": "hfa_prove.check.trims",
     },
     "Doors:": {"hfa_aircraft/units.py": "hfa_support.entry_points"},
     "What learns never imports": {
@@ -94,7 +92,7 @@ BREACHES = {
         f"{FLIGHT}/judge/assess.py": "controller.learning.policy_iteration",
         f"{PROVE}/search/schedule.py": "controller.learning.recording",
         f"{PROVE}/check/trims.py": "controller.learning.recording",
-        f"{PROVE}/search/region_boxes.py": "controller.learning.q_learning",
+        f"{PROVE}/search/family.py": "controller.learning.q_learning",
     },
     # A learner that another module imports.
     "Only commands reach what learns": {
@@ -110,9 +108,9 @@ BREACHES = {
     },
     "Checkers and statements": {
         f"{PROVE}/check/schedule.py": "hfa_prove.search.family",
-        f"{PROVE}/check/piece.py": "hfa_prove.search.schedule",
-        f"{PROVE}/statements/region.py": "hfa_prove.search.region",
-        f"{PROVE}/check/region_boxes.py": "controller.critic.network.critic",
+        f"{PROVE}/check/trims.py": "hfa_prove.search.schedule",
+        f"{PROVE}/statements/flight.py": "hfa_prove.search.family",
+        f"{PROVE}/check/__init__.py": "controller.critic.network.critic",
     },
     "Only these import the flexible aircraft": {
         "hfa_support/rows/workers.py": "hfa_model.choice",

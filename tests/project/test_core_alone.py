@@ -26,7 +26,7 @@ LINES = (
     "fly --dihedral 15",
     "trim --aircraft x.dml",
     "verify --dihedral 11 --flights 3",
-    "prove region --dihedral 15",
+    "prove schedule --dihedral 15:16",
 )
 PROGRAM = """
 import contextlib, io, json
@@ -93,7 +93,7 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     for line, message in (
         ("trim --aircraft x.dml", "x.dml"),
         ("verify --dihedral 11 --flights 3", "--flights requires the package hfa_flight"),
-        ("prove region --dihedral 15", "unknown command 'prove'"),
+        ("prove schedule --dihedral 15:16", "unknown command 'prove'"),
     ):
         code, output = run(*line.split())
         assert (code, output.count("\n")) == (2, 1), output

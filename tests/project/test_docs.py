@@ -248,7 +248,6 @@ def headings(document: str) -> list[str]:
 #: Examples without shown output: aircraft (tests/trim/test_own_models.py), and training scripts.
 SILENT = (
     "f16",
-    "f16_constant",
     "flying_wings",
     "gtm",
     "imitate_a_planner",

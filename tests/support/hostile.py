@@ -22,7 +22,6 @@ import numpy as np
 from cli import Result, hfa, unchecked_hfa
 from game_files import small
 from hypothesis import strategies as st
-from project import ROOT
 from strategies import TEXTS, changed_entry, changed_file
 
 from hfa.entry_points import commands, found_in
@@ -35,7 +34,6 @@ _LONG = (("prove", "schedule"),)
 
 _AT = ("--dihedral", "15")
 _PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
-_PENDULUM = ("--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM")
 CONDITION = """description = "slow"
 free = ["speed"]
 [impose]
@@ -87,7 +85,6 @@ WAYS: dict[str, tuple[str, ...]] = {
     "table.json": (*_PROVED, "--weights", "{}"),
     "table.npz": (*_PROVED, "--weights", "{}"),
     **dict.fromkeys(("certificate.json", "sealed certificate.json"), ("prove", "--check", "{}")),
-    **dict.fromkeys(("region.json", "sealed region.json"), ("prove", "--check", "{}", *_PENDULUM)),
     "network.onnx": _NETWORK,
     "network.pt": (*_NETWORK, "--set", "activation=tanh"),
     "network.safetensors": (*_NETWORK, "--set", "activation=tanh"),
@@ -170,11 +167,9 @@ def seeds() -> Mapping[str, bytes]:
             small(Path(f"plant{suffix}"))
         Path("A.csv").write_text("a,b\n-0.2,1.0\n-2.0,-0.3\n", encoding="utf-8")
         Path("B.csv").write_text("u\n0.0\n1.0\n", encoding="utf-8")
-        region = ("prove", "region", *_PENDULUM, "--degree", "2", "--seconds", "2")
         commands = [
             ("trim", *_AT, "-o", "point.json"),
             (*_PROVED, "--weights", "table.json", "-o", "certificate.json"),
-            (*region, "-o", "region.json"),
         ]
         quadratic = {"P": [[2.0, 0.5], [0.5, 3.0]], "ones": np.ones((2, 1))}
         onnx_file("network.onnx", QUADRATIC, quadratic, states=2)
@@ -191,8 +186,7 @@ def seeds() -> Mapping[str, bytes]:
             assert result.code == 0, (words, result.err)
         files = [path for path in sorted(Path().rglob("*")) if path.is_file()]
         contents = {path.as_posix(): path.read_bytes() for path in files}
-        sealed = {f"sealed {name}": contents[name] for name in ("certificate.json", "region.json")}
-        return contents | sealed
+        return contents | {"sealed certificate.json": contents["certificate.json"]}
 
 
 def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:

@@ -1,4 +1,4 @@
-"""Proofs about loops of an aircraft: schedules and regions of attraction."""
+"""Proofs of gain schedules at every point of an interval."""
 
 from hfa_support.public_names import public_names
 

@@ -12,9 +12,8 @@ from typing import Any
 
 from flint import ctx
 
-from hfa_prove.fields import Fields, Stated, Statement, naming, require
-from hfa_prove.statements.plant import Subject
-from hfa_prove.statements.region import RegionStatement, RegionWitness
+from hfa_aircraft.model import Model
+from hfa_prove.fields import Fields, naming
 from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
 from hfa_support.errors import BadInputError, file_faults, on_one_line
 from hfa_support.files import regular_file, write_text
@@ -26,11 +25,8 @@ SCHEMA = "hfa.certificate/11"
 _CLOSING = ("digest", "provenance", "checksum")
 #: Bits of the balls that enclose decimal numbers of a file.
 _PRECISION = 256
-#: Kind of a certificate -> its statement and its witness.
-KINDS: Mapping[str, tuple[type[Statement], type[Stated]]] = {
-    "schedule": (ScheduleStatement, ScheduleWitness),
-    "region": (RegionStatement, RegionWitness),
-}
+#: Entry `kind` of every certificate.
+KIND = "schedule"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,64 +40,54 @@ class Certificate:
     """
 
     path: Path
-    statement: Any
-    witness: Any
+    statement: ScheduleStatement
+    witness: ScheduleWitness
     written: Mapping[str, str]
 
 
-def read_certificate(path: Path, subject: Subject | None = None) -> Certificate:
+def read_certificate(path: Path, aircraft: Model | None = None) -> Certificate:
     """Return the certificate in a file.
 
-    subject: the user's aircraft and policy
+    aircraft: the user's aircraft, or None for a built-in one
 
     Raises BadInputError if the file is not a certificate, was edited, has another schema, or
-    concerns another aircraft or policy. Raises Rejected if an entry is not understood.
+    concerns another aircraft. Raises Rejected if an entry is not understood.
     """
     content, written = read_sealed(path)
     with naming(path):
-        statement, witness = read_content(content, subject)
+        statement, witness = read_content(content, aircraft)
     return Certificate(path, statement, witness, written)
 
 
 @ctx.workprec(_PRECISION)
-def read_content(content: dict[str, Any], subject: Subject | None = None) -> tuple[Any, Any]:
+def read_content(
+    content: dict[str, Any], aircraft: Model | None = None
+) -> tuple[ScheduleStatement, ScheduleWitness]:
     """Return the statement and the witness of a certificate.
 
     content: the entries of the file
-    subject: the user's aircraft and policy
+    aircraft: the user's aircraft, or None for a built-in one
 
     Raises Malformed for the first wrong entry. Raises BadInputError if the certificate concerns
-    another aircraft or policy.
+    another aircraft.
     """
     entries = Fields("", content)
     for name in ("schema", "toolchain", *_CLOSING):
         entries.value(name)
-    kind = entries.value("kind", str)
-    require(kind in KINDS, "kind", kind)
-    claim, proof = KINDS[kind]
-    known = SimpleNamespace(subject=subject or Subject())
-    statement = claim.read(entries.fields("statement"), known)
-    witness = proof.read(entries.fields("witness"), SimpleNamespace(statement=statement))
+    entries.same("kind", KIND)
+    known = SimpleNamespace(aircraft=aircraft)
+    statement = ScheduleStatement.read(entries.fields("statement"), known)
+    known = SimpleNamespace(statement=statement)
+    witness = ScheduleWitness.read(entries.fields("witness"), known)
     entries.close()
     return statement, witness
 
 
-def kind_in(path: Path) -> str:
-    """Return the kind of the certificate in a file, such as "schedule".
-
-    Raises BadInputError if the file is not a certificate, was edited, or has another schema.
-    """
-    content, _ = read_sealed(path)
-    return str(content.get("kind"))
-
-
-def kind_of(statement: Any) -> str:
-    """Return the certificate's entry `kind` for a statement."""
-    return next(name for name, (claim, _) in KINDS.items() if isinstance(statement, claim))
-
-
 def write_certificate(
-    path: Path, statement: Statement, witness: Stated, origin: Mapping[str, Any]
+    path: Path,
+    statement: ScheduleStatement,
+    witness: ScheduleWitness,
+    origin: Mapping[str, Any],
 ) -> None:
     """Write a certificate with all digits of every number.
 
@@ -112,7 +98,7 @@ def write_certificate(
     """
     content = {
         "schema": SCHEMA,
-        "kind": kind_of(statement),
+        "kind": KIND,
         "toolchain": VERSION,
         "statement": statement.content(),
         "witness": witness.content(),

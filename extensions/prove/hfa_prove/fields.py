@@ -17,8 +17,6 @@ from hfa_support.errors import BadInputError, NoSolutionError, shown
 #: Larger numbers are refused, because their squares overflow.
 _LARGEST = 1e300
 _LARGEST_INTEGER = 2**53
-#: Coefficient and powers of each term of a polynomial.
-Terms = tuple[tuple[float, tuple[int, ...]], ...]
 
 
 class Malformed(NoSolutionError):
@@ -127,10 +125,10 @@ class Fields:
             return math.inf
         return self.number(name, above=0.0)
 
-    def pair(self, name: str, least: float = -math.inf) -> tuple[float, float]:
-        """Return an entry that is two numbers (low, high) with least <= low <= high."""
+    def pair(self, name: str) -> tuple[float, float]:
+        """Return an entry that is two numbers (low, high) with low <= high."""
         low, high = self.array(name, 2).tolist()
-        require(least <= low <= high, self._called(name), [low, high])
+        require(low <= high, self._called(name), [low, high])
         return low, high
 
     def numbers(self, name: str, allowed: Any) -> dict[str, float]:
@@ -148,27 +146,6 @@ class Fields:
         require(set(numbers) == set(names), self._called(name), sorted(numbers))
         return {each: numbers[each] for each in names}
 
-    def terms(self, name: str, variables: int, highest: int) -> Terms:
-        """Return the terms of a polynomial, at least one, from an entry.
-
-        Each term has a degree from 2 to `highest`, and no monomial is listed twice.
-
-        variables: number of variables of the polynomial
-        """
-        listed = self.value(name, list)
-        require(bool(listed), self._called(name))
-        terms = []
-        for number, entry in enumerate(listed):
-            where = f"{self._called(name)} {number}"
-            require(isinstance(entry, list) and len(entry) == 2, where, entry)
-            powers = entry[1]
-            require(isinstance(powers, list) and len(powers) == variables, where, powers)
-            require(all(type(power) is int and power >= 0 for power in powers), where, powers)
-            require(2 <= sum(powers) <= highest, where, powers)
-            terms.append((_double(where, entry[0]), tuple(powers)))
-        require(len({powers for _, powers in terms}) == len(terms), self._called(name))
-        return tuple(terms)
-
     def array(self, name: str, *shape: int | None) -> np.ndarray:
         """Return an entry of nested lists of finite numbers as an array.
 
@@ -180,11 +157,6 @@ class Fields:
 
     def _called(self, name: str) -> str:
         return f"{self.where}: {name}" if self.where else name
-
-
-def rows_of(terms: Terms) -> list[list[Any]]:
-    """Return the terms of a polynomial in the form that `Fields.terms` reads from a file."""
-    return [[coefficient, list(powers)] for coefficient, powers in terms]
 
 
 def _walked(where: str, part: Any, shape: list[int | None]) -> Any:
@@ -243,11 +215,11 @@ class Stated:
         """Return the object in a file.
 
         file: reader of the object
-        known: namespace of values that the entries depend on: the user's `subject`, and the
+        known: namespace of values that the entries depend on: the user's `aircraft`, and the
             entries of the objects around this one
 
         Raises Malformed for the first wrong entry. Raises BadInputError if the statement concerns
-        another aircraft or policy than the user's.
+        another aircraft than the user's.
         """
         known = SimpleNamespace(**vars(known))
         values = {}
@@ -285,10 +257,6 @@ class Stated:
                 yield from value.entries(f"{path}.")
             elif value is not None:
                 yield path, declared, declared.store(value)
-
-
-class Statement(Stated):
-    """Claim of a certificate."""
 
 
 def stored(value: Any) -> Any:

@@ -80,7 +80,6 @@ def test_what_is_no_function_of_the_states_is_refused() -> None:
             (*AT_8, "--weights", str(STATED), "--network", "policy=actor"),
             "remove --basis, --network",
         ),
-        (("prove", "region", "--dihedral", "8", "--weights", str(STATED)), "give --policy FILE"),
     ):
         assert_refused(hfa(*words), BAD_INPUT, said)
 

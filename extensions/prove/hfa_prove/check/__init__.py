@@ -1,20 +1,31 @@
 """The checker of certificates.
 
 It proves the statement of a certificate from its witness. It imports nothing of the search and
-trusts nothing that the search has found.
+trusts nothing that the search has found: witness, stated trims, provenance. What it trusts:
+
+- `hfa_prove.check`, `statements`, `fields` and `certificate`, and balls (`hfa_prove.enclosure`)
+- `hfa_aircraft.layout` and `model`, which build the equations, and CasADi: instruction lists,
+  symbolic derivatives and substitution
+- python-flint (Arb), NumPy and Python, and the user's aircraft file
+
+Another checker reads the JSON, writes the equations from the documentation of the aircraft, refuses
+every entry that it does not interpret, and proves the statement: trims by an interval Newton or
+Krawczyk test about the stated values, eigenvalues by interval arithmetic on small pieces, rounded
+outward. Forgeries test it: what is accepted after an entry was changed, removed or exchanged must
+be true.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 # Refuses a missing python-flint before any module imports it, and sets the precision of balls.
 import hfa_prove.enclosure.precision  # noqa: F401
 from hfa_prove.certificate import Certificate
+from hfa_prove.check.schedule import check_schedule
 from hfa_prove.fields import naming
-from hfa_prove.statements.schedule import ScheduleWitness
+from hfa_prove.statements.schedule import ScheduleStatement
 from hfa_support.progress import Progress
 
 
@@ -23,14 +34,14 @@ class Proved:
     """A statement that the checker has proved.
 
     certificate: the certificate that proves it
-    size: number of boxes or pieces of the proof
+    size: number of pieces of the proof
     """
 
     certificate: Certificate
     size: int
 
     @property
-    def statement(self) -> Any:
+    def statement(self) -> ScheduleStatement:
         """The proved statement."""
         return self.certificate.statement
 
@@ -43,21 +54,11 @@ class Proved:
 def check(certificate: Certificate, progress: Progress | None = None) -> Proved:
     """Prove the statement of a certificate.
 
-    progress: called with the number of checked boxes, or None
+    progress: called with the number of proved pieces, or None
 
     Raises Rejected if the statement is not proved. Raises BadInputError if the equations contain an
     operation that is not supported.
     """
     with naming(certificate.path):
-        return Proved(certificate, _size(certificate.statement, certificate.witness, progress))
-
-
-def _size(statement: Any, witness: Any, progress: Progress | None) -> int:
-    """Prove a statement with the modules of its kind, and return the number of boxes or pieces."""
-    if isinstance(witness, ScheduleWitness):
-        from hfa_prove.check.schedule import check_schedule
-
-        return check_schedule(statement, witness, progress)
-    from hfa_prove.check.region_boxes import check_region
-
-    return check_region(statement, witness, progress)
+        size = check_schedule(certificate.statement, certificate.witness, progress)
+        return Proved(certificate, size)

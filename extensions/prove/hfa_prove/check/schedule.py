@@ -36,7 +36,7 @@ from hfa_prove.enclosure.balls import (
 )
 from hfa_prove.enclosure.precision import PRECISION
 from hfa_prove.fields import Rejected
-from hfa_prove.statements.plant import SAME_TRIM
+from hfa_prove.statements.aircraft import SAME_TRIM
 from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
 from hfa_support.progress import Progress
 

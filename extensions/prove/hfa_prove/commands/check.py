@@ -2,14 +2,36 @@
 
 from __future__ import annotations
 
-from hfa.options.command import Outcome, command
+from dataclasses import dataclass
+from pathlib import Path
+
+from hfa.options.argument_types import input_file
+from hfa.options.command import Outcome, Request, command
+from hfa.options.games import WeightOptions
+from hfa.options.option import option
 from hfa.options.output import ProgressLine
 from hfa.options.plants import aircraft_source
-from hfa_prove.commands.request import CheckRequest
+from hfa.options.trims import TrimOptions, at_option, dihedral_option
 from hfa_support.errors import BadInputError
+from hfa_support.files import MATRIX_FILES
 
-#: Statements that a command `hfa prove STATEMENT` proves.
-STATEMENTS = ("region", "schedule")
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CheckRequest(Request, TrimOptions, WeightOptions):
+    """Options of `hfa prove --check`: a certificate, and data with which it must agree."""
+
+    units: None = None
+    start: None = None
+    at: str | None = at_option("value or interval that the certificate must contain", "LOW:HIGH")
+    dihedral: str | None = dihedral_option(
+        "value or interval of the dihedral angle that the certificate must contain", "DEG|LOW:HIGH"
+    )
+    check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
+    weights: Path | None = option(
+        "file with the gains that the certificate must be about",
+        "FILE",
+        input_file(*MATRIX_FILES),
+    )
 
 
 @command(CheckRequest)
@@ -17,38 +39,27 @@ def prove(request: CheckRequest) -> Outcome:
     """Verify a certificate by proving the statement again.
 
     The subject is given as in the proof: the aircraft with its file, parameters, trim and limits,
-    and the weights, gains, policy or disturbances. Every option is compared with the statement. The
+    and the gains or the weights of their game. Every option is compared with the statement. The
     first line of the report names the parts that were not given. Exit code 0: the statement is
     proved. Exit code 1: the statement is not proved, or differs from an option. The command
     requires the package python-flint."""
-    from hfa_prove.certificate import kind_in, read_certificate
+    from hfa_prove.certificate import read_certificate
     from hfa_prove.check import check
-    from hfa_prove.commands.given import checked_trim, given_for, refuse_unfit
-    from hfa_prove.commands.policies import given_policy, is_function
+    from hfa_prove.commands.given import asked_trim, given_for
     from hfa_prove.enclosure.precision import flint_or_refusal
     from hfa_prove.report import checked_report
-    from hfa_prove.statements.plant import Subject
     from hfa_prove.subject import compare
 
     flint_or_refusal()
     path = request.check
     if path is None:
-        known = ", ".join(STATEMENTS)
         raise BadInputError(
-            f"no statement to prove is given; choose from {known}, or add --check FILE"
+            "no statement to prove is given; use `hfa prove schedule`, or add --check FILE"
         )
-    kind = kind_in(path)
-    refuse_unfit(request, kind)
-    trim = checked_trim(request, kind)
-    own = None
-    if kind == "region" and is_function(request):
-        own = given_policy(request, trim.given)
+    trim = asked_trim(request)
     model = trim.given.common.model if request.aircraft is not None else None
-    policy = None if own is None else own.problem(trim.given.common.limits).loop.function
-    certificate = read_certificate(path, Subject(model, policy))
-    statement = certificate.statement
-    not_given = compare(statement, given_for(statement, request, trim, own))
+    certificate = read_certificate(path, model)
+    not_given = compare(certificate.statement, given_for(certificate.statement, request, trim))
     proved = check(certificate, ProgressLine("check"))
     source = {} if model is None else aircraft_source(request, model)
-    report = checked_report(proved, not_given, "" if own is None else own.words)
-    return Outcome(report=report, source=source)
+    return Outcome(report=checked_report(proved, not_given), source=source)

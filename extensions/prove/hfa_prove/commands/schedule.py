@@ -78,11 +78,7 @@ def schedule(request: ScheduleRequest) -> Outcome:
     family = Family(given.model, given.common)
     family.check(low, high)
     if request.weights is not None:
-        refuse(
-            request,
-            ("delta", "Q", "R", "N"),
-            "cannot be combined with --weights, which gives the gains; remove this option",
-        )
+        refuse_weights(request)
         gains = gains_of_file(request.weights, family.model)
     else:
         gains = exact_gains(family, breakpoints_of(family, low, high), **given_weights(request))
@@ -102,6 +98,12 @@ def schedule(request: ScheduleRequest) -> Outcome:
         write_certificate(path, found.statement, found.witness, origin)
 
     return Outcome(report=found.report(), source=given.source, write=write)
+
+
+def refuse_weights(request: Request) -> None:
+    """Raise BadInputError for weights of a game, which gains in a file exclude."""
+    reason = "cannot be combined with --weights, which gives the gains; remove this option"
+    refuse(request, ("delta", "Q", "R", "N"), reason)
 
 
 def _ends(asked: TrimInput) -> tuple[float, float]:

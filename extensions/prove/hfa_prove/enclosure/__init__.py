@@ -1,1 +1,1 @@
-"""Enclosures of functions: over many boxes in doubles with rounding errors, and in balls."""
+"""Enclosures of functions in balls."""

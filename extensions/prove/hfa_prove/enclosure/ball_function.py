@@ -1,18 +1,26 @@
-"""Evaluation of CasADi functions on balls, one instruction at a time."""
+"""Evaluation of CasADi functions on balls, one instruction at a time.
+
+CasADi folds constants in doubles and stores 5 (0.2 x) as x. The proof covers the folded function,
+which is also the function that is evaluated.
+"""
 
 from __future__ import annotations
 
+import math
 import operator
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain, islice
+from typing import Any, NamedTuple
 
 import casadi as ca
 from flint import arb, fmpq
 
 import hfa_prove.enclosure.precision  # noqa: F401  # sets the precision of balls
-from hfa_prove.enclosure.program import Arithmetic, Reading
-from hfa_prove.enclosure.splines import Spline
-from hfa_support.errors import NoSolutionError
+from hfa_prove.enclosure.splines import Spline, Table, is_table, tables_of
+from hfa_support.errors import BadInputError, NoSolutionError
+
+#: Largest number of operations of a function.
+LARGEST = 100_000
 
 
 class Undecided(NoSolutionError):
@@ -20,6 +28,100 @@ class Undecided(NoSolutionError):
 
     Narrower balls may suffice.
     """
+
+
+def _is_less(a: Any, b: Any) -> bool:
+    """Return whether a < b. Raises Undecided unless the order of the balls is proved."""
+    if not (a < b or a >= b):
+        raise Undecided(
+            "fmin, fmax or another comparison switches within a box; use smooth equations, or "
+            "a trim away from the switch"
+        )
+    return bool(a < b)
+
+
+def _less(a: Any, b: Any) -> arb:
+    """Return 1 for a < b, else 0."""
+    return arb(int(_is_less(a, b)))
+
+
+def _maximum(a: Any, b: Any) -> Any:
+    return b if _is_less(a, b) else a
+
+
+def _minimum(a: Any, b: Any) -> Any:
+    return a if _is_less(a, b) else b
+
+
+def _atan2(a: Any, b: Any) -> Any:
+    """Return atan2(a, b) = atan(a / b) for b > 0. Raises Undecided unless b is proved positive."""
+    if not b > 0:
+        raise Undecided("atan2(y, x) is undecided, because x is not proved positive")
+    return (a / b).atan()
+
+
+def _power(a: Any, b: Any) -> Any:
+    """Return a^b = exp(b log a) for a > 0. Raises Undecided unless a is proved positive."""
+    if not a > 0:
+        raise Undecided("x^y is undecided, because x is not proved positive")
+    return (b * a.log()).exp()
+
+
+def _method(name: str) -> Callable[[Any], Any]:
+    """Return the operation that calls a method of a ball."""
+    return operator.methodcaller(name)
+
+
+#: Operation of CasADi -> the operation on balls.
+_OPERATIONS: Mapping[int, Callable[..., Any]] = {
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_ADD: operator.add,
+    ca.OP_SUB: operator.sub,
+    ca.OP_NEG: operator.neg,
+    ca.OP_TWICE: lambda a: a + a,
+    ca.OP_MUL: operator.mul,
+    ca.OP_SQ: lambda a: a * a,
+    ca.OP_DIV: operator.truediv,
+    ca.OP_INV: lambda a: 1 / a,
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_SQRT: _method("sqrt"),
+    ca.OP_EXP: _method("exp"),
+    ca.OP_EXPM1: _method("expm1"),
+    ca.OP_LOG: _method("log"),
+    ca.OP_LOG1P: _method("log1p"),
+    ca.OP_SIN: _method("sin"),
+    ca.OP_COS: _method("cos"),
+    ca.OP_TAN: _method("tan"),
+    ca.OP_ASIN: _method("asin"),
+    ca.OP_ACOS: _method("acos"),
+    ca.OP_ATAN: _method("atan"),
+    ca.OP_ATAN2: _atan2,
+    ca.OP_TANH: _method("tanh"),
+    ca.OP_FMIN: _minimum,
+    ca.OP_FMAX: _maximum,
+    ca.OP_FABS: lambda a: _maximum(a, -a),
+    ca.OP_SIGN: lambda a: _less(arb(0), a) - _less(a, arb(0)),
+    ca.OP_LT: _less,
+    ca.OP_LE: lambda a, b: 1 - _less(b, a),
+    ca.OP_NOT: lambda a: 1 - a,
+    ca.OP_AND: operator.mul,
+    ca.OP_OR: lambda a, b: a + b - a * b,
+    ca.OP_IF_ELSE_ZERO: operator.mul,
+}
+
+
+class _Step(NamedTuple):
+    """Instruction of a function.
+
+    operation: value of a constant, or function of the values at `sources`
+    sources, targets: places of the arguments and of the results
+    """
+
+    code: int
+    operation: Any
+    sources: Sequence[int]
+    targets: Sequence[int]
 
 
 class BallFunction:
@@ -30,11 +132,43 @@ class BallFunction:
     function: the function
     name: name of the function for messages, or "" for the name in `function`
 
-    Raises BadInputError with the name of the operation if an operation is not supported.
+    Raises BadInputError with the name of the operation if an operation is not supported, or if the
+    function is too large or contains a constant that is not finite.
     """
 
     def __init__(self, function: ca.Function, name: str = "") -> None:
-        self._reading = Reading(function, Balls(), name or function.name())
+        self._name = name or function.name()
+        scalars = _in_scalars(function, self._name)
+        count = scalars.n_instructions()
+        if count > LARGEST:
+            raise BadInputError(
+                f"{self._name}: the function has {count} operations, but at most {LARGEST} are "
+                "supported; simplify the function"
+            )
+        self.inputs = [scalars.nnz_in(index) for index in range(scalars.n_in())]
+        self._outputs = [scalars.nnz_out(index) for index in range(scalars.n_out())]
+        self._size = scalars.sz_w()
+        self._steps = [self._step(scalars, index) for index in range(count)]
+
+    def _step(self, scalars: ca.Function, index: int) -> _Step:
+        code = scalars.instruction_id(index)
+        operation: Any = None
+        if code == ca.OP_CONST:
+            operation = arb(self._finite(scalars.instruction_constant(index)))
+        elif code == ca.OP_CALL:
+            called = scalars.instructions_sx()[index].which_function()
+            operation = _called(called, self._name)
+        elif code in _OPERATIONS:
+            operation = _OPERATIONS[code]
+        elif code not in (ca.OP_INPUT, ca.OP_OUTPUT):
+            raise _refusal(self._name, operation_name(code))
+        sources, targets = scalars.instruction_input(index), scalars.instruction_output(index)
+        return _Step(code, operation, sources, targets)
+
+    def _finite(self, value: float) -> float:
+        if not math.isfinite(value):
+            raise BadInputError(f"{self._name}: the function contains {value}; use finite numbers")
+        return value
 
     def __call__(self, *arguments: Sequence[Any]) -> list[list[Any]]:
         """Return the outputs, each as a list of its nonzeros in CasADi's order (column by column).
@@ -46,110 +180,102 @@ class BallFunction:
         Raises Undecided if a comparison is not decided on the box. Raises ValueError if an argument
         has the wrong number of entries.
         """
-        return self._reading(*arguments)
+        if [len(argument) for argument in arguments] != self.inputs:
+            raise ValueError(f"the arguments of {self._name} must have {self.inputs} entries")
+        work: list[Any] = [None] * self._size
+        results: list[list[Any]] = [[None] * size for size in self._outputs]
+        for code, operation, sources, targets in self._steps:
+            if code == ca.OP_CONST:
+                work[targets[0]] = operation
+            elif code == ca.OP_INPUT:
+                work[targets[0]] = arguments[sources[0]][sources[1]]
+            elif code == ca.OP_OUTPUT:
+                results[targets[0]][targets[1]] = work[sources[0]]
+            elif code == ca.OP_CALL:
+                values = operation(*(work[source] for source in sources))
+                for target, value in zip(targets, values, strict=True):
+                    if target >= 0:
+                        work[target] = value
+            else:
+                work[targets[0]] = operation(*(work[source] for source in sources))
+        return results
 
 
-def _method(name: str) -> Callable[[Any, Any], Any]:
-    """Return the operation that calls a method of a ball."""
-    return lambda balls, value: getattr(value, name)()
+def _in_scalars(function: ca.Function, name: str) -> ca.Function:
+    """Return a function as an SX function. Raises BadInputError if CasADi cannot expand it."""
+    if not function.is_a("MXFunction"):
+        return function
+    try:
+        return function.expand()
+    except RuntimeError as error:
+        raise BadInputError(
+            f"{name}: the proof needs {function.name()}, a derivative of a smooth table, whose "
+            "coefficients CasADi rounds; use the method 'linear' of casadi.interpolant"
+        ) from error
 
 
-class Balls(Arithmetic):
-    """Arithmetic of balls.
+def _called(function: ca.Function, name: str) -> Callable[..., Sequence[Any]]:
+    """Return the operation of a call, nonzeros of all arguments -> those of all results."""
+    if is_table(function):
+        tables = tables_of(function)
+        return lambda *values: [_of_table(table, values) for table in tables]
+    if not function.is_a("SXFunction") and not function.is_a("MXFunction"):
+        raise _refusal(name, f"the function {function.name()}")
+    on_balls = BallFunction(function, name)
 
-    A comparison raises Undecided unless the order of the values is proved.
+    def call(*values: Any) -> list[Any]:
+        left = iter(values)
+        arguments = [list(islice(left, size)) for size in on_balls.inputs]
+        return list(chain.from_iterable(on_balls(*arguments)))
+
+    return call
+
+
+def _of_table(table: Table, values: Sequence[Any]) -> Any:
+    """Return Σ_I c_I Π φ_i(a_i), one argument at a time.
+
+    Σ_i φ_i g_i is g_0 Σ φ_i + Σ_i (φ_i + φ_(i+1) + ..) (g_i - g_(i-1)): differences of neighbors
+    remain small where few φ_i change.
     """
+    if len(values) == 1:
+        return _of_spline(table.spline(), values[0])
+    parts = (
+        _of_spline(spline, values[-1]) * _of_table(inner, values[:-1])
+        for spline, inner in table.layers()
+    )
+    return sum(parts, arb(0))
 
-    constant = staticmethod(arb)
-    add = staticmethod(operator.add)
-    subtract = staticmethod(operator.sub)
-    negative = staticmethod(operator.neg)
-    multiply = staticmethod(operator.mul)
-    sqrt = _method("sqrt")
-    exp = _method("exp")
-    log = _method("log")
-    sin = _method("sin")
-    cos = _method("cos")
-    atan = _method("atan")
-    tanh = _method("tanh")
 
-    def divide(self, a: Any, b: Any) -> Any:
-        """Return a / b."""
-        return a / b
+def _of_spline(spline: Spline, a: Any) -> Any:
+    """Return the value of the piece of a table that contains a.
 
-    def tan(self, a: Any) -> Any:
-        """Return tan a."""
-        return a.tan()
+    Raises Undecided unless one piece is proved to contain it, without an end with a jump.
+    """
+    ends = [-arb("inf"), *map(arb, spline.knots), arb("inf")]
+    is_jump = [False, *(spline.smoothness < 0).tolist(), False]
+    for k, piece in enumerate(spline.pieces):
+        above = a > ends[k] if is_jump[k] else a >= ends[k]
+        below = a < ends[k + 1] if is_jump[k + 1] else a <= ends[k + 1]
+        if above and below:
+            d = a - arb(float(spline.origins[k]))
+            value = 0 * d
+            for coefficient in reversed(piece):
+                value = d * value + arb(fmpq(coefficient.numerator, coefficient.denominator))
+            return value
+    raise Undecided("a table of the equations has a breakpoint within a box")
 
-    def asin(self, a: Any) -> Any:
-        """Return asin a."""
-        return a.asin()
 
-    def acos(self, a: Any) -> Any:
-        """Return acos a."""
-        return a.acos()
+def _refusal(name: str, what: str) -> BadInputError:
+    return BadInputError(
+        f"{name}: the equations use {what}, which a proof does not support; use sums, products, "
+        "quotients, powers, roots, exp, log, tanh, sin, cos, tan, asin, acos, atan, atan2, min, "
+        "max, abs, conditions and tables of casadi.interpolant"
+    )
 
-    def inverse(self, a: Any) -> Any:
-        """Return 1 / a."""
-        return 1 / a
 
-    def maximum(self, a: Any, b: Any) -> Any:
-        """Return the larger value."""
-        return b if self._is_less(a, b) else a
-
-    def minimum(self, a: Any, b: Any) -> Any:
-        """Return the smaller value."""
-        return a if self._is_less(a, b) else b
-
-    def less(self, a: Any, b: Any) -> Any:
-        """Return 1 for a < b, else 0."""
-        return arb(int(self._is_less(a, b)))
-
-    def _is_less(self, a: Any, b: Any) -> bool:
-        """Return whether a < b.
-
-        Raises Undecided unless the order of the balls is proved.
-        """
-        if not (a < b or a >= b):
-            raise Undecided(
-                "fmin, fmax or another comparison switches within a box; use smooth equations, or "
-                "a trim away from the switch"
-            )
-        return bool(a < b)
-
-    def atan2(self, a: Any, b: Any) -> Any:
-        """Return atan2(a, b) = atan(a / b) for b > 0.
-
-        Raises Undecided unless b is proved positive.
-        """
-        if not b > 0:
-            raise Undecided("atan2(y, x) is undecided, because x is not proved positive")
-        return (a / b).atan()
-
-    def power(self, a: Any, b: Any) -> Any:
-        """Return a^b = exp(b log a) for a > 0.
-
-        Raises Undecided unless a is proved positive.
-        """
-        if not a > 0:
-            raise Undecided("x^y is undecided, because x is not proved positive")
-        return (b * a.log()).exp()
-
-    def table(self, spline: Spline, a: Any) -> Any:
-        """Return the value of the piece of a table that contains a.
-
-        Raises Undecided unless one piece is proved to contain it, without an end with a jump.
-        """
-        ball = a
-        ends = [-arb("inf"), *map(arb, spline.knots), arb("inf")]
-        is_jump = [False, *(spline.smoothness < 0).tolist(), False]
-        for k, piece in enumerate(spline.pieces):
-            above = ball > ends[k] if is_jump[k] else ball >= ends[k]
-            below = ball < ends[k + 1] if is_jump[k + 1] else ball <= ends[k + 1]
-            if above and below:
-                d = a - arb(float(spline.origins[k]))
-                value = 0 * d
-                for coefficient in reversed(piece):
-                    value = d * value + arb(fmpq(coefficient.numerator, coefficient.denominator))
-                return value
-        raise Undecided("a table of the equations has a breakpoint within a box")
+def operation_name(code: int) -> str:
+    """Return the lower-case name of a CasADi operation code, or the code if it has no name."""
+    for name in dir(ca):
+        if name.startswith("OP_") and getattr(ca, name) == code:
+            return name.removeprefix("OP_").lower()
+    return str(code)

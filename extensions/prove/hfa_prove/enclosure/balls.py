@@ -7,7 +7,6 @@ midpoint-radius interval arithmetic, IEEE Transactions on Computers 66 (2017).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -41,24 +40,9 @@ def matrix(values: Any) -> arb_mat:
     return arb_mat(rows, columns, [arb(entry) for entry in entries.ravel().tolist()])
 
 
-def hull(low: np.ndarray, high: np.ndarray) -> arb_mat:
-    """Return a matrix of balls that contain the intervals [low, high], entry by entry."""
-    rows, columns = low.shape
-    pairs = zip(low.ravel().tolist(), high.ravel().tolist(), strict=True)
-    return arb_mat(rows, columns, [arb(a).union(arb(b)) for a, b in pairs])
-
-
 def doubles(values: arb_mat) -> np.ndarray:
     """Return the midpoints of a matrix of balls as doubles, rounded to nearest."""
     return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
-
-
-def norm(entries: Iterable[arb]) -> arb:
-    """Return the Frobenius norm of a matrix of balls, sqrt(Σ entry²), as a ball."""
-    balls = list(entries)
-    lowest = sum((ball.abs_lower() ** 2 for ball in balls), arb(0))
-    highest = sum((ball.abs_upper() ** 2 for ball in balls), arb(0))
-    return lowest.sqrt().union(highest.sqrt())
 
 
 def is_positive_definite(values: arb_mat) -> bool:

@@ -1,4 +1,4 @@
-"""Arithmetic of proofs: balls and Taylor models."""
+"""Precision of the balls of proofs."""
 
 from typing import Any
 

@@ -16,7 +16,7 @@ from flint import arb
 
 from hfa_aircraft.model import Model
 from hfa_prove.fields import Fields, Stated, entry, require
-from hfa_prove.statements.plant import facts, read_model
+from hfa_prove.statements.aircraft import facts, read_model
 
 
 def _read_limits(file: Fields, name: str, known: Any) -> dict[str, tuple[float, float]]:

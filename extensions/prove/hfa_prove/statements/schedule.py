@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_prove.fields import Fields, Stated, Statement, entry, part, require
+from hfa_prove.fields import Fields, Stated, entry, part, require
 from hfa_prove.statements.flight import Flight
 
 #: Largest number of pieces that a certificate may state.
@@ -56,7 +56,7 @@ class Gains(Stated):
 
 
 @dataclass(frozen=True, eq=False)
-class ScheduleStatement(Statement):
+class ScheduleStatement(Stated):
     """Claim about the linear loop x' = (A - B K) x at the trims of an aircraft.
 
     For every scheduling value η of the flight, within all limits, there is one trim on the smooth

@@ -43,15 +43,45 @@ def test_balls_enclose_every_operation() -> None:
             assert ball.overlaps(arb(value, 1e-14))
 
 
-def test_an_unknown_operation_is_refused_by_name() -> None:
-    """A function with an operation that ball arithmetic does not support is refused, and the
-    operation is named.
-    """
-    x = ca.SX.sym("x")
-    with pytest.raises(
-        BadInputError, match="f: the equations use erf, which a proof does not support"
-    ):
-        BallFunction(ca.Function("f", [x], [ca.erf(x)]))
+def test_functions_that_are_not_inlined_are_read() -> None:
+    """A function that CasADi calls without inlining it is read like its operations."""
+    y = ca.SX.sym("y", 2)
+    z = ca.SX.sym("z", 2)
+    outputs = [z[0] * ca.sin(z[1]), ca.vertcat(z[1] ** 2, z[0])]
+    called = ca.Function("g", [z], outputs, {"never_inline": True})
+    first, second = called(2 * y)
+    function = ca.Function("f", [y], [first - second[0] + second[1]])
+    (found,) = BallFunction(function)([exact(0.3), exact(-0.7)])[0]
+    assert float(found) == pytest.approx(float(function([0.3, -0.7])), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("expression", "named"),
+    [
+        (lambda y: y * np.inf, "inf"),
+        (lambda y: ca.erf(y), "f: the equations use erf, which a proof does not support"),
+        (lambda y: ca.vertcat(*(ca.sin(k * y) for k in range(1, 12))), "operations"),
+    ],
+)
+def test_unsupported_functions_are_refused(
+    expression: Callable[[ca.SX], ca.SX], named: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A function that cannot be enclosed, or that is too large, is refused in one line."""
+    monkeypatch.setattr("hfa_prove.enclosure.ball_function.LARGEST", 20)
+    y = ca.SX.sym("y")
+    with pytest.raises(BadInputError, match=named):
+        BallFunction(ca.Function("f", [y], [expression(y)]))
+
+
+def test_a_function_that_is_solved_for_is_refused() -> None:
+    """A function that CasADi computes by iteration has no operations to enclose."""
+    y = ca.SX.sym("y")
+    z = ca.SX.sym("z")
+    root = ca.rootfinder("root", "newton", {"x": z, "p": y, "g": z**3 + z - y})
+    x = ca.MX.sym("x")
+    function = ca.Function("f", [x], [root(x0=0.0, p=x)["x"]])
+    with pytest.raises(BadInputError, match="function root"):
+        BallFunction(function)
 
 
 ABOUT_0 = arb(0, 0.1)

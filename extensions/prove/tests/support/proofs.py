@@ -7,19 +7,45 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
+import numpy as np
 import pytest
 
-from hfa_prove.certificate import SCHEMA
-from hfa_support.errors import NoSolutionError
+from hfa import Model, NoSolutionError, Signal
+from hfa_aircraft.about import Source
+from hfa_prove import Gains
+from hfa_prove.certificate import KIND, SCHEMA
 
 Content = dict[str, Any]
 
 
-def certificate(kind: str, statement: Any, witness: Content) -> Content:
+def float_equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """Equations of a float: the lift u holds the depth, the heave rate v decays at p and p²."""
+    return {"depth": x.heave, "heave": u.lift - p.pull * x.depth - p.drag * x.heave}, {
+        "load": u.lift - 0.5 * p.pull
+    }
+
+
+#: At depth 1 the lift of the trim is the pull, and the load half of it. With K = (k, c) the
+#: eigenvalues of A - B K are those of s² + (drag + c) s + pull + k.
+FLOAT = Model(
+    "float",
+    {"depth": Signal("m"), "heave": Signal("m/s")},
+    {"lift": Signal("N", 1.0, -9.0, 4.0)},
+    float_equations,
+    outputs={"load": Signal("N", 1.0, -9.0)},
+    parameters={"pull": Signal("N/m", start=1.0), "drag": Signal("N s/m", start=0.1)},
+    schedule="pull",
+    trim={"depth": 1.0, "heave": 0.0},
+    source=Source("float.py:FLOAT", "3" * 64),
+)
+CONSTANT = Gains(np.array([1.0]), np.array([[[1.0, 2.9]]]))
+
+
+def certificate(statement: Any, witness: Content) -> Content:
     """Return the content of the file of a certificate."""
     closing = dict.fromkeys(("toolchain", "digest", "provenance", "checksum"), "")
     claims = {"statement": statement.content(), "witness": witness}
-    return {**closing, "schema": SCHEMA, "kind": kind, **claims}
+    return {**closing, "schema": SCHEMA, "kind": KIND, **claims}
 
 
 def put(value: Any, *path: Any) -> Callable[[Content], None]:

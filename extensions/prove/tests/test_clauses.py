@@ -15,40 +15,15 @@ import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
 from flint import arb
-from proofs import Content, certificate, changed, decided
+from proofs import CONSTANT, FLOAT, Content, certificate, changed, decided, float_equations
 
 import hfa as package
 from hfa import BadInputError, Model, NoSolutionError, Signal
-from hfa_aircraft.about import Source
 from hfa_prove import Family, Gains, prove_schedule
 from hfa_prove.certificate import read_content
 from hfa_prove.check.schedule import ScheduleProof, check_schedule
 from hfa_prove.check.trims import SteadyFlight
-from hfa_prove.statements.plant import Subject
 from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
-
-
-def _float(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """Equations of a float: the lift u holds the depth, the heave rate v decays at p and p²."""
-    return {"depth": x.heave, "heave": u.lift - p.pull * x.depth - p.drag * x.heave}, {
-        "load": u.lift - 0.5 * p.pull
-    }
-
-
-#: At depth 1 the lift of the trim is the pull, and the load half of it. With K = (k, c) the
-#: eigenvalues of A - B K are those of s² + (drag + c) s + pull + k.
-FLOAT = Model(
-    "float",
-    {"depth": Signal("m"), "heave": Signal("m/s")},
-    {"lift": Signal("N", 1.0, -9.0, 4.0)},
-    _float,
-    outputs={"load": Signal("N", 1.0, -9.0)},
-    parameters={"pull": Signal("N/m", start=1.0), "drag": Signal("N s/m", start=0.1)},
-    schedule="pull",
-    trim={"depth": 1.0, "heave": 0.0},
-    source=Source("float.py:FLOAT", "3" * 64),
-)
-CONSTANT = Gains(np.array([1.0]), np.array([[[1.0, 2.9]]]))
 
 
 def decay(low: float, high: float, k: float = 1.0, c: float = 2.9) -> float:
@@ -76,7 +51,7 @@ def in_other_units(depth: float, heave: float) -> tuple[Model, Gains]:
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         x = SimpleNamespace(depth=x.depth / depth, heave=x.heave / heave)
-        rates, outputs = _float(x, u, p, w)
+        rates, outputs = float_equations(x, u, p, w)
         return {"depth": depth * rates["depth"], "heave": heave * rates["heave"]}, outputs
 
     states = {"depth": Signal("m", depth), "heave": Signal("m/s", heave)}
@@ -114,7 +89,7 @@ def test_outputs_are_within_their_limits_at_every_pull(high: float, is_proved: b
     """An output that is the negative pull itself, whatever the trim, is at least -1.9 N."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
-        rates, outputs = _float(x, u, p, w)
+        rates, outputs = float_equations(x, u, p, w)
         return rates, {**outputs, "rest": -p.pull}
 
     outputs = {**FLOAT.outputs, "rest": Signal("N", 1.0, -1.9)}
@@ -146,7 +121,7 @@ def test_an_equation_without_free_variable_holds_at_every_pull(
     """depth' = heave + balance (pull - 1.5) is 0 at one pull of the interval, which is no trim."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
-        rates, outputs = _float(x, u, p, w)
+        rates, outputs = float_equations(x, u, p, w)
         return rates | {"depth": x.heave + balance * (p.pull - 1.5)}, outputs
 
     flight = Family(FLOAT).flight(1.0, 2.0)
@@ -174,14 +149,14 @@ def test_the_interval_is_within_the_limits_of_its_variable(
     model = Model("tilt", states, {"push": Signal()}, equations, schedule="angle", trim=still)
     found = prove_schedule(Family(model), NO_GAIN, -57.0, 57.0, decay_rate=0.1)
     made = changed(
-        certificate("schedule", found.statement, found.witness.content()),
+        certificate(found.statement, found.witness.content()),
         statement__flight__range=list(ends),
         statement__flight__first={"push": math.radians(ends[0])},
     )
     with decided(is_proved, "angle beyond its limits"):
-        assert check_schedule(*read_content(made, Subject(model))) > 0
+        assert check_schedule(*read_content(made, model)) > 0
     with pytest.raises(NoSolutionError, match="imposed: unknown entry"):
-        read_content(changed(made, statement__flight__imposed__angle=0.0), Subject(model))
+        read_content(changed(made, statement__flight__imposed__angle=0.0), model)
 
 
 def folded(rate: Callable[[Any, Any], Any], least: float) -> Model:
@@ -341,14 +316,15 @@ def content() -> Content:
     """Return the content of a certificate of the float, with V for a moving pull."""
     found = proved(1.0, 2.0, moving=True)
     assert found.statement.scheduled_rate == math.inf
-    return certificate("schedule", found.statement, found.witness.content())
+    return certificate(found.statement, found.witness.content())
 
 
 def checked(content: Content, model: Model = FLOAT) -> int:
-    return check_schedule(*read_content(content, Subject(model)))
+    return check_schedule(*read_content(content, model))
 
 
 _OF = "statement__flight"
+_MODEL = f"{_OF}__model"
 _LIFT = f"{_OF}__limits__lift"
 _P, _AT = "witness__P", "witness__breakpoints"
 _K, _GAINS_AT = "statement__gains__K", "statement__gains__breakpoints"
@@ -391,6 +367,11 @@ FORGED: list[tuple[dict[str, Any], str]] = [
         for at in ([1.0, 1.8, 1.5, 2.0], [1.0, 1.0, 2.0])
     ),
     ({"witness__pieces": 1}, "open at pull"),
+    ({f"{_MODEL}__dynamics": "newton"}, "with other equations"),
+    ({f"{_MODEL}__equations": "0" * 64}, "with other equations"),
+    ({f"{_MODEL}__nominal__0": 2.0}, "model: nominal"),
+    ({f"{_MODEL}__state_units__0": "ft"}, "model: state_units"),
+    ({"claim": 1.0}, "unknown entry"),
     *(
         ({_GAINS_AT: at, _K: [[[1.0, 2.9]]] * len(at)}, "breakpoints")
         for at in ([1.0, 1.5], [1.5, 2.0], [1.0, 1.8, 1.5, 2.0], [1.0, 1.0, 2.0])

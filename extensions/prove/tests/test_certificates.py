@@ -1,0 +1,149 @@
+"""Files of certificates: edits, digests of equations, and entries that are the user's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from proofs import CONSTANT, FLOAT, certificate, changed, decided, float_equations
+
+from hfa import BadInputError, NoSolutionError, aircraft
+from hfa_prove import Family, prove_schedule
+from hfa_prove.certificate import read_certificate, read_content, write_certificate
+from hfa_prove.report import found_report
+from hfa_prove.statements.aircraft import digest_of, facts
+from hfa_prove.subject import Given, compare, within
+
+
+@cache
+def found() -> Any:
+    return prove_schedule(Family(FLOAT), CONSTANT, 1.0, 1.5, decay_rate=0.5)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('"decay_rate": 0.5', '"decay_rate": 0.4'),
+        ('"pieces": ', '"pieces": 1'),
+        ('"date": "today"', '"date": "monday"'),
+        ('"digest": "', '"digest": "0'),
+        ('"kind": "schedule"', '"kind": "other", "kind": "schedule"'),
+        ('"decay_rate": 0.5', '"decay_rate": 0.4, "decay_rate": 0.5'),
+        ('"decay_rate": 0.5', '"decay_rate": 0.50'),
+    ],
+)
+def test_a_certificate_that_was_edited_is_refused(before: str, after: str, tmp_path: Path) -> None:
+    """An edit of any text of a file is refused: a value, a seal, a second entry, another digit."""
+    path = tmp_path / "schedule.json"
+    origin = {"version": "1", "command": "hfa prove schedule", "date": "today"}
+    write_certificate(path, found().statement, found().witness, origin)
+    assert read_certificate(path, FLOAT).written == origin
+    text = path.read_text()
+    assert text.count(before) == 1
+    path.write_text(text.replace(before, after))
+    with pytest.raises(BadInputError, match="edited"):
+        read_certificate(path, FLOAT)
+
+
+def test_different_equations_have_different_digests() -> None:
+    """Models that differ in an operation, an output, a disturbance, a name or a trim variable have
+    different digests.
+
+    The name of a built-in aircraft is no digest.
+    """
+
+    def changed_rates(**more: Any) -> Any:
+        def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+            rates, outputs = float_equations(x, u, p, w)
+            return rates | {name: of(x, u, p, w) for name, of in more.items()}, outputs
+
+        return equations
+
+    def loaded(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rates, outputs = float_equations(x, u, p, w)
+        return rates, {"load": outputs["load"] + x.depth}
+
+    def renamed(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return float_equations(x, SimpleNamespace(lift=u.push), p, w)
+
+    def heave(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return u.lift + p.pull * x.depth - p.drag * x.heave
+
+    added = changed_rates(heave=heave)
+    models = [replace(FLOAT, equations=each) for each in (float_equations, added, loaded)]
+    models += [replace(FLOAT, equations=renamed, inputs={"push": FLOAT.inputs["lift"]})]
+    gusty = changed_rates(depth=lambda x, u, p, w: x.heave + w.wind)
+    windy: Any = {"disturbances": {"wind": FLOAT.states["heave"]}}
+    models += [replace(FLOAT, **windy), replace(FLOAT, equations=gusty, **windy)]
+    models += [replace(FLOAT, replaced={"depth": "load"}, trim={"load": 0.5, "heave": 0.0})]
+    models += [replace(FLOAT, equations=added, name="published")]
+    digests = [facts(model)["equations"] for model in models]
+    assert len(set(digests[:-1])) == 7
+    assert digests[-1] == digests[1]
+
+
+def test_different_functions_have_different_digests() -> None:
+    """Functions that differ in the last digit of a number or in the state have different digests.
+
+    The number is a coefficient, or a value of a table. Tables are told apart where they are used.
+    """
+    z = ca.SX.sym("z", 2)
+    near = np.nextafter(0.25, 1.0)
+    tables = [ca.interpolant("u", "linear", [[0.0, 1.0]], [0.0, v]) for v in (0.25, near)]
+    results = [0.25 * z[0], near * z[0], 0.25 * z[1], *(table(z[0]) for table in tables)]
+    results += [tables[k](z[0]) - tables[1 - k](z[1]) for k in range(2)]
+    functions = [ca.Function("u", [z], [result]) for result in results]
+    assert len({digest_of(function, "u") for function in functions}) == 7
+
+
+def test_a_certificate_about_a_file_is_not_read_as_one_about_a_variant() -> None:
+    """Without the file, the built-in aircraft of the same name is not the subject."""
+    content = certificate(found().statement, found().witness.content())
+    model = facts(aircraft()) | {"equations": "0" * 64}
+    with pytest.raises(BadInputError, match="give the aircraft file"):
+        read_content(changed(content, statement__flight__model=model))
+
+
+@pytest.mark.parametrize(
+    ("pull", "drag", "more", "is_same"),
+    [
+        (1.0, 0.1, {}, True),
+        (0.9, 0.1, {}, False),
+        (1.0, 0.2, {}, False),
+        (1.0, 0.1, {"other": 0.5}, False),
+    ],
+)
+def test_entries_of_the_certificate_are_exactly_the_users(
+    pull: float, drag: float, more: dict[str, float], is_same: bool
+) -> None:
+    """Further or other numbers than the user's are refused, above and below."""
+    own = {"pull": pull, "drag": drag, **more}
+    with decided(is_same, "differs from the value"):
+        compare(found().statement, {"flight.parameters": Given(own)})
+
+
+def test_fewer_entries_than_the_users_are_refused() -> None:
+    """A statement with an entry that the user does not have is about another aircraft."""
+    with pytest.raises(NoSolutionError, match="drag in the certificate differs"):
+        compare(found().statement, {"flight.parameters": Given({"pull": 1.0})})
+
+
+@pytest.mark.parametrize("off", [1e-5, -1e-5])
+def test_trims_are_compared_within_a_width(off: float) -> None:
+    """A first trim that is 1e-5 off is the user's within 2e-5, above and below, and not within 1e-6."""
+    own = {"lift": found().statement.flight.first["lift"] + off}
+    for width, is_within in ((2e-5, True), (1e-6, False)):
+        with decided(is_within, "lift in the certificate differs"):
+            compare(found().statement, {"flight.first": Given(own, within({"lift": width}))})
+
+
+def test_a_stated_rate_is_rounded_down() -> None:
+    """The first line says at most what is proved: 0.1234567 1/s is 0.123456."""
+    lower = replace(found().statement, decay_rate=0.1234567)
+    assert "decays by 0.123456 1/s" in found_report(lower, 1).title
