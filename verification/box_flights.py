@@ -12,10 +12,12 @@ import numpy as np
 from controller.expansion.expansion import Expansion
 from controller.expansion.flights import TESTED, flown_until_decayed, scales_of_time
 from hfa_aircraft.march.cost import Cost
+from hfa_aircraft.march.ending import FAR_OF_EXPANSION
 from hfa_aircraft.march.refinement import Figures, ReportedFigure, resolved
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.row_code import row_code
 from hfa_support.reporting.results import Result, Vector
+from hfa_support.reporting.text import percent
 from verification.box import Box, starts_in
 from verification.plant import NonlinearPlant
 
@@ -23,6 +25,8 @@ from verification.plant import NonlinearPlant
 SHARE = 0.05
 #: Relative excess of a cost that is rounding.
 _ROUNDING = 1e-9
+#: Longest flight, in durations after which flights of the exact policy have converged.
+_CLOCK = 10.0
 #: The parts of the box are 1, 1/2, 1/4, ..., at least this.
 _SMALLEST = 2.0**-12
 
@@ -38,9 +42,11 @@ class BoxFlights(Result):
     part: the part, a power of two; 0 if the exact policy converges from none
     half_widths: half-widths of the part, (n,)
     flights: number of flights
-    lost: number of flights of the critic that do not converge
+    lost: number of flights of the critic that diverge
+    undecided: number of its flights that are not decided at the end of the clock
+    clock: largest duration of a flight, s
     excess: largest cost above that of the exact policy from the same state, relative to it; inf if
-        a flight does not converge
+        a flight diverges, nan if one is not decided
     worst: initial state with this excess, (n,)
     integration: integration error of the costs
     resolved: whether the costs hardly change with half the step
@@ -51,15 +57,16 @@ class BoxFlights(Result):
     half_widths: Vector
     flights: int
     lost: int
+    undecided: int
+    clock: float
     excess: float
     worst: Vector
     integration: str
     resolved: bool
 
-    @property
-    def ok(self) -> bool:
-        """True if all flights converge, cost at most `SHARE` more, and are resolved."""
-        return self.part > 0.0 and self.excess <= SHARE and self.resolved
+    def within(self, share: float) -> bool:
+        """Return whether all flights converge, are resolved, and cost at most a share more."""
+        return self.part > 0.0 and self.excess <= share and self.resolved
 
     @property
     def where(self) -> str:
@@ -76,14 +83,17 @@ class BoxFlights(Result):
         if not self.part:
             return "the exact policy converges from no part of the box"
         if self.lost:
-            return f"{self.lost} of {self.flights} flights do not converge"
-        more = 0.0 if self.excess < _ROUNDING else 100.0 * self.excess
-        text = f"{self.flights} flights cost at most {more:.2g} % more than by the exact policy"
+            return f"{self.lost} of {self.flights} flights diverge"
+        if self.undecided:
+            clock = f"{self.clock:.3g} s"
+            return f"{self.undecided} of {self.flights} flights are not decided within {clock}"
+        more = percent(0.0 if self.excess < _ROUNDING else 100.0 * self.excess, up=True)
+        text = f"{self.flights} flights cost at most {more} more than by the exact policy"
         return text if self.resolved else f"{text}, but are not resolved"
 
 
 class _Pair(NamedTuple):
-    """Cost of the flights of both policies, inf where one does not converge, (N,)."""
+    """Cost of the flights of both policies, inf or nan where one does not converge, (N,)."""
 
     judged: np.ndarray
     exact: np.ndarray
@@ -119,6 +129,8 @@ def box_flights(
             half_widths=0.0 * b,
             flights=0,
             lost=0,
+            undecided=0,
+            clock=flown.seconds,
             excess=math.inf,
             worst=0.0 * b,
             integration="",
@@ -130,13 +142,15 @@ def box_flights(
 
     costs, error = resolved(simulate, _figures, step)
     excess = costs.judged / costs.exact - 1.0
-    worst = int(np.argmax(excess))
+    worst = int(np.argmax(np.where(np.isnan(excess), math.inf, excess)))
     return BoxFlights(
         box=box.name,
         part=part,
         half_widths=part * b,
         flights=count,
         lost=int(np.isinf(costs.judged).sum()),
+        undecided=int(np.isnan(costs.judged).sum()),
+        clock=flown.seconds,
         excess=float(excess[worst]),
         worst=part * starts[worst],
         integration=error.text(),
@@ -170,14 +184,16 @@ class _Flights:
         both = ca.densify(ca.vertcat(plant.rates(z, u), cost))
         self._rates = row_code(ca.Function("rates", [z], [both], {"cse": True}))
         self._P = expansion.solution.P
-        self._seconds = seconds
+        self.seconds = _CLOCK * seconds
 
     def costs(self, starts: np.ndarray, step: float) -> np.ndarray:
-        """Return the cost of the flights from N states, (N,), inf if one does not converge.
+        """Return the cost of the flights from N states, (N,), inf of those that diverge, and nan of
+        those that are not decided within `seconds`.
 
         starts: (N, n)
         """
-        ticks = 1 + int(self._seconds / (step * TESTED))
+        ticks = 1 + int(self.seconds / (step * TESTED))
         final, ended = flown_until_decayed(self._rates, starts, self._P, step, ticks)
         left = quadratic_forms(final[:, :-1], self._P)
-        return np.where(ended, final[:, -1] + left, math.inf)
+        is_far = ~(left <= FAR_OF_EXPANSION * quadratic_forms(starts, self._P))  # so is a nan
+        return np.where(ended, final[:, -1] + left, np.where(is_far, math.inf, math.nan))

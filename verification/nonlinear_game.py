@@ -19,15 +19,17 @@ from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part
 from hfa_support.reporting.results import Result, without_empty
-from hfa_support.reporting.text import Table
+from hfa_support.reporting.text import Table, percent
 from trim.linear.linear_model import LinearModel
 from verification.box import Box
-from verification.box_flights import BoxFlights, box_flights
+from verification.box_flights import SHARE, BoxFlights, box_flights
 from verification.plant import nonlinear_plant
 
 if TYPE_CHECKING:
     from controller.expansion.radius import Radius
 
+#: Grades of a verdict, from the best to the worst.
+GRADES = ("exact", "near", "fail")
 #: Degree to which a critic is compared that is no polynomial.
 ORDER = 4
 #: An entry whose largest contribution to V in the set V2 <= 1 is below this fraction of that of its
@@ -82,10 +84,26 @@ class NonlinearComparison(Result):
 
     @property
     def ok(self) -> bool:
-        """True if every coefficient is within the limit, and the flights are those of the exact
-        policy (`BoxFlights.ok`).
+        """True if the critic passes in the whole box."""
+        return self.grade() == "exact"
+
+    def grade(self, limit_cost: float | None = None) -> str:
+        """Return the grade: "exact", "near" if the critic passes in a part of the box alone, or
+        "fail".
+
+        Every coefficient must be within the limit, and the flights must cost what those of the
+        exact policy do (`BoxFlights.within`).
+
+        limit_cost: limit of the cost of the flights above that of the exact policy, percent, which
+            decides in place of the coefficients; or None
         """
-        return self.has_right_terms and (self.flown is None or self.flown.ok)
+        flown = self.flown
+        if flown is None:
+            return "exact" if self.has_right_terms else "fail"
+        share = SHARE if limit_cost is None else limit_cost / 100.0
+        if not (flown.within(share) and (self.has_right_terms or limit_cost is not None)):
+            return "fail"
+        return "exact" if flown.part == 1.0 else "near"
 
     @cached_property
     def radius(self) -> Radius | None:
@@ -148,8 +166,8 @@ class NonlinearComparison(Result):
                 f"{each.of}, {each.degree}",
                 f"{each.error:.3g}",
                 each.worst,
-                f"{each.learned:.7g}",
-                f"{each.exact:.7g}",
+                f"{each.learned:z.7g}",
+                f"{each.exact:z.7g}",
             )
             for each in self.errors
         ]
@@ -167,7 +185,7 @@ def _share(error: DegreeError) -> str:
         return f"{error.learned:.3g} in place of 0"
     if not math.isfinite(error.error):
         return "not finite"
-    return f"off by {100.0 * error.error:.2g} %"
+    return f"off by {percent(100.0 * error.error)}"
 
 
 def compare_with_nonlinear(

@@ -12,9 +12,10 @@ from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from hfa_support.reporting.checks import Check, verdict_text
 from hfa_support.reporting.report import Part, Report
-from hfa_support.reporting.text import Cell, Table, entry_rows
-from verification.nonlinear_game import NonlinearComparison
-from verification.verdict import ROUNDING, Verdict
+from hfa_support.reporting.text import Cell, Table, entry_rows, percent
+from verification.box_flights import SHARE
+from verification.nonlinear_game import GRADES, NonlinearComparison
+from verification.verdict import NEAR, ROUNDING, Verdict
 
 #: Number of entries of P and K in a report, and in the report of a critic that fails. Files contain
 #: all entries.
@@ -161,14 +162,14 @@ def _nonlinear_lines(
     flown = nonlinear.flown
     about = "near the trim" if flown is None else f"in {flown.where}"
     headline = (
-        f"{verdict_text(verdict.nonlinear_holds(limit_cost))} on the nonlinear game {about}, "
+        f"{_word(nonlinear.grade(limit_cost))} on the nonlinear game {about}, "
         f"linear part {_grade_text(verdict, limit_cost)}"
     )
     findings = [nonlinear.sentence]
     if flown is not None:
         # The sentence on the flights is first if they decide that the critic fails.
         findings = [nonlinear.sentence, flown.sentence]
-        if not flown.ok:
+        if not flown.within(SHARE):
             findings.reverse()
     return [headline, *(f"Nonlinear game: {finding}" for finding in findings)]
 
@@ -177,10 +178,13 @@ def _cost_text(verdict: Verdict) -> str:
     """Return the cost of the critic relative to the optimum, as text."""
     if math.isinf(verdict.cost_lost):
         return "cost without bound"
-    text = f"{verdict.cost_lost:.2g} % above the optimum"
+    if math.isnan(verdict.cost_lost):
+        return next(check.reason for check in verdict.checks if math.isnan(check.value))
+    text = f"{percent(verdict.cost_lost)} above the optimum"
     if verdict.cost_lost < ROUNDING:
         text = "optimal cost"
-    return text if verdict.rests_at_trim else f"{text} about its equilibrium"
+    is_at_trim = all(check.ok for check in verdict.checks if check.kind == "rest")
+    return text if is_at_trim else f"{text} about its equilibrium"
 
 
 def _network_facts(verdict: Verdict) -> list[str]:
@@ -194,7 +198,7 @@ def _network_facts(verdict: Verdict) -> list[str]:
         for check in verdict.checks
         if check.kind == "rest"
     ]
-    facts = [*cost, *equilibrium] if verdict.rests_at_trim else [*equilibrium, *cost]
+    facts = [*cost, *equilibrium] if verdict.rests_within(NEAR) else [*equilibrium, *cost]
     faults_of_K = [check.reason for check in verdict.checks if check.name in _OF_K and not check.ok]
     if faults_of_K:
         return [*facts, faults_of_K[0].partition(":")[0]]
@@ -204,19 +208,29 @@ def _network_facts(verdict: Verdict) -> list[str]:
 def grade_text(verdict: Verdict, limit_cost: float | None = None) -> str:
     """Return the grade as text: PASS, NEAR or FAIL.
 
-    limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the text is
-        PASS or FAIL.
+    limit_cost: limit of the cost above the optimum, percent, or None
     """
-    if not verdict.nonlinear_holds(limit_cost):
-        return verdict_text(False)
-    return _grade_text(verdict, limit_cost)
+    linear = _linear_grade(verdict, limit_cost)
+    if verdict.nonlinear is None:
+        return _word(linear)
+    return _word(max(linear, verdict.nonlinear.grade(limit_cost), key=GRADES.index))
 
 
 def _grade_text(verdict: Verdict, limit_cost: float | None) -> str:
     """Return the grade on the game of the first line as text."""
-    if limit_cost is None and verdict.linear_grade == "near":
-        return Cell("NEAR", "bad")
-    return verdict_text(verdict.linear_holds(limit_cost))
+    return _word(_linear_grade(verdict, limit_cost))
+
+
+def _linear_grade(verdict: Verdict, limit_cost: float | None) -> str:
+    """Return the grade on the game itself, for which a limit of the cost decides."""
+    if limit_cost is None:
+        return verdict.linear_grade
+    return "exact" if verdict.linear_holds(limit_cost) else "fail"
+
+
+def _word(grade: str) -> str:
+    """Return PASS, NEAR or FAIL."""
+    return Cell("NEAR", "bad") if grade == "near" else verdict_text(grade == "exact")
 
 
 def _exactness(verdict: Verdict, failed: Sequence[Check]) -> str:

@@ -15,15 +15,12 @@ from hfa_support.reporting.checks import Check, Checked
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.results import Result, without_empty
 from verification.box import Box
-from verification.nonlinear_game import NonlinearComparison
+from verification.nonlinear_game import GRADES, NonlinearComparison
 
 #: Relative difference of an entry, or cost above the optimum in percent, that is rounding.
 ROUNDING = 1e-9
 #: Largest cost above the optimum, percent, of a critic with grade "near".
 NEAR = 1.0
-#: Largest distance of an equilibrium from the trim, as a fraction of the box, with which the cost
-#: decides: from there, the cost that counts from the equilibrium is that from the trim.
-AT_TRIM = 1e-6
 
 
 class Section(NamedTuple):
@@ -121,8 +118,9 @@ class Verdict(Checked, Result, Reported):
         """Return whether the critic passes.
 
         limit_cost: limit of the cost above the optimum, percent. With a limit, the cost decides, on
-            the nonlinear game also that of its flights, if the loop is stable and the equilibrium
-            is at the trim (`AT_TRIM`). With None, all checks must pass.
+            the nonlinear game also that of its flights from the box, if the loop is stable; V* at
+            an equilibrium off the trim must not exceed the limit either, in percent of V* in the
+            box. With None, all checks must pass.
         """
         return self.linear_holds(limit_cost) and self.nonlinear_holds(limit_cost)
 
@@ -130,36 +128,34 @@ class Verdict(Checked, Result, Reported):
         """Return whether the critic passes on the game itself."""
         if limit_cost is None:
             return all(check.ok for check in self.checks)
-        return self.cost_lost <= limit_cost and self.rests_at_trim and self.stabilizing
+        return self.cost_lost <= limit_cost and self.rests_within(limit_cost) and self.stabilizing
 
     def nonlinear_holds(self, limit_cost: float | None = None) -> bool:
         """Return whether the critic passes on the nonlinear game, True if it was not judged there.
 
         A limit of the cost decides if flights were simulated.
         """
-        if self.nonlinear is None:
-            return True
-        flown = self.nonlinear.flown
-        if limit_cost is None or flown is None:
-            return self.nonlinear.ok
-        return 100.0 * flown.excess <= limit_cost
+        return self.nonlinear is None or self.nonlinear.grade(limit_cost) == "exact"
 
-    @property
-    def rests_at_trim(self) -> bool:
-        """True unless the equilibrium of a simulated critic is off the trim."""
-        rests = [check.value for check in self.checks if check.kind == "rest"]
-        return all(distance <= AT_TRIM for distance in rests)
+    def rests_within(self, limit_cost: float) -> bool:
+        """Return whether V* at the equilibrium of a simulated critic is within a limit, percent of
+        V* in the box.
+        """
+        return all(check.value <= limit_cost for check in self.checks if check.kind == "rest")
 
     @property
     def grade(self) -> str:
         """Grade of the critic: "exact", "near" or "fail".
 
         - "exact": every check passes.
-        - "near": the only failed checks are those of errors, the equilibrium is at the trim
-          (`AT_TRIM`), and the cost is at most `NEAR` percent above the optimum.
+        - "near": the only failed checks are those of errors and of the equilibrium, and the cost is
+          at most `NEAR` percent above the optimum, as is V* at the equilibrium relative to that in
+          the box; or the critic passes on the nonlinear game in a part of the box alone.
         - "fail": all other cases, and a critic that fails on the nonlinear game.
         """
-        return self.linear_grade if self.nonlinear_holds() else "fail"
+        if self.nonlinear is None:
+            return self.linear_grade
+        return max(self.linear_grade, self.nonlinear.grade(), key=GRADES.index)
 
     @property
     def linear_grade(self) -> str:
@@ -169,7 +165,7 @@ class Verdict(Checked, Result, Reported):
         for check in self.checks:
             if not (check.ok or check.kind in ("error", "rest")):
                 return "fail"
-        is_near = self.cost_lost <= NEAR and self.rests_at_trim
+        is_near = self.cost_lost <= NEAR and self.rests_within(NEAR)
         return "near" if is_near else "fail"
 
     def data(self, limit_cost: float | None = None) -> dict[str, Any]:

@@ -248,7 +248,8 @@ def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Ver
     else:
         ((source, verdict),) = verdicts.items()
         lines = [named.weights_line()]
-        if request.limit_cost is None and verdict.grade == "near":
+        is_near = verdict.linear_grade == "near" and verdict.nonlinear_holds()
+        if request.limit_cost is None and is_near:
             lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
         if verdict.critic.network and not verdict.critic.has_weights:
             lines.append("Without sample time, delay and input limits; see hfa assess")

@@ -24,10 +24,10 @@ FAR_OF_VALUE = 1e12
 #: A flight about an expansion leaves its neighborhood if z'Pz exceeds this multiple of its initial
 #: value.
 FAR_OF_EXPANSION = 100.0
-#: A flight converges if its cost-to-go at the end is at most this fraction ...
-#: ... of its initial cost-to-go, for critics that are not quadratic, and for flights about an
-#: expansion, where V is the cost beyond.
-OF_VALUE = 0.05
+#: A flight converges if its cost-to-go at the end is at most this fraction of its initial
+#: cost-to-go. For critics that are not quadratic, the cost beyond is that of their linear part, and
+#: costs are printed with three digits; for flights about an expansion, V is the cost beyond.
+OF_VALUE = 1e-6
 OF_EXPANSION = 1e-2
 #: A loop in discrete time also converges to this multiple of the cost-to-go of the exact loop.
 OF_EXACT = 2.0

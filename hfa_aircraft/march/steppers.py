@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-import warnings
 from collections.abc import Callable
 from typing import Any, Protocol
 
-import casadi as ca
 import numpy as np
-
-from hfa_support.native.bound import BoundFunction
 
 
 def rk4(rate: Callable[[Any, float], Any], x: Any, h: Any) -> Any:
@@ -64,86 +59,6 @@ class Unobserved:
     def observed(self, time: float, state: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Return an array (N, 0)."""
         return np.empty((len(state), 0))
-
-
-class Recurrence(Unobserved):
-    """Stepper of one flight x⁺ = F(x) in discrete time. Nothing is held.
-
-    after: x -> x⁺
-    steps: number of steps in a tick
-    """
-
-    step = 1.0
-
-    def __init__(self, after: ca.Function, steps: int) -> None:
-        self.steps = steps
-        self.sizes = after.numel_in(0), 0
-        x = ca.MX.sym("x", after.numel_in(0))
-        one = ca.Function("step", [x], [ca.densify(after(x))])
-        self._tick = BoundFunction(one.mapaccum("steps", steps))
-
-    def __call__(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after each step, (1, steps, n), and nothing observed, (1, steps, 0)."""
-        (after,) = self._tick.at(state[0])
-        return after.reshape(1, self.steps, -1), np.empty((1, self.steps, 0))
-
-
-class Adaptive(Unobserved):
-    """Stepper of one flight x' = f(x) by LSODA with error control, in one step a tick.
-
-    The states are not numbers where the flight diverges or the integration fails.
-
-    rate: x -> (x', size of x)
-    largest: size above which a flight diverges
-    most_steps: largest number of LSODA's own steps in a tick
-    """
-
-    steps = 1
-
-    def __init__(self, rate: ca.Function, step: float, *, largest: float, most_steps: int) -> None:
-        self.step = step
-        self.sizes = rate.numel_in(0), 0
-        self._rate = BoundFunction(rate)
-        self._largest = largest
-        self._most_steps = most_steps
-
-    def __call__(
-        self, time: float, state: np.ndarray, held: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states at the end of the tick, (1, 1, n), and nothing observed, (1, 1, 0).
-
-        The rate depends on the state alone: `time` and `held`, (1, 0), are not used.
-        """
-        from scipy.integrate import odeint
-
-        end = np.full(state.shape[1], np.nan)
-        with (
-            contextlib.suppress(FloatingPointError),  # the flight diverges
-            warnings.catch_warnings(action="ignore"),  # of LSODA when it fails
-        ):
-            (_, reached), report = odeint(
-                self._rates,
-                state[0],
-                [0.0, self.step],
-                full_output=True,
-                rtol=1e-7,
-                atol=1e-9 * np.abs(state).max(),
-                mxstep=self._most_steps,
-            )
-            if report["message"] == "Integration successful.":
-                end = reached
-        return end[None, None], np.empty((1, 1, 0))
-
-    def _rates(self, x: np.ndarray, _: float) -> np.ndarray:
-        """Return x'. Raises FloatingPointError where the flight diverges."""
-        self._rate.inputs[0][:] = x
-        self._rate()
-        rates, size = self._rate.results
-        if not size[0] <= self._largest:
-            raise FloatingPointError
-        return rates
 
 
 class RowSteps(Unobserved):

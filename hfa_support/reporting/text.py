@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
+from decimal import ROUND_CEILING, ROUND_HALF_EVEN, Decimal
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -200,6 +201,24 @@ def digits(value: float, count: int = 3) -> str:
     if abs(value) < ROUNDING:
         return "0"
     return f"{value:,.0f}" if abs(value) >= 10 ** max(count, 3) else f"{value:,.{count}g}"
+
+
+def percent(value: float, count: int = 2, *, up: bool = False) -> str:
+    """Return a percentage as text with `count` significant digits, and whole from 100 to a million.
+
+    value: the percentage
+    up: whether it is an upper bound, which is rounded up
+
+    >>> percent(634.2), percent(31.23, up=True), percent(0.0000753)
+    ('634 %', '32 %', '7.5e-05 %')
+    """
+    if not math.isfinite(value) or value == 0.0:
+        return f"{abs(value):g} %"
+    exact = Decimal(value)
+    is_whole = 100.0 <= abs(value) < 1e6
+    place = Decimal(1).scaleb(0 if is_whole else exact.adjusted() - count + 1)
+    rounded = float(exact.quantize(place, ROUND_CEILING if up else ROUND_HALF_EVEN))
+    return f"{rounded:.0f} %" if is_whole else f"{rounded:.{count}g} %"
 
 
 def digits_with_unit(value: float, unit: str, count: int = 3) -> str:

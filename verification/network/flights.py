@@ -15,7 +15,9 @@ from controller.critic.critic import Critic
 from controller.riccati.balancing import stability
 from controller.riccati.cost import SIGNLESS, loss_matrix
 from controller.riccati.gare import Solution
+from hfa_aircraft.march.ending import Outcome
 from hfa_support.reporting.checks import Check, at_most
+from hfa_support.reporting.text import percent
 from verification.box import starts_in
 from verification.network.loops import Loop, plant_loop, undisturbed_loop, worst_loop
 
@@ -37,10 +39,11 @@ class FlightResults(NamedTuple):
     loop converges from all smaller tested multiples too.
 
     flights: number of initial conditions, or 0 if nothing was simulated.
-    cost_lost_flown_percent: largest cost above V*, in percent of V*, or inf if a simulation does
-        not converge. For a linear policy, it is the largest excess over all initial conditions.
-    cost_lost_flown_mean_percent: mean cost above V*, in percent of V*, or inf if a simulation does
-        not converge.
+    cost_lost_flown_percent: largest cost above V*, in percent of V*; inf if a simulation diverges,
+        nan if one is not decided at the end of its clock. For a linear policy, it is the largest
+        excess over all initial conditions.
+    cost_lost_flown_mean_percent: mean cost above V*, in percent of V*, or inf or nan.
+    undecided_at: end of the clock of the simulation that is not decided, s or steps, or None.
     rest_point: (n,), equilibrium of the policy on the linear plant, or None.
     equilibrium_cost: cost of the equilibrium per second, or per discrete step; 0 at the trim.
     reach: largest tested multiple of the box from which the loop converges on the linear plant, or
@@ -53,6 +56,7 @@ class FlightResults(NamedTuple):
     flights: int = 0
     cost_lost_flown_percent: float = math.inf
     cost_lost_flown_mean_percent: float = math.inf
+    undecided_at: float | None = None
     rest_point: np.ndarray | None = None
     equilibrium_cost: float = 0.0
     reach: float = 0.0
@@ -60,18 +64,28 @@ class FlightResults(NamedTuple):
     reach_nonlinear_exact: float | None = None
 
 
-def equilibrium_check(equilibrium: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
-    """Return the check of the distance max_i |e_i| / b_i between equilibrium and trim.
+def equilibrium_check(
+    equilibrium: np.ndarray | None, P: np.ndarray, b: np.ndarray, limit: float
+) -> Check:
+    """Return the check of V* at the equilibrium, in percent of its mean over the corners of the
+    box, tr(b P b).
 
-    equilibrium: equilibrium, (n,), or None if none was found; the distance is then infinite
+    V* is the cost of steering from the equilibrium to the trim. It is quadratic in the distance: an
+    equilibrium at 0.1 of the box costs about 1 %.
+
+    equilibrium: equilibrium, (n,), or None if none was found; the cost is then infinite
+    P: matrix of V*, (n, n)
     b: half-widths of the box of states, (n,)
-    limit: largest distance that passes
+    limit: largest distance that passes, relative to the box
     """
+    most = 100.0 * limit**2
     if equilibrium is None:
-        return at_most("rest_point", math.inf, limit, "no equilibrium near trim", kind="rest")
+        return at_most("rest_point", math.inf, most, "no equilibrium near trim", kind="rest")
+    cost = float(equilibrium @ P @ equilibrium)
+    share = 100.0 * cost / float(np.diag(P) @ b**2) if cost > 0.0 else 0.0
     distance = float((np.abs(equilibrium) / b).max())
-    reason = f"equilibrium {distance:.2g} boxes off trim"
-    return at_most("rest_point", distance, limit, reason, kind="rest")
+    reason = f"equilibrium {distance:.2g} boxes off trim, V* there {percent(share, up=True)}"
+    return at_most("rest_point", share, most, reason, kind="rest")
 
 
 def fly(
@@ -95,7 +109,7 @@ def fly(
         return FlightResults()
     if critic.is_wide:
         flights = min(flights, _WIDE_FLIGHTS)
-    losses = costs_above_optimum(exact, critic, b, flights)
+    losses, undecided_at = costs_above_optimum(exact, critic, b, flights)
     loop = undisturbed_loop(exact, critic, b)
     rest = loop.equilibrium
     equilibrium_cost = 0.0
@@ -107,6 +121,7 @@ def fly(
         flights=flights,
         cost_lost_flown_percent=float(losses.max()),
         cost_lost_flown_mean_percent=float(losses.mean()),
+        undecided_at=undecided_at,
         rest_point=rest,
         equilibrium_cost=equilibrium_cost,
         reach=_reach(loop, b, few),
@@ -119,28 +134,33 @@ def fly(
     )
 
 
-def costs_above_optimum(exact: Solution, critic: Critic, b: np.ndarray, flights: int) -> np.ndarray:
-    """Return the cost above V* from each initial condition, in percent of V*, (flights,).
+def costs_above_optimum(
+    exact: Solution, critic: Critic, b: np.ndarray, flights: int
+) -> tuple[np.ndarray, float | None]:
+    """Return the cost above V* from each initial condition, in percent of V*, (flights,), and the
+    end of the clock of the first simulation that is not decided, s or steps, or None.
 
     The first initial condition is the worst one of the linear loop. The loop is under the worst
     disturbance of the critic's linear part; in discrete time, of the exact solution. The cost after
-    the end of a simulation is computed for the linear loop. All costs are inf if a simulation does
-    not converge, or if the linear loop is unstable.
+    the end of a simulation is computed for the linear loop. All costs are inf if a simulation
+    diverges or the linear loop has no bounded cost, and nan if a simulation is not decided.
     """
     remaining = loss_matrix(exact, critic.K)
     if remaining is None:
-        return np.full(flights, math.inf)
+        return np.full(flights, math.inf), None
     P = exact.P
     loop = worst_loop(exact, critic, b, remaining)
     starts = np.vstack([worst_start(remaining, P, b), starts_in(b, flights - 1)])
     losses = []
     for start in starts:
         end = loop.simulate(start)
-        if end is None:
-            return np.full(flights, math.inf)
+        if end.outcome is Outcome.LEFT:
+            return np.full(flights, math.inf), None
+        if end.outcome is Outcome.UNDECIDED:
+            return np.full(flights, math.nan), end.time
         cost = end.cost + end.discount * (end.z @ remaining @ end.z)
         losses.append(max(100.0 * float(cost / (start @ P @ start)), 0.0))
-    return np.array(losses)
+    return np.array(losses), None
 
 
 def worst_start(X: np.ndarray, P: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -166,7 +186,9 @@ def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
     """Return the largest tested multiple of the box from which all simulations converge, or 0."""
 
     def converges(size: float) -> bool:
-        return all(loop.simulate(start) is not None for start in size * starts_in(b, few))
+        return all(
+            loop.simulate(start).outcome is Outcome.CONVERGED for start in size * starts_in(b, few)
+        )
 
     size = 1.0
     if converges(size):

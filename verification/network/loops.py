@@ -7,10 +7,12 @@ discrete time, costs are those under d*.
 
 from __future__ import annotations
 
+import contextlib
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
@@ -19,17 +21,18 @@ from controller.critic.critic import Critic
 from controller.critic.symbols import symbols_for
 from controller.riccati.balancing import stability
 from controller.riccati.gare import Solution
-from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, EndRule, has_decayed
-from hfa_aircraft.march.march import Free, march
-from hfa_aircraft.march.steppers import Adaptive, Recurrence, Stepper
+from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, Outcome, has_decayed
 from hfa_support.matrices import quadratic_forms
+from hfa_support.native.bound import BoundFunction
 from verification.plant import NonlinearPlant
 
-#: A simulation ends when the exact loop has decayed to exp(-`DECAY`).
+#: A tick of a simulation in continuous time is as long as the slowest linear loop needs to decay to
+#: exp(-`DECAY`). A loop that is more than `SLOWEST` times slower than the exact one counts as that
+#: fast.
 DECAY = 5.0
-#: It ends later for a slower linear loop, but not later than this many times the time of the exact
-#: loop.
 SLOWEST = 100.0
+#: Largest number of ticks of a simulation: 500 time constants of the linear loop.
+TICKS = 100
 #: Largest number of LSODA steps in a simulation of the linear plant, in one that is slow to
 #: evaluate (a wide network, the nonlinear plant), and of steps of a discrete loop.
 STEPS = 20_000
@@ -43,71 +46,174 @@ Expression = Callable[[ca.SX], ca.SX]
 
 
 class End(NamedTuple):
-    """End of a simulation that converges.
+    """End of a simulation.
 
+    outcome: whether the loop converges, diverges, or is not decided at the end of the clock
+    time: duration, s or steps
     z: state minus the equilibrium, (n,)
     cost: cost until then
     discount: discount of the cost after the end
     """
 
+    outcome: Outcome
+    time: float
     z: np.ndarray
     cost: float
     discount: float
 
 
+class Ticks(Protocol):
+    """Simulation of one loop, tick by tick.
+
+    tick: duration of a tick, s or steps
+    most_steps: largest number of steps of the simulation
+    """
+
+    tick: float
+    most_steps: int
+
+    def __call__(self, state: np.ndarray, steps: int) -> tuple[np.ndarray, int]:
+        """Return the state after a tick, nan where the loop diverges, and the steps it took.
+
+        steps: largest number of steps; if the tick takes more, the state is the first one
+        """
+
+
+class FlowTicks:
+    """Ticks of x' = f(x), by LSODA with error control.
+
+    rate: x -> (x', V*)
+    tick: duration, s
+    largest: V* above which the loop diverges
+    most_steps: largest number of LSODA's own steps of a simulation
+    """
+
+    def __init__(self, rate: ca.Function, tick: float, largest: float, most_steps: int) -> None:
+        self.tick = tick
+        self.most_steps = most_steps
+        self._rate = BoundFunction(rate)
+        self._largest = largest
+
+    def __call__(self, state: np.ndarray, steps: int) -> tuple[np.ndarray, int]:
+        """Return the state after a tick, and the number of LSODA's steps."""
+        from scipy.integrate import odeint
+
+        with (
+            contextlib.suppress(FloatingPointError),  # the loop diverges
+            warnings.catch_warnings(action="ignore"),  # of LSODA when it fails
+        ):
+            (_, reached), report = odeint(
+                self._rates,
+                state,
+                [0.0, self.tick],
+                full_output=True,
+                rtol=1e-7,
+                atol=1e-9 * np.abs(state).max(),
+                mxstep=steps,
+            )
+            if report["message"] == "Integration successful.":
+                return reached, int(report["nst"][-1])
+            return state, steps
+        return np.full(state.shape, np.nan), 0
+
+    def _rates(self, x: np.ndarray, _: float) -> np.ndarray:
+        """Return x'. Raises FloatingPointError where the loop diverges."""
+        self._rate.inputs[0][:] = x
+        self._rate()
+        rates, value = self._rate.results
+        if not value[0] <= self._largest:
+            raise FloatingPointError
+        return rates
+
+
+class StepTicks:
+    """Ticks of x⁺ = F(x), of several steps each.
+
+    after: x -> x⁺
+    is_slow: whether it is slow to evaluate
+    """
+
+    def __init__(self, after: ca.Function, *, is_slow: bool) -> None:
+        per_tick, self.most_steps = (1, FEW_STEPS) if is_slow else (_PER_TICK, STEPS)
+        self.tick = float(per_tick)
+        x = ca.MX.sym("x", after.numel_in(0))
+        one = ca.Function("step", [x], [ca.densify(after(x))])
+        self._tick = BoundFunction(one.mapaccum("steps", per_tick))
+
+    def __call__(self, state: np.ndarray, steps: int) -> tuple[np.ndarray, int]:
+        """Return the state after a tick, and the number of its steps."""
+        with np.errstate(all="ignore"):
+            (after,) = self._tick.at(state)
+        return after[-len(state) :], int(self.tick)
+
+
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """Closed loop of z and of its cost, which converges if V* = z'Pz decreases to `OF_VALUE`.
+    """Closed loop of z and of its cost.
 
-    stepper: integration of [z; cost], in discrete time of [z; cost; discount αᵏ]
-    steps: number of steps
+    A simulation ends when V* = z'Pz has decreased to `OF_VALUE` of its first value, when it has
+    increased beyond `largest`, or when the clock ends.
+
+    ticks: simulation of [z; cost], in discrete time of [z; cost; discount αᵏ]
     first: initial cost and discount
     P: matrix of V*, (n, n)
     equilibrium: equilibrium near z = 0, or None if none is found
     largest: V* above which the loop diverges
-    by_exact: state-transition matrix of the exact loop in discrete time, (n, n), or None. V* may
-        also decrease to `OF_EXACT` times that of the exact loop
+    by_exact: matrix of the exact loop in discrete time, (n, n), or None. A slow loop also converges
+        if V* is at most `OF_EXACT` times that of the exact loop at the end of the clock
     """
 
-    stepper: Stepper
-    steps: int
+    ticks: Ticks
     first: tuple[float, ...]
     P: np.ndarray
     equilibrium: np.ndarray | None
     largest: float
     by_exact: np.ndarray | None = None
 
-    def simulate(self, start: np.ndarray) -> End | None:
+    def simulate(self, start: np.ndarray) -> End:
         """Simulate the loop from the initial state `start` (n,).
 
-        The result is None if the loop has no equilibrium, diverges or does not converge, or if the
-        integration fails.
+        Without an equilibrium, nothing is decided.
         """
-        if self.equilibrium is None:
-            return None
         n = len(start)
-        any_state = np.finfo(float).max  # `largest` decides
-        rule = EndRule(any_state, lambda x: self._values(x) <= self.largest)
-        loop = Free(self.stepper, np.append(start, self.first)[None])
-        with np.errstate(all="ignore"):
-            ticks = math.ceil(self.steps / self.stepper.steps)
-            flown, ends = march(loop, ticks, over=rule.over)
-        final = flown.states[0, min(ends[0], self.steps)]
-        z_end, (cost, *discount) = final[:n], final[n:].tolist()  # [z; cost; discount]
-        if rule.is_over(final[None])[0]:
-            return None
-        z = z_end - self.equilibrium
-        begin = start - self.equilibrium
-        value, initial = self._values(np.vstack([z, begin]))
-        converges = has_decayed(value, initial, OF_VALUE)
+        state, time = np.append(start, self.first), 0.0
+        if self.equilibrium is None:
+            return self._end(Outcome.UNDECIDED, time, state, n)
+        initial = self._value(start - self.equilibrium)
+        left = self.ticks.most_steps
+        for _ in range(self._most_ticks):
+            state, used = self.ticks(state, left)
+            left -= used
+            if not self._value(state[:n]) <= self.largest:
+                return self._end(Outcome.LEFT, time, state, n)
+            if left <= 0:
+                break
+            time += self.ticks.tick
+            if has_decayed(self._value(state[:n] - self.equilibrium), initial, OF_VALUE):
+                return self._end(Outcome.CONVERGED, time, state, n)
+        outcome = Outcome.UNDECIDED
         if self.by_exact is not None:
-            exact = self._values((self.by_exact @ begin)[None])[0]
-            converges |= has_decayed(value, exact, OF_EXACT)
-        return End(z, cost, *(discount or [1.0])) if converges else None
+            exact = np.linalg.matrix_power(self.by_exact, round(time)) @ (start - self.equilibrium)
+            value = self._value(state[:n] - self.equilibrium)
+            if has_decayed(value, self._value(exact), OF_EXACT):
+                outcome = Outcome.CONVERGED
+        return self._end(outcome, time, state, n)
 
-    def _values(self, states: np.ndarray) -> np.ndarray:
-        """Return V* of each of the states (N, n and more), (N,)."""
-        return quadratic_forms(states[:, : len(self.P)], self.P)
+    @property
+    def _most_ticks(self) -> int:
+        if self.by_exact is None:
+            return TICKS
+        return math.ceil(self.ticks.most_steps / self.ticks.tick)
+
+    def _end(self, outcome: Outcome, time: float, state: np.ndarray, n: int) -> End:
+        cost, *discount = state[n:].tolist()
+        z = state[:n] if self.equilibrium is None else state[:n] - self.equilibrium
+        return End(outcome, time, z, cost, *(discount or [1.0]))
+
+    def _value(self, z: np.ndarray) -> float:
+        """Return V* of a state z (n,)."""
+        with np.errstate(all="ignore"):
+            return float(quadratic_forms(z[None], self.P)[0])
 
 
 def undisturbed_loop(exact: Solution, critic: Critic, b: np.ndarray) -> Loop:
@@ -155,7 +261,7 @@ def plant_loop(
     z = ca.SX.sym("z", len(b)) if critic is None else critic.symbols
     u = -ca.DM(exact.K) @ z if critic is None else critic.policy(z)
     own = [] if critic is None else [game.A - game.B @ critic.K]
-    return flow_loop(z, plant.closed(z, u), exact, _duration(exact, *own), b, is_slow=True)
+    return flow_loop(z, plant.closed(z, u), exact, _tick(exact, *own), b, is_slow=True)
 
 
 def _loop_of(
@@ -175,34 +281,25 @@ def _loop_of(
     if game.is_discrete:
         z = symbols_for([critic.policy], len(b))
         next_state = ca.DM(A) @ z + ca.DM(game.B) @ critic.policy(z)
-        steps = min(math.ceil(_duration(exact, linear)), STEPS)
-        by_exact = A - game.B @ exact.K
-        return step_loop(z, next_state, exact, by_exact, steps, b, running)
+        return step_loop(z, next_state, exact, A - game.B @ exact.K, b, running)
     z = critic.symbols
     rate = ca.DM(A) @ z + ca.DM(game.B) @ critic.policy(z)
     undisturbed = game.A - game.B @ critic.K
-    return flow_loop(z, rate, exact, _duration(exact, undisturbed, linear), b, running)
+    return flow_loop(z, rate, exact, _tick(exact, undisturbed, linear), b, running)
 
 
-def _duration(exact: Solution, *loops: np.ndarray) -> float:
-    """Return the duration of a simulation, s or steps, in which the exact loop and linear loops
-    decay.
-
-    In continuous time, loops count as at most SLOWEST times slower than the exact one. In discrete
-    time, the caller limits the number of steps.
+def _tick(exact: Solution, *loops: np.ndarray) -> float:
+    """Return the duration of a tick in continuous time, s, in which the exact loop and linear loops
+    decay. Loops count as at most `SLOWEST` times slower than the exact one.
 
     loops: stable matrices, (n, n)
     """
     game = exact.game
-    discrete = game.is_discrete
-
-    def rate(loop: np.ndarray) -> float:
-        value = stability(loop, is_discrete=discrete).value
-        return -math.log(min(max(value, 1e-3), 1.0 - 1e-12)) if discrete else abs(value)
-
-    by_exact = rate(game.A - game.B @ exact.K)
-    slowest = min([by_exact, *map(rate, loops)])
-    return DECAY / (slowest if discrete else max(slowest, by_exact / SLOWEST))
+    by_exact, *rates = (
+        abs(stability(loop, is_discrete=False).value)
+        for loop in (game.A - game.B @ exact.K, *loops)
+    )
+    return DECAY / max(min([by_exact, *rates]), by_exact / SLOWEST)
 
 
 def excess_cost_rate(
@@ -230,7 +327,7 @@ def flow_loop(
     z: ca.SX,
     rates: ca.SX,
     exact: Solution,
-    time: float,
+    tick: float,
     b: np.ndarray,
     running: Callable[[np.ndarray], Expression] | None = None,
     *,
@@ -239,7 +336,7 @@ def flow_loop(
     """Return the closed loop z' = rates(z), cost' = running(z), integrated with LSODA.
 
     exact: exact solution, whose P measures convergence
-    time: duration of a simulation, s
+    tick: duration of a tick, s
     b: half-widths of the box of states, (n,)
     running: equilibrium -> function z -> cost rate, 0 at the equilibrium, or None without a cost
     is_slow: whether the rates are slow to evaluate
@@ -254,8 +351,8 @@ def flow_loop(
     rate = ca.Function("rate", [both], list(slopes(both[: z.numel()])))
     largest = FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b)
     most_steps = FEW_STEPS if is_slow or not isinstance(rates, ca.SX) else STEPS
-    stepper = Adaptive(rate, time, largest=largest, most_steps=most_steps)
-    return Loop(stepper, steps=1, first=(0.0,), P=exact.P, equilibrium=equilibrium, largest=largest)
+    ticks = FlowTicks(rate, tick, largest, most_steps)
+    return Loop(ticks, first=(0.0,), P=exact.P, equilibrium=equilibrium, largest=largest)
 
 
 def step_loop(
@@ -263,7 +360,6 @@ def step_loop(
     after: ca.SX,
     exact: Solution,
     by_exact: np.ndarray,
-    steps: int,
     b: np.ndarray,
     running: Callable[[np.ndarray], Expression] | None = None,
 ) -> Loop:
@@ -271,7 +367,6 @@ def step_loop(
 
     exact: exact solution, with P and the discount factor α
     by_exact: A - B K* of the exact loop, (n, n)
-    steps: number of steps
     b: half-widths of the box of states, (n,)
     running: equilibrium -> function x -> cost of a step, or None without a cost
     """
@@ -285,15 +380,13 @@ def step_loop(
     x_after, cost = step(state[:n])
     total, weight = state[n] + state[n + 1] * cost, exact.game.discount * state[n + 1]
     later = ca.Function("later", [state], [ca.vertcat(x_after, total, weight)])
-    stepper = Recurrence(later, 1 if isinstance(x, ca.MX) else min(steps, _PER_TICK))
     return Loop(
-        stepper,
-        steps=steps,
+        StepTicks(later, is_slow=isinstance(x, ca.MX)),
         first=(0.0, 1.0),
         P=exact.P,
         equilibrium=equilibrium,
         largest=FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b),
-        by_exact=np.linalg.matrix_power(by_exact, steps),
+        by_exact=by_exact,
     )
 
 

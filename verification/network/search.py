@@ -15,6 +15,7 @@ import numpy as np
 from controller.critic.critic import FUNCTIONS, Critic
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, at_most, below
+from hfa_support.reporting.text import percent
 from verification.box import starts_in
 from verification.critic_errors import SMALL, error_check
 from verification.network.flights import (
@@ -95,14 +96,22 @@ def findings_of(
     checks = list(errors)
     flown = fly(exact, critic, b, flights, plant)
     if flown.flights:
-        checks.append(equilibrium_check(flown.rest_point, b, limit))
-        lost = "not all flights from the box converge"
+        checks.append(equilibrium_check(flown.rest_point, exact.P, b, limit))
         costs = flown.cost_lost_flown_percent
+        lost = _not_converged(flown, is_discrete=exact.game.is_discrete)
         checks.append(below("cost_lost_flown_percent", costs, math.inf, lost, kind="cost"))
     period = "step" if exact.game.is_discrete else "second"
     section = nonlinear_section(critic, b, worst, flown, period)
     states = starts_of(critic) if critic.network else 0
     return Findings(errors, checks, flown, section, states)
+
+
+def _not_converged(flown: FlightResults, *, is_discrete: bool) -> str:
+    """Return why the flights have no bounded cost."""
+    if flown.undecided_at is None:
+        return "not all flights from the box converge"
+    unit = "steps" if is_discrete else "s"
+    return f"a flight from the box is not decided within {flown.undecided_at:.3g} {unit}"
 
 
 # Search.
@@ -294,10 +303,12 @@ def _flight_lines(flown: FlightResults) -> list[str]:
     if not flown.flights:
         return ["No flights: the linear loop is not stable"]
     cost = "not all of them converge"
+    if flown.undecided_at is not None:
+        cost = "not decided"
     if math.isfinite(flown.cost_lost_flown_percent):
         cost = (
-            f"cost at most {flown.cost_lost_flown_percent:.3g} % above the optimum, "
-            f"{flown.cost_lost_flown_mean_percent:.3g} % on average"
+            f"cost at most {percent(flown.cost_lost_flown_percent, 3, up=True)} above the optimum, "
+            f"{percent(flown.cost_lost_flown_mean_percent, 3)} on average"
         )
     lines = [
         f"Simulated in the linear game from {flown.flights} initial conditions in the box (not a "
