@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-# Refuses a missing python-flint before any module imports it, and sets the precision of balls.
+# Sets the precision of balls.
 import hfa_prove.enclosure.precision  # noqa: F401
 from hfa_prove.certificate import Certificate
 from hfa_prove.check.schedule import check_schedule

@@ -25,15 +25,10 @@ import casadi as ca
 import numpy as np
 from flint import arb, arb_mat, ctx
 
+from controller.riccati.balls import ball_matrix, identity, is_positive_definite, midpoints
 from hfa_prove.check.trims import SteadyFlight, TrimPiece
 from hfa_prove.enclosure.ball_function import BallFunction, Undecided
-from hfa_prove.enclosure.balls import (
-    doubles,
-    exact,
-    is_positive_definite,
-    matrix,
-    symmetric,
-)
+from hfa_prove.enclosure.balls import exact, symmetric
 from hfa_prove.enclosure.precision import PRECISION
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.aircraft import SAME_TRIM
@@ -172,7 +167,7 @@ class ScheduleProof:
     def loop_at(self, w: np.ndarray, s: float) -> np.ndarray:
         """Return the closed loop C (n, n) at a trim w (f,) in doubles."""
         K = self._gain(s)
-        value, slope = (doubles(entries).ravel(order="F") for entries in (K.value, K.slope))
+        value, slope = (midpoints(entries).ravel(order="F") for entries in (K.value, K.slope))
         values = self._loops[0](w, s, self.flight.doubles, value, slope, K.origin)
         n = K.value.ncols()
         return np.array(values).reshape(n, n, order="F")
@@ -194,7 +189,7 @@ class ScheduleProof:
         _, by_w, by_s = derivatives(around, [s], self.flight.numbers, *gain)
         f = len(at)
         by_free = arb_mat(f, n * n, by_w).transpose()
-        along = arb_mat(n * n, 1, by_s) + by_free * matrix(trims.slope[:, None])
+        along = arb_mat(n * n, 1, by_s) + by_free * ball_matrix(trims.slope[:, None])
         middle = along.mid()
         rest = (along - middle) * symmetric(trims.half_width)
         rest += by_free * arb_mat(f, 1, list(trims.offset))
@@ -204,7 +199,7 @@ class ScheduleProof:
     def _check_decay(self, loop: LinearInPosition, trims: TrimPiece) -> None:
         """Raise Rejected unless the decay rate is proved on a piece."""
         n = loop.centre.nrows()
-        values, vectors = np.linalg.eig(doubles(loop.centre))
+        values, vectors = np.linalg.eig(midpoints(loop.centre))
         largest = float(values.real.max())
         rate = self.statement.decay_rate
         if not largest < -rate:
@@ -212,11 +207,12 @@ class ScheduleProof:
                 f"A - B K has an eigenvalue with the real part {largest:.6g} 1/s, not below -"
                 f"{rate:.6g} 1/s"
             )
-        T = matrix(real_basis(values, vectors))
+        T = ball_matrix(real_basis(values, vectors))
         back = T.inv()
+        room = 2 * exact(rate) * identity(n)
         for t in (-trims.half_width, trims.half_width):
             S = back * loop.at(t) * T
-            if not is_positive_definite(-(S + S.transpose()) - 2 * exact(rate) * matrix(np.eye(n))):
+            if not is_positive_definite(-(S + S.transpose()) - room):
                 raise Rejected(f"the decay rate {rate:.6g} 1/s is not proved")
 
     def _check_motion(self, loop: LinearInPosition, trims: TrimPiece, rate: float) -> None:
@@ -232,7 +228,7 @@ class ScheduleProof:
         bend = loop.slope.transpose() * slope
         bend = (bend + bend.transpose()) * arb(0).union(half * half)
         try:
-            T = matrix(np.linalg.inv(np.linalg.cholesky(doubles(P))).T)
+            T = ball_matrix(np.linalg.inv(np.linalg.cholesky(midpoints(P))).T)
         except np.linalg.LinAlgError as error:
             raise Rejected("P of the motion is not positive definite") from error
         for t in (-half, half):
@@ -262,12 +258,12 @@ def linear_part(breakpoints: np.ndarray, values: np.ndarray, s: float) -> Linear
     values: matrices at the breakpoints, (g, rows, columns)
     """
     if len(breakpoints) == 1:
-        return LinearPart(matrix(values[0]), matrix(np.zeros(values[0].shape)), 0.0)
+        return LinearPart(ball_matrix(values[0]), ball_matrix(np.zeros(values[0].shape)), 0.0)
     k = int(np.searchsorted(breakpoints, s, "right")) - 1
     k = min(max(k, 0), len(breakpoints) - 2)
     first, last = breakpoints[k : k + 2].tolist()
-    slope = (matrix(values[k + 1]) - matrix(values[k])) / (exact(last) - exact(first))
-    return LinearPart(matrix(values[k]), slope, first)
+    slope = (ball_matrix(values[k + 1]) - ball_matrix(values[k])) / (exact(last) - exact(first))
+    return LinearPart(ball_matrix(values[k]), slope, first)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,10 @@ import casadi as ca
 import numpy as np
 from flint import arb, arb_mat
 
+from controller.riccati.balls import ball_matrix, identity
 from hfa_aircraft.model import Model
 from hfa_prove.enclosure.ball_function import BallFunction, Undecided
-from hfa_prove.enclosure.balls import READING, exact, matrix, symmetric
+from hfa_prove.enclosure.balls import READING, exact, symmetric
 from hfa_prove.fields import Rejected
 from hfa_prove.statements.flight import Flight, unit_of_schedule
 from hfa_support.errors import BadInputError
@@ -273,10 +274,10 @@ class SteadyFlight:
             raise Rejected("no values of the free variables satisfy an equation of the trim")
         Gw, Gs = self._slopes(around, [s], self.numbers)
         slopes = arb_mat(f, f, Gw).transpose()
-        along = arb_mat(f, 1, Gs) + slopes * matrix(piece.slope[:, None])
-        inverse = matrix(Y)
+        along = arb_mat(f, 1, Gs) + slopes * ball_matrix(piece.slope[:, None])
+        inverse = ball_matrix(Y)
         step = inverse * (arb_mat(f, 1, G) + along * symmetric(piece.half_width))
-        rest = (matrix(np.eye(f)) - inverse * slopes) * arb_mat(f, 1, list(box))
+        rest = (identity(f) - inverse * slopes) * arb_mat(f, 1, list(box))
         return list((rest - step).entries())
 
     def _check_limits(self, piece: TrimPiece) -> None:

@@ -41,16 +41,13 @@ def prove(request: CheckRequest) -> Outcome:
     The subject is given as in the proof: the aircraft with its file, parameters, trim and limits,
     and the gains or the weights of their game. Every option is compared with the statement. The
     first line of the report names the parts that were not given. Exit code 0: the statement is
-    proved. Exit code 1: the statement is not proved, or differs from an option. The command
-    requires the package python-flint."""
+    proved. Exit code 1: the statement is not proved, or differs from an option."""
     from hfa_prove.certificate import read_certificate
     from hfa_prove.check import check
     from hfa_prove.commands.given import asked_trim, given_for
-    from hfa_prove.enclosure.precision import flint_or_refusal
     from hfa_prove.report import checked_report
     from hfa_prove.subject import compare
 
-    flint_or_refusal()
     path = request.check
     if path is None:
         raise BadInputError(

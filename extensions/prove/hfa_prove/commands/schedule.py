@@ -62,11 +62,7 @@ def schedule(request: ScheduleRequest) -> Outcome:
     At every value, and not only on a grid, the trim is proved to exist within its limits and the
     eigenvalues of A - B K to have real parts below a decay rate. -o FILE.json writes a certificate
     for `hfa prove --check FILE`. Not covered: actuators, delay, the nonlinear aircraft. Exit code
-    0: the statement is proved. Exit code 1: it is false or remains open; the message states where.
-    The command requires the package python-flint."""
-    from hfa_prove.enclosure.precision import flint_or_refusal
-
-    flint_or_refusal()
+    0: the statement is proved. Exit code 1: it is false or open; the message states where."""
     refuse_no_certificate(request.output)
     from hfa_prove.certificate import write_certificate
     from hfa_prove.search.family import Family, breakpoints_of, exact_gains

@@ -8,9 +8,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-
-pytest.importorskip("hfa_prove")
-
 from flint import arb
 
 from hfa import BadInputError
