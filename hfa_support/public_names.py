@@ -9,8 +9,10 @@ from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
+
+from hfa_support.public_arguments import checked
 
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
@@ -33,7 +35,25 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         if name == "__all__":
             return installed()
         module, name_there = origin(name)
-        return getattr(module, name_there) if name_there else module
+        if not name_there:
+            return module
+        found = getattr(module, name_there)
+        return public_function(found) if isinstance(found, FunctionType) else found
+
+    @cache
+    def public_function(function: FunctionType) -> Callable[..., Any]:
+        """Return the function with a check of the kinds of its arguments."""
+        return checked(function, makers)
+
+    def makers(kind: str) -> str:
+        """Return which public functions make an object of a class, or ""."""
+        offered = [(name, get(name)) for name in installed() if name != kind]
+        made = [
+            f"{package}.{name}"
+            for name, each in offered
+            if isinstance(each, FunctionType) and each.__annotations__["return"] == kind
+        ]
+        return f"a {kind} is returned by {' and by '.join(made)}" if made else ""
 
     @cache
     def origin(name: str) -> tuple[ModuleType, str]:

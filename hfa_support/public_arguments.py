@@ -1,0 +1,128 @@
+"""Check of the kinds of arguments of public functions, by the annotations of the functions."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, wraps
+from importlib import import_module
+from itertools import chain
+from types import FunctionType, UnionType
+from typing import Any, get_args, get_origin
+
+from hfa_support.errors import BadInputError
+
+#: Attributes of arrays, of numbers and of sequences, which no text has in common.
+_NUMBERS = ("__array__", "__float__", "__iter__")
+#: Name in an annotation -> whether a type of arguments is of this kind.
+_KINDS: dict[str, Callable[[type], bool]] = {
+    "Any": lambda kind: True,
+    "None": lambda kind: kind is type(None),
+    "str": lambda kind: issubclass(kind, str),
+    "Path": lambda kind: issubclass(kind, os.PathLike),
+    "int": lambda kind: _defines(kind, "__index__"),
+    "bool": lambda kind: issubclass(kind, bool) or kind.__name__ == "bool",  # of NumPy, too
+    "float": lambda kind: _defines(kind, "__float__"),
+    "Mapping": lambda kind: _defines(kind, "keys"),
+    "Callable": lambda kind: _defines(kind, "__call__"),
+    **dict.fromkeys(("ArrayLike", "np.ndarray"), lambda kind: _has(kind, _NUMBERS)),
+    **dict.fromkeys(("Sequence", "Iterable", "tuple"), lambda kind: _has(kind, ("__iter__",))),
+}
+
+
+def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Callable[..., Any]:
+    """Return a public function that refuses arguments of another kind than its annotations state.
+
+    Only the kind is checked here: the function checks shapes, units and signs.
+
+    makers: name of a class -> advice on how an object of this class is made, or ""
+
+    The returned function raises BadInputError for an argument of another kind.
+    """
+    parameters = inspect.signature(function).parameters
+    accepted: dict[str, set[type]] = {name: set() for name in parameters}
+
+    @wraps(function)
+    def called(*args: Any, **options: Any) -> Any:
+        for name, value in chain(zip(accepted, args, strict=False), options.items()):
+            if name in accepted and type(value) not in accepted[name]:
+                check(name, value)
+                accepted[name].add(type(value))
+        return function(*args, **options)
+
+    def check(name: str, value: Any) -> None:
+        annotation = str(parameters[name].annotation)
+        kinds = [*_alternatives(ast.parse(annotation, mode="eval").body)]
+        if not any(_is_of(type(value), kind, function.__module__) for kind in kinds):
+            known = " or ".join(f"a {kind.rpartition('.')[2]}" for kind in kinds if kind != "None")
+            how = "".join(f"; {text}" for text in map(makers, kinds) if text)
+            kind = type(value).__name__
+            raise BadInputError(f"{function.__name__}: {name} is of type {kind}; give {known}{how}")
+
+    return called
+
+
+def _alternatives(annotation: ast.expr) -> Iterator[str]:
+    """Yield the kinds of a union, without their arguments in brackets."""
+    match annotation:
+        case ast.BinOp(left=left, op=ast.BitOr(), right=right):
+            yield from _alternatives(left)
+            yield from _alternatives(right)
+        case ast.Subscript(value=value):
+            yield from _alternatives(value)
+        case _:
+            yield ast.unparse(annotation)
+
+
+def _is_of(kind: type, name: str, module: str) -> bool:
+    """Return whether a type is of the kind that a name in an annotation of a module states."""
+    if name in _KINDS:
+        return _KINDS[name](kind)
+    if any(each.__name__ == name.rpartition(".")[2] for each in kind.__mro__):
+        return True
+    stated = _stated(name, module)
+    if getattr(stated, "_is_protocol", False):
+        methods = [
+            each
+            for each, value in vars(stated).items()
+            if isinstance(value, FunctionType | property)
+        ]
+        return all(_defines(kind, each) for each in methods if each == "__call__" or each[0] != "_")
+    if get_origin(stated) is Callable:
+        return _defines(kind, "__call__")
+    classes = get_args(stated) if isinstance(stated, UnionType) else (stated,)
+    return not all(isinstance(each, type) for each in classes) or issubclass(kind, classes)
+
+
+def _has(kind: type, attributes: Sequence[str]) -> bool:
+    return not issubclass(kind, str) and any(_defines(kind, each) for each in attributes)
+
+
+def _defines(kind: type, attribute: str) -> bool:
+    """Return whether objects of a type have an attribute; the type itself can be called, too."""
+    return any(attribute in vars(each) for each in kind.__mro__)
+
+
+@cache
+def _stated(name: str, module: str) -> Any:
+    """Return the object that an annotation names, also one that is imported for types only."""
+    first, *others = name.split(".")
+    names = vars(sys.modules[module])
+    found = names[first] if first in names else _imported_for_types(module, first)
+    for each in others:
+        found = getattr(found, each)
+    return found
+
+
+def _imported_for_types(module: str, name: str) -> Any:
+    for statement in ast.walk(ast.parse(inspect.getsource(sys.modules[module]))):
+        if isinstance(statement, ast.Import | ast.ImportFrom):
+            for alias in statement.names:
+                if name == (alias.asname or alias.name):
+                    if isinstance(statement, ast.Import):
+                        return import_module(alias.name)
+                    return getattr(import_module(str(statement.module)), alias.name)
+    raise NameError(f"{module} does not import {name}")

@@ -1,0 +1,54 @@
+"""Arguments of another kind are refused at the door of each public function."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+
+import control
+import numpy as np
+import pytest
+
+import hfa
+
+FUNCTIONS = [name for name in dir(hfa) if inspect.isfunction(getattr(hfa, name))]
+
+
+class Other:
+    """An object of no kind that a function accepts."""
+
+
+def parameters() -> Iterator[tuple[str, str]]:
+    """Yield every public function with each of its parameters that does not accept anything."""
+    for name in FUNCTIONS:
+        for parameter in inspect.signature(getattr(hfa, name)).parameters.values():
+            if parameter.annotation != "Any":
+                yield name, parameter.name
+
+
+@pytest.mark.parametrize(("function", "parameter"), parameters())
+def test_an_argument_of_another_kind_is_refused_by_name(function: str, parameter: str) -> None:
+    """Every public function refuses an object of another kind, and names the parameter."""
+    with pytest.raises(hfa.BadInputError, match=f"^{function}: {parameter} is of type Other; give"):
+        getattr(hfa, function)(**{parameter: Other()})
+
+
+@pytest.mark.parametrize(
+    ("call", "advised"),
+    [
+        (lambda: hfa.trim("examples/f16.py:F16"), "hfa.load_model"),
+        (lambda: hfa.verify(3, np.eye(2)), "hfa.game"),
+        (lambda: hfa.game(control.tf([1], [1, 1])), "hfa.linearize"),
+        (lambda: hfa.optimize(hfa.aircraft(), inputs="elevator"), "a Sequence"),
+    ],
+)
+def test_the_refusal_names_the_functions_that_return_the_required_kind(call, advised) -> None:
+    """A refusal names the public functions whose results are accepted."""
+    with pytest.raises(hfa.BadInputError, match=advised):
+        call()
+
+
+def test_a_misspelled_name_gets_the_error_of_python() -> None:
+    """A misspelled argument is not refused by the project."""
+    with pytest.raises(TypeError, match="unexpected keyword argument 'gamee'"):
+        hfa.solve(gamee=3)
