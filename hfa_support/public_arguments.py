@@ -32,6 +32,19 @@ _KINDS: dict[str, Callable[[type], bool]] = {
     **dict.fromkeys(("Sequence", "Iterable", "tuple"), lambda kind: _has(kind, ("__iter__",))),
 }
 
+#: Name in an annotation -> the word of a refusal, for kinds that are not classes of the project.
+_WORDS = {
+    "str": "a text",
+    "Path": "a path",
+    "int": "a whole number",
+    "bool": "True or False",
+    "float": "a number",
+    "Mapping": "a dictionary",
+    "Callable": "a function",
+    **dict.fromkeys(("ArrayLike", "np.ndarray"), "an array"),
+    **dict.fromkeys(("Sequence", "Iterable", "tuple"), "a list"),
+}
+
 
 def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Callable[..., Any]:
     """Return a public function that refuses arguments of another kind than its annotations state.
@@ -57,7 +70,9 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
         annotation = str(parameters[name].annotation)
         kinds = [*_alternatives(ast.parse(annotation, mode="eval").body)]
         if not any(_is_of(type(value), kind, function.__module__) for kind in kinds):
-            known = " or ".join(f"a {kind.rpartition('.')[2]}" for kind in kinds if kind != "None")
+            known = " or ".join(
+                _WORDS.get(kind, f"a {kind.rpartition('.')[2]}") for kind in kinds if kind != "None"
+            )
             how = "".join(f"; {text}" for text in map(makers, kinds) if text)
             kind = type(value).__name__
             raise BadInputError(f"{function.__name__}: {name} is of type {kind}; give {known}{how}")

@@ -39,7 +39,7 @@ def test_an_argument_of_another_kind_is_refused_by_name(function: str, parameter
         (lambda: hfa.trim("examples/f16.py:F16"), "hfa.load_model"),
         (lambda: hfa.verify(3, np.eye(2)), "hfa.game"),
         (lambda: hfa.game(control.tf([1], [1, 1])), "hfa.linearize"),
-        (lambda: hfa.optimize(hfa.aircraft(), inputs="elevator"), "a Sequence"),
+        (lambda: hfa.optimize(hfa.aircraft(), inputs="elevator"), "give a list"),
     ],
 )
 def test_the_refusal_names_the_functions_that_return_the_required_kind(call, advised) -> None:

@@ -117,7 +117,7 @@ REFUSED: dict[str, tuple[Callable[[Game], Any], str]] = {
         lambda game: from_weights(game, np.ones(21), constant=math.nan),
         "constant is nan",
     ),
-    "word": (lambda game: from_weights(game, np.ones(21), constant="x"), "give a finite number"),
+    "word": (lambda game: from_weights(game, np.ones(21), constant="x"), "give a (finite )?number"),
     "array": (lambda game: verify(game, np.ones((2, 3))), "shape .2, 3."),
     "limit": (
         lambda game: verify(game, from_gain(game, gain(game)), limit=-1),
