@@ -68,3 +68,9 @@ def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     scaled, _, _, scaling, _ = dgebal(np.asarray_chkfinite(matrix), scale=1, permute=0)
     return scaled, scaling
+
+
+def power_of_two(sizes: np.ndarray) -> np.ndarray:
+    """Return the power of two nearest to each size, and 1 for a size of 0."""
+    positive = np.where(sizes > 0.0, sizes, 1.0)
+    return np.asarray(np.exp2(np.round(np.log2(positive))))

@@ -12,6 +12,7 @@ from hfa.options.option import option
 from hfa.options.plants import aircraft_help
 from hfa.options.trims import GivenTrim, TrimOptions, scheduled_trim
 from hfa_support.errors import BadInputError
+from hfa_support.reporting.figure import new_figure
 from trim.hfa.linear_report import linear_model_report
 from trim.linear.linearize import direct_disturbances
 
@@ -72,8 +73,8 @@ def linearize(request: LinearizeRequest, given: GivenTrim) -> Outcome:
     report = linear_model_report(linear, transfer_functions=request.bode)
 
     def figure() -> Figure:
-        from trim.linear.frequency import bode_figure
+        from trim.linear.frequency import draw_bode
 
-        return bode_figure(linear.system)
+        return draw_bode(linear, new_figure(8.0, 6.0))
 
     return Outcome(report=report, source=given.source, figure=figure)

@@ -138,14 +138,8 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "bands exist only for the identified parameters": lambda _: entry_bands(
         heavier(1.0 + 1e-6), LEVEL, linear()
     ),
-    "output y2 is named twice": lambda _: TWO.step(outputs=("y2", "y1", "y2")),
+    "output y2 is named twice": lambda _: TWO.zeros(outputs=("y2", "y1", "y2")),
     "not 2 and 1": lambda _: TWO.transfer_function(("f", "g"), "y1"),
-    "not 1 and 3": lambda _: TWO.nyquist("f", ("y1", "y2", "y3")),
-    "u is a function": lambda _: TWO.simulate(lambda t: t),
-    "input f has shape": lambda _: TWO.simulate({"f": np.zeros(3)}, [0.0, 1.0]),
-    "unknown state 'p'": lambda _: TWO.simulate(initial={"p": 1.0}),
-    "initial has shape": lambda _: TWO.simulate(initial=[1.0]),
-    "time has fewer than two values": lambda _: TWO.simulate(np.zeros((2, 1))),
     "shape (2, 3); give shape (2, 2)": lambda _: modes_of(np.ones((2, 3)), ("a", "b")),
     "1 units for 6 names": lambda path: loaded_with(path, state_units=["ft/s"]),
     "error bands exist only for the states": lambda _: entry_bands(
@@ -166,8 +160,6 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "give two different limits, the lower first": lambda _: beyond(limits={"alpha": (0.5, 0.1)}),
     "unknown trim variable 'at'": lambda _: hfa.trim(replace(HFA, schedule=""), at=0.2),
     "the equations do not depend on push": lambda _: hfa.trim(coasting()),
-    "time is 0": lambda _: TWO.step(0.0),
-    "increasing times such as": lambda _: TWO.impulse([0.0, 1.0, 1.0]),
     "C is 1 x 3; give 1 x 2": lambda _: LinearModel.of(np.eye(2), np.eye(2), np.ones((1, 3))),
     "states has 1 entries": lambda _: LinearModel.of(np.eye(2), np.eye(2), states=("x",)),
     "outputs has 1 names, but C has 2 rows": lambda _: LinearModel.of(

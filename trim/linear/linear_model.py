@@ -16,22 +16,20 @@ from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, file_faults, prefix_errors
 from hfa_support.files import read_json
 from hfa_support.labels import in_order, labels_of
-from hfa_support.matrices import LARGEST, checked_matrix, shape_text
+from hfa_support.matrices import LARGEST, balanced, checked_matrix, shape_text
 from hfa_support.reporting.named import ByName, with_names
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, Vector, without_empty
 from hfa_support.reporting.text import numbered
-from trim.linear.modes import Mode, fastest_first, modes_of, order_fastest_first
+from trim.linear.modes import Mode, fastest_first, modes_of
 from trim.point.operating_point import OperatingPoint, origin
 
 if TYPE_CHECKING:
     import control
     import xarray
-    from matplotlib.axes import Axes
 
     from hfa_aircraft.model import Model
     from trim.linear.reduction import Matrices, Names
-    from trim.linear.transfer import System
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -270,8 +268,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         from trim.linear.reduction import reduced
 
-        nominal = {name: signal.nominal for name, signal in self.model.states.items()}
-        kept = reduced(self.matrices, nominal, states, inputs, residualize)
+        kept = reduced(self.matrices, states, inputs, residualize)
         return replace(self, **kept._asdict())
 
     def between(self, inputs: Names = None, outputs: Names = None) -> LinearModel:
@@ -316,28 +313,9 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return Matrices(*(getattr(self, name) for name in Matrices._fields))
 
     @property
-    def system(self) -> System:
-        """A, B, C and D with the signals of the model."""
-        from trim.linear.transfer import StateSpace, System
-
-        signals = self.model.signals
-        states, inputs, outputs = (
-            {name: signals[name] for name in names}
-            for names in (self.states, self.inputs, self.outputs)
-        )
-        matrices = StateSpace(self.A, self.B, self.C, self.D)
-        return System(matrices, states, inputs, outputs, self.model.time_unit)
-
-    @property
     def eigenvalues(self) -> np.ndarray:
         """Eigenvalues of A, (n,) complex, 1/s, fastest first."""
         return fastest_first(np.linalg.eigvals(self.A))
-
-    @property
-    def eigenvectors(self) -> Any:
-        """Eigenvectors of A, (n, n) complex, one column for each of `eigenvalues`."""
-        values, vectors = np.linalg.eig(self.A)
-        return vectors[:, order_fastest_first(values)]
 
     def poles(self) -> np.ndarray:
         """Return the eigenvalues of A, (n,) complex, as python-control does (`eigenvalues`)."""
@@ -355,97 +333,43 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         of the modes that no input affects. With inputs=(), the zeros are the eigenvalues of the
         modes that no output shows.
         """
-        return self.between(inputs, outputs).system.zeros()
+        from trim.linear.transfer import transmission_zeros
 
-    def step(
-        self, time: float | ArrayLike | None = None, inputs: Names = None, outputs: Names = None
-    ) -> control.TimeResponseData:
-        """Return the responses of the outputs to a unit step of each input, (outputs, inputs, N).
-
-        The outputs are deviations from the operating point.
-
-        time: (N,), or the final time, s; by default chosen by python-control
-        inputs, outputs: names; by default all
-        """
-        from trim.linear.responses import response
-
-        return response(self.between(inputs, outputs).system, "step", time)
-
-    def impulse(
-        self, time: float | ArrayLike | None = None, inputs: Names = None, outputs: Names = None
-    ) -> control.TimeResponseData:
-        """Return the responses of the outputs to a unit impulse of each input, (outputs, inputs,
-        N).
-
-        The outputs are deviations from the operating point.
-
-        time, inputs, outputs: as for `step`
-        """
-        from trim.linear.responses import response
-
-        return response(self.between(inputs, outputs).system, "impulse", time)
-
-    def simulate(
-        self, u: Any = None, time: Any = None, *, initial: Any = None, dt: float | None = None
-    ) -> control.TimeResponseData:
-        """Return the outputs over time, (outputs, N), as deviations from the operating point.
-
-        u: (m, N) or (N, m), or input -> number or N values; by default 0
-        time: (N,), or the final time, s; by default chosen by python-control
-        initial: state -> initial deviation, or all deviations (n,); by default 0
-        dt: sample time of u or of the result, s; None if `time` is an array
-        """
-        from trim.linear.responses import simulated
-
-        return simulated(self.system, u, time, initial, dt)
+        return transmission_zeros(self.between(inputs, outputs))
 
     def transfer_function(self, inputs: str, outputs: str) -> control.TransferFunction:
         """Return the python-control transfer function from one input to one output.
 
         Common poles and zeros are canceled. Raises BadInputError for several inputs or outputs.
         """
-        from trim.linear.responses import transfer_function
+        import control
+
+        from trim.linear.transfer import transfers
 
         if inputs in self.outputs and outputs in self.inputs:
             raise BadInputError(f"write transfer_function({outputs!r}, {inputs!r}): input first")
-        return transfer_function(self.between(inputs, outputs).system)
+        loop = self.between(inputs, outputs)
+        if len(loop.inputs) != 1 or len(loop.outputs) != 1:
+            raise BadInputError(
+                f"a transfer function has one input and one output, not {len(loop.inputs)} and "
+                f"{len(loop.outputs)}; name one of each"
+            )
+        (found,) = transfers(loop)
+        return control.zpk(
+            found.zeros, found.poles, found.gain, inputs=[*loop.inputs], outputs=[*loop.outputs]
+        )
 
     def bode(self, inputs: Names = None, outputs: Names = None) -> np.ndarray:
         """Draw the Bode plots of the named inputs and outputs with pyplot, and return the Axes.
 
         Raises BadInputError if no input affects an output.
         """
-        from trim.linear.responses import bode
+        from matplotlib import pyplot
 
-        return bode(self.between(inputs, outputs).system)
+        from trim.linear.frequency import draw_bode
 
-    def plot(self) -> Axes:
-        """Draw the poles and zeros with pyplot, and return the Axes."""
-        from trim.linear.responses import draw_poles
-
-        return draw_poles(self.system, self.model.title)
-
-    def nyquist(self, inputs: Names = None, outputs: Names = None) -> Axes:
-        """Draw the Nyquist plot from one input to one output with pyplot, and return the Axes."""
-        from trim.linear.responses import nyquist
-
-        return nyquist(self.between(inputs, outputs).system)
-
-    def closed_loop(self, K: ArrayLike) -> control.StateSpace:
-        """Return the loop x' = (A - B K) x + B v, y = (C - D K) x + D v as a python-control system.
-
-        K: (m, n), gain of u = -K x + v
-
-        Raises BadInputError if K is not m x n.
-        """
-        gain = checked_matrix("K", K, LARGEST)
-        shape = (len(self.inputs), len(self.states))
-        if gain.shape != shape:
-            raise BadInputError(
-                f"K is {shape_text(gain.shape)}; give {shape_text(shape)}, inputs x states"
-            )
-        looped = replace(self, A=self.A - self.B @ gain, C=self.C - self.D @ gain)
-        return looped.to_control()
+        figure = pyplot.figure(layout="constrained")
+        return np.array(draw_bode(self.between(inputs, outputs), figure).axes)
 
     def contents(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -482,9 +406,27 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
         return trim.linear_model_report(self)
 
-    def to_control(self) -> control.StateSpace:
-        """Return the linear model as a python-control `StateSpace`, with the same signal names."""
-        return self.system.to_control()
+    def to_control(self, *, balance: bool = False) -> control.StateSpace:
+        """Return the linear model as a python-control `StateSpace`, with the same signal names.
+
+        balance: whether the states are in units of powers of two in which A is balanced, in place
+            of their own; responses are then accurate whatever the units of the states are
+        """
+        import control
+
+        A, B, C, D = self
+        if balance:
+            A, units = balanced(A)
+            B, C = B / units[:, None], C * units
+        return control.ss(
+            A,
+            B,
+            C,
+            D,
+            states=list(self.states),
+            inputs=list(self.inputs),
+            outputs=list(self.outputs),
+        )
 
     def to_xarray(self) -> xarray.Dataset:
         """Return A, B, C, D, X0, U0 and Y0 with the names and units of signals. Requires xarray."""

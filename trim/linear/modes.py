@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_support.errors import BadInputError, numbers_in
+from hfa_support.matrices import balanced
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, eigenvalue_text
 
@@ -47,8 +48,10 @@ class Mode(Result):
 _SEEN = 0.005
 #: Least participation of a family in a mode that is named after it instead of another family.
 _SHARED = 0.25
-#: An eigenvalue, or its real part, up to this many times its rounding error counts as 0.
-_ZERO = 10.0
+#: Roundings of an entry of A: those of the user's arithmetic or of the derivatives of a model, and
+#: those of the eigenvalue algorithm, whose backward error is p(n) eps |A| with p of this size
+#: (LAPACK Users' Guide, 4.8).
+_ROUNDINGS = 10.0
 
 
 class Spectrum(NamedTuple):
@@ -57,7 +60,7 @@ class Spectrum(NamedTuple):
     values: (n,); an eigenvalue or a real part that is not larger than its error is replaced by 0
     errors: (n,), absolute
     right: (n, n), eigenvectors as columns
-    left: (n, n), left eigenvectors as rows, the pseudo-inverse of `right`
+    left: (n, n), left eigenvectors as rows
     """
 
     values: np.ndarray
@@ -101,6 +104,8 @@ def modes_of(
         raise BadInputError("A has an entry that is not finite; give finite numbers")
     eigenvalues, _, right, left = spectrum(A)
     weights = np.abs(right * left.T)
+    coincide = weights.sum(axis=0) <= np.finfo(float).eps  # w v is 0 for a double eigenvalue
+    weights = np.where(coincide, np.abs(right) ** 2, weights)
     shares = weights / weights.sum(axis=0)
     in_families = {state for members in families.values() for state in members}
     alone = {state: (state,) for state in states if state not in in_families}
@@ -162,23 +167,62 @@ def _share(participation: Mapping[str, float], members: Iterable[str]) -> float:
     return sum(participation.get(state, 0.0) for state in members)
 
 
-def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
+def spectrum(A: np.ndarray) -> Spectrum:
     """Return the eigenvalues and eigenvectors of A, with bounds on the errors of the eigenvalues.
 
-    The error of an eigenvalue is the rounding error of A times |v| |w|, with the right and left
-    eigenvectors v and w, w'v = 1 (Wilkinson).
+    The bounds are those of A in units of the states, powers of two, in which it is balanced. They
+    do not depend on the units of A.
 
     A: (n, n)
-    size: norm of the numbers from which A was computed; used if it exceeds the norm of A
     """
-    values, right = np.linalg.eig(A)
-    left = np.linalg.pinv(right)
-    condition = np.linalg.norm(right, axis=0) * np.linalg.norm(left, axis=1)
-    size = max(size, float(np.linalg.norm(A)))
-    errors = _ZERO * np.finfo(float).eps * size * condition
+    from scipy.linalg import eig
+
+    scaled, units = balanced(A)
+    values, left, right = eig(scaled, left=True, right=True)
+    errors = errors_of_roots(scaled, values, left, right)
+    return Spectrum(
+        without_roundings(values, errors),
+        errors,
+        right * units[:, None],
+        left.conj().T / units,
+    )
+
+
+def errors_of_roots(
+    matrix: np.ndarray, values: np.ndarray, left: np.ndarray, right: np.ndarray
+) -> np.ndarray:
+    """Return bounds on the errors of the roots s of a matrix M - s diag(I, 0), (k,), from its
+    rounding.
+
+    The error of a simple root is the rounding error of M divided by |w'v| (Wilkinson). That of a
+    root that coincides with another one is the distance at which the smallest singular value of
+    the matrix exceeds the rounding error.
+
+    matrix: M
+    values: the roots, (k,)
+    left, right: parts w and v, (n, k) in columns, that belong to I, of null vectors of length 1
+    """
+    eps = np.finfo(float).eps
+    size = float(np.linalg.norm(matrix))
+    rounding = _ROUNDINGS * eps * size
+    cosines = np.abs(np.sum(left.conj() * right, axis=0))
+    errors = rounding / np.maximum(cosines, eps)
+    identity = np.zeros(matrix.shape)
+    identity[: len(left), : len(left)] = np.eye(len(left))
+    distances = rounding * 4.0 ** np.arange(np.log(1.0 / (_ROUNDINGS * eps)) / np.log(4.0) + 1.0)
+    for i in np.flatnonzero(cosines < np.sqrt(eps)):
+        points = values[i] + np.outer(distances, [1.0, 1.0j])
+        singular = np.linalg.svd(matrix - points[..., None, None] * identity, compute_uv=False)
+        outside = (singular[..., -1] > rounding).all(axis=1)
+        errors[i] = distances[np.argmax(outside)] if outside.any() else size
+    return np.asarray(errors)
+
+
+def without_roundings(values: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Return roots (k,), in which a root or a real part that is not larger than its error is 0."""
     values = np.where(np.abs(values) <= errors, 0.0, values).astype(complex)
     values.real[np.abs(values.real) <= errors] = 0.0
-    return Spectrum(values, errors, right, left)
+    return values
 
 
 def _distinguished(names: list[str]) -> list[str]:
@@ -256,7 +300,7 @@ def _time_to(mode: Mode) -> str:
 def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
     """Return eigenvalues (..., n), sorted along the last axis by decreasing magnitude.
 
-    Eigenvalues of equal magnitude, to 9 decimals, are sorted by increasing real part, then by
+    Eigenvalues of equal magnitude, to 9 digits, are sorted by increasing real part, then by
     decreasing imaginary part.
     """
     order = order_fastest_first(eigenvalues)
@@ -265,5 +309,6 @@ def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
 
 def order_fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
     """Return the indices (..., n) that sort eigenvalues (..., n) as in `fastest_first`."""
-    speeds = np.round(np.abs(eigenvalues), 9)
+    with np.errstate(divide="ignore"):
+        speeds = np.round(np.log(np.abs(eigenvalues)), 9)  # more digits would order roundings
     return np.lexsort((-eigenvalues.imag, eigenvalues.real, -speeds))

@@ -4,12 +4,13 @@ delay.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfa_support.errors import BadInputError, refuse_unknown
+from trim.linear.modes import spectrum
 
 
 def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) -> list[int]:
@@ -49,10 +50,6 @@ def omitted_positions(
                 f"state {name} is both kept and residualized; name it in states or in residualize"
             )
     return positions("state", residualize, known)
-
-
-#: Condition number, in nominal units, above which a matrix counts as singular.
-_SINGULAR = 1e12
 
 
 class Matrices(NamedTuple):
@@ -100,14 +97,12 @@ def with_outputs(whole: Matrices, outputs: Names) -> Matrices:
 
 def reduced(
     whole: Matrices,
-    nominal: Mapping[str, float],
     states: Sequence[str] | None,
     inputs: Sequence[str] | None,
     residualize: Sequence[str],
 ) -> Matrices:
     """Return the matrices of a system with only the named states and inputs.
 
-    nominal: state -> nominal value
     states, inputs, residualize: as for `LinearModel.select`
 
     Raises BadInputError as `LinearModel.select` does.
@@ -126,7 +121,7 @@ def reduced(
         outputs = rows
     disturbances = list(range(whole.E.shape[1]))
     kept = _Kept(rows, following, outputs)
-    _refuse_singular(whole, nominal, following)
+    _refuse_singular(whole, following)
     A, C = _reduced(whole, whole.A, whole.C, kept, rows)
     B, D = _reduced(whole, whole.B, whole.D, kept, columns)
     E, F = _reduced(whole, whole.E, whole.F, kept, disturbances)
@@ -144,16 +139,15 @@ def reduced(
     )
 
 
-def _refuse_singular(whole: Matrices, nominal: Mapping[str, float], following: list[int]) -> None:
+def _refuse_singular(whole: Matrices, following: list[int]) -> None:
     """Raise BadInputError if the block A22 of A for the following states is singular."""
     if not following:
         return
-    names = [whole.states[i] for i in following]
-    sizes = np.array([nominal[name] for name in names])
     A22 = whole.A[np.ix_(following, following)]
-    if np.linalg.cond(A22 * sizes / sizes[:, None]) > _SINGULAR:
+    if not spectrum(A22).values.all():
+        names = ", ".join(whole.states[i] for i in following)
         raise BadInputError(
-            f"{', '.join(names)} cannot be residualized, because the block A22 of A for these "
+            f"{names} cannot be residualized, because the block A22 of A for these "
             "states is singular; residualize fewer states"
         )
 
@@ -200,11 +194,18 @@ def reduction_note(kept: Matrices, whole: Matrices, residualized: tuple[str, ...
             clauses.append(f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}")
     if not clauses:
         return ""
-    eigenvalues = np.linalg.eigvals(whole.A)
-    sizes = np.maximum(np.abs(eigenvalues), 1e-12)
-    apart = [np.min(np.abs(value - eigenvalues) / sizes) for value in np.linalg.eigvals(kept.A)]
+    eigenvalues = spectrum(whole.A).values
+    percent = 100.0 * max(_distance(value, eigenvalues) for value in spectrum(kept.A).values)
     advice = "" if residualized else " (residualize keeps the steady effect of states)"
     return (
-        f"{'; '.join(clauses)}; the eigenvalues differ by up to {max(100 * max(apart), 1e-9):.2g} %"
+        f"{'; '.join(clauses)}; the eigenvalues differ by up to {percent:.2g} %"
         f" from the eigenvalues with all {len(whole.states)} states{advice}"
     )
+
+
+def _distance(value: complex, eigenvalues: np.ndarray) -> float:
+    """Return the least distance of a value from eigenvalues, each relative to their size."""
+    distances = np.abs(value - eigenvalues)
+    sizes = np.abs(eigenvalues)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.where(distances == 0.0, 0.0, distances / sizes).min())

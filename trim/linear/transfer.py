@@ -1,23 +1,28 @@
-"""Transfer functions and transmission zeros of a system A, B, C, D."""
+"""Transfer functions and transmission zeros of linear models, in balanced units."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.signals import Signal
+from hfa_support.matrices import balanced, power_of_two
 from hfa_support.reporting.results import Result, Roots
-from trim.linear.modes import Spectrum, fastest_first, order_fastest_first, spectrum
+from trim.linear.modes import (
+    errors_of_roots,
+    fastest_first,
+    order_fastest_first,
+    spectrum,
+    without_roundings,
+)
 
 if TYPE_CHECKING:
-    import control
+    from trim.linear.linear_model import LinearModel
 
-#: Fraction of the system's norm below which singular values count as 0 in a rank.
-ROUNDING = 1e-12
+#: Number of times that inputs, outputs and states are balanced in turn; the third changes nothing.
+_TURNS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,69 +59,102 @@ class StateSpace(NamedTuple):
         """Return the dual system, whose transfer matrix is transposed."""
         return StateSpace(self.A.T, self.C.T, self.B.T, self.D.T)
 
-
-@dataclass(frozen=True, eq=False)
-class System:
-    """System x' = A x + B u, y = C x + D u with named signals.
-
-    matrices: A, B, C and D
-    states, inputs, outputs: name -> signal, in the order of the vectors
-    time_unit: unit of time
-    """
-
-    matrices: StateSpace
-    states: Mapping[str, Signal]
-    inputs: Mapping[str, Signal]
-    outputs: Mapping[str, Signal]
-    time_unit: str
-
-    def scaled(self) -> StateSpace:
-        """Return the matrices with each signal in units of its nominal value.
-
-        The rows of the matrices then have similar size.
-        """
-        A, B, C, D = self.matrices
-        x, u, y = (
-            np.array([signal.nominal for signal in signals.values()])
-            for signals in (self.states, self.inputs, self.outputs)
-        )
+    def channel(self, output: int, given: int) -> StateSpace:
+        """Return the system from one input to one output, with the states between the two."""
+        links = self.A != 0
+        after = _reached(links, self.B[:, given] != 0)
+        before = _reached(links.T, self.C[output] != 0)
+        kept = np.flatnonzero(after & before)
+        A = self.A[np.ix_(kept, kept)]
         return StateSpace(
-            A * x / x[:, None], B * u / x[:, None], C * x / y[:, None], D * u / y[:, None]
+            A, self.B[kept][:, [given]], self.C[[output]][:, kept], self.D[[output]][:, [given]]
         )
 
-    def zeros(self) -> np.ndarray:
-        """Return the transmission zeros from all inputs to all outputs, 1/s, fastest first."""
-        zeros, _ = _zeros_with_errors(self.scaled())
-        return fastest_first(zeros.values)
-
-    def to_control(self) -> control.StateSpace:
-        """Return the system as a python-control `StateSpace`, with the names of its signals."""
-        import control
-
-        return control.ss(
-            *self.matrices,
-            states=list(self.states),
-            inputs=list(self.inputs),
-            outputs=list(self.outputs),
-        )
+    def pencil(self, s: complex) -> np.ndarray:
+        """Return [[A - sI, B], [C, D]], which is singular at the zeros s."""
+        return np.block([[self.A - s * np.eye(len(self.A)), self.B], [self.C, self.D]])
 
 
-def gain_and_roots(
-    system: StateSpace, modes: Spectrum, size: float
-) -> tuple[float, float, np.ndarray, np.ndarray]:
+class _Roots(NamedTuple):
+    """Zeros or poles (k,), with bounds (k,) of their errors."""
+
+    values: np.ndarray
+    errors: np.ndarray
+
+
+def transfers(linear: LinearModel) -> list[Transfer]:
+    """Return the transfer functions of a linear model from each input to each output.
+
+    All inputs of the first output come first, then those of the second output, and so on.
+    """
+    system = StateSpace(*linear)
+    functions = []
+    for i, output in enumerate(linear.outputs):
+        for j, name in enumerate(linear.inputs):
+            unit = f"({linear.output_units[i]})/({linear.input_units[j]})"
+            functions.append(Transfer(output, name, unit, *_gain_and_roots(system.channel(i, j))))
+    return functions
+
+
+def transmission_zeros(linear: LinearModel) -> np.ndarray:
+    """Return the transmission zeros from all inputs to all outputs, 1/s, fastest first."""
+    system, _ = _levelled(StateSpace(*linear))
+    zeros, _ = _zeros(system)
+    return fastest_first(zeros.values)
+
+
+def _reached(links: np.ndarray, begin: np.ndarray) -> np.ndarray:
+    """Return which states are reached from those of `begin`, (n,).
+
+    links: (n, n), whether a state (row) depends on another (column)
+    """
+    reached = begin
+    while (further := reached | links[:, reached].any(axis=1)).sum() > reached.sum():
+        reached = further
+    return reached
+
+
+def _levelled(system: StateSpace) -> tuple[StateSpace, float]:
+    """Return a system with states, inputs and outputs in units of powers of two, and the gain of
+    the system per gain of the result, for one input and one output.
+
+    Numbers of similar size then stand in A, and B and C are as large as A, whatever the units of
+    the given system are.
+    """
+    # A' = T⁻¹ A T, B' = T⁻¹ B, C' = C T, D' = D follow from the balanced form of a loop in which
+    # each input is the sum of all outputs.
+    A, B, C, D = system
+    n, m, k = len(A), B.shape[1], len(C)
+    gain = 1.0
+    for _ in range(_TURNS):
+        size = np.linalg.norm(A) or 1.0
+        of_inputs = power_of_two(np.linalg.norm(B, axis=0) / size)
+        of_outputs = power_of_two(np.linalg.norm(C, axis=1) / size)
+        loop = np.zeros((n + m + k, n + m + k))
+        loop[:n, :n] = A
+        loop[:n, n : n + m] = B / of_inputs
+        loop[n : n + m, n + m :] = size
+        loop[n + m :, :n] = C / of_outputs[:, None]
+        loop[n + m :, n : n + m] = D / of_inputs / of_outputs[:, None]
+        loop, units = balanced(loop)
+        A, B = loop[:n, :n], loop[:n, n : n + m]
+        C, D = loop[n + m :, :n], loop[n + m :, n : n + m]
+        gain *= float(np.prod(of_inputs / units[n : n + m]) * np.prod(of_outputs * units[n + m :]))
+    return StateSpace(A, B, C, D), gain
+
+
+def _gain_and_roots(channel: StateSpace) -> tuple[float, float, np.ndarray, np.ndarray]:
     """Return gain, static gain, zeros and poles of a system with one input and one output.
 
     Common zeros and poles are canceled. The static gain is 0 for a zero at 0 and inf for a pole at
     0. If the input does not affect the output, both gains are 0, and there are no zeros and poles.
-
-    modes: spectrum of A
-    size: factor on both gains, from the units of the system to those of the result
     """
-    of_zeros, rank = _zeros_with_errors(system)
+    system, size = _levelled(channel)
+    of_zeros, rank = _zeros(system)
     if rank == 0:
         nothing = np.zeros(0, dtype=complex)
         return 0.0, 0.0, nothing, nothing
-    zeros, poles = _without_common(of_zeros, modes)
+    zeros, poles = _without_common(of_zeros, _Roots(*spectrum(channel.A)[:2]))
     # The gain is the first nonzero number in D, C B, C A B, C A² B, ...
     order = len(poles) - len(zeros)
     first = system.D
@@ -132,26 +170,39 @@ def gain_and_roots(
     return gain, static, zeros, poles
 
 
-def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
+def _zeros(system: StateSpace) -> tuple[_Roots, int]:
     """Return the invariant zeros with bounds of their errors, and the normal rank, the rank of the
     transfer matrix at almost all s.
     """
     # The system is reduced to a system with the same zeros and a square, invertible D (A.
     # Emami-Naeini, P. Van Dooren, Automatica 18, 1982). The zeros are the eigenvalues of A - B D⁻¹
-    # C.
-    size = float(np.linalg.norm(np.block([[system.A, system.B], [system.C, system.D]])))
-    small = ROUNDING * size
+    # C. python-control refuses systems that are not square unless Slycot is installed. With Slycot
+    # it finds zeros in chains of lags that have none, also in balanced units.
+    n, m, k = len(system.A), system.B.shape[1], len(system.C)
+    size = float(np.linalg.norm(system.pencil(0.0)))
+    small = (n + max(m, k)) * np.finfo(float).eps * size  # as in numpy.linalg.matrix_rank
     rows_reduced = _with_full_rows(system, small)
     reduced = _with_full_rows(rows_reduced.transposed(), small).transposed()
     rank = len(reduced.D)
     A_of_zeros = reduced.A
     if rank:
         A_of_zeros = reduced.A - reduced.B @ np.linalg.solve(reduced.D, reduced.C)
-    return spectrum(A_of_zeros, size), rank
+    values = np.linalg.eigvals(A_of_zeros)
+    if rank < min(m, k):
+        return _Roots(values, np.zeros(len(values))), rank  # the pencil is singular at every s
+    left, right = np.zeros((2, n, len(values)), dtype=complex)
+    for i, zero in enumerate(values):
+        columns, _, rows = np.linalg.svd(system.pencil(zero), full_matrices=False)
+        left[:, i], right[:, i] = columns[:n, -1], rows[-1, :n].conj()
+    errors = errors_of_roots(system.pencil(0.0), values, left, right)
+    return _Roots(without_roundings(values, errors), errors), rank
 
 
 def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
-    """Return a system with the same zeros, whose D has linearly independent rows."""
+    """Return a system with the same zeros, whose D has linearly independent rows.
+
+    small: singular values up to this number are 0
+    """
     # Combinations of states that the outputs measure directly are removed.
     A, B, C, D = system
     while len(D):
@@ -177,7 +228,7 @@ def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
     return StateSpace(A, B, C, D)
 
 
-def _without_common(zeros: Spectrum, poles: Spectrum) -> tuple[np.ndarray, np.ndarray]:
+def _without_common(zeros: _Roots, poles: _Roots) -> tuple[np.ndarray, np.ndarray]:
     """Return the zeros and poles that remain after cancellation, each fastest first."""
     # A zero and a pole cancel if they agree within their error bounds.
     kept_zeros = []

@@ -110,9 +110,8 @@ def report_of_linear(
         parts.append(Group(f"handling qualities{of_all}", qualities))
         data["handling_qualities"] = {row.name: row for row in qualities}
     if transfer_functions:
-        system = model.system
-        zeros, functions = system.zeros(), transfers(system)
-        parts += [zeros_in_words(system, zeros), transfers_table(functions, system.time_unit)]
+        zeros, functions = model.zeros(), transfers(model)
+        parts += [zeros_in_words(model, zeros), transfers_table(functions, signals.time_unit)]
         data |= {"zeros": zeros, "transfers": functions}
     if beside is not None:
         parts += beside.printed

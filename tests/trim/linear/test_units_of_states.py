@@ -1,0 +1,234 @@
+"""Facts about linear models do not depend on the units of states, against 50-digit arithmetic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import control
+import mpmath
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+from hfa import LinearModel
+from trim import transfers
+
+SERVO = LinearModel.of(
+    [[0.0, 1.0, 0.0], [0.0, -10.0, 5e-5], [-1.12e11, -5.6e10, -56.0]], [[0.0], [0.0], [5.6e13]]
+)
+
+
+class Plant(NamedTuple):
+    """x' = A x + B u, y = C x + D u."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+
+    def in_units(self, x: np.ndarray, u: np.ndarray, y: np.ndarray) -> Plant:
+        A, B, C, D = self
+        return Plant(A * x[:, None] / x, B * x[:, None] / u, C / x * y[:, None], D * y[:, None] / u)
+
+
+def blocks(random: np.random.Generator, n: int) -> np.ndarray:
+    """Return a stable block diagonal A with modes of .03 to 30 rad/s."""
+    A = np.zeros((n, n))
+    i = 0
+    while i < n:
+        speed = 10.0 ** random.uniform(-1.5, 1.5)
+        if i + 1 < n and random.random() < 0.5:
+            damping = 10.0 ** random.uniform(-1.5, -0.05)
+            A[i : i + 2, i : i + 2] = [[0.0, 1.0], [-speed * speed, -2.0 * damping * speed]]
+            i += 2
+        else:
+            A[i, i] = -speed
+            i += 1
+    return A
+
+
+def mixed(random: np.random.Generator, inputs: int, outputs: int) -> Plant:
+    """Return a stable plant of 2 to 8 states in random coordinates."""
+    n = int(random.integers(2, 9))
+    while np.linalg.cond(T := np.eye(n) + 0.5 * random.normal(size=(n, n))) > 30.0:
+        pass
+    C = random.normal(size=(outputs, n)) if random.random() < 0.5 else np.eye(n)[:outputs]
+    D = random.normal(size=(len(C), inputs)) * (random.random() < 0.4)
+    return Plant(T @ blocks(random, n) @ np.linalg.inv(T), random.normal(size=(n, inputs)), C, D)
+
+
+def chain(random: np.random.Generator) -> Plant:
+    """Return a stable chain of lags with feedback, of relative degree 1 to n."""
+    n = int(random.integers(2, 9))
+    A = np.diag(-(10.0 ** random.uniform(-1.5, 1.5, n)))
+    A += np.diag(10.0 ** random.uniform(-1.0, 1.0, n - 1), 1)
+    for i, j in zip(*np.tril_indices(n, -1), strict=True):
+        fed = A.copy()
+        fed[i, j] = random.normal()
+        if random.random() < 0.2 and np.linalg.eigvals(fed).real.max() < -0.01:
+            A = fed
+    C = np.eye(n)[[random.integers(n)]]
+    return Plant(A, np.eye(n)[:, [n - 1]], C, np.zeros((1, 1)))
+
+
+def in_random_units(random: np.random.Generator, plant: Plant) -> Plant:
+    sizes = (len(plant.A), plant.B.shape[1], len(plant.C))
+    x, u, y = (10.0 ** random.uniform(-6.0, 6.0, size) for size in sizes)
+    return plant.in_units(x, u, y)
+
+
+class Exact(NamedTuple):
+    """Poles, zeros and gain of a plant with one input and one output, and its numerator and
+    denominator.
+    """
+
+    poles: list[Any]
+    zeros: list[Any]
+    gain: float
+    numerator: list[Any]
+    denominator: list[Any]
+
+    def at(self, s: complex) -> complex:
+        return complex(mpmath.polyval(self.numerator, s) / mpmath.polyval(self.denominator, s))
+
+
+def exact(plant: Plant) -> Exact:
+    """Return what follows from the polynomials of Faddeev and Leverrier, with 120 digits."""
+    with mpmath.workdps(120):
+        A, B, C, D = (mpmath.matrix(matrix.tolist()) for matrix in plant)
+        n = A.rows
+        denominator, numerator = [mpmath.mpf(1)], [D[0]]
+        power = mpmath.eye(n)
+        for k in range(1, n + 1):
+            shown = (C * power * B)[0]
+            power = A * power
+            denominator.append(-sum(power[i, i] for i in range(n)) / k)
+            numerator.append(D[0] * denominator[k] + shown)
+            power += denominator[k] * mpmath.eye(n)
+        while numerator[0] == 0:
+            numerator.pop(0)
+        roots = [
+            mpmath.polyroots(each, maxsteps=1000, extraprec=500)
+            for each in (denominator, numerator)
+        ]
+        return Exact(*roots, float(numerator[0]), numerator, denominator)
+
+
+def apart(found: Any, expected: Any) -> float:
+    """Return the largest relative difference of two sets of numbers, inf for other counts."""
+    found, expected = np.array(found, dtype=complex), np.array([complex(each) for each in expected])
+    if len(found) != len(expected):
+        return np.inf
+    differences = np.abs(found[:, None] - expected) / np.abs(expected)
+    return float(differences[linear_sum_assignment(differences)].max(initial=0.0))
+
+
+def test_a_hydraulic_servo_in_si_units_has_its_modes() -> None:
+    """Position, velocity and pressure: -2.0 and -32 ± 1673i, and a static gain of 500."""
+    oscillation, lag = SERVO.modes
+    assert oscillation.eigenvalue == pytest.approx(-32.00015427 + 1673.14315265j, rel=1e-8)
+    assert lag.eigenvalue == pytest.approx(-1.99969146, rel=1e-8)
+    assert SERVO.is_stable
+    position = transfers(SERVO)[0]
+    assert (position.gain, position.static) == pytest.approx((2.8e9, 500.0), rel=1e-9)
+    assert not position.zeros.size
+    assert apart(SERVO.zeros(outputs="x3"), []) == np.inf  # -10 and 0
+    assert sorted(SERVO.zeros(outputs="x3").real) == pytest.approx([-10.0, 0.0])
+
+
+def check(plant: Plant) -> None:
+    linear, known = LinearModel.of(*plant), exact(plant)
+    assert linear.is_stable
+    modes = [mode.eigenvalue for mode in linear.modes]
+    modes += [each.conjugate() for each in modes if each.imag]
+    for found in (modes, linear.eigenvalues, linear.poles()):
+        assert apart(found, known.poles) < 1e-6
+    assert apart(linear.zeros(), known.zeros) < 1e-6
+    (transfer,) = transfers(linear)
+    assert transfer.gain == pytest.approx(known.gain, rel=1e-8)
+    function = linear.transfer_function(*linear.inputs, *linear.outputs)
+    system = linear.to_control(balance=True)
+    for s in 1j * np.logspace(-3.0, 3.0, 9):
+        value = known.at(s)
+        by_roots = np.prod(s - transfer.zeros) / np.prod(s - transfer.poles) * transfer.gain
+        assert by_roots == pytest.approx(value, rel=1e-6)
+        assert function(s) == pytest.approx(value, rel=1e-6)
+        assert system(s) == pytest.approx(value, rel=1e-9 + 1e-12 * abs(known.at(0) / value))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_random_plant_has_its_facts_in_any_units(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    for plant in (mixed(random, 1, 1), chain(random)):
+        check(in_random_units(random, plant))
+
+
+@pytest.mark.slow
+def test_200_random_plants_have_their_facts_in_any_units() -> None:
+    random = np.random.default_rng(1)
+    for _ in range(100):
+        for plant in (mixed(random, 1, 1), chain(random)):
+            check(in_random_units(random, plant))
+
+
+def at_times(linear: LinearModel) -> np.ndarray:
+    """Return the step responses of a balanced model."""
+    system = linear.to_control(balance=True)
+    return np.asarray(
+        control.step_response(system, np.linspace(0.0, 3.0, 7), squeeze=False).outputs
+    )
+
+
+#: A fact of a linear model from all inputs to all outputs -> its value.
+FACTS: dict[str, Callable[[LinearModel], Any]] = {
+    "eigenvalues": lambda linear: linear.eigenvalues,
+    "modes": lambda linear: [each.eigenvalue for each in linear.modes],
+    "names": lambda linear: [len(each.name) for each in linear.modes],
+    "participation": lambda linear: [[*each.participation.values()] for each in linear.modes],
+    "damping": lambda linear: [each.damping for each in linear.modes],
+    "transmission zeros": lambda linear: linear.zeros(),
+    "zeros of a channel": lambda linear: linear.zeros("u2", "y1"),
+    "poles": lambda linear: [each.poles.sum() for each in transfers(linear)],
+    "step responses": at_times,
+    "residualized": lambda linear: linear.select(residualize=("x2",)).eigenvalues,
+    "static gain": lambda linear: linear.select(residualize=("x2",)).to_control(balance=True)(0.0),
+}
+
+
+@pytest.mark.parametrize("fact", FACTS)
+def test_facts_do_not_depend_on_the_units_of_states(fact: str) -> None:
+    """Of models with three inputs and two outputs; the inputs and outputs keep their units."""
+    random = np.random.default_rng(5)
+    for _ in range(4):
+        plant = mixed(random, 3, 2)
+        units = 10.0 ** random.uniform(-6.0, 6.0, len(plant.A))
+        twin = plant.in_units(units, np.ones(3), np.ones(2))
+        one, other = (np.array(FACTS[fact](LinearModel.of(*each))) for each in (plant, twin))
+        np.testing.assert_allclose(other, one, rtol=1e-7, atol=1e-9 * np.abs(one).max(initial=0.0))
+
+
+def test_an_uncontrollable_mode_is_a_zero_in_any_units() -> None:
+    """The mode of -3 that three inputs do not reach remains the only zero without outputs."""
+    random = np.random.default_rng(2)
+    T = random.normal(size=(5, 5))
+    A = T @ np.diag([-3.0, -1.0, -2.0, -4.0, -5.0]) @ np.linalg.inv(T)
+    B = T @ np.vstack([np.zeros(3), random.normal(size=(4, 3))])
+    plant = Plant(A, B, np.eye(5), np.zeros((5, 3)))
+    linear = LinearModel.of(*in_random_units(random, plant))
+    assert linear.zeros(outputs=()) == pytest.approx([-3.0])
+
+
+def test_double_poles_and_zeros_do_not_cancel_slow_ones() -> None:
+    """A double zero at 0, whose rounding error is the root of that of simple ones, stays beside a
+    pole of 1e-4; two exactly equal poles are stable.
+    """
+    numerator, denominator = [1.0, 5.0, 0.0, 0.0], np.poly([-1e-4, -0.02, -3.0, -4.0, -6.0])
+    (found,) = transfers(
+        LinearModel.of(
+            *Plant(*(np.array(m) for m in control.ssdata(control.tf2ss(numerator, denominator))))
+        )
+    )
+    assert apart(found.poles, [-1e-4, -0.02, -3.0, -4.0, -6.0]) < 1e-6
+    assert (found.static, len(found.zeros)) == (0.0, 3)
+    assert LinearModel.of([[-1.0, 1.0], [0.0, -1.0]], [[0.0], [1.0]]).is_stable
