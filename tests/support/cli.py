@@ -7,6 +7,7 @@ import io
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -142,6 +143,14 @@ def assert_refused(result: Result, code: int, *named: str) -> None:
     assert result.err.count("\n") == 1, result.err
     for word in named:
         assert word in result.err
+    assert_advice_leads_on(result.err)
+
+
+def assert_advice_leads_on(message: str) -> None:
+    """Assert that each command that a refusal proposes to type is not refused."""
+    for proposed in re.findall(r"[;,:] type (hfa .+?)(?:$|, |; )", message.rstrip()):
+        advised = unchecked_hfa(*shlex.split(proposed)[1:])
+        assert advised.code != BAD_INPUT, f"{message}advises {proposed}, refused: {advised.err}"
 
 
 def assert_named(text: str) -> None:
