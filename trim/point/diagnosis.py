@@ -111,7 +111,7 @@ def _without_effect(problem: TrimProblem, effects: np.ndarray) -> list[str]:
 
     effects: Jacobian in balanced units, (e, k)
     """
-    affects = effects.any(axis=0).tolist()
+    affects = np.any(effects, axis=0).tolist()
     return [
         *problem.idle,
         *(name for name, some in zip(problem.free, affects, strict=True) if not some),

@@ -268,7 +268,7 @@ def equations(structure: Structure) -> Equations:
     watched = [signal.name for signal in structure.watched]
     # A variable whose effect a zero parameter switches off is in no equation.
     in_equations = _column(
-        0.0 if name in structure.zero else symbol
+        ca.SX(0) if name in structure.zero else symbol
         for name, symbol in zip(layout.names.parameters, components(p), strict=True)
     )
     x, u, f, seen = layout.in_variables(values, in_equations, (*outputs, *watched))
