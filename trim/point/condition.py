@@ -33,6 +33,7 @@ class TrimCondition:
         not listed is not balanced.
     limits: name -> (lowest, highest), instead of the model's limits
     begin: variable -> initial value of the search
+    freed: variables that were set free by name: a trim never keeps them at their start values
     name: name of a condition from a file
 
     In `at` and `release`, the name of a rate is the name of its state with the suffix _dot.
@@ -52,6 +53,7 @@ class TrimCondition:
     rates: Mapping[str, float] = None  # type: ignore[assignment]  # replaced below
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     begin: Mapping[str, float] = field(default_factory=dict)
+    freed: tuple[str, ...] = ()
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -113,6 +115,14 @@ class TrimCondition:
     def free(self) -> tuple[str, ...]:
         """Names of the unknowns: all variables that are not imposed."""
         return tuple(name for name in self.model.variables if name not in self.imposed)
+
+    @property
+    def set_free(self) -> tuple[str, ...]:
+        """Names of the variables that the model imposes by default or that `freed` lists, and that
+        are free.
+        """
+        names = dict.fromkeys((*self.model.trim, *self.freed))
+        return tuple(name for name in names if name not in self.imposed)
 
     def at(
         self, scheduled: float | None = None, hold: Mapping[str, float] | None = None
@@ -213,7 +223,7 @@ class TrimCondition:
         }
         changes: dict[str, Any] = {
             "imposed": imposed,
-            "free": [name for name in usual if name not in self.imposed],
+            "free": [*self.set_free],
             "limits": {name: list(limits) for name, limits in self.limits.items()},
             "begin": begin,
         }
@@ -309,6 +319,7 @@ def release(
         imposed=imposed,
         limits={**condition.limits, **(limits or {})},
         begin=begin,
+        freed=(*condition.freed, *(name for name in free if name in condition.model.variables)),
     )
 
 

@@ -9,12 +9,9 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from trim.point.condition import TrimCondition, release
-from trim.point.problem import TrimProblem
+from trim.point.problem import DEPENDENT, TrimProblem
 from trim.point.status import BALANCE
 
-#: Part of an effect, in balanced units, below which it counts as a combination of other effects:
-#: half of the digits of a double, far above roundings and far below effects that are used.
-_DEPENDENT = float(np.sqrt(np.finfo(float).eps))
 #: Residuals below this fraction of the largest are not named.
 _MINOR = 1e-3
 
@@ -52,7 +49,7 @@ def _causes(problem: TrimProblem, found: np.ndarray) -> Iterator[str]:
     binding = binding_limits(problem, found)
     yield f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"
     equations, unknowns = problem.count
-    effects = _effects(problem, z)
+    effects = problem.balanced_effects(z).matrix
     idle = _without_effect(problem, effects)
     if equations > unknowns + len(idle) and not balances_beyond_limits:
         yield f"{equations} equations for {unknowns} unknowns; free more variables"
@@ -91,25 +88,10 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
     return words
 
 
-def _effects(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
-    """Return the Jacobian in balanced units, (e, k): rows with the largest entry 1, then columns of
-    length 1.
-
-    An entry below the rounding of its row is 0, and a row or column of zeros remains one.
-    """
-    # z (k,)
-    jacobian = problem.at(z).jacobian
-    largest = np.abs(jacobian).max(axis=1, keepdims=True)
-    rows = jacobian / np.where(largest > 0.0, largest, 1.0)
-    rows[np.abs(rows) <= np.finfo(float).eps] = 0.0
-    lengths = np.linalg.norm(rows, axis=0)
-    return rows / np.where(lengths > 0.0, lengths, 1.0)
-
-
 def _without_effect(problem: TrimProblem, effects: np.ndarray) -> list[str]:
     """Return the names of the free variables that affect no equation.
 
-    effects: Jacobian in balanced units, (e, k)
+    effects: Jacobian in balanced units, (m, k)
     """
     affects = np.any(effects, axis=0).tolist()
     return [
@@ -121,7 +103,7 @@ def _without_effect(problem: TrimProblem, effects: np.ndarray) -> list[str]:
 def _alike(problem: TrimProblem, effects: np.ndarray) -> list[str]:
     """Return a sentence for each free variable without an effect of its own on the equations.
 
-    effects: Jacobian in balanced units, (e, k), without columns of zeros
+    effects: Jacobian in balanced units, (m, k), without columns of zeros
     """
     # The column of such a variable is a linear combination of the columns of the free variables
     # before it. The list is empty if the Jacobian has full row rank.
@@ -131,10 +113,10 @@ def _alike(problem: TrimProblem, effects: np.ndarray) -> list[str]:
         before = effects[:, kept]
         shares = np.linalg.lstsq(before, effects[:, column])[0]
         remainder = np.linalg.norm(effects[:, column] - before @ shares)
-        if remainder > _DEPENDENT:
+        if remainder > DEPENDENT:
             kept.append(column)
             continue
-        significant = np.flatnonzero(np.abs(shares) > _DEPENDENT)
+        significant = np.flatnonzero(np.abs(shares) > DEPENDENT)
         others = [problem.free[kept[i]] for i in significant]
         sentences.append(f"{name} has no effect independent of {' and '.join(others)}")
     if len(kept) == problem.count[0]:

@@ -19,8 +19,8 @@ class Margin(Result):
 
     name: name of the variable
     value: value at the trim
-    role: "free" for an unknown of the trim, "held" at an imposed value, "left" at its initial value
-        because no equation contains the variable, or "follows" for any other state or output
+    role: "free" for an unknown of the trim, "held" at an imposed value, "left" at its start value
+        because no equation determines the variable, or "follows" for any other state or output
     lowest: lower limit, -inf if the variable has none
     highest: upper limit, inf if the variable has none
     unit: unit of value, lowest, highest and scale
@@ -101,7 +101,7 @@ class Margin(Result):
 
 
 def all_margins(
-    model: Model, condition: TrimCondition, x: Any, u: Any, idle: Sequence[str]
+    model: Model, condition: TrimCondition, x: Any, u: Any, left: Sequence[str]
 ) -> dict[str, Margin]:
     """Return the margins of a trim, name -> `Margin`, for all states, relevant outputs and inputs.
 
@@ -111,9 +111,9 @@ def all_margins(
     condition: condition of the trim
     x: state at the trim, by name
     u: input at the trim, by name
-    idle: names of free variables that are in no equation
+    left: names of free variables that no equation determines
     """
-    roles = _roles(model, condition, idle)
+    roles = _roles(model, condition, left)
     outputs = []
     for name, signal in model.outputs.items():
         limited = math.isfinite(signal.min) or math.isfinite(signal.max)
@@ -141,10 +141,10 @@ def all_margins(
     return margins
 
 
-def _roles(model: Model, condition: TrimCondition, idle: Sequence[str]) -> dict[str, str]:
-    """Return variable -> "held", "free", or "left" at its initial value."""
+def _roles(model: Model, condition: TrimCondition, left: Sequence[str]) -> dict[str, str]:
+    """Return variable -> "held", "free", or "left" at its start value."""
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
-    roles |= dict.fromkeys(idle, "left")
+    roles |= dict.fromkeys(left, "left")
     if set(condition.free) <= set(model.inputs):
         # All states are held, including those that outputs replace.
         roles |= dict.fromkeys(model.replaced, "held")

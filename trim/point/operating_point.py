@@ -228,7 +228,17 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         from trim.point.margins import all_margins
 
         posed = self.posed
-        return all_margins(self.model, posed.asked, self.states, self.inputs, posed.idle)
+        left = (*posed.idle, *posed.kept)
+        return all_margins(self.model, posed.asked, self.states, self.inputs, left)
+
+    @cached_property
+    def _one_of_many(self) -> tuple[list[str], int]:
+        """The free variables that the equations do not determine, and how many of them to hold."""
+        if self.problem is None or not self.ok:
+            return [], 0
+        from trim.point.uniqueness import undetermined
+
+        return undetermined(self.problem, self.problem.unknowns(self.values))
 
     @property
     def _far_out(self) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -12,17 +12,39 @@ from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NotFiniteError
 from hfa_support.linear_table import LinearTable
-from trim.point.condition import TrimCondition
+from trim.point.condition import TrimCondition, release
 from trim.point.halving import newton
 from trim.point.status import BALANCE
-from trim.point.system import Evaluation, TrimSystem
+from trim.point.system import Evaluation, TrimSystem, declared_start
 
 #: Number of other initial points, and their largest distance from the default one, in scaled units,
 #: if there is no limit.
 STARTS = 8
 _FAR = 10.0
+#: Part of an effect, in balanced units, below which it counts as a combination of other effects:
+#: half of the digits of a double, far above roundings and far below effects that are used.
+DEPENDENT = float(np.sqrt(np.finfo(float).eps))
 #: Most names in the advice on an output that no free variable changes.
 _MOST_DECIDING = 6
+
+
+class BalancedEffects(NamedTuple):
+    """Jacobian of a trim in balanced units: rows with the largest entry 1, columns of length 1.
+
+    An entry below the rounding of its row is 0, and a row or column of zeros remains one.
+
+    matrix: (m, k)
+    lengths: (k,), the lengths by which the columns were divided
+    """
+
+    matrix: np.ndarray
+    lengths: np.ndarray
+
+    def directions(self) -> np.ndarray:
+        """Return directions along which the scaled unknowns change no equation, (d, k)."""
+        _, sizes, directions = np.linalg.svd(self.matrix)
+        rank = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
+        return directions[rank:] / self.lengths
 
 
 class TrimProblem:
@@ -33,7 +55,8 @@ class TrimProblem:
     system: the equations; the unknowns z are scaled
     c: (1, ..), constants of the system
     free: names of the k unknowns
-    idle: names of free variables that are in no equation, or that the equations do not determine
+    idle: names of free variables that are in no equation
+    kept: states that the equations do not determine, imposed at their start values
     names: names of the equations: states for their rates, then outputs
     count: number of equations that the unknowns affect, and number of unknowns
 
@@ -42,8 +65,16 @@ class TrimProblem:
     """
 
     def __init__(
-        self, model: Model, condition: TrimCondition, start: Mapping[str, float] | None = None
+        self,
+        model: Model,
+        condition: TrimCondition,
+        start: Mapping[str, float] | None = None,
+        kept: tuple[str, ...] = (),
     ) -> None:
+        """Build the equations and check that they can have a solution.
+
+        start: initial values of the search instead of the start values of model and condition
+        """
         if condition.model.variables != model.variables:
             raise BadInputError(
                 f"the condition is for {condition.model.name}; give a condition for {model.name}"
@@ -52,7 +83,12 @@ class TrimProblem:
         if any(isinstance(value, LinearTable) for value in condition.imposed.values()):
             condition = condition.at()
         condition = condition.resolved(model)
+        if kept:
+            declared = {**declared_start(model, condition.imposed), **condition.begin}
+            condition = release(condition, hold={name: declared[name] for name in kept})
         self.model = model
+        self.kept = kept
+        self.given_start = start
         self.asked = asked
         self.condition = condition
         self.system = TrimSystem(model, condition, begin=start)
@@ -105,12 +141,20 @@ class TrimProblem:
         typed = "" if parameters else f", or --free {chosen[0]}"
         return f"; in its place, hold {' or '.join(chosen)} (--hold {chosen[0]}=VALUE{typed})"
 
+    def keeping(self, kept: tuple[str, ...], *, from_start: bool = True) -> TrimProblem:
+        """Return the problem in which some states are imposed at their start values.
+
+        from_start: whether the search begins where that of this problem does, and not at the start
+            values
+        """
+        return TrimProblem(self.model, self.asked, self.given_start if from_start else None, kept)
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the arguments from which pickle restores the problem.
 
         Compiled functions are created again.
         """
-        return TrimProblem, (self.model, self.asked)
+        return TrimProblem, (self.model, self.asked, None, self.kept)
 
     def at(self, z: np.ndarray) -> Evaluation:
         """Return the state, input, residuals and Jacobian for scaled unknowns z, (k,).
@@ -237,6 +281,16 @@ class TrimProblem:
         with np.errstate(over="ignore"):
             z, _ = newton(self.system, begin, c, bounded=True)
         return z
+
+    def balanced_effects(self, z: np.ndarray) -> BalancedEffects:
+        """Return the effects of the unknowns on the equations at scaled unknowns z, (k,)."""
+        jacobian = self.at(z).jacobian[: self.system.moved]
+        largest = np.abs(jacobian).max(axis=1, keepdims=True, initial=0.0)
+        rows = jacobian / np.where(largest > 0.0, largest, 1.0)
+        rows[np.abs(rows) <= np.finfo(float).eps] = 0.0
+        lengths = np.linalg.norm(rows, axis=0)
+        lengths = np.where(lengths > 0.0, lengths, 1.0)
+        return BalancedEffects(rows / lengths, lengths)
 
     def residuals(self, z: np.ndarray) -> dict[str, float]:
         """Return the residual of each equation in its unit, state or output -> number.

@@ -4,7 +4,6 @@ searches."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -69,6 +68,9 @@ def trim(
     Every residual is at most `BALANCE` times its scale, and every variable is within its limits.
 
     - With as many equations as unknowns, Newton's method with halved steps is used.
+    - States that the equations do not determine keep their start values, wherever the search
+      begins: those that would move farthest for their size, unless the trim needs them. States that
+      `free` names are not kept.
     - With more unknowns, the result has the least control effort Σ (u / scale)², a local minimum
       near the initial point.
     - If the first search fails, further searches begin at the least-squares solution within the
@@ -110,12 +112,11 @@ def trim(
     if isinstance(start, Mapping):
         for name in start:
             refuse_unknown("start names the unknown variable", name, model.variables)
-        condition = replace(condition, begin={**condition.begin, **start})
-        start = None
-    problem = TrimProblem(model, condition, None if start is None else start.values)
+    begin = start.values if isinstance(start, OperatingPoint) else start
+    problem = TrimProblem(model, condition, begin)
     try:
         with np.errstate(over="raise"):
-            return _solution(problem, problem.clip(problem.system.start))
+            return _unique(problem)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         if model.about.failed():
             raise BadInputError(f"no trim: {error}") from error
@@ -124,14 +125,32 @@ def trim(
         ) from error
 
 
-def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
+def _unique(problem: TrimProblem) -> OperatingPoint:
+    """Return the trim in which the states that the equations do not determine have their start
+    values.
+
+    Raises TrimError if no trim is found.
+    """
+    from trim.point.uniqueness import is_determined, keepable, kept_states
+
+    equations, unknowns = problem.count
+    point = None
+    if unknowns <= equations or not keepable(problem):
+        point = solution(problem)
+        if not keepable(problem) or is_determined(problem, problem.unknowns(point.values)):
+            return point
+    kept = kept_states(problem)
+    return solution(problem.keeping(kept)) if kept else point or solution(problem)
+
+
+def solution(problem: TrimProblem) -> OperatingPoint:
     """Return the first trim that the searches find."""
     # Unknowns are balanced if the equations hold, also beyond limits, and solved within limits.
     # The nearest ones are the last balanced ones, else the end of the first search.
     # A trim in which an angle without limits exceeds 90 deg is returned only if no other trim is
     # found.
     # Raises TrimError if no trim is found.
-    # guess (k,)
+    guess = problem.clip(problem.system.start)
     if not problem.free:  # nothing is free, and the point is an equilibrium
         return OperatingPoint._of(problem, guess, Status.TRIMMED)
     nearest = guess

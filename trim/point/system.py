@@ -17,7 +17,7 @@ import numpy as np
 
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.limits import Limits
-from hfa_aircraft.model import Model, altitudes
+from hfa_aircraft.model import Model
 from hfa_support.linear_table import LinearTable
 from hfa_support.native.bound import RowFunction
 from trim.point.condition import TrimCondition
@@ -63,8 +63,6 @@ class Structure(NamedTuple):
     unknowns: all variables that are not imposed
     rows: the equations, first those of rates
     watched: states and outputs with limits that are neither imposed nor unknown
-    altitude: altitude of an aircraft that its trim does not declare, or ""; it is an unknown only
-        if there are as many equations
     zero: names of the parameters that are exactly 0 at all points
     """
 
@@ -73,7 +71,6 @@ class Structure(NamedTuple):
     unknowns: tuple[Scaled, ...]
     rows: tuple[Row, ...]
     watched: tuple[Scaled, ...]
-    altitude: str
     zero: tuple[str, ...]
 
 
@@ -84,8 +81,7 @@ class Equations:
 
     layout: equations and names of the model
     solved: the k unknowns that affect an equation, in the order of z
-    idle: names of the free variables that are in no equation, and an altitude that the equations
-        do not determine; their values are in c
+    idle: names of the free variables that are in no equation; their values are in c
     rows: the e equations; those that the unknowns affect come first
     moved: m, number of equations that the unknowns affect
     constants: names of the values in c, which are followed by the parameters
@@ -246,7 +242,6 @@ def _structure(
         tuple(Scaled(name, model.signals[name].nominal) for name in free),
         tuple(rows),
         tuple(Scaled(name, model.signals[name].nominal) for name in watched),
-        next((name for name in altitudes(model) if name in free and name not in model.trim), ""),
         tuple(name for name, p in model.parameters.items() if not (p.start or name in varied)),
     )
 
@@ -285,11 +280,6 @@ def equations(structure: Structure) -> Equations:
     affected = np.flatnonzero(depends.any(axis=1)).tolist()  # rows
     unaffected = np.flatnonzero(~depends.any(axis=1)).tolist()
     active = np.flatnonzero(depends.any(axis=0)).tolist()  # columns
-    if len(active) > len(affected):
-        names = [structure.unknowns[column].name for column in active]
-        active = [
-            column for column, name in zip(active, names, strict=True) if name != structure.altitude
-        ]
     solved = tuple(structure.unknowns[column] for column in active)
     idle = tuple(name for name in free if name not in {unknown.name for unknown in solved})
     jacobian = ca.sparsify(sensitivity)[affected, active]
@@ -352,7 +342,8 @@ class TrimSystem:
 
     model, condition: model of the aircraft, and the condition with the values common to all points
     structure, equations: structure and functions of the equations
-    begin: initial values of the variables; an idle variable keeps its initial value
+    declared: start values of the variables, which idle variables keep
+    begin: initial values of the search
     scales: (k,), scale of each unknown
     start: (k,), initial scaled unknowns
     limits: limits of the unknowns, in the units of the model
@@ -376,17 +367,17 @@ class TrimSystem:
         """Build the equations of a trim condition.
 
         varied: variables, outputs, rates and parameters that differ between points
-        begin: initial values; by default those of the condition and of the model's declaration
+        begin: initial values instead of the start values, which are those of the condition and of
+            the model's declaration
         """
-        if begin is None:
-            begin = {**declared_start(model, condition.imposed), **condition.begin}
         self.model = model
         self.condition = condition
-        self.begin = begin
+        self.declared = {**declared_start(model, condition.imposed), **condition.begin}
+        self.begin = {**self.declared, **(begin or {})}
         self.structure = structure_of(model, condition, varied)
         self.equations = equations(self.structure)
         self.scales = self.equations.scales
-        self.start = self.unknowns(begin)
+        self.start = self.unknowns(self.begin)
         self.limits = condition.limits_on(self.equations.unknowns)
         self.lowest, self.highest, self.usual = _scaled_limits(self.limits, self.equations)
         self.watched = condition.limits_on([each.name for each in self.structure.watched])
@@ -506,7 +497,7 @@ class TrimSystem:
         # otherwise one number.
         # columns (N,)
         if name in self.equations.idle:
-            return self.begin[name]
+            return self.declared[name]
         if name in self.model.rates:
             return self.condition.rates.get(name.removesuffix("_dot"), 0.0)
         imposed = self.condition.imposed

@@ -54,7 +54,8 @@ def without_lines(notes: Iterable[str]) -> list[str]:
 
 def first_line(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str:
     """Return what was done, the equations and the condition, and below it the unstable modes: "HFA
-    (published) trimmed: level, 68 ft/s, 40,000 ft, dihedral 10 deg", "unstable: none".
+    (published) trimmed: level, 68 ft/s, 40,000 ft, dihedral 10 deg", "unstable: none". What the
+    trim does not determine follows, and doubts.
 
     done: "trimmed" or "linearized"
     modes: modes of the linear model at the point, or None for a point that is not a trim
@@ -64,6 +65,7 @@ def first_line(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str
     lines = [f"{subject(model)} {done}" + f": {condition}" * bool(condition)]
     if modes is not None:
         lines.append(_unstable([*modes], model.time_unit))
+    lines += uniqueness_lines(trimmed.given)
     lines += [f"Check: {doubt}" for doubt in (*model.about.doubts, *doubts_at(trimmed))]
     return wrapped("\n".join(lines), WIDTH)
 
@@ -83,6 +85,24 @@ def title_of(trimmed: Trimmed) -> str:
     if point.started:
         lines.append("Not from the default initial point")
     return "\n".join(lines)
+
+
+def uniqueness_lines(point: OperatingPoint) -> list[str]:
+    """Return lines on the states that keep their start values because no equation determines them,
+    and on the variables that remain free in a trim that is one of many.
+    """
+    lines = []
+    if point.problem is not None and point.problem.kept:
+        kept = ", ".join(_named(point, name) for name in point.problem.kept)
+        lines.append(f"At its start value, as the trim does not determine it: {kept}")
+    names, count = point._one_of_many
+    if names:
+        how_many = "one" if count == 1 else str(count)
+        lines.append(
+            f"One of many: {', '.join(names)} {'is' if len(names) == 1 else 'are'} free; hold "
+            f"{how_many} (--hold {names[0]}=VALUE)"
+        )
+    return lines
 
 
 def subject(model: Model) -> str:

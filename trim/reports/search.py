@@ -14,8 +14,6 @@ from trim.point.problem import STARTS, TrimProblem
 from trim.point.status import BALANCE, Status
 from trim.point.system import declared_start
 
-#: Condition number above which the scaled Jacobian counts as singular.
-_SINGULAR = 1e12
 #: Scaled residual that is rounding.
 _NOISE = 1e-14
 
@@ -123,9 +121,6 @@ def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
                 f"Least effort: {unknowns} unknowns for {equations} equations, so this is the trim "
                 "with the least Σ (input / scale)² near the initial point"
             )
-        note = _singular_note(problem, problem.unknowns(point.values))
-        if note:
-            sentences.append(note)
     if point.started:
         usual = failure(problem, problem.newton(problem.clip(problem.system.start)))
         sentences.append(f"From the default initial point: {usual}")
@@ -137,7 +132,7 @@ def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
         sentences.append(f"No limits are declared for {names}; check that the values are reachable")
     if problem.idle:
         names = ", ".join(problem.idle)
-        sentences.append(f"Neither held nor determined, kept at the initial value: {names}")
+        sentences.append(f"Neither held nor determined, kept at the start value: {names}")
     sentences += [_other_trim(problem, point, other) for other in others]
     search = {
         "equations": equations,
@@ -145,25 +140,11 @@ def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
         "least_effort": unknowns > equations,
         "start": point.started,
         "idle": list(problem.idle),
+        "kept": list(problem.kept),
+        "undetermined": point._one_of_many[0],
         "other_trims": [{name: other.values[name] for name in problem.free} for other in others],
     }
     return search, sentences
-
-
-def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
-    """Return a note if a trim is not unique because the Jacobian of its equations is singular."""
-    # The note is "" if the Jacobian is regular, or if the numbers of equations and unknowns differ.
-    # z (k,)
-    equations, unknowns = problem.count
-    jacobian = problem.at(z).jacobian[:equations]
-    if not unknowns or equations != unknowns or np.linalg.cond(jacobian) < _SINGULAR:
-        return ""
-    direction = np.abs(np.linalg.svd(jacobian)[2][-1])
-    moving = [problem.free[i] for i in np.argsort(-direction) if direction[i] > 0.1]
-    return (
-        f"The equations do not determine the trim: the Jacobian is singular along "
-        f"{', '.join(moving)}; hold one of these"
-    )
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:

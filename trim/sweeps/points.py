@@ -18,6 +18,7 @@ from hfa_support.progress import Progress
 from trim.point.condition import (
     TrimCondition,
     refuse_unfit,
+    release,
     usual_condition,
 )
 from trim.point.halving import newton, newton_step
@@ -25,6 +26,7 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.point.status import BALANCE, Status
 from trim.point.system import TrimSystem
+from trim.point.uniqueness import keepable_in
 
 #: Possible statuses of a point.
 STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
@@ -99,6 +101,9 @@ def trim_points(
     asked, asked_values = variables, values
     variables, values, condition = _resolved(model, variables, values, condition)
     system = _system(model, condition, variables, start)
+    kept = _kept_values(system, variables, values)
+    if kept:
+        system = _system(model, release(condition, hold=kept), variables, start)
     points = _settled_together(system, variables, values)
     within = _true_rows(condition.limits_on(asked).within(asked_values))
     refused = ~within & (points.status == TRIMMED)  # as of a parameter
@@ -106,7 +111,7 @@ def trim_points(
     points.one_by_one[refused] = True
     slow = np.flatnonzero(points.one_by_one).tolist()
     for done, i in enumerate(slow, start=len(values) - len(slow) + 1):
-        _settle_alone(system, points, i, variables, values[i], start)
+        _settle_alone(model, condition, points, i, variables, values[i], start)
         if progress is not None:
             progress(done, len(values))
     _leave_out_without_slopes(system, points)
@@ -126,6 +131,26 @@ def _leave_out_without_slopes(system: TrimSystem, points: Points) -> None:
         balanced = np.zeros(len(model.states))  # no rate is wrong
         points.failures[i] = model.message_of_not_finite(balanced, values, [*model.states])
         points.status[i] = NO_TRIM
+
+
+def _kept_values(
+    system: TrimSystem, variables: tuple[str, ...], values: np.ndarray
+) -> dict[str, float]:
+    """Return the states that trims keep at their start values (`kept_states`), state -> value.
+
+    They are those of the first, middle or last point, the first of them that has a trim.
+    """
+    count = len(values)
+    tried = (0, count // 2, count - 1) if count and keepable_in(system) else ()
+    for row in values[[*dict.fromkeys(tried)]]:
+        try:
+            model = model_at(system.model, variables, row)
+            point = trim(model, condition_at(system.condition, variables, row))
+        except (BadInputError, NoSolutionError):
+            continue
+        kept = () if point.problem is None else point.problem.kept
+        return {name: point.values[name] for name in kept}
+    return {}
 
 
 def _resolved(
@@ -394,7 +419,8 @@ def _settle_from_neighbours(
 
 
 def _settle_alone(
-    system: TrimSystem,
+    model: Model,
+    condition: TrimCondition,
     points: Points,
     i: int,
     variables: tuple[str, ...],
@@ -404,8 +430,8 @@ def _settle_alone(
     """Trim one point by `trim`, and store its result in `points`."""
     # If there is no trim, the reason is stored in `failures`.
     try:
-        model = model_at(system.model, variables, row)
-        point = trim(model, condition_at(system.condition, variables, row), start)
+        model = model_at(model, variables, row)
+        point = trim(model, condition_at(condition, variables, row), start)
         linear = model.at(point.states, point.inputs)
     except (BadInputError, NoSolutionError) as error:
         points.failures[i] = str(error)

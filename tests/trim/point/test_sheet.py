@@ -624,7 +624,7 @@ def test_a_trim_without_air_is_doubted_and_leads_to_a_flight() -> None:
     title = " ".join(point.report().title.split())
     assert "Check: alpha -90 deg, density 0 kg/m^3: no flight" in title
     assert "degrees without a unit" not in title
-    held = {name: float(value) for name, value in re.findall(r"--hold (\w+)=(\S+)", title)}
+    held = {name: float(value) for name, value in re.findall(r"--hold (\w+)=([-.\d]+)", title)}
     flown = hfa.trim(model, hold=held, free=re.findall(r"--free (\w+)", title))
     assert dict(flown.states) == pytest.approx({"speed": 50.0, "alpha": 0.1, "altitude": 1e3})
     assert "Check" not in flown.report().title

@@ -83,9 +83,9 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
 
 
 def test_undetermined_trims_name_their_variable() -> None:
-    """The report names the variable that a trim leaves undetermined.
+    """The report names the variable that a trim leaves undetermined, which keeps its start value.
 
-    If this variable is held, no warning is printed. The equations a' = a b and b' = u - b are
+    If this variable is set free, the trim is one of many. The equations a' = a b and b' = u - b are
     satisfied for any a at b = 0.
     """
 
@@ -94,13 +94,15 @@ def test_undetermined_trims_name_their_variable() -> None:
 
     states = {"a": Signal(start=0.8), "b": Signal()}
     model = Model("cart", states, {"u": Signal()}, equations, trim={"u": 0.0})
-    free = TrimCondition(model, {"u": 0.0})
-    held = TrimCondition(model, {"a": 0.8})
-    _, report = reported(model, free)
-    text = " ".join(report.text().split())
-    assert "the Jacobian is singular along a; hold one of these" in text
-    _, report = reported(model, held)
-    assert "singular" not in report.text()
+    kept = TrimCondition(model, {"u": 0.0})
+    point, report = reported(model, kept)
+    assert point["a"] == 0.8
+    assert "does not determine it: a 0.8" in report.text()
+    _, report = reported(model, release(kept, free=("a",)))
+    assert "One of many: a is free; hold one (--hold a=VALUE)" in report.text()
+    _, report = reported(model, TrimCondition(model, {"a": 0.8}))
+    assert "One of many" not in report.text()
+    assert "does not determine" not in report.text()
 
 
 def test_a_later_limit_replaces_an_earlier_one() -> None:

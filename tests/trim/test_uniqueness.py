@@ -1,0 +1,143 @@
+"""A trim does not depend on where its search begins: what no equation determines has its start value."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import pytest
+from project import ROOT
+
+import hfa
+
+ANGLE = hfa.Signal("rad", nominal=0.1)
+GRAVITY = 9.80665
+
+
+def plane(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A small airplane in the vertical plane, in an exponential atmosphere."""
+    force = 0.5 * 1.225 * ca.exp(-x.h / 9000.0) * x.V**2 * 17.0
+    CL = 0.3 + 4.4 * x.a + 0.4 * u.flap
+    drag = force * (0.03 + 0.05 * CL**2)
+    gamma = x.nose - x.a
+    climb = x.V * ca.sin(gamma)
+    return {
+        "V": (u.T * ca.cos(x.a) - drag) / 1250.0 - GRAVITY * ca.sin(gamma),
+        "a": x.q
+        - (force * CL + u.T * ca.sin(x.a)) / (1250.0 * x.V)
+        + GRAVITY * ca.cos(gamma) / x.V,
+        "nose": x.q,
+        "q": 3e-4 * force * (0.02 - 0.7 * x.a - 0.9 * u.stick - 8.0 * x.q / x.V),
+        "h": climb,
+    }, {"gamma": gamma}
+
+
+#: Its trim imposes gamma, from which the rate of the altitude follows: an equation too few.
+PLANE = hfa.Model(
+    "plane",
+    {"V": hfa.Signal("m/s", start=55.0, nominal=55.0), "a": ANGLE, "nose": ANGLE, "q": ANGLE,
+     "h": hfa.Signal("m", start=500.0, nominal=1000.0)},
+    {"T": hfa.Signal("N", start=1500.0, nominal=1500.0, min=0.0, max=4000.0), "stick": ANGLE,
+     "flap": ANGLE},
+    plane,
+    outputs={"gamma": ANGLE},
+    trim={"V": 55.0, "gamma": 0.0, "flap": 0.1},
+)  # fmt: skip
+OF_FILES = ("cessna182.toml", "glider.toml", "uav.toml", "uav.dml", "f16.py:F16", "gtm.py:GTM")
+OF_JSBSIM = ("737", "c172p", "T38", "A4", "MD11", "J3Cub", "B747", "X15", "SGS")
+
+
+def aircraft(name: str) -> hfa.Model:
+    """Return an aircraft by its name in `AIRCRAFT`."""
+    if name == "plane":
+        return PLANE
+    if name in ("published", "newton", "unsteady"):
+        return hfa.aircraft(name)
+    if name.startswith("jsbsim"):
+        pytest.importorskip("hfa_jsbsim")
+        return hfa.load_model(name)
+    if name.endswith(".dml"):
+        pytest.importorskip("hfa_daveml")
+    return hfa.load_model(f"{ROOT}/examples/{name}")
+
+
+AIRCRAFT = (
+    *("plane", "published", "newton", "unsteady", "navion.py:NAVION", "pendulum.py:PENDULUM"),
+    *OF_FILES,
+    *(f"jsbsim:{name}" for name in OF_JSBSIM),
+)
+
+
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_a_search_that_begins_elsewhere_ends_at_the_same_trim(name: str) -> None:
+    """Also if the trim of the aircraft does not declare its altitude."""
+    model = aircraft(name)
+    for without in ("", "altitude"):
+        declared = {key: value for key, value in model.trim.items() if key != without}
+        flown = replace(model, trim=declared)
+        hold = {"dihedral": 0.2} if "dihedral" in model.states else {}
+        expected = hfa.trim(flown, hold=hold)
+        for step in (-0.2, 0.2):
+            begin = {}
+            for each in flown.variables:
+                lowest, highest = flown.limits[each]
+                aside = flown.signals[each].start + step * flown.signals[each].nominal
+                begin[each] = min(max(aside, lowest), highest)
+            found = hfa.trim(flown, hold=hold, start=begin)
+            for each in flown.variables:
+                scale = flown.signals[each].nominal
+                assert found[each] / scale == pytest.approx(expected[each] / scale, abs=1e-9)
+
+
+def test_a_state_that_no_equation_determines_keeps_its_start_value() -> None:
+    """The report says so in its first lines, and a sweep and a linear model are there too."""
+    point = hfa.trim(PLANE)
+    assert point["h"] == 500.0
+    assert "At its start value, as the trim does not determine it: h 500 m" in str(point.report())
+    swept = hfa.sweep(PLANE, V=[50.0, 60.0])
+    assert swept["h"].tolist() == [500.0, 500.0]
+
+
+@pytest.mark.parametrize(
+    ("free", "kept"), [(("T", "stick", "V"), "a"), (("T", "stick", "V", "a", "nose"), "")]
+)
+def test_a_state_that_was_set_free_is_not_kept(free: tuple[str, ...], kept: str) -> None:
+    """A trim that remains one of many says what to hold, and that makes it unique."""
+    released = hfa.trim(PLANE, hold={"h": 500.0}, free=free)
+    first = str(released.report()).partition("\n\n")[0]
+    assert (f"does not determine it: {kept}" in first) == bool(kept)
+    assert ("One of many" in first) == (not kept)
+    if not kept:
+        name = first.partition("(--hold ")[2].partition("=")[0]
+        others = [each for each in free if each != name]
+        held = hfa.trim(PLANE, hold={"h": 500.0, name: released[name]}, free=others)
+        assert "One of many" not in str(held.report())
+        assert held[name] == released[name]
+
+
+def test_what_is_kept_does_not_depend_on_units() -> None:
+    """In SI units, in degrees and without nominal values, the same state is kept."""
+
+    def in_degrees(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        rates, outputs = plane(
+            x._replace(V=1000.0 * x.V, a=ca.pi / 180.0 * x.a, h=1e-3 * x.h), u, p, w
+        )
+        rates |= {"V": rates["V"] / 1000.0, "a": rates["a"] * 180.0 / ca.pi, "h": 1e3 * rates["h"]}
+        return rates, outputs
+
+    states = {
+        "V": hfa.Signal("km/s", start=0.055),
+        "a": hfa.Signal("deg"),
+        "nose": hfa.Signal("rad"),
+        "q": hfa.Signal("rad/s"),
+        "h": hfa.Signal("mm", start=5e5),
+    }
+    inputs = {"T": hfa.Signal("N", start=1500.0), "stick": hfa.Signal("rad"), "flap": ANGLE}
+    outputs = {"gamma": ANGLE}
+    model = hfa.Model(
+        "plane", states, inputs, in_degrees, outputs=outputs, trim={"gamma": 0.05, "flap": 0.1}
+    )
+    point = hfa.trim(model, free=["h_dot"])
+    assert point["V"] == 0.055
+    assert point["h"] == 5e5

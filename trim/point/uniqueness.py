@@ -1,0 +1,109 @@
+"""States that the equations of a trim do not determine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from hfa_support.errors import BadInputError
+from hfa_support.units import si_factor, si_unit
+from trim.point.problem import DEPENDENT, TrimProblem
+from trim.point.system import TrimSystem
+
+
+def keepable(problem: TrimProblem) -> list[str]:
+    """Return the unknown states, and outputs in their place, that nobody set free by name."""
+    return keepable_in(problem.system, problem.asked.set_free)
+
+
+def keepable_in(system: TrimSystem, set_free: Sequence[str] = ()) -> list[str]:
+    """Return the unknown states, and outputs in their place, that nobody set free by name.
+
+    set_free: names that were set free, in addition to those of the system's condition
+    """
+    others = {*system.model.inputs, *system.condition.set_free, *set_free}
+    return [name for name in system.equations.unknowns if name not in others]
+
+
+def is_determined(problem: TrimProblem, z: np.ndarray) -> bool:
+    """Return whether the equations determine all unknowns near z, (k,)."""
+    return not len(problem.balanced_effects(z).directions())
+
+
+def undetermined(problem: TrimProblem, z: np.ndarray) -> tuple[list[str], int]:
+    """Return the unknowns that can change together while the equations remain balanced, and how
+    many of them must be held for a unique trim.
+
+    The first ones move farthest for their size (`_sizes`).
+
+    z: trim, (k,)
+    """
+    directions = problem.balanced_effects(z).directions()
+    if not len(directions):
+        return [], 0
+    moved = directions * problem.system.scales / _sizes(problem)
+    basis, _ = np.linalg.qr(moved.T)
+    parts = np.linalg.norm(basis, axis=1)
+    order = np.argsort(-parts, kind="stable")
+    return [problem.free[i] for i in order if parts[i] > DEPENDENT], len(directions)
+
+
+def kept_states(problem: TrimProblem) -> tuple[str, ...]:
+    """Return the states that keep their start values, so that the equations determine the trim.
+
+    Of the states that no equation determines, the one that moves farthest for its size is kept,
+    until the trim is unique. A state without a trim at its start value is not kept. The result does
+    not depend on where the search begins.
+    """
+    from trim.point.solve import TrimError, solution
+
+    problem = problem.keeping((), from_start=False)
+    points = [problem.clip(problem.system.start)]
+    points.append(problem.newton(points[0]))
+    while points:
+        candidates = _candidates(problem, points)
+        points = []
+        for name in candidates:
+            try:
+                tried = problem.keeping((*problem.kept, name))
+                points = [tried.unknowns(solution(tried).values)]
+            except (BadInputError, TrimError):
+                continue
+            problem = tried
+            break
+    return problem.kept
+
+
+def _candidates(problem: TrimProblem, points: list[np.ndarray]) -> list[str]:
+    """Return the states that could be kept, the first best, at the first of some scaled unknowns
+    (k,) at which the equations do not determine all.
+    """
+    for z in points:
+        with suppress(BadInputError, ArithmeticError):
+            names, _ = undetermined(problem, z)
+            if found := [name for name in names if name in keepable(problem)]:
+                return found
+    return []
+
+
+def _sizes(problem: TrimProblem) -> np.ndarray:
+    """Return the size of each unknown, in its unit, (k,).
+
+    The size of an angle is 1 rad. That of another unknown is the largest start value of all states
+    and inputs of its quantity, or its nominal value if they are all 0.
+    """
+    model, declared = problem.model, problem.system.declared
+    largest: dict[str, float] = {}
+    for name, value in declared.items():
+        unit = model.unit(name)
+        quantity = si_unit(unit)
+        largest[quantity] = max(largest.get(quantity, 0.0), abs(value) * si_factor(unit))
+    sizes = []
+    for name in problem.free:
+        unit = model.unit(name)
+        quantity = si_unit(unit)
+        size = 1.0 if quantity == "rad" else largest[quantity]
+        sizes.append(size / si_factor(unit) if size else model.signals[name].nominal)
+    return np.array(sizes)
