@@ -21,7 +21,6 @@ class About:
     aliases: name in another program -> name in the model
     names_schedule: whether options and data contain the name of the scheduling variable
         (--dihedral, dihedral_deg) instead of --at and scheduled
-    variants: names of other equations
     equations: short name of the equations in the first lines of reports, unless `subject` has it
     atmosphere: name of the standard atmosphere of the equations, or ""
     trained_at: value of the scheduling variable at which environments begin, or None for the
@@ -44,7 +43,6 @@ class About:
     doubts: tuple[str, ...] = ()
     aliases: Mapping[str, str] = field(default_factory=dict)
     names_schedule: bool = False
-    variants: tuple[str, ...] = ()
     equations: str = ""
     atmosphere: str = ""
     trained_at: float | None = None

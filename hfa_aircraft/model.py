@@ -357,16 +357,6 @@ class Model(Reported):
             return self.trimming.alternatives
         return ((recognized(self.states)["speed"], *self.airspeeds), *self.trimming.alternatives)
 
-    @cached_property
-    def measurable(self) -> tuple[str, ...]:
-        """Names of the quantities that a controller can measure: states, outputs and parts of
-        outputs.
-
-        A part of an output has the name OUTPUT_suffix (`Model.parts`).
-        """
-        parts = [f"{output}_{ending}" for ending in self.parts for output in self.outputs]
-        return (*self.states, *self.outputs, *parts)
-
     def part(self, name: str) -> tuple[str, tuple[str, ...]]:
         """Return the measured output or state, and the linear states that contribute to a measured
         quantity.
@@ -374,7 +364,7 @@ class Model(Reported):
         For a part of an output, only the states of this part contribute. Otherwise all linear
         states contribute.
 
-        name: a name in `measurable`
+        name: a state, an output, or a part of an output, OUTPUT_suffix (`Model.parts`)
         """
         for ending, states in self.parts.items():
             whole = name.removesuffix(f"_{ending}")

@@ -8,20 +8,19 @@ from __future__ import annotations
 
 import casadi as ca
 
+from hfa_aircraft.rigid.atmosphere import HEAT_RATIO
 from hfa_model.vectors import HIGHEST_ALTITUDE, Quantity
 from hfa_support.errors import BadInputError
+from hfa_support.units import FOOT, STANDARD_GRAVITY
 
 # U.S. Standard Atmosphere, 1976, Tables 2-4 (SI, as defined there).
 _EARTH_RADIUS = 6_356_766.0  # m
-_GRAVITY = 9.80665  # m/s^2
 _GAS_CONSTANT = 8314.32 / 28.9644  # J/(kg K)
 _SEA_LEVEL_TEMPERATURE = 288.15  # K
 _SEA_LEVEL_PRESSURE = 101_325.0  # Pa
 _LAPSE_RATE = 0.0065  # K/m, below the tropopause
 _TROPOPAUSE = 11_000.0  # m, geopotential
-_HEAT_CAPACITY_RATIO = 1.4
 
-_METRE_PER_FOOT = 0.3048
 _KILOGRAM_PER_SLUG = 14.593902937206364
 
 
@@ -39,13 +38,13 @@ def density(altitude: Quantity) -> Quantity:
     geopotential = _geopotential(altitude)
     kelvin = _temperature(geopotential)
     above = ca.fmax(geopotential - _TROPOPAUSE, 0.0)
-    exponent = _GRAVITY / (_GAS_CONSTANT * _LAPSE_RATE)
+    exponent = STANDARD_GRAVITY / (_GAS_CONSTANT * _LAPSE_RATE)
     pressure = (
         _SEA_LEVEL_PRESSURE
         * (kelvin / _SEA_LEVEL_TEMPERATURE) ** exponent
-        * ca.exp(-_GRAVITY * above / (_GAS_CONSTANT * kelvin))
+        * ca.exp(-STANDARD_GRAVITY * above / (_GAS_CONSTANT * kelvin))
     )
-    return pressure / (_GAS_CONSTANT * kelvin) * _METRE_PER_FOOT**3 / _KILOGRAM_PER_SLUG
+    return pressure / (_GAS_CONSTANT * kelvin) * FOOT**3 / _KILOGRAM_PER_SLUG
 
 
 def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
@@ -82,14 +81,14 @@ def speed_of_sound(altitude: Quantity) -> Quantity:
 
     Source: U.S. Standard Atmosphere, 1976, Eq. 50.
     """
-    return ca.sqrt(_HEAT_CAPACITY_RATIO * _GAS_CONSTANT * temperature(altitude)) / _METRE_PER_FOOT
+    return ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * temperature(altitude)) / FOOT
 
 
 def _geopotential(altitude: Quantity) -> Quantity:
     """Return the geopotential altitude H = r h / (r + h), m, of a geometric altitude in ft."""
     if not isinstance(altitude, (ca.SX, ca.MX)):
         refuse_beyond_the_atmosphere(altitude)
-    height = altitude * _METRE_PER_FOOT
+    height = altitude * FOOT
     return _EARTH_RADIUS * height / (_EARTH_RADIUS + height)
 
 

@@ -18,7 +18,7 @@ from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.outputs import OUTPUTS, instant_of, outputs_of
 from hfa_model.parameters import FIELDS, Parameters
 from hfa_model.published import published_data
-from hfa_model.variants import VARIANTS, Variant, variant_named
+from hfa_model.variants import Variant, variant_named
 from hfa_model.vectors import (
     INPUT_SIGNALS,
     INPUTS,
@@ -126,7 +126,6 @@ def hfa_about(dynamics: str) -> About:
         f"{dynamics} dynamics",
         subject,
         names_schedule=True,
-        variants=tuple(VARIANTS),
         equations="published" if subject == "HFA" else "",
         atmosphere="U.S. Standard 1976",
         trained_at=math.radians(15.0),

@@ -15,10 +15,12 @@ from functools import lru_cache
 from typing import NamedTuple
 
 SYSTEMS = ("english", "si")
-_FOOT = 0.3048
+#: Foot, m; knot, m/s; standard gravity, m/s².
+FOOT = 0.3048
+KNOT = 1852.0 / 3600.0
+STANDARD_GRAVITY = 9.80665
 _POUND = 0.45359237
-_GRAVITY = 9.80665
-_SLUG = _POUND * _GRAVITY / _FOOT
+_SLUG = _POUND * STANDARD_GRAVITY / FOOT
 #: Units of force, length and mass.
 ENGLISH_BASES, SI_BASES = ("lbf", "ft", "slug"), ("N", "m", "kg")
 
@@ -40,7 +42,7 @@ _FORCE = {"m": 1, "kg": 1, "s": -2}
 _PRESSURE = {"m": -1, "kg": 1, "s": -2}
 _POWER = {"m": 2, "kg": 1, "s": -3}
 _MINUTE, _HOUR, _NAUTICAL_MILE, _MILE = 60.0, 3600.0, 1852.0, 1609.344
-_PSF = _POUND * _GRAVITY / _FOOT**2
+_PSF = _POUND * STANDARD_GRAVITY / FOOT**2
 #: Spelling -> unit, for all units that are converted.
 _UNITS = {
     "1": _Unit(1.0, {}),
@@ -48,8 +50,8 @@ _UNITS = {
     "km": _Unit(1000.0, _LENGTH),
     "cm": _Unit(0.01, _LENGTH),
     "mm": _Unit(0.001, _LENGTH),
-    "ft": _Unit(_FOOT, _LENGTH),
-    "in": _Unit(_FOOT / 12.0, _LENGTH),
+    "ft": _Unit(FOOT, _LENGTH),
+    "in": _Unit(FOOT / 12.0, _LENGTH),
     "nmi": _Unit(_NAUTICAL_MILE, _LENGTH),
     "kg": _Unit(1.0, _MASS),
     "lbm": _Unit(_POUND, _MASS),
@@ -64,7 +66,7 @@ _UNITS = {
     **dict.fromkeys(("deg", "°", "degree", "degrees"), _Unit(math.pi / 180.0, _ANGLE)),
     "N": _Unit(1.0, _FORCE),
     "kN": _Unit(1000.0, _FORCE),
-    "lbf": _Unit(_POUND * _GRAVITY, _FORCE),
+    "lbf": _Unit(_POUND * STANDARD_GRAVITY, _FORCE),
     **dict.fromkeys(("kt", "kts", "kn", "knot", "knots"), _Unit(_NAUTICAL_MILE / _HOUR, _SPEED)),
     "mph": _Unit(_MILE / _HOUR, _SPEED),
     "Pa": _Unit(1.0, _PRESSURE),
@@ -76,7 +78,7 @@ _UNITS = {
     "inHg": _Unit(3386.389, _PRESSURE),
     "W": _Unit(1.0, _POWER),
     "kW": _Unit(1000.0, _POWER),
-    "hp": _Unit(550.0 * _FOOT * _POUND * _GRAVITY, _POWER),
+    "hp": _Unit(550.0 * FOOT * _POUND * STANDARD_GRAVITY, _POWER),
     "K": _Unit(1.0, _TEMPERATURE),
     "degR": _Unit(5.0 / 9.0, _TEMPERATURE),
 }

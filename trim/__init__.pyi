@@ -14,5 +14,4 @@ from .point.solve import TrimError as TrimError
 from .reports.levels import Airplane as Airplane, graded as graded
 from .reports.point_figure import draw_point as draw_point
 from .reports.trim_report import sheet_of as sheet_of
-from .sweeps.interpolated import InterpolatedModel as InterpolatedModel
 from .sweeps.points import trim_points as trim_points

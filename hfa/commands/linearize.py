@@ -7,26 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hfa.options.advice import trimmed
+from hfa.options.argument_types import some_of
 from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.option import option
 from hfa.options.plants import aircraft_help
 from hfa.options.trims import GivenTrim, TrimOptions, scheduled_trim
-from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
 from trim.hfa.linear_report import linear_model_report
 from trim.linear.linearize import direct_disturbances
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-def _names(text: str) -> tuple[str, ...]:
-    """Return different names separated by commas."""
-    names = tuple(text.split(","))
-    for name in names:
-        if names.count(name) > 1:
-            raise BadInputError(f"contains {name} twice; remove one {name}")
-    return names
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,18 +27,21 @@ class LinearizeRequest(Request, TrimOptions):
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME", names="--model --aircraft")
     picture: Path | None = picture_option("Bode plots from each input to each output")
     states: tuple[str, ...] | None = option(
-        "states of the model, in order; default: those of its linear model", "a,b,...", _names
+        "states of the model, in order; default: those of its linear model", "a,b,...", some_of()
     )
     inputs: tuple[str, ...] | None = option(
-        "inputs of the model, in order; default: all", "a,b,...", _names, rare=True
+        "inputs of the model, in order; default: all", "a,b,...", some_of(), rare=True
     )
     outputs: tuple[str, ...] | None = option(
-        "outputs of the model, in order; default: the states, C = I", "a,b,...", _names, rare=True
+        "outputs of the model, in order; default: the states, C = I",
+        "a,b,...",
+        some_of(),
+        rare=True,
     )
     residualize: tuple[str, ...] = option(
         "states replaced by their steady state; other omitted states stay at the trim",
         "a,b,...",
-        _names,
+        some_of(),
         default=(),
         rare=True,
     )

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from controller.critic.critic_file import critic_file, critic_suffixes
 from controller.critic.reading import CriticFile
 from controller.game.zero_sum import Game
-from hfa.options.argument_types import positive, whole
+from hfa.options.argument_types import positive, some_of, whole
 from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
 from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, given_game
@@ -52,11 +52,6 @@ def _critics(text: str) -> list[Path]:
     return sorted(paths, key=lambda path: [int(part) for part in re.findall(r"\d+", path.name)])
 
 
-def _names(text: str) -> tuple[str, ...]:
-    """Return the names in a text "a,b,..."."""
-    return tuple(name.strip() for name in text.split(","))
-
-
 def _about_weights() -> str:
     """Return the help of --weights with the suffixes of critic files."""
     known = (*MATRIX_FILES, ".toml")
@@ -86,7 +81,7 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
     inputs: tuple[str, ...] = option(
         "inputs that the critic's policy moves; the others stay at the trim; default: all",
         "NAME,NAME",
-        _names,
+        some_of(),
         default=(),
         rare=True,
     )

@@ -201,12 +201,18 @@ def one_of(*words: str) -> Callable[[str], str]:
 
 
 def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
-    """Return an option type that accepts known names separated by commas, each at most once."""
+    """Return an option type that accepts names separated by commas, each at most once.
+
+    known: the accepted names; any name if none is given
+    """
 
     def convert(text: str) -> tuple[str, ...]:
-        names = tuple(text.split(","))
+        names = tuple(name.strip() for name in text.split(","))
+        if not all(names):
+            raise BadInputError(f"is {shortened(text)!r}; give names separated by commas")
         for name in names:
-            refuse_unknown("contains the unknown name", name, known)
+            if known:
+                refuse_unknown("contains the unknown name", name, known)
             if names.count(name) > 1:
                 raise BadInputError(f"contains {name} twice; remove one {name}")
         return names

@@ -16,7 +16,7 @@ import numpy as np
 
 from hfa_aircraft.about import About, Domain, Source, Trimming
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M, air_at
+from hfa_aircraft.rigid.atmosphere import ALTITUDES, air_at
 from hfa_aircraft.rigid.motion import (
     STATES,
     acceleration,
@@ -29,9 +29,10 @@ from hfa_aircraft.rigid.motion import (
     wind_axes,
 )
 from hfa_aircraft.signals import ISA, Signal
+from hfa_support.units import FOOT, STANDARD_GRAVITY
 
 #: Standard gravity, and units of length and force, by system of units.
-GRAVITY = {"english": 9.80665 / FT_TO_M, "si": 9.80665}
+GRAVITY = {"english": STANDARD_GRAVITY / FOOT, "si": STANDARD_GRAVITY}
 LENGTH = {"english": "ft", "si": "m"}
 FORCE = {"english": "lbf", "si": "N"}
 #: Deviation of the temperature from that of the standard atmosphere.
@@ -160,7 +161,7 @@ def rigid_aircraft(
     """
     about = replace(about, atmosphere="U.S. Standard 1976")
     length = LENGTH[system]
-    foot = 1.0 if system == "english" else FT_TO_M
+    foot = 1.0 if system == "english" else FOOT
     lowest, highest = (foot * each for each in ALTITUDES)
     roll = Signal("rad", 0.1, -3.1, 3.1, assumed=True)
     rate = Signal("rad/s", 0.1, rate=1.0)

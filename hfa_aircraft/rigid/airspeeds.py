@@ -16,7 +16,6 @@ import numpy as np
 
 from hfa_aircraft.model import Model, altitudes, recognized
 from hfa_aircraft.rigid.atmosphere import (
-    FT_TO_M,
     HEAT_RATIO,
     SEA_LEVEL,
     SEA_LEVEL_PRESSURE,
@@ -27,10 +26,10 @@ from hfa_aircraft.rigid.atmosphere import (
 )
 from hfa_aircraft.signals import ISA
 from hfa_support.errors import BadInputError
-from hfa_support.units import conversion
+from hfa_support.units import FOOT, KNOT, conversion
 
 #: ft/s.
-_KNOT = 1852.0 / 3600.0 / FT_TO_M
+_KNOT = KNOT / FOOT
 #: Outputs from which the air of a model follows, with their units here.
 _OF_AIR = {"dynamic_pressure": "lbf/ft^2", "mach": "1"}
 

@@ -13,18 +13,16 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_support.units import si_factor
+from hfa_support.units import FOOT, KNOT, STANDARD_GRAVITY, si_factor
 
-FT_TO_M = 0.3048
+#: Ratio of specific heats of air.
 HEAT_RATIO = 1.4
-_STANDARD_GRAVITY = 9.80665 / FT_TO_M
-#: m/s.
-_KNOT = 1852.0 / 3600.0
-_EARTH_RADIUS = 6356766.0 / FT_TO_M
+_GRAVITY = STANDARD_GRAVITY / FOOT
+_EARTH_RADIUS = 6356766.0 / FOOT
 _KG_TO_SLUG = 0.06852168
-_GAS_CONSTANT = (8.31432 * _KG_TO_SLUG / (FT_TO_M * FT_TO_M * 1.8)) / (
-    28.9645 * _KG_TO_SLUG / 1000.0
-)
+_GAS_CONSTANT = (8.31432 * _KG_TO_SLUG / (FOOT * FOOT * 1.8)) / (28.9645 * _KG_TO_SLUG / 1000.0)
+#: Gas constant of air, J/(kg K).
+GAS_CONSTANT = 8.31432 / 28.9645e-3
 SEA_LEVEL_PRESSURE = 2116.228
 #: Lowest and highest altitude of aircraft, ft.
 ALTITUDES = (-1000.0, 150000.0)
@@ -62,12 +60,12 @@ def air_at(altitude: Any, system: str = "english", warmer: Any = 0.0) -> Air:
         which then is a pressure altitude.
     """
     if system == "si":
-        english = air_at(altitude / FT_TO_M, "english", warmer)
+        english = air_at(altitude / FOOT, "english", warmer)
         return Air(
             english.temperature / 1.8,
             english.pressure * si_factor("lbf/ft^2"),
             english.density * si_factor("slug/ft^3"),
-            english.sound * FT_TO_M,
+            english.sound * FOOT,
         )
     if isinstance(altitude, int | float):
         # the formula of a layer gives a complex Python number outside it, in CasADi nan
@@ -103,10 +101,10 @@ def density_altitude(density: Any) -> Any:
         lapse = (next_warmth - warmth) / (top - bottom)
         base = base_pressure / (_GAS_CONSTANT * warmth)
         if lapse:
-            exponent = 1.0 / (1.0 + _STANDARD_GRAVITY / (_GAS_CONSTANT * lapse))
+            exponent = 1.0 / (1.0 + _GRAVITY / (_GAS_CONSTANT * lapse))
             climb = warmth / lapse * ((base / density) ** exponent - 1.0)
         else:
-            climb = _GAS_CONSTANT * warmth / _STANDARD_GRAVITY * ca.log(base / density)
+            climb = _GAS_CONSTANT * warmth / _GRAVITY * ca.log(base / density)
         height = ca.if_else(density < base, bottom + climb, height) if bottom else climb
         base_pressure = float(base_pressure * _pressure_ratio(warmth, lapse, top - bottom))
     return height * _EARTH_RADIUS / (_EARTH_RADIUS - height)
@@ -117,7 +115,7 @@ def equivalent_airspeed(dynamic_pressure: float) -> float:
 
     dynamic_pressure: q = ρ V²/2, Pa
     """
-    return math.sqrt(2.0 * dynamic_pressure / float(air_at(0.0, "si").density)) / _KNOT
+    return math.sqrt(2.0 * dynamic_pressure / float(air_at(0.0, "si").density)) / KNOT
 
 
 def pitot_pressure(mach: Any, pressure: Any) -> Any:
@@ -169,14 +167,14 @@ def calibrated_airspeed(dynamic_pressure: float, mach: float) -> float:
     mach: Mach number M
     """
     pressure = 2.0 * dynamic_pressure / (HEAT_RATIO * mach**2) / si_factor("lbf/ft^2")
-    return float(calibrated_speed(ca.DM(mach), pressure)) * FT_TO_M / _KNOT
+    return float(calibrated_speed(ca.DM(mach), pressure)) * FOOT / KNOT
 
 
 def _pressure_ratio(warmth: float, lapse: float, climb: Any) -> Any:
     """Return the pressure in a layer of the atmosphere, relative to the pressure at its bottom."""
     if lapse == 0.0:
-        return ca.exp(-_STANDARD_GRAVITY * climb / (_GAS_CONSTANT * warmth))
-    return (warmth / (warmth + lapse * climb)) ** (_STANDARD_GRAVITY / (_GAS_CONSTANT * lapse))
+        return ca.exp(-_GRAVITY * climb / (_GAS_CONSTANT * warmth))
+    return (warmth / (warmth + lapse * climb)) ** (_GRAVITY / (_GAS_CONSTANT * lapse))
 
 
 SEA_LEVEL = Air(*(float(value) for value in vars(air_at(ca.DM(0.0))).values()))

@@ -21,7 +21,7 @@ from hfa import BadInputError, LinearModel, Model, Signal, TrimCondition
 from hfa.paper import default_parameters, level_flight
 from hfa_aircraft import from_control
 from hfa_flight import Waveform
-from trim import InterpolatedModel, entry_bands, load_condition, modes_of, release
+from trim import entry_bands, load_condition, modes_of, release
 
 HFA = hfa.aircraft()
 GTM = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
@@ -43,10 +43,6 @@ def point() -> hfa.OperatingPoint:
 
 
 @cache
-def swept(first: float = 68.0) -> hfa.Sweep:
-    return hfa.sweep(HFA, {"dihedral": [0.1, 0.2], "speed": [first, 70.0]})
-
-
 def loaded_with(tmp_path: Path, **entries: Any) -> LinearModel:
     path = tmp_path / "linear.json"
     path.write_text(json.dumps(point().linearize().to_dict() | entries))
@@ -179,14 +175,6 @@ CALLS: dict[str, Callable[[Path], Any]] = {
         cart(), hold={"x": 1.0, "v": 1.0, "force": 0.0}
     ),
     "no variable has both a lower and an upper limit": lambda _: hfa.trim(cart(), x=1.0).plot(),
-    "fewer than two values of speed": lambda _: InterpolatedModel(
-        hfa.sweep(HFA, {"dihedral": [0.1, 0.2], "speed": [68.0]})
-    ),
-    "the sweep has no trim at dihedral": lambda _: InterpolatedModel(swept(5.0)),
-    "dihedral is outside the sweep": lambda _: InterpolatedModel(swept()).at(
-        dihedral=[0.05, 0.15], speed=69.0
-    ),
-    "an argument is missing or unknown": lambda _: InterpolatedModel(swept()).at(dihedral=0.15),
     "no point of the sweep has a trim": lambda _: hfa.sweep(HFA, speed=[5.0, 6.0]).plot(),
     "the columns of a list of points have": lambda _: hfa.sweep(
         HFA, {"dihedral": [0.1, 0.2], "speed": [68.0]}, listed=True

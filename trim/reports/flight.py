@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from hfa_aircraft.rigid.atmosphere import calibrated_airspeed, equivalent_airspeed
+from hfa_aircraft.rigid.atmosphere import (
+    GAS_CONSTANT,
+    HEAT_RATIO,
+    calibrated_airspeed,
+    equivalent_airspeed,
+)
 from hfa_support.reporting.rows import Lacking, Row
 from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_value
 from hfa_support.units import conversion
 from trim.point.status import BALANCE
 from trim.reports.trimmed import Trimmed
 
-#: Ratio of specific heats and gas constant of air, J/(kg K).
-_HEAT_RATIO, _GAS_CONSTANT = 1.4, 287.053
 #: Relative difference of equal values.
 _SAME = 1e-6
 #: Outputs of the flight, which are not repeated among the loads.
@@ -98,7 +101,7 @@ def air(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         yield Row(
             "density", density * (conversion("kg/m^3", "slug/ft^3") or 1.0), "slug/ft^3", name
         )
-    temperature = (velocity / trimmed["mach"]) ** 2 / (_HEAT_RATIO * _GAS_CONSTANT)
+    temperature = (velocity / trimmed["mach"]) ** 2 / (HEAT_RATIO * GAS_CONSTANT)
     yield Row("temperature", temperature, "K")
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import casadi as ca
 
 from hfa_aircraft.rigid.atmosphere import (
-    FT_TO_M,
     SEA_LEVEL,
     Air,
     air_at,
@@ -19,8 +18,10 @@ from hfa_aircraft.rigid.atmosphere import (
 )
 from hfa_aircraft.rigid.motion import angular_velocity, rotation, turn_rate, wind_axes
 from hfa_jsbsim.airframe import Mass, Metrics
+from hfa_support.units import FOOT, KNOT
 
-KNOT = 1852.0 / (3600.0 * FT_TO_M)
+#: Knot, ft/s.
+KNOT_IN_FEET = KNOT / FOOT
 _SUTHERLAND = 198.72
 _VISCOSITY = 2.269690e-08
 
@@ -141,11 +142,11 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
     values = {
         "velocities/vt-fps": motion.speed,
         "velocities/vtrue-fps": motion.speed,
-        "velocities/vtrue-kts": motion.speed / KNOT,
+        "velocities/vtrue-kts": motion.speed / KNOT_IN_FEET,
         "velocities/vc-fps": motion.calibrated,
-        "velocities/vc-kts": motion.calibrated / KNOT,
+        "velocities/vc-kts": motion.calibrated / KNOT_IN_FEET,
         "velocities/ve-fps": equivalent,
-        "velocities/ve-kts": equivalent / KNOT,
+        "velocities/ve-kts": equivalent / KNOT_IN_FEET,
         "velocities/mach": motion.mach,
         "velocities/machU": u / air.sound,
         "velocities/vg-fps": ground_speed,
@@ -178,8 +179,8 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
         "position/h-sl-ft": x.altitude,
         "position/h-agl-ft": x.altitude,
         "position/geod-alt-ft": x.altitude,
-        "position/h-sl-meters": x.altitude * FT_TO_M,
-        "position/h-agl-km": x.altitude * FT_TO_M / 1000.0,
+        "position/h-sl-meters": x.altitude * FOOT,
+        "position/h-agl-km": x.altitude * FOOT / 1000.0,
         "propulsion/tat-r": total_temperature,
         "propulsion/tat-c": (total_temperature - 491.67) / 1.8,
         "propulsion/pt-lbs_sqft": pitot_pressure(motion.mach, air.pressure),

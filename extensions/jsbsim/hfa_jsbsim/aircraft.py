@@ -23,7 +23,7 @@ from hfa_aircraft.signals import ISA
 from hfa_jsbsim import engines as jets
 from hfa_jsbsim.aerodynamics import Aerodynamics
 from hfa_jsbsim.air import (
-    KNOT,
+    KNOT_IN_FEET,
     OF_MASS,
     Winds,
     mass_properties,
@@ -483,7 +483,7 @@ class Equations:
         steady = ca.substitute(loads, rates, ca.SX.zeros(2))
         wind_force = loads[:3]
         self.outputs = {
-            "kcas": motion.calibrated / KNOT,
+            "kcas": motion.calibrated / KNOT_IN_FEET,
             "mach": motion.mach,
             "gamma": self.properties.read("flight-path/gamma-rad", ""),
             "turn_rate": turn_rate(x),

@@ -18,11 +18,11 @@ from hfa_jsbsim.engines import (
     throttle_of,
 )
 from hfa_jsbsim.xml_file import Element
+from hfa_support.units import FOOT
 
 _PSF_TO_PA = 47.88
 _INHG_TO_PA = 3386.38
-_FT_TO_M = 0.3048
-_IN3_TO_M3 = (_FT_TO_M / 12.0) ** 3
+_IN3_TO_M3 = (FOOT / 12.0) ** 3
 _STANDARD_PRESSURE = 101320.73
 _GAS_CONSTANT = 287.3
 #: Least mean speed of the pistons, ft/s, which avoids a division by 0.
@@ -85,7 +85,7 @@ def piston_power(
     indicated: Any = fuel_flow / _consumption(file, around, breathing)
     indicated = indicated * _mixture_efficiency(engine, around, fuel_share)
     indicated = indicated - engine.value_of("static-friction", 1.5, "HP")
-    friction: Any = -engine.value_of("dynamic-fmep", 18400.0, "PA") * piston_speed * _FT_TO_M
+    friction: Any = -engine.value_of("dynamic-fmep", 18400.0, "PA") * piston_speed * FOOT
     friction = friction - engine.value_of("static-fmep", 46500.0, "PA")
     pumping = (throttled - ambient) * efficiency
     runs = running(file, around)
@@ -145,7 +145,7 @@ def _own_consumption(engine: Element, breathing: _Breathing) -> float:
     displacement = engine.value_of("displacement", 360.0, "IN3")
     efficiency = engine.value_of("volumetric-efficiency", 0.85)
     pumping = (29.92 - breathing.highest_inhg) * _INHG_TO_PA * efficiency
-    friction = engine.value_of("dynamic-fmep", 18400.0, "PA") * breathing.rated_speed * _FT_TO_M
+    friction = engine.value_of("dynamic-fmep", 18400.0, "PA") * breathing.rated_speed * FOOT
     friction += engine.value_of("static-fmep", 46500.0, "PA")
     lost = (pumping + friction) * displacement * _IN3_TO_M3 * breathing.fastest
     lost /= engine.value_of("cycles", 4.0) * 22371

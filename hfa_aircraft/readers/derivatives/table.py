@@ -41,10 +41,10 @@ from hfa_aircraft.readers.derivatives.names import (
     derivative_of,
 )
 from hfa_aircraft.rigid.aircraft import GRAVITY
-from hfa_aircraft.rigid.atmosphere import ALTITUDES, FT_TO_M, air_at
+from hfa_aircraft.rigid.atmosphere import ALTITUDES, air_at
 from hfa_support.errors import BadInputError, advice, file_faults, shown
 from hfa_support.files import read_toml, regular_file
-from hfa_support.units import SYSTEMS
+from hfa_support.units import FOOT, SYSTEMS
 
 #: Text entries: name -> permitted values, or None if any text is permitted.
 _TEXTS: dict[str, tuple[str, ...] | None] = {
@@ -418,7 +418,7 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
 
 def _refuse_altitude(altitude: float, entries: Mapping[str, Entry], system: str) -> None:
     """Raise BadInputError if aircraft cannot have the reference altitude."""
-    foot = 1.0 if system == "english" else FT_TO_M
+    foot = 1.0 if system == "english" else FOOT
     low, high = (foot * end for end in ALTITUDES)
     if not low <= altitude <= high:
         unit = _unit("altitude", system)

@@ -27,7 +27,7 @@ from hfa_flight.air.gust_equations import (
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.names import UPDRAFT, feet_of, gust_speed, state_of
 from hfa_support.errors import BadInputError, is_finite, shown
-from hfa_support.units import conversion
+from hfa_support.units import FOOT, KNOT, conversion
 from trim.point.operating_point import OperatingPoint
 
 LEVELS = ("light", "moderate", "severe")
@@ -35,7 +35,7 @@ SPECTRA = ("dryden", "karman")
 #: Forms of turbulence as text.
 FORM = "LEVEL[:ALTITUDE[:SPAN]]"
 FORM_OF_OWN = "own:SIGMA:SCALE[:SPAN]"
-_KNOT = 1852.0 / 3600.0 / 0.3048
+_KNOT = KNOT / FOOT
 #: Wind 20 ft above the ground, ft/s, by level.
 _WIND_AT_20_FT = dict(zip(LEVELS, (15.0 * _KNOT, 30.0 * _KNOT, 45.0 * _KNOT), strict=True))
 #: Figure 7: altitudes, ft, and intensities, ft/s, with the exceedance probabilities 1e-2, 1e-3 and

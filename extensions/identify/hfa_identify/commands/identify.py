@@ -7,26 +7,18 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from hfa.options.argument_types import each_of, input_file, one_of, quantity
+from hfa.options.argument_types import each_of, input_file, one_of, quantity, some_of
 from hfa.options.command import Outcome, Request, command, output_option, picture_option
 from hfa.options.option import option
 from hfa.options.output import ProgressLine
 from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import refuse_unknown
 
 #: Suffix of the file of an identified aircraft.
 AIRCRAFT = ".toml"
 #: Suffixes of records.
 RECORDS = (".csv", ".npz", ".mat")
-
-
-def _names(text: str) -> tuple[str, ...]:
-    """Return the comma-separated names in a text. Raises BadInputError if a name is empty."""
-    names = tuple(name.strip() for name in text.split(","))
-    if not all(names):
-        raise BadInputError(f"is {text!r}; give names separated by commas")
-    return names
 
 
 def _held(model: Model, name: str, text: str) -> float:
@@ -60,7 +52,7 @@ class IdentifyRequest(Request, AircraftOptions):
         "parameters to identify, such as CL_alpha,Cm_q or CL_*,Cm_*; also errors of columns, such"
         " as bias_alpha, scale_speed, delay_elevator",
         "NAMES",
-        _names,
+        some_of(),
         required=True,
     )
     given: Mapping[str, str] = option(
