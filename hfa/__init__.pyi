@@ -9,6 +9,7 @@ from controller.critic.critic import (
 )
 from controller.critic.critic_file import read_critic as read_critic
 from controller.critic.network.critic import from_network as from_network
+from controller.critic.training_run import TrainingRun as TrainingRun
 from controller.expansion.expansion import Expansion as Expansion, expand as expand
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
@@ -21,6 +22,7 @@ from hfa_aircraft.loading import load_model as load_model
 from hfa_aircraft.model import Model as Model
 from hfa_aircraft.readers.derivatives.read import from_derivatives as from_derivatives
 from hfa_aircraft.signals import Signal as Signal
+from hfa_flight.air.scenario import Scenario as Scenario
 from hfa_flight.air.turbulence import Turbulence as Turbulence
 from hfa_flight.judge.assess import assess as assess
 from hfa_flight.judge.assessment import Assessment as Assessment
@@ -36,7 +38,8 @@ from hfa_flight.plan.state_dependent import state_dependent as state_dependent
 from hfa_flight.policies.deployment.deployment import Deployment as Deployment
 from hfa_flight.policies.filter import filter as filter
 from hfa_flight.samples.flights_in_air import FlightsInAir as FlightsInAir
-from hfa_flight.simulate.flight import Flight as Flight, fly as fly
+from hfa_flight.samples.fly import fly as fly
+from hfa_flight.simulate.flight import Flight as Flight
 from hfa_identify.estimation import identify as identify
 from hfa_model.choice import aircraft as aircraft
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
@@ -45,7 +48,7 @@ from trim.linear.linearize import linearize as linearize
 from trim.point.condition import TrimCondition as TrimCondition
 from trim.point.operating_point import OperatingPoint as OperatingPoint
 from trim.point.solve import trim as trim
-from trim.sweeps.sweep import sweep as sweep
+from trim.sweeps.sweep import Sweep as Sweep, sweep as sweep
 from verification.critic.critic_check import verify as verify
 from verification.verdict import Verdict as Verdict
 

@@ -213,6 +213,7 @@ def with_options(parser: Parser, command: Command) -> Parser:
     """Return the parser with the help text and the options of a command."""
     parser.description = inspect.cleandoc(command.run.__doc__ or "")
     parser.declare(options_of(command.request))
+    parser.moved = command.request.moved
     parser.example = command.example
     called, _, name = parser.prog.partition(" ")
     if called == "hfa":  # otherwise the program has one command, such as python my_command.py

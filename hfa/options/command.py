@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 from hfa.options.argument_types import PICTURES, output_file
 from hfa.options.option import option
@@ -43,9 +43,12 @@ class Request:
 
     An option about the aircraft is a text until its model is loaded.
 
+    moved: option of an earlier version -> what to type in place of it
     line: the command line as typed
     date: start of the run in UTC, as text
     """
+
+    moved: ClassVar[Mapping[str, str]] = {}
 
     output: Path | None = output_option()
     picture: Path | None = None

@@ -27,6 +27,8 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-[\d.]")
         #: Field of the request -> option.
         self.options: dict[str, Option] = {}
+        #: Option of an earlier version -> what to type in place of it.
+        self.moved: Mapping[str, str] = {}
         #: Last line of the help.
         self.example = ""
         #: Function that returns second word of the command -> summary, for the help.
@@ -114,6 +116,8 @@ class Parser(argparse.ArgumentParser):
             name = word.partition("=")[0]
             if name in former:
                 raise BadInputError(f"{name} is called {former[name]} now; type {former[name]}")
+            if name in self.moved and name not in actions:
+                raise BadInputError(f"{name} is not an option of {self.prog}; {self.moved[name]}")
             if name.startswith("--") and name not in actions:
                 raise BadInputError(unknown(f"option {shortened(name)}", name, actions, self.prog))
         parsed, strays = self.parse_known_intermixed_args(words)

@@ -8,10 +8,10 @@ from hfa_support.errors import BadInputError, is_finite, shown
 #: Name of the requirement after --need, and its default: every flight.
 SHARE = "share"
 ALL = 1.0
-#: Default number of flights of an assessment from each trim: of a deployment, and of another
-#: policy, which may plan for a minute a flight.
+#: Default number of flights of an assessment from each trim, and number of flights in moving air
+#: that its advice proposes.
 SAMPLES = 300
-OF_POLICY = 20
+IN_AIR = 20
 #: A count that is smaller than the required one by less is enough, because shares are rounded.
 _ROUNDING = 1e-9
 

@@ -4,64 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from controller.critic.critic_file import critic_suffixes, is_network
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import (
-    each_of,
-    input_file,
-    linear_state,
-    number,
-    one_of,
-    span,
-    whole,
-)
-from hfa.options.command import Outcome, Request, command, picture_option
-from hfa.options.option import is_given, option, refuse
+from hfa.options.argument_types import each_of, input_file, linear_state, number, whole
+from hfa.options.command import Outcome, Request, command
+from hfa.options.option import is_given, option
 from hfa.options.output import ProgressLine
 from hfa.options.plants import aircraft_help
-from hfa.options.trims import (
-    GivenTrim,
-    SeveralTrims,
-    at_name,
-    given_trims,
-)
+from hfa.options.trims import GivenTrim, SeveralTrims, at_name, given_trims
 from hfa_aircraft.model import Model
-from hfa_flight.air.scenario import Scenario, Uncertainty
-from hfa_flight.air.turbulence import Turbulence
-from hfa_flight.needs import ALL, OF_POLICY, SAMPLES, SHARE, needed_share
-from hfa_flight.options import (
-    EXACT,
-    NONE,
-    at_held_altitude,
-    behind_a_filter,
-    gust_at,
-    gust_option,
-    noise_of,
-    noise_of_filter,
-    noise_option,
-    noted_game,
-    noted_linear_model,
-    policy_of_law,
-    turbulence_option,
-)
-from hfa_flight.policies.laws import LAWS
+from hfa_flight.needs import ALL, SAMPLES, SHARE, needed_share
 from hfa_support.errors import BadInputError, choice_of
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
-    from hfa_flight.judge.assessment import Assessment
-    from hfa_flight.policies.deployment.deployed import Deployed
     from hfa_flight.policies.deployment.deployment import Deployment
-    from hfa_flight.samples.monte_carlo import MonteCarlo
 
 _MOST_POINTS = 1000
 _MOST_SAMPLES = 100_000
-#: Options of a deployment, which a law does not have.
-_OF_DEPLOYMENTS = ("sample_time", "box", "vary", "best", "picture")
 
 
 def _need(name: str, text: str) -> float:
@@ -86,27 +49,31 @@ def _half_width(model: Model, name: str, text: str) -> float:
     return width
 
 
-def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
-    """Return the lowest and highest value typed for a variation, in the model's units."""
-    if name not in (*model.parameters, *model.inputs):
-        return nan, nan
-    return span(model, name, text)
-
-
 def _deployment_path(text: str) -> Path:
     """Return the typed path of a deployment file, or of a file with a critic."""
     return input_file(*dict.fromkeys((".toml", *critic_suffixes())))(text)
+
+
+_FLY = "type `hfa fly --policy DEPLOYMENT.toml --samples 20"
+#: Options of an earlier version.
+_MOVED = {
+    "--law": "type `hfa fly --policy NAME --samples 20`",
+    "--noise": f"{_FLY} --noise NAME=VALUE`",
+    "--turbulence": f"{_FLY} --turbulence LEVEL:ALTITUDE`",
+    "--gust": "type `hfa fly --policy DEPLOYMENT.toml --gust LENGTH:PEAK`",
+    "--filter": f"{_FLY} --filter --noise NAME=VALUE`",
+    "--vary": "type `hfa fly --policy DEPLOYMENT.toml --error NAME=FACTOR`",
+    "--best": "type `hfa optimize --policy DEPLOYMENT.toml --starts 5`",
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssessRequest(Request, SeveralTrims):
     """Arguments of `hfa assess`."""
 
+    moved = _MOVED
     units: None = None
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME", names="--model --aircraft")
-    picture: Path | None = picture_option(
-        "spectral radius versus delay, and outcomes of the flights"
-    )
     file: Path | None = option(
         "deployment file (observations, actions and timing of a policy), or, with "
         "--sample-time, file with a gain K",
@@ -120,23 +87,15 @@ class AssessRequest(Request, SeveralTrims):
         "S",
         number,
     )
-    law: str | None = option(
-        f"law in place of a file: {', '.join((NONE, EXACT, *LAWS))}",
-        "NAME",
-        one_of(NONE, EXACT, *LAWS),
-    )
-    samples: int | None = option(
+    samples: int = option(
         "initial conditions at each trim, each flown with and without the disturbance pulse; "
-        f"default {SAMPLES}, law {OF_POLICY}",
+        f"default {SAMPLES}",
         "N",
         whole(0, _MOST_SAMPLES),
+        default=SAMPLES,
     )
     seed: int = option(
-        "seed of the initial conditions, noise and turbulence; default 0",
-        "N",
-        whole(0),
-        default=0,
-        rare=True,
+        "seed of the initial conditions; default 0", "N", whole(0), default=0, rare=True
     )
     box: Mapping[str, str] = option(
         "half-width of the initial-condition box in a state, degrees for angles; repeatable",
@@ -151,30 +110,6 @@ class AssessRequest(Request, SeveralTrims):
         _need,
         named=True,
     )
-    vary: Mapping[str, str] = option(
-        "interval of a parameter, or of an input that is not an action; the unchanged policy is "
-        "also assessed at five values in this interval; repeatable",
-        "NAME=LOW:HIGH",
-        named=True,
-        rare=True,
-    )
-    noise: Mapping[str, str] = noise_option(
-        "standard deviation of the sensor noise of a state, degrees for angles; repeatable"
-    )
-    turbulence: Turbulence | None = turbulence_option()
-    gust: tuple[float, ...] | None = gust_option()
-    filter: bool = option(
-        "Kalman filter of --noise and --turbulence before the policy in these flights; a state "
-        "without noise has no sensor",
-        rare=True,
-    )
-    best: int | None = option(
-        "flights at each trim compared with the best flights found; 0: with the exact gain only; "
-        "default 5 with [cost], else 0",
-        "K",
-        whole(0, _MOST_SAMPLES),
-        rare=True,
-    )
 
 
 class _Given(NamedTuple):
@@ -182,14 +117,10 @@ class _Given(NamedTuple):
 
     trims: the trims to assess
     source: entries of the provenance
-    noise: state -> standard deviation of its sensor noise
-    turbulence: turbulence, at the altitude of --hold
     """
 
     trims: list[GivenTrim]
     source: Mapping[str, Any]
-    noise: Mapping[str, float]
-    turbulence: Turbulence | None
 
     @property
     def model(self) -> Model:
@@ -198,11 +129,8 @@ class _Given(NamedTuple):
 
 
 def _given(request: AssessRequest) -> _Given:
-    """Return the trims, noise and turbulence of the options."""
-    trims, source = given_trims(request, _MOST_POINTS)
-    turbulence = at_held_altitude(request.turbulence, trims[0].hold)
-    noise = noise_of(request.noise, trims[0].common.model)
-    return _Given(trims, source, noise, turbulence)
+    """Return the trims of the options."""
+    return _Given(*given_trims(request, _MOST_POINTS))
 
 
 def _deployment(request: AssessRequest, model: Model) -> Deployment:
@@ -218,8 +146,8 @@ def _deployment(request: AssessRequest, model: Model) -> Deployment:
     file = request.file
     if file is None:
         raise BadInputError(
-            "no policy is given; give a deployment file, or add --law NAME with --noise or "
-            "--turbulence"
+            "no policy is given; give a deployment file, or a file with a gain K and its "
+            "--sample-time S"
         )
     if file.suffix.lower() == ".toml":
         if request.sample_time is not None:
@@ -236,26 +164,6 @@ def _deployment(request: AssessRequest, model: Model) -> Deployment:
             "[policy]; give the file FILE.toml"
         )
     raise BadInputError(f"{file}: a gain K requires a sample time; add --sample-time S")
-
-
-def _filtered(deployment: Deployment, given: _Given) -> Deployment:
-    """Return the deployment behind the filter of the noise and turbulence."""
-    noise = noise_of_filter(given.noise)
-    air = {} if given.turbulence is None else {"turbulence": given.turbulence.text}
-    return deployment.changed(filter={"noise": noise, **air})
-
-
-def _samples(request: AssessRequest) -> int:
-    """Return the number of initial conditions at each trim of a deployment."""
-    return SAMPLES if request.samples is None else request.samples
-
-
-def _scenario_at(request: AssessRequest, given: _Given, point: OperatingPoint) -> Scenario:
-    """Return the scenario with noise, gust and turbulence at a trim."""
-    uncertainty = Uncertainty(noise=given.noise, turbulence=given.turbulence)
-    scenario = Scenario(uncertainty=uncertainty)
-    gust = gust_at(request.gust, point, scenario.duration)
-    return replace(scenario, gust=gust)
 
 
 def _assumed_trim(request: AssessRequest, point: OperatingPoint) -> str:
@@ -275,99 +183,21 @@ def assess(request: AssessRequest, given: _Given) -> Outcome:
     For each trim, the report contains the equilibrium, the spectral radius of the sampled loop with
     0, 1, 2 ... samples of delay, margins at the plant's input, and the linear cost compared with
     the optimum for Q and R. Flights from a box of initial conditions are simulated with and without
-    a disturbance pulse. The first line compares costs with the best flights', or the exact gain's.
+    a disturbance pulse. The first line compares costs of flights with the exact gain's.
 
-    With --policy, the flights and their report are those of `hfa fly --policy NAME --samples N`.
+    Flights in noise and moving air are those of `hfa fly --policy FILE --samples N`.
 
     Exit code 0 if the policy holds at every trim and satisfies every --need, else 1.
     """
-    from hfa_flight.policies.deployment.deployed import Deployed
-
-    if request.law is not None:
-        return _assess_law(request, given)
-    deployment = _deployment(request, given.model)
-    if request.filter:
-        deployment = _filtered(deployment, given)
-    deployed = Deployed(deployment, given.model)
-    result = _assessment(request, given, deployed)
-    return Outcome(
-        report=result.report(),
-        ok=result.ok,
-        source=given.source,
-        notes=result.warnings,
-        figure=result.figure,
-    )
-
-
-def _assess_law(request: AssessRequest, given: _Given) -> Outcome:
-    """Return the outcome of the flights of a law from each trim."""
-    from hfa_flight.samples.flights_in_air import flights_in_air
-
-    _refuse_of_law(request)
-    plans = [_plan_of_law(request, given, trimmed(each)) for each in given.trims]
-    assumed = _assumed_trim(request, plans[0].point)
-    flown = flights_in_air(plans)
-    notes = filter(None, (assumed, *flown.warnings))
-    return Outcome(report=flown.report(), ok=flown.ok, source=given.source, notes=[*notes])
-
-
-def _refuse_of_law(request: AssessRequest) -> None:
-    """Raise BadInputError for options that a law does not have, and if all flights are the same."""
-    if request.file is not None:
-        raise BadInputError(f"{request.file} and --law both give a policy; remove one of the two")
-    refuse(request, _OF_DEPLOYMENTS, "cannot be combined with --law; remove one of the two")
-    for name in request.need:
-        if name != SHARE:
-            raise BadInputError(
-                f"--need {name} cannot be combined with --law; remove one of the two"
-            )
-    if request.turbulence is None and not request.noise:
-        raise BadInputError(
-            "--law has the same flight from a trim each time; add --noise STATE=VALUE or "
-            "--turbulence LEVEL:ALTITUDE"
-        )
-    if request.samples == 0:
-        raise BadInputError("--samples is 0, so --law has no flights; give at least 1")
-    if request.filter and request.law == NONE:
-        raise BadInputError(f"--filter requires a policy; remove --law {NONE}")
-
-
-def _plan_of_law(request: AssessRequest, given: _Given, point: OperatingPoint) -> MonteCarlo:
-    """Return the plan of the flights of a law from a trim."""
-    from hfa_flight.judge.assess import plan_of
-
-    scenario = _scenario_at(request, given, point)
-    policy = None
-    if request.law is not None and request.law != NONE:
-        game = noted_game({}, noted_linear_model(point.model, point))
-        policy = policy_of_law(request.law, game, point, is_filtered=request.filter)
-    if policy is not None and request.filter:
-        policy = behind_a_filter(policy, scenario, point)
-    samples = OF_POLICY if request.samples is None else request.samples
-    share = request.need.get(SHARE, ALL)
-    return plan_of(policy, point, scenario, samples, request.seed, share)
-
-
-def _assessment(request: AssessRequest, given: _Given, deployed: Deployed) -> Assessment:
-    """Return the assessment of a deployment."""
     from hfa_flight.judge.assess import assessment_of
     from hfa_flight.judge.assessor import Assessor
-    from hfa_flight.judge.variations import changes_of
+    from hfa_flight.policies.deployment.deployed import Deployed
 
-    model = given.model
-    changes = changes_of(deployed, each_of("--vary", model, request.vary, _varied))
-    box = each_of("--box", model, request.box, _half_width)
+    deployed = Deployed(_deployment(request, given.model), given.model)
+    box = each_of("--box", given.model, request.box, _half_width)
     points = tuple(trimmed(each) for each in given.trims)
-    in_air = bool(given.noise) or given.turbulence is not None or request.gust is not None
-    scenarios = [_scenario_at(request, given, point) for point in points] if in_air else []
     share = request.need.get(SHARE, ALL)
-    assessor = Assessor(deployed, points, _samples(request), request.seed, box, share=share)
-    result = assessment_of(
-        assessor,
-        needs=request.need,
-        changes=changes,
-        scenarios=scenarios,
-        best=request.best,
-        progress_of=ProgressLine,
-    )
-    return replace(result, assumed=_assumed_trim(request, points[0]))
+    assessor = Assessor(deployed, points, request.samples, request.seed, box, share)
+    found = assessment_of(assessor, needs=request.need, progress_of=ProgressLine)
+    result = replace(found, assumed=_assumed_trim(request, points[0]))
+    return Outcome(report=result.report(), ok=result.ok, source=given.source, notes=result.warnings)

@@ -96,7 +96,7 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
     output: Path | None = output_option(
         stores=(".zarr",), purpose=" (flights of --samples or --draws)"
     )
-    picture: Path | None = picture_option("the flight, or the flights of --draws")
+    picture: Path | None = picture_option("the flight")
     command: Mapping[str, str] = option(
         f"steps of a state, or with --policy {NONE} of an input: times, s, and deviations from the "
         "trim",
@@ -331,11 +331,8 @@ def _end_of(result: Flight) -> str:
 
 def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome:
     """Return the outcome of the flights of --samples or --draws."""
-    from hfa_flight.samples.drawn_aircraft import drawn_figure
-    from hfa_flight.samples.flights_in_air import flown_report, uncontrolled
+    from hfa_flight.samples.flights_in_air import FlightsInAir, flights_in_air, uncontrolled
     from hfa_flight.samples.monte_carlo import MonteCarlo
-    from hfa_flight.samples.report import member_report
-    from hfa_flight.samples.stability import with_stability
     from hfa_flight.samples.store import stream_members
 
     target = request.output
@@ -358,7 +355,7 @@ def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome
         request.need.get(SHARE, ALL),
     )
     if target is None:
-        report = flown_report(plan, request.workers)
+        flights = flights_in_air(plan, request.workers)
     else:
         dataset = stream_members(
             plan,
@@ -368,19 +365,13 @@ def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome
             provenance=provenance(request, given.source).to_dict(),
             progress=ProgressLine("simulate"),
         )
-        read = {name: dataset[name].values for name in dataset.data_vars}
-        report = member_report(plan, read.__getitem__, f"flights in {target}", uncontrolled(plan))
-    notes = list(dict.fromkeys(plan.point.warnings))
-    report = report.with_data(store=None if target is None else str(target), warnings=notes)
-    if plan.spread is not None:
-        report = with_stability(report, plan, given.condition, ProgressLine("draws"))
+        flown = {name: dataset[name].values for name in dataset.data_vars}
+        flights = FlightsInAir(plan, flown, uncontrolled(plan), f"flights in {target}")
+    notes = flights.warnings
+    store = None if target is None else str(target)
+    report = flights.report().with_data(store=store, warnings=notes)
     return Outcome(
-        report=report,
-        ok=report.data["ok"],
-        source=given.source,
-        notes=notes,
-        figure=lambda: drawn_figure(plan),
-        is_written=True,
+        report=report, ok=report.data["ok"], source=given.source, notes=notes, is_written=True
     )
 
 
@@ -399,12 +390,7 @@ def _refuse_of_members(request: FlyRequest) -> None:
             ("samples",),
             "and --draws both set the number of flights; remove one of these options",
         )
-    else:
-        refuse(
-            request,
-            ("picture",),
-            "applies only to a single flight or --draws; remove this option or --samples",
-        )
+    refuse(request, ("picture",), "applies only to a single flight; remove this option")
     if target is not None and target.suffix != ".zarr":
         raise BadInputError(
             f"{target}: the flights of --samples and --draws are written to a Zarr store; use -o "

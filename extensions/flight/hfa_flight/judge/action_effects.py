@@ -8,10 +8,8 @@ import numpy as np
 
 from controller.riccati.gare import unconfirmed_solution
 from hfa_flight.judge.cost_above_optimum import lqr_at
-from hfa_flight.judge.outcomes import Place
-from hfa_flight.judge.reach import reach_of
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
+from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_support.errors import NoSolutionError
 
 
@@ -32,26 +30,18 @@ class ActionEffect(NamedTuple):
     exact_effect: float
 
 
-def action_effects(
-    deployed: Deployed, place: Place, search: EquilibriumSearch
-) -> list[ActionEffect]:
-    """Return the effect of each action at an equilibrium, or at the trim if it is saturated.
+def action_effects(deployed: Deployed, linearized: Equilibrium) -> list[ActionEffect]:
+    """Return the effect of each action in the linearization at an equilibrium or at a trim.
 
     The exact gain is that of the linear problem with the weights of `weights_at`. The result is []
     if this problem has no solution.
-
-    search: search for the equilibrium at this trim
     """
-    loop = place.equilibrium
-    if loop is None or loop.clips:
-        loop = search.at_trim()
-    inside = reach_of(deployed, loop, place.box).loop
     try:
-        exact = unconfirmed_solution(lqr_at(deployed, inside)).K
+        exact = unconfirmed_solution(lqr_at(deployed, linearized)).K
     except NoSolutionError:
         return []
-    gain = inside.K if inside.gain is None else inside.gain
-    damping = np.diag(gain @ inside.B)
-    exact_damping = np.diag(exact @ inside.B)
+    gain = linearized.K if linearized.gain is None else linearized.gain
+    damping = np.diag(gain @ linearized.B)
+    exact_damping = np.diag(exact @ linearized.B)
     columns = (deployed.commanded, damping.tolist(), exact_damping.tolist())
     return [ActionEffect(*row) for row in zip(*columns, strict=True)]

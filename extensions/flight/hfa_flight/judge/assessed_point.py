@@ -13,13 +13,11 @@ from hfa_flight.judge.action_effects import ActionEffect
 from hfa_flight.judge.cost_above_optimum import CostAboveOptimum
 from hfa_flight.judge.flight_costs import FlightCosts
 from hfa_flight.judge.outcomes import Outcomes, Place
-from hfa_flight.judge.reach import OwnMode, left_alone
 from hfa_flight.needs import ALL, is_enough, is_refuted
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
 from hfa_flight.policies.deployment.sampled_loop import Delays, Margins
 from hfa_flight.simulate.envelope import flight_envelope
-from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, without_empty
 from trim.point.operating_point import OperatingPoint
 
@@ -29,10 +27,7 @@ class AssessedPoint(Result):
     """Assessment of a policy at one trim.
 
     deployed: the policy on its aircraft.
-    point: the trim.
-    place: initial-condition box and equilibrium.
-    slowest: eigenvalue of the sampled loop with the largest absolute value, or nan without an
-        equilibrium.
+    place: the trim, its initial-condition box, equilibrium and sampled loop.
     delays: spectral radii with other delays, or None without an equilibrium.
     margins: margins of the loop, or None without an equilibrium, if the loop is unstable, or if the
         computation fails.
@@ -41,58 +36,34 @@ class AssessedPoint(Result):
     disturbed: outcomes from the same initial conditions with a disturbance pulse, or None without
         flights.
     actions: effect of each action beside the exact gain's, or () if there is no exact gain.
-    best: costs of flights beside those of the exact gain and of the best flights, or None if no
-        costs were compared.
-    in_air: report of flights with sensor noise or in moving air, as that of `hfa fly --samples`, or
-        None if they were not requested.
+    costs: costs of flights beside those of the exact gain, or None if no costs were compared.
     remarks: reasons why parts of the assessment are missing, one sentence each.
-    integration: integration error of some of the flights, or None without flights or on changed
-        aircraft.
+    integration: integration error of some of the flights, or None without flights.
     share: share of the flights that must converge for the policy to hold, by default all.
     """
 
     deployed: Deployed
-    point: OperatingPoint
     place: Place
-    slowest: complex
     delays: Delays | None
     margins: Margins | None
     cost: CostAboveOptimum | None
     flights: Outcomes | None
     disturbed: Outcomes | None
     actions: tuple[ActionEffect, ...] = ()
-    best: FlightCosts | None = None
-    in_air: Report | None = None
+    costs: FlightCosts | None = None
     remarks: tuple[str, ...] = ()
     integration: IntegrationError | None = None
     share: float = ALL
 
     @property
-    def radius(self) -> float:
-        """Spectral radius of the sampled loop with the deployed delay, or nan."""
-        return abs(self.slowest)
+    def point(self) -> OperatingPoint:
+        """The trim."""
+        return self.place.point
 
     @property
-    def own_mode(self) -> OwnMode | None:
-        """Slow mode of the aircraft that the policy does not control, or None.
-
-        - The policy cannot move or observe some slow modes: the fastest-growing of these modes.
-        - Otherwise, if the policy fails without saturation: the slowest mode of the loop if the
-          policy hardly changes it.
-        - Otherwise, or without an equilibrium: None.
-
-        The policy fails if it does not hold, or if a flight does not converge.
-        """
-        reach = self.place.reach
-        if reach is None:
-            return None
-        if reach.own:
-            return max(reach.own, key=lambda mode: mode.growth)
-        converges = self.flights is None or self.flights.converged == self.flights.starts
-        is_saturated = bool(reach.loop.clips)
-        if is_saturated or (self.holds and converges):
-            return None
-        return left_alone(self.deployed, reach.loop, self.slowest, self.deployed.deployment.dt)
+    def radius(self) -> float:
+        """Spectral radius of the sampled loop with the deployed delay, or nan."""
+        return self.place.radius
 
     @property
     def equilibrium(self) -> Equilibrium | None:
@@ -121,13 +92,10 @@ class AssessedPoint(Result):
         return all(enough) and not self.costs_refute(share)
 
     def costs_refute(self, share: float) -> bool:
-        """Return whether more of the flights with a cost are lost than a share permits.
-
-        A mode that is not judged may keep these flights from the trim.
-        """
-        if self.best is None or (self.place.reach is not None and self.place.reach.own):
+        """Return whether more of the flights with a cost are lost than a share permits."""
+        if self.costs is None:
             return False
-        return is_refuted(self.best.lost, self.best.compared, share)
+        return is_refuted(self.costs.lost, self.costs.starts, share)
 
     @property
     def beyond(self) -> list[str]:
@@ -207,8 +175,7 @@ class AssessedPoint(Result):
                 "equilibrium_inputs": self.equilibrium_inputs,
                 "input_margins": self.input_margins,
             }
-            | without_empty(best=self.best, integration=self.integration)
-            | ({} if self.in_air is None else {"in_air": self.in_air.data})
+            | without_empty(costs=self.costs, integration=self.integration)
         )
 
 

@@ -1,16 +1,14 @@
-"""Tables of an assessment: sampled loop and flights at each trim, actions, changed aircraft."""
+"""Tables of an assessment: sampled loop and flights at each trim, actions."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
 from hfa_flight.judge.endings import BALL
 from hfa_flight.judge.findings import where_text
-from hfa_flight.judge.variations import Variation
 from hfa_flight.judge.weights import weights_at
 from hfa_flight.plan.problem import cost_text
 from hfa_flight.policies.deployment.deployed import Deployed
@@ -24,12 +22,10 @@ _CONVERGES = (
 )
 
 
-def report_parts(
-    deployed: Deployed, points: Sequence[AssessedPoint], variations: Sequence[Variation]
-) -> list[Any]:
+def report_parts(deployed: Deployed, points: Sequence[AssessedPoint]) -> list[Any]:
     """Return the parts of the report of an assessment, in reading order."""
     parts: list[Any] = [deployed.deployment.actor.chain]
-    if any(point.best is not None for point in points):
+    if any(point.costs is not None for point in points):
         parts += [_weights_text(deployed, points[0]), f"{_CONVERGES} {RULE}"]
     elif any(point.flights is not None for point in points):
         parts.append(_CONVERGES)
@@ -39,13 +35,6 @@ def report_parts(
     if error is not None and error.is_resolved:
         parts.append(error.text())
     parts += _actions(points)
-    parts += [
-        replace(point.in_air, title=f"{where_text([point], points)}: {point.in_air.title}")
-        for point in points
-        if point.in_air is not None
-    ]
-    if variations:
-        parts.append(_variation_table(variations))
     return parts
 
 
@@ -80,7 +69,7 @@ def _exists(value: Any) -> bool:
 
 
 def flight_rows(point: AssessedPoint) -> list[Row]:
-    """Return the figures of the flights at a trim, with the medians of their cost ratios."""
+    """Return the figures of the flights at a trim, with the median of their cost ratios."""
     rows = []
     if point.flights is not None and point.disturbed is not None:
         rows += [
@@ -89,17 +78,8 @@ def flight_rows(point: AssessedPoint) -> list[Row]:
             Row("leave", point.flights.left_envelope),
             Row("disturbed", point.disturbed.converged, note="converge after a disturbance pulse"),
         ]
-    if point.best is not None:
-        ratios = {
-            "over best": point.best.policy_over_best,
-            "over LQR": point.best.policy_over_lqr,
-            "LQR over best": point.best.lqr_over_best,
-        }
-        rows += [
-            Row(name, ratio.median, note="median ratio of costs")
-            for name, ratio in ratios.items()
-            if ratio is not None
-        ]
+    if point.costs is not None and point.costs.ratios is not None:
+        rows.append(Row("over LQR", point.costs.median, note="median ratio of costs"))
     return rows
 
 
@@ -126,17 +106,6 @@ def _table(sheets: Sequence[Sequence[Row]]) -> Table:
     cells = [{row.name: row.cells()[1] for row in sheet} for sheet in sheets]
     header = tuple(f"{name} {unit}".rstrip() for name, unit in columns.items())
     return Table(header, [tuple(row.get(name, "-") for name in columns) for row in cells])
-
-
-def _variation_table(variations: Sequence[Variation]) -> Table:
-    """Return the table of changed aircraft, with a row for each change and trim."""
-    kept = ("holds", "radius", "converge", "leave", "disturbed")
-    sheets = []
-    for each in variations:
-        rows = [*loop_rows(each.assessed), *flight_rows(each.assessed)]
-        figures = [row for row in rows if row.name in kept]
-        sheets.append([_at(each.assessed), Row("changed aircraft", each.text), *figures])
-    return _table(sheets)
 
 
 def _actions(points: Sequence[AssessedPoint]) -> list[Group]:

@@ -55,12 +55,9 @@ def cost_above_optimum(
 def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
     """Return the LQR problem of the linearization at the equilibrium.
 
-    Q and R are those of the deployment. The states are those of `equilibrium.A`: the linear states,
-    or the coordinates of `equilibrium.basis`.
+    Q and R are those of the deployment.
     """
     Q, R = weights_at(deployed, equilibrium)
-    if equilibrium.basis is not None:
-        Q = equilibrium.basis.T @ Q @ equilibrium.basis
     E = np.eye(len(equilibrium.A))
     return Game(equilibrium.A, equilibrium.B, E, Q, R, math.inf)
 

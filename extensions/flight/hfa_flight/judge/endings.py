@@ -1,4 +1,4 @@
-"""Ends of flights of a deployed policy, decided window by window: convergence, limit cycles."""
+"""Ends of flights of a deployed policy, decided window by window: convergence, departures."""
 
 from __future__ import annotations
 
@@ -9,33 +9,11 @@ import numpy as np
 from hfa_aircraft.march.ending import Outcome, is_within
 from hfa_aircraft.march.march import History
 
-#: A flight from a trim has settled if no state changes more in a window, in nominal values.
-STILL = 1e-9
 #: Half-widths of the ball within which a flight has converged, in half-widths of the
 #: initial-condition box.
 BALL = 0.05
 #: Function from states (..., s) to the lowest and the highest states of a step, (..., n) each.
 Extremes = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-
-
-def settled(still: np.ndarray) -> Callable[[History], np.ndarray]:
-    """Return the rule for `march` that all flights are over when all have settled.
-
-    A flight has settled if no state changes by more than `still` from the start to the end of a
-    window.
-
-    still: (n,)
-    """
-
-    def over(flown: History) -> np.ndarray:
-        moved = np.abs(flown.states[:, -1, : len(still)] - flown.states[:, 0, : len(still)])
-        mask = np.zeros(flown.states.shape[:2], dtype=bool)
-        mask[:, -1] = (moved <= still).all()
-        return mask
-
-    return over
-
-
 #: Number of windows before the end in which the distance of a flight about an unstable equilibrium
 #: must not grow by this factor.
 _GROWTH = 10

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from enum import StrEnum
-from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
 
 from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
 from hfa_flight.judge.outcomes import Outcomes
-from hfa_flight.judge.weights import offset_rate
 from hfa_support.reporting.text import beside_unit, short_number, shown_unit
 
 #: Costs that differ by less, in percent of the optimum, are equal.
@@ -146,16 +144,6 @@ def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) ->
     return _Found(severity, text, flown.left_envelope / flown.starts)
 
 
-def _limit_cycle(point: AssessedPoint) -> _Found | None:
-    for flown, when in ((point.flights, ""), (point.disturbed, "with a disturbance pulse: ")):
-        cycle = None if flown is None else flown.limit_cycle
-        if cycle is not None:
-            size = cycle.amplitude / point.point.model.signals[cycle.name].nominal
-            severity = Severity.WARNING if point.holds else Severity.FAILURE
-            return _Found(severity, f"{when}limit cycle: {cycle.motion()}", size)
-    return None
-
-
 def _convergence(point: AssessedPoint) -> _Found | None:
     flown = point.flights
     if flown is None:
@@ -170,48 +158,16 @@ def _convergence(point: AssessedPoint) -> _Found | None:
 
 def _not_returned(point: AssessedPoint) -> _Found | None:
     """Return the finding on the flights with a cost that leave or do not return to the trim."""
-    costs = point.best
+    costs = point.costs
     if costs is None or not costs.lost:
         return None
-    share = costs.lost / costs.compared
+    share = costs.lost / costs.starts
     text = (
-        f"{costs.lost} of {costs.compared} other flights leave or have not returned to the trim "
+        f"{costs.lost} of {costs.starts} other flights leave or have not returned to the trim "
         f"after {costs.seconds:.3g} s"
     )
     severity = Severity.FAILURE if point.costs_refute(point.share) else Severity.WARNING
     return _Found(severity, text, share)
-
-
-def _other_equilibrium(point: AssessedPoint) -> _Found | None:
-    flown = point.flights
-    if flown is None or not flown.converged_elsewhere:
-        return None
-    states, inputs = flown.other_equilibrium, flown.other_inputs
-    where = ", ".join(f"{name} {value:.4g}" for name, value in states.items())
-    count = f"{flown.converged_elsewhere} of {flown.starts}"
-    costs = f"which costs {offset_rate(point.deployed, point.point, states, inputs):.2g} per second"
-    text = f"{count} flights converge to another equilibrium: {where}, {costs}"
-    return _Found(Severity.WARNING, text, flown.converged_elsewhere / flown.starts)
-
-
-def _own_mode(point: AssessedPoint) -> _Found | None:
-    mode = point.own_mode
-    if mode is None or (point.holds and mode.growth < 0.0):
-        return None
-    if mode.why:
-        text = f"not judged: {mode.name}, which {mode.why}"
-    else:
-        text = f"leaves {mode.name} as it is"
-    severity = Severity.WARNING if point.holds else Severity.FAILURE
-    return _Found(severity, text, mode.growth)
-
-
-def _judged_states(point: AssessedPoint) -> _Found | None:
-    reach = point.place.reach
-    if reach is None or reach.decisive.all():
-        return None
-    states = ", ".join(compress(point.point.model.linear, reach.decisive))
-    return _Found(Severity.NOTE, f"convergence is judged by the states within reach: {states}")
 
 
 def _delay(point: AssessedPoint) -> _Found | None:
@@ -230,7 +186,7 @@ def _steady_state_error(point: AssessedPoint) -> _Found | None:
     if point.equilibrium is None or not point.radius < 1.0:
         return None
     model = point.point.model
-    shares = np.where(point.place.decisive, np.abs(point.offset) / point.place.box, 0.0)
+    shares = np.abs(point.offset) / point.place.box
     index = int(np.argmax(shares))
     if shares[index] < _AT_TRIM:
         return _Found(Severity.NOTE, "no steady-state error") if point.holds else None
@@ -239,7 +195,7 @@ def _steady_state_error(point: AssessedPoint) -> _Found | None:
     sign = "+" if point.offset[index] > 0.0 else "-"
     size = beside_unit(short_number(abs(float(point.offset[index])), unit), unit)
     text = f"steady-state {name} error {sign}{size}"
-    rate = 0.0 if point.best is None else point.best.offset_rate or 0.0
+    rate = 0.0 if point.costs is None else point.costs.offset_rate or 0.0
     if rate > 0.0:
         text += f", which costs {rate:.2g} per second"
     return _Found(Severity.NOTE, text, float(shares[index]))
@@ -266,24 +222,6 @@ def _clipped_observations(point: AssessedPoint) -> _Found | None:
     return _Found(Severity.WARNING, f"the normalizer clips {names} at the equilibrium")
 
 
-def _kinks(point: AssessedPoint) -> _Found | None:
-    if point.equilibrium is None or not point.equilibrium.kinks:
-        return None
-    first, *others = point.equilibrium.kinks
-    more = f" (and {len(others)} more)" if others else ""
-    return _Found(Severity.NOTE, f"{first}{more}", len(others))
-
-
-def _in_air(point: AssessedPoint) -> _Found | None:
-    """Return the finding on flights with noise or in moving air: the first line of their report."""
-    if point.in_air is None:
-        return None
-    _, _, text = point.in_air.title.partition("\n")[0].partition(": ")
-    if point.in_air.data["ok"]:
-        return _Found(Severity.NOTE, text)
-    return _Found(Severity.FAILURE, text, -point.in_air.data["within_limits"])
-
-
 def _integration(point: AssessedPoint) -> _Found | None:
     error = point.integration
     if error is None or error.is_resolved:
@@ -293,11 +231,11 @@ def _integration(point: AssessedPoint) -> _Found | None:
 
 #: Kinds of findings, in the order of the report.
 _KINDS: tuple[Callable[[AssessedPoint], _Found | None], ...] = (
-    *(_no_equilibrium, _saturation, _beyond_limits, _in_air),
+    *(_no_equilibrium, _saturation, _beyond_limits),
     lambda point: _leaving_flights(point, point.flights, ""),
-    *(_limit_cycle, _own_mode, _instability, _convergence, _not_returned, _other_equilibrium),
+    *(_instability, _convergence, _not_returned),
     lambda point: _leaving_flights(point, point.disturbed, "with a disturbance pulse: "),
     _clipped_observations,
-    *(_delay, _steady_state_error, _linear_cost, _judged_states, _kinks),
+    *(_delay, _steady_state_error, _linear_cost),
     _integration,
 )

@@ -1,4 +1,4 @@
-"""Costs of a policy's flights, beside those of the exact gain and of the best flights found."""
+"""Costs of a policy's flights, beside those of the exact gain."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import numpy as np
 
 from hfa_flight.judge.outcomes import Place
 from hfa_flight.judge.weights import offset_rate, weights_at
+from hfa_flight.plan.flights import SimulatedFlight
 from hfa_flight.plan.initial_box import drawn_starts
 from hfa_flight.plan.problem import flight_problem
-from hfa_flight.plan.search import BestFlights
-from hfa_flight.plan.starts_table import starts_table
+from hfa_flight.plan.search import AFTER, BestFlights
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.policy import policy_about
 from hfa_support.errors import NoSolutionError
-from hfa_support.progress import Progress
+from hfa_support.progress import Progress, with_progress
 from hfa_support.reporting.results import Result
 from trim.linear.modes import modes_of
 
@@ -66,74 +66,45 @@ class FlightCosts(Result):
     limits of the inputs. It begins at the same initial conditions as the policy.
 
     starts: number of initial conditions.
-    searched: whether best flights were searched.
-    found: number of initial conditions with a best flight.
-    refused: number of initial conditions for which a search found no flight, or for which the
-        simulation did not confirm the flight.
-    lost: number of the policy's flights that leave the envelope or have not returned to the trim,
-        from the initial conditions that are compared. The others are held.
+    lost: number of the policy's flights that leave the envelope or have not returned to the trim.
+        The others are held.
     seconds: duration of the longest of the policy's flights, s.
-    lqr_lost: the same of the LQR's flights.
+    lqr_lost: number of the LQR's flights that leave or have not returned.
     both: number of initial conditions from which the flights of both are held.
     unresolved: number of held flights whose cost changes with half the integration step.
-    policy_over_best: costs of the policy's held flights, relative to the best, or None if no such
-        flight exists.
-    lqr_over_best: the same of the LQR's flights.
-    policy_over_lqr: costs of the policy's flights relative to the LQR's, where both are held, or
-        None.
+    ratios: costs of the policy's flights relative to the LQR's, where both are held, or None.
     cost: cost of the policy's flights, where both are held, or None.
     lqr_cost: the same of the LQR's flights.
     offset_rate: cost per second of the steady-state error, or None without an equilibrium.
     """
 
     starts: int
-    searched: bool
-    found: int
-    refused: int
     lost: int
     seconds: float
     lqr_lost: int
     both: int
     unresolved: int
-    policy_over_best: Ratios | None
-    lqr_over_best: Ratios | None
-    policy_over_lqr: Ratios | None
+    ratios: Ratios | None
     cost: MeanCost | None
     lqr_cost: MeanCost | None
     offset_rate: float | None
 
     @property
-    def ratios(self) -> Ratios | None:
-        """Costs relative to the best flights, or to the LQR's flights if no best flight exists."""
-        return self.policy_over_best if self.found else self.policy_over_lqr
-
-    @property
     def median(self) -> float:
-        """Median of `ratios`, or inf if no flight of the policy ends at the trim."""
+        """Median of `ratios`, or inf if both return from no initial condition."""
         return math.inf if self.ratios is None else self.ratios.median
-
-    @property
-    def compared(self) -> int:
-        """Number of initial conditions that are compared: those with a best flight, or all."""
-        return self.found if self.searched else self.starts
 
     def ratio_text(self) -> str:
         """Return the median of `ratios` as a phrase that names the comparison.
 
         If most flights of the policy, or all of the LQR, are lost, the phrase says this instead.
         """
-        best = "" if self.found else f", no best {'found' if self.searched else 'searched'}"
-        if 2 * self.lost > self.compared:
-            lost = f"{self.lost} of {self.compared} flights"
-            return f"{lost} leave or have not returned after {self.seconds:.3g} s{best}"
+        if 2 * self.lost > self.starts:
+            lost = f"{self.lost} of {self.starts} flights"
+            return f"{lost} leave or have not returned after {self.seconds:.3g} s"
         if self.ratios is None:
-            return f"no flight of the exact gain returns{best}"
-        ratio = f"median cost {_number(self.median)}x the"
-        if not self.found:
-            return f"{ratio} exact gain's{best}"
-        if self.lqr_over_best is None:
-            return f"{ratio} best flight"
-        return f"{ratio} best flight (LQR {_number(self.lqr_over_best.median)}x)"
+            return "no flight of the exact gain returns"
+        return f"median cost {_number(self.median)}x the exact gain's"
 
     def sentences(self) -> list[str]:
         """Return sentences on the mean costs and on the range of the ratios."""
@@ -144,13 +115,11 @@ class FlightCosts(Result):
             sentences.append(f"mean cost {self.cost.text()}, LQR {self.lqr_cost.text()}{some}")
         if self.ratios is not None:
             least, _, worst = self.ratios
-            reference = "the best found" if self.found else "the exact gain's"
-            sentences.append(f"flights cost {_number(least)} to {_number(worst)} x {reference}")
-        if self.refused:
-            sentences.append(f"no best flight found from {self.refused} of {self.starts}")
+            between = f"{_number(least)} to {_number(worst)}"
+            sentences.append(f"flights cost {between} x the exact gain's")
         if self.lqr_lost:
             sentences.append(
-                f"of the LQR, {self.lqr_lost} of {self.compared} flights leave or have not returned"
+                f"of the LQR, {self.lqr_lost} of {self.starts} flights leave or have not returned"
             )
         if self.unresolved:
             sentences.append(f"{self.unresolved} flights are not resolved by the integration step")
@@ -178,20 +147,13 @@ def _refuse_slow(search: BestFlights, starts: np.ndarray) -> None:
 
 
 def flight_costs(
-    deployed: Deployed,
-    place: Place,
-    count: int,
-    seed: int,
-    progress: Progress | None,
-    *,
-    searched: bool,
+    deployed: Deployed, place: Place, count: int, seed: int, progress: Progress | None
 ) -> FlightCosts:
     """Return the costs of flights from random initial conditions in the box of a trim.
 
     deployed: the policy. Without a cost in its deployment, the weights are those of `weights_at`
     count: number of initial conditions
     seed: seed of the initial conditions
-    searched: whether the best flight from each initial condition is searched
 
     Raises NoSolutionError if no gain has a finite cost, or if a mode of the exact loop is so slow
     that flights until it has decayed are too long.
@@ -203,33 +165,29 @@ def flight_costs(
     loop = search.flights.of("policy", policy_about(deployed, point, "policy"))
     starts = drawn_starts(problem, count, seed, place.box)
     _refuse_slow(search, starts)
-    table = starts_table(search, starts, [loop], progress, searched=searched)
-    compared = [each for each in table.flights if each.cost is not None or not searched]
-    linear, flown = ([each.policies[index] for each in compared] for index in range(2))
+    flown: list[SimulatedFlight] = []
+    linear: list[SimulatedFlight] = []
+    for start in with_progress([*starts], progress):
+        seconds = (1.0 + AFTER) * search.horizon(start)
+        linear.append(search.flights.linear(start, seconds))
+        flown.append(search.flights.fly(loop, start, seconds))
+    held, lqr_held = ([each for each in some if each.converges] for some in (flown, linear))
     both = [
         (one.cost, other.cost)
         for one, other in zip(flown, linear, strict=True)
         if one.converges and other.converges
     ]
-    held, lqr_held = ([each for each in some if each.converges] for some in (flown, linear))
     rate = None
     if place.equilibrium is not None:
-        states = dict(zip(point.model.states, place.equilibrium.states.tolist(), strict=True))
-        inputs = dict(zip(point.model.inputs, place.equilibrium.inputs.tolist(), strict=True))
-        rate = offset_rate(deployed, point, states, inputs)
+        rate = offset_rate(deployed, point, place.equilibrium)
     return FlightCosts(
-        starts=table.starts,
-        searched=searched,
-        found=table.found,
-        refused=table.refused if searched else 0,
-        lost=len(flown) - len(held),
-        seconds=max((each.seconds for each in flown), default=0.0),
-        lqr_lost=len(linear) - len(lqr_held),
+        starts=count,
+        lost=count - len(held),
+        seconds=max(each.seconds for each in flown),
+        lqr_lost=count - len(lqr_held),
         both=len(both),
         unresolved=sum(not each.resolved for each in (*held, *lqr_held)),
-        policy_over_best=Ratios.of([each.over_best for each in held if each.over_best]),
-        lqr_over_best=Ratios.of([each.over_best for each in lqr_held if each.over_best]),
-        policy_over_lqr=Ratios.of([one / other for one, other in both]),
+        ratios=Ratios.of([one / other for one, other in both]),
         cost=MeanCost.of([one for one, _ in both]),
         lqr_cost=MeanCost.of([other for _, other in both]),
         offset_rate=rate,

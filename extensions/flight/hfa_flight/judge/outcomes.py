@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,17 +11,11 @@ import numpy as np
 
 from hfa_aircraft.march.ending import Outcome
 from hfa_aircraft.march.march import History
-from hfa_flight.air.history import Deviations
-from hfa_flight.judge.endings import BALL, STILL, Endings, settled
-from hfa_flight.judge.reach import HORIZON, Reach
-from hfa_flight.policies.deployment.equilibrium import Equilibrium, EquilibriumSearch, whole_turns
+from hfa_flight.judge.endings import BALL, Endings
+from hfa_flight.policies.deployment.equilibrium import Equilibrium
+from hfa_flight.policies.deployment.sampled_loop import Chain
 from hfa_flight.simulate.envelope import Departure, departure, flight_envelope
-from hfa_flight.simulate.limit_cycle import LimitCycle, oscillation
-from hfa_flight.simulate.sampled_flights import (
-    CompiledSamples,
-    SampledFlight,
-    in_threads,
-)
+from hfa_flight.simulate.sampled_flights import SampledFlight, in_threads
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
@@ -60,13 +55,11 @@ def refuse_edges(points: Sequence[OperatingPoint]) -> None:
 #: half-widths of the box.
 PUSHED = 1.0
 PUSH = 0.5
-#: Duration of the flight in which a limit cycle is measured, s.
-_CYCLE_SECONDS = 20.0
-#: A flight that moved by less in the last window, in half-widths of the box, may be at an
-#: equilibrium.
-_SETTLED = 1e-3
-#: Largest number of other equilibria that are searched.
-_OTHERS = 3
+#: Least and largest duration of a flight, s.
+_SHORTEST = 60.0
+_LONGEST = 300.0
+#: Number of time constants of the slowest mode after which a flight has converged.
+_SETTLES = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,42 +68,31 @@ class Place:
 
     point: the trim.
     box: (k,), half-widths of the initial conditions about the trim.
-    turns: (k,), full turn of each angle that the loop does not distinguish from none, otherwise 0.
     equilibrium: the equilibrium, or None if it does not exist.
-    stable: whether the loop is stable at the equilibrium.
-    reach: modes within reach of the policy, or None without an equilibrium.
-    seconds: duration of a flight, s.
-    drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model, or
-        None without an equilibrium.
-    lag: (k,), lag of the linear states behind the equilibrium, or None without an equilibrium.
-    steady: trim at which the linear states have the same rates as at the equilibrium, or None for
-        `point`.
+    loop: sampled loop at the equilibrium with the deployed delay, or None without an equilibrium.
     """
 
     point: OperatingPoint
     box: np.ndarray
-    turns: np.ndarray
-    equilibrium: Equilibrium | None
-    stable: bool
-    reach: Reach | None = None
-    seconds: float = HORIZON
-    drift: np.ndarray | None = None
-    lag: np.ndarray | None = None
-    steady: OperatingPoint | None = None
+    equilibrium: Equilibrium | None = None
+    loop: Chain | None = None
 
     @property
-    def decisive(self) -> np.ndarray:
-        """Mask (k,) of the linear states that decide whether a flight converges."""
-        return np.ones(len(self.box), dtype=bool) if self.reach is None else self.reach.decisive
+    def radius(self) -> float:
+        """Spectral radius of the sampled loop, or nan without an equilibrium."""
+        return math.nan if self.loop is None else self.loop.radius
 
-    def centre(self, linear: list[int]) -> np.ndarray:
-        """Return the linear states at the equilibrium, with their lag, (k,), or nan without one.
+    @property
+    def seconds(self) -> float:
+        """Duration of flights about the equilibrium, s.
 
-        linear: indices of the linear states
+        The duration is four time constants of the slowest mode of the sampled loop, within
+        [`_SHORTEST`, `_LONGEST`]. For a loop that is not stable, it is `_SHORTEST`.
         """
-        if self.equilibrium is None or self.lag is None:
-            return np.full(len(linear), np.nan)
-        return self.equilibrium.states[linear] + self.lag
+        if self.loop is None or not 0.0 < self.radius < 1.0:
+            return _SHORTEST
+        settled = -_SETTLES * self.loop.dt / math.log(self.radius)
+        return min(max(_SHORTEST, settled), _LONGEST)
 
 
 @dataclass(frozen=True)
@@ -124,12 +106,7 @@ class Outcomes(Result):
     left_envelope: number of flights that left the limits of the model's states.
     worst_initial: linear state -> initial value of the worst flight: that which leaves first, or
         else ends farthest from the equilibrium.
-    limit_cycle: limit cycle of a flight that does not converge or is about an unstable equilibrium,
-        or None.
-    converged_elsewhere: number of flights that converge to another equilibrium.
-    other_equilibrium: linear state -> value at the first other equilibrium, or empty without one.
-    other_inputs: input -> value there, or empty.
-    moving: number of flights that neither converge to an equilibrium nor leave the limits.
+    moving: number of flights that neither converge nor leave the limits.
     seconds: duration of a flight, s.
     departure: departure of the flight that leaves the envelope first, or None if no flight leaves.
     """
@@ -138,10 +115,6 @@ class Outcomes(Result):
     converged: int
     left_envelope: int
     worst_initial: dict[str, float]
-    limit_cycle: LimitCycle | None
-    converged_elsewhere: int
-    other_equilibrium: dict[str, float]
-    other_inputs: dict[str, float]
     moving: int
     seconds: float
     departure: Departure | None
@@ -176,10 +149,8 @@ class PlacedFlights:
     trims: (X0; U0; p) of each flight's trim, (N, t).
     pushes: disturbance pulses, (N, k).
     first: initial states of the flights, (N, s).
-    states: states at the end of each flight, (N, s).
+    seconds: duration of a flight, s.
     endings: how each flight ended.
-    swings: half the range of each linear state in the last window, (N, k), or 0 for a state that
-        does not count.
     """
 
     def __init__(
@@ -189,12 +160,10 @@ class PlacedFlights:
         owners: np.ndarray,
         starts: np.ndarray,
         pushes: np.ndarray,
-        seconds: float,
     ) -> None:
         """Prepare flights from initial states X, (N, n).
 
         pushes: disturbance pulses, (N, k)
-        seconds: duration of a flight, s
         """
         model = flight.deployed.model
         self.flight = flight
@@ -204,27 +173,20 @@ class PlacedFlights:
         trims = [flight.deployed.trim_vector(place.point) for place in places]
         self.trims = np.array(trims)[owners]
         self.first = flight.start(starts, self.trims)
-        self.states = self.first.copy()
-        self.seconds = seconds
+        self.seconds = max(place.seconds for place in places)
         self.pushes = pushes
-        k = len(model.linear)
-        self.swings = np.zeros((len(owners), k))
-        self._moved_from = np.array([place.point.states for place in places], dtype=float)[owners]
-        self._centres = np.array([place.centre(self.linear) for place in places])[owners]
-        still = np.zeros((k, len(model.states)))
-        drifts = [still if place.drift is None else place.drift for place in places]
-        self._drifts = np.array(drifts)[owners]
-        self._turns = np.array([place.turns for place in places])[owners]
+        nowhere = np.full(len(model.states), np.nan)
+        equilibria = [each.equilibrium.states if each.equilibrium else nowhere for each in places]
+        self._centres = np.array(equilibria)[owners][:, self.linear]
         self._balls = np.array([BALL * place.box for place in places])[owners]
-        self._decisive = np.array([place.decisive for place in places])[owners]
         envelopes = [flight_envelope(model, place.point) for place in places]
         least = np.array([envelope.least for envelope in envelopes])[owners]
         most = np.array([envelope.most for envelope in envelopes])[owners]
         self.endings = Endings(
             (least, most),
             self.distance,
-            flight.windows(seconds),
-            stable=np.array([place.stable for place in places])[owners],
+            flight.windows(self.seconds),
+            stable=np.array([place.radius < 1.0 for place in places])[owners],
             extremes=flight.extremes,
         )
 
@@ -242,7 +204,7 @@ class PlacedFlights:
                     shown(flown.first // window + 1, windows)
                 return self.endings.over(replace(flown, flights=numbers[flown.flights]))
 
-            flown, _ = samples.fly(
+            samples.fly(
                 self.first[numbers],
                 self.trims[numbers],
                 windows * window,
@@ -251,7 +213,6 @@ class PlacedFlights:
                 over=over,
                 keep=False,
             )
-            self.states[numbers] = flown.states[:, 0]
 
         in_threads(work, len(self.owners), (window + 1) * self.first.shape[1])
         if progress is not None:
@@ -259,22 +220,13 @@ class PlacedFlights:
         self.endings.close()
 
     def distance(self, flown: History) -> np.ndarray:
-        """Return the distance of each flight from its equilibrium in a window, in balls, (N,).
-
-        The equilibrium moves with the states outside the linear model.
-        """
+        """Return the distance of each flight from its equilibrium in a window, in balls, (N,)."""
         flying = flown.flights
-        X = flown.states[:, :, : len(self._moved_from[0])]
-        lowest = np.fmin.reduce(X[:, :, self.linear], axis=1)
-        highest = np.fmax.reduce(X[:, :, self.linear], axis=1)
-        moved = X[:, -1] - self._moved_from[flying]
-        centre = self._centres[flying] + np.einsum("nij,nj->ni", self._drifts[flying], moved)
-        centre += whole_turns((lowest + highest) / 2.0 - centre, self._turns[flying])
+        z = flown.states[:, :, self.linear]
+        lowest, highest = np.fmin.reduce(z, axis=1), np.fmax.reduce(z, axis=1)
+        centre = self._centres[flying]
         farthest = np.maximum(highest - centre, centre - lowest) / self._balls[flying]
-        decisive = self._decisive[flying]
-        distance = np.nan_to_num(np.where(decisive, farthest, 0.0).max(axis=1), nan=np.inf)
-        self.swings[flying] = np.where(decisive, (highest - lowest) / 2.0, 0.0)
-        return np.asarray(distance)
+        return np.asarray(np.nan_to_num(farthest.max(axis=1), nan=np.inf))
 
     def outcomes(self, owner: int) -> Outcomes:
         """Return the outcomes of the flights about one trim.
@@ -282,39 +234,22 @@ class PlacedFlights:
         owner: index of the trim
         """
         place = self.places[owner]
-        model = place.point.model
         mine = np.flatnonzero(self.owners == owner)
         ends = self.endings.outcomes[mine]
         lost = mine[ends == Outcome.LEFT]
-        returned = mine[ends == Outcome.CONVERGED]
-        neither = mine[(ends != Outcome.LEFT) & (ends != Outcome.CONVERGED)]
+        converged = int((ends == Outcome.CONVERGED).sum())
         left = None
         worst = int(mine[np.argmax(self.endings.nearest[mine])])
         if lost.size:
             worst = int(lost[np.argmin(self.endings.left_at[lost])])
             left = self._departure(worst, place)
         at_start = self.first[worst][self.linear]
-        cycle = None
-        settling = neither
-        if neither.size:
-            swings = (self.swings[neither] / place.box).max(axis=1)
-            settling = neither[swings <= _SETTLED]
-            if settling.size < neither.size:
-                swinging = int(neither[int(np.argmax(swings))])
-                cycle = self._cycle(swinging, place)
-        elif returned.size and not place.stable:
-            cycle = self._cycle(int(returned[0]), place)
-        elsewhere, elsewhere_at, elsewhere_inputs = self._other_equilibria(settling, place)
         return Outcomes(
             starts=len(mine),
-            converged=len(returned),
+            converged=converged,
             left_envelope=len(lost),
-            worst_initial=dict(zip(model.linear, at_start.tolist(), strict=True)),
-            limit_cycle=cycle,
-            converged_elsewhere=elsewhere,
-            other_equilibrium=elsewhere_at,
-            other_inputs=elsewhere_inputs,
-            moving=len(neither) - elsewhere,
+            worst_initial=dict(zip(place.point.model.linear, at_start.tolist(), strict=True)),
+            moving=len(mine) - converged - len(lost),
             seconds=self.seconds,
             departure=left,
         )
@@ -324,66 +259,6 @@ class PlacedFlights:
         times = self.flight.dt * self.endings.left_at[[number]]
         states = self.endings.left_with[[number]]
         return departure(flight_envelope(place.point.model, place.point), times, states, False)
-
-    def _cycle(self, number: int, place: Place) -> LimitCycle | None:
-        """Return the limit cycle of a flight that continues from its end, or None.
-
-        The result is also None if a state is not finite.
-        """
-        point, flight = place.point, self.flight
-        X, memory, *_ = flight.slices
-        samples = flight.compiled(1, _CYCLE_SECONDS)
-        ticks = max(64, round(_CYCLE_SECONDS / flight.dt))
-        flown, _ = samples.fly(self.states[[number]], self.trims[[number]], ticks)
-        states = flown.states[0]
-        if not np.isfinite(states[:, X]).all():
-            return None
-        inputs = states[:, memory][:, : len(point.model.inputs)] - point.u
-        deviations = states[:, X] - point.x
-        empty = np.zeros((len(states), 0))
-        trace = Deviations(flown.times, deviations, empty, inputs, deviations, {})
-        cycle, _ = oscillation(point.model, trace, 0.0)
-        return cycle
-
-    def _other_equilibria(
-        self, steady: np.ndarray, place: Place
-    ) -> tuple[int, dict[str, float], dict[str, float]]:
-        """Return the number of flights at other equilibria, and states and inputs at the first."""
-        search = EquilibriumSearch(self.flight.deployed, place.point, place.steady)
-        X, memory, *_ = self.flight.slices
-        m = len(place.point.model.inputs)
-        ball = BALL * place.box[place.decisive]
-        count = 0
-        first: dict[str, float] = {}
-        inputs: dict[str, float] = {}
-        for _ in range(_OTHERS):
-            if not steady.size:
-                break
-            state = self.states[steady[0]]
-            other = search.from_point(state[X], state[memory][:m])
-            here = self.states[steady][:, self.linear][:, place.decisive]
-            at = np.zeros(len(steady), dtype=bool)
-            if other is not None and not _is_same(other, place, self.linear):
-                there = other.states[self.linear]
-                at = np.all(np.abs(here - there[place.decisive]) <= ball, axis=1)
-            if other is not None and at[0]:
-                count += int(at.sum())
-                if not first:
-                    model = place.point.model
-                    first = dict(zip(model.linear, there.tolist(), strict=True))
-                    inputs = dict(zip(model.inputs, other.inputs.tolist(), strict=True))
-            at[0] = True
-            steady = steady[~at]
-        return count, first, inputs
-
-
-def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
-    """Return whether an equilibrium coincides with the equilibrium of a place."""
-    if place.equilibrium is None:
-        return False
-    apart = (other.states - place.equilibrium.states)[linear]
-    apart = np.abs(apart - whole_turns(apart, place.turns))
-    return bool(np.all(apart[place.decisive] <= BALL * place.box[place.decisive]))
 
 
 def fly_places(
@@ -404,28 +279,7 @@ def fly_places(
     ]
     starts, pushes = (np.vstack(each) for each in zip(*drawn, strict=True))
     owners = np.repeat(np.arange(2 * len(places)), samples)
-    seconds = max(place.seconds for place in places)
-    flown = PlacedFlights(flight, places + places, owners, starts, pushes, seconds)
+    flown = PlacedFlights(flight, places + places, owners, starts, pushes)
     flown.fly(progress)
     outcomes = [flown.outcomes(owner) for owner in range(len(flown.places))]
     return outcomes[: len(places)], outcomes[len(places) :]
-
-
-def ends_from_trim(
-    flight: SampledFlight, points: list[OperatingPoint], samples: CompiledSamples, seconds: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate flights that begin at their trims, for at most `seconds`.
-
-    Returns the final X (N, n) and the last commanded inputs (N, m). All flights end early if all
-    have settled.
-    """
-    model = points[0].model
-    still = STILL * np.array([model.signals[name].nominal for name in model.states])
-    trims = np.array([flight.deployed.trim_vector(point) for point in points])
-    X, memory, *_ = flight.slices
-    ticks = flight.samples_in_window * flight.windows(seconds)
-    start = flight.start(trims[:, X], trims)
-    flown, _ = samples.fly(start, trims, ticks, over=settled(still), keep=False)
-    final = flown.states[:, 0]
-    last_command = final[:, memory][:, : len(model.inputs)]
-    return final[:, X], last_command

@@ -110,19 +110,13 @@ def weights_at(
     return Q, R
 
 
-def offset_rate(
-    deployed: Deployed,
-    point: OperatingPoint,
-    states: Mapping[str, float],
-    inputs: Mapping[str, float],
-) -> float:
-    """Return the cost per second at an equilibrium, z'Qz + v'Rv in deviations from the trim.
-
-    states, inputs: values of the linear states and of the commanded inputs at the equilibrium
-    """
+def offset_rate(deployed: Deployed, point: OperatingPoint, equilibrium: Equilibrium) -> float:
+    """Return the cost per second at an equilibrium, z'Qz + v'Rv in deviations from the trim."""
     Q, R = weights_at(deployed, point)
-    z = np.array([states[name] - point.values[name] for name in point.model.linear])
-    v = np.array([inputs[name] - point.values[name] for name in deployed.commanded])
+    model = point.model
+    rows, columns = model.state_places(model.linear), model.input_places(deployed.commanded)
+    z = (equilibrium.states - point.x)[rows]
+    v = (equilibrium.inputs - point.u)[columns]
     return float(z @ Q @ z + v @ R @ v)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -28,33 +28,33 @@ _ALIKE = "all flights are the same; give parameter errors, noise or turbulence"
 _UNFILTERED = (
     "the policy acts on noisy measurements; --filter (Python: hfa.filter) estimates states"
 )
-#: Function from the name of a result of `fly_members` to its values, (N, ...).
-Read = Callable[[str], np.ndarray]
+#: Name of a result of `fly_members` -> its values, (N, ...), one row for each flight.
+Flown = Mapping[str, np.ndarray]
 
 
 def member_report(
     plan: MonteCarlo,
-    read: Read,
+    flown: Flown,
     where: str,
-    uncontrolled: Mapping[str, np.ndarray] | None = None,
+    uncontrolled: Flown | None = None,
 ) -> Report:
     """Return the report of a Monte Carlo plan: flights lost, and quantiles of the results.
 
     The quantiles are over the flights inside the envelope.
 
-    read: function from the name of a result to its values, (N, ...), one row for each flight
+    flown: results of the flights
     where: where the flights are stored, for the title
     uncontrolled: results of the same flights without control, by name, or None
     """
-    found = _outcomes(plan, read)
-    flown = (
+    found = _outcomes(plan, flown)
+    planned = (
         f"Monte Carlo, {plan.point.model.title}, law {plan.policy.name}: {plan.members} flights of "
         f"{plan.scenario.duration:g} s, seed {plan.seed}, {where}"
     )
     advice = [] if is_limited(plan.envelope) else [GIVE_LIMIT]
-    title = "\n".join([_verdict(plan, found), flown, *advice])
+    title = "\n".join([_verdict(plan, found), planned, *advice])
     if uncontrolled is not None and isinstance(plan.policy, FilteredPolicy):
-        found |= _compared(plan, plan.policy, read, uncontrolled)
+        found |= _compared(plan, plan.policy, flown, uncontrolled)
     rows = _rows(found)
     parts: list[Part] = [Group("flights", rows)] if rows else []
     if "drawn" in found:
@@ -116,20 +116,19 @@ def _air_text(scenario: Scenario) -> str:
 
 
 def _compared(
-    plan: MonteCarlo, policy: FilteredPolicy, read: Read, uncontrolled: Mapping[str, np.ndarray]
+    plan: MonteCarlo, policy: FilteredPolicy, flown: Flown, uncontrolled: Flown
 ) -> dict[str, Any]:
     """Return the figures of flights with a filter beside those without control and linear ones.
 
     The root mean squares are over all flights inside the envelope.
     """
     names = (*plan.model.linear, *plan.model.inputs)
-    free = uncontrolled.__getitem__
     entries: dict[str, Any] = {
-        "rms": dict(zip(names, _pooled(read), strict=True)),
-        "uncontrolled_rms": dict(zip(names, _pooled(free), strict=True)),
-        "uncontrolled_lost": int((free("left") >= 0).sum()),
+        "rms": dict(zip(names, _pooled(flown), strict=True)),
+        "uncontrolled_rms": dict(zip(names, _pooled(uncontrolled), strict=True)),
+        "uncontrolled_lost": int((uncontrolled["left"] >= 0).sum()),
         "at_limit": dict(
-            zip(plan.model.inputs, read("at_limit").mean(axis=0).tolist(), strict=True)
+            zip(plan.model.inputs, flown["at_limit"].mean(axis=0).tolist(), strict=True)
         ),
         "filter": policy.filter.contents(),
     }
@@ -141,10 +140,10 @@ def _compared(
     return entries
 
 
-def _pooled(read: Read) -> list[float]:
+def _pooled(flown: Flown) -> list[float]:
     """Return the root mean squares of states and inputs over all flights."""
-    seconds = read("flown")
-    squares = np.hstack([read("rms_error"), read("effort")]) ** 2
+    seconds = flown["flown"]
+    squares = np.hstack([flown["rms_error"], flown["effort"]]) ** 2
     return np.sqrt(seconds @ squares / max(float(seconds.sum()), 1e-9)).tolist()
 
 
@@ -161,14 +160,14 @@ def _compared_table(plan: MonteCarlo, found: Mapping[str, Any]) -> Table:
     return Table(("all flights", "policy", "no control", "linear", "% at limit", "unit"), rows)
 
 
-def _outcomes(plan: MonteCarlo, read: Read) -> dict[str, Any]:
+def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
     """Return the outcomes of all flights of a plan: the entries of the file."""
     model = plan.model
-    left = read("left")
-    cycle = read("cycle")
+    left = flown["left"]
+    cycle = flown["cycle"]
     inside = left < 0
     limits = control_limits(model)
-    within = limits.within(read("lowest_input")) & limits.within(read("highest_input"))
+    within = limits.within(flown["lowest_input"]) & limits.within(flown["highest_input"])
     states = limited_names(model, plan.scenario.moving_air)
     oscillating = (*model.inputs, *model.states)
     count = int((inside & within.all(axis=1) & (cycle < 0)).sum())
@@ -182,14 +181,14 @@ def _outcomes(plan: MonteCarlo, read: Read) -> dict[str, Any]:
         "duration": plan.scenario.duration,
         "within_limits": count,
         "held": int(inside.sum()),
-        "first_left": None if inside.all() else float(read("flown")[~inside].min()),
-        "left_an_hour": 3600.0 * int((~inside).sum()) / max(float(read("flown").sum()), 1e-9),
+        "first_left": None if inside.all() else float(flown["flown"][~inside].min()),
+        "left_an_hour": 3600.0 * int((~inside).sum()) / max(float(flown["flown"].sum()), 1e-9),
         "left": {name: int((left == index).sum()) for index, name in enumerate(states)},
         "lost_95": lost_band(int((~inside).sum()), plan.members),
         "exceeded": dict(zip(model.inputs, (~within).sum(axis=0).tolist(), strict=True)),
         "limit_cycle": {name: int((cycle == at).sum()) for at, name in enumerate(oscillating)},
         "quantiles": np.array(_QUANTILES),
-        **_quantiles(model, read, inside),
+        **_quantiles(model, flown, inside),
     }
     return found if plan.spread is None else found | {"drawn": list(plan.spread.values)}
 
@@ -218,7 +217,7 @@ def _listed(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
 
 
-def _quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
+def _quantiles(model: Model, flown: Flown, inside: np.ndarray) -> dict[str, Any]:
     """Return quantity -> variable -> values at the levels of the members inside, or None."""
     variables: dict[str, tuple[str, ...]] = {
         "rms_error": model.linear,
@@ -226,10 +225,10 @@ def _quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
         "effort": tuple(model.inputs),
         "final": tuple(model.states),
     }
-    values = {name: read(name) for name in variables}
+    values = {name: flown[name] for name in variables}
     if has_angle_of_attack(model):
         variables["peak_deviation"] = (ANGLE_OF_ATTACK,)
-        values["peak_deviation"] = read("peak_angle_of_attack")[:, None]
+        values["peak_deviation"] = flown["peak_angle_of_attack"][:, None]
     if not inside.any():
         return {name: dict.fromkeys(names) for name, names in variables.items()}
     levels = {name: np.quantile(values[name][inside], _QUANTILES, axis=0).T for name in variables}

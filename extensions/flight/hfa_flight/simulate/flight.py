@@ -116,43 +116,17 @@ def fly(
     weights: tuple[np.ndarray, np.ndarray] | None = None,
     progress: Progress | None = None,
 ) -> Flight:
-    """Simulate a policy u on the nonlinear aircraft X' = f(X, U0 + u, w) + d and return the flight.
-
-    The flight ends at the first tick in which it leaves the envelope. With `predict`, the flight of
-    the linear model x' = A x + B u + E w + d with nominal parameters is included, up to the same
-    time.
-
-    The flight is simulated again with half the integration step. If the cost or a largest deviation
-    changes by more than 0.1 %, the step is halved again, at most three times. A Python function of
-    (t, X) is called in one nonlinear flight, and with `predict` in the linear one.
-
-    model: the aircraft with nominal parameters
-    point: the trim X0, U0, relative to which x and u are defined
-    policy: a gain K (m, k) of u = -K z, a critic, a solution, a network, a deployment, a file of
-      one of these, a `Policy`, steps of inputs or a function. Steps are deviations from trim,
-      {name: [(time, value), ...]}. A function of (t, X) returns U and is called once a tick. With
-      None, the inputs remain at trim.
-    duration: s. Default: that of the scenario, or 20 s without a scenario, or more if the
-      linear loop has growing modes
-    initial: deviations from trim at the start, by the names of states (numbers, or text with a
-        unit: "2 deg"), or (n,)
-    scenario: disturbances, noise and faults. Its random quantities must be drawn already
-    envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
-    predict: whether the linear model is simulated too, except with a policy that plans
-    weights: Q (k, k) and R (m, m) of the cost of the flight, or None without a cost
-    progress: called during the nonlinear flight; by default a line on a terminal
+    """Return one flight of a policy; the arguments are those of `hfa.fly`.
 
     Raises BadInputError if the flight does not begin inside the envelope, the scenario has random
     quantities that are not drawn yet, or the policy is not supported.
-
-    >>> import hfa
-    >>> model = hfa.aircraft()
-    >>> point = hfa.trim(model, hfa.paper.level_flight(0.2))
-    >>> solution = hfa.solve(hfa.paper.published_game(hfa.linearize(model, point)))
-    >>> hfa.fly(model, point, solution, 1.0, initial={"alpha": 0.01}).states.shape
-    (1001, 7)
     """
-    happens = _scenario_of_flight(
+    if scenario is not None and scenario.uncertainty != Uncertainty():
+        raise BadInputError(
+            "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
+            "member, point), or add samples=N for N flights"
+        )
+    happens = scenario_of_flight(
         model, Scenario() if scenario is None else scenario, duration, initial
     )
     flown, happens = policy_and_scenario(policy, point, happens)
@@ -203,15 +177,10 @@ def _figures(flight: Flight) -> Figures:
     return figures
 
 
-def _scenario_of_flight(
+def scenario_of_flight(
     model: Model, given: Scenario, duration: float | None, initial: Any
 ) -> Scenario:
     """Return the scenario for a flight of a model, with its duration and initial condition."""
-    if given.uncertainty != Uncertainty():
-        raise BadInputError(
-            "the random quantities of the scenario are not drawn; call scenario.drawn(seed, "
-            "member, point)"
-        )
     if duration is not None:
         refuse_unless_positive("fly: duration", duration, " s")
     scenario = given if duration is None else replace(given, duration=float(duration))

@@ -53,7 +53,7 @@ def assessed(act, observed=("alpha", "speed"), model=GLIDER, **settings):
         action=settings.get("action", {"elevator": {}, "throttle": {}}),
         timing={"dt": 0.2},
     )
-    return hfa.assess(model, deployment, [hfa.trim(model)], samples=0, best=0)
+    return hfa.assess(model, deployment, [hfa.trim(model)], samples=0)
 
 
 def equilibrium(*act, **settings):
@@ -67,10 +67,10 @@ def test_the_equilibrium_balances_the_offset_of_the_policy():
     x = -np.linalg.solve(A - B @ K, B @ OFFSET)
     np.testing.assert_allclose(found.states - POINT.states, [*x, 0.0], atol=1e-9)
     np.testing.assert_allclose(found.inputs - POINT.inputs, OFFSET - K @ x, atol=1e-9)
-    for name, value in (("A", A), ("B", B), ("K", K), ("C", np.eye(2)), ("gain", K)):
+    for name, value in (("A", A), ("B", B), ("K", K), ("gain", K)):
         np.testing.assert_allclose(getattr(found, name), value, atol=1e-9, err_msg=name)
     assert not found.K_inputs.any()
-    assert (found.clips, found.kinks, found.clipped_observations) == ((), (), ())
+    assert (found.clips, found.clipped_observations) == ((), ())
 
 
 @pytest.mark.slow
@@ -81,19 +81,10 @@ def test_inputs_that_follow_themselves_have_a_larger_gain():
         follows = lambda o, s=share: -ca.DM(K) @ o[:2] + ca.DM([s, 0.0]) * o[2]  # noqa: E731
         found = equilibrium(follows, names)
         np.testing.assert_allclose(found.K_inputs, [[share, 0.0], [0.0, 0.0]], atol=1e-9)
-        np.testing.assert_allclose(found.C, [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
         if gain is None:
             assert found.gain is None
         else:
             np.testing.assert_allclose(found.gain, gain, atol=1e-9)
-
-
-def test_a_kink_of_the_policy_has_the_mean_slope_of_both_sides():
-    """u = .3 |alpha| - .1 alpha: slopes -.4 below and .2 above, in the units of the states."""
-    found = equilibrium(lambda o: ca.vertcat(0.3 * ca.fabs(o[0]) - 0.1 * o[0], 0.0))
-    np.testing.assert_allclose(found.K, [[0.1, 0.0], [0.0, 0.0]], atol=1e-6)
-    (note,) = found.kinks
-    assert "-0.4 below and 0.2 above the trim" in note
 
 
 def test_at_a_kink_of_the_aircraft_the_loop_is_that_of_linearize():
@@ -107,13 +98,6 @@ def test_at_a_kink_of_the_aircraft_the_loop_is_that_of_linearize():
     assert linear.kinks
     np.testing.assert_array_equal(found.A, linear.A)
     np.testing.assert_array_equal(found.B, linear.B)
-
-
-def test_a_smooth_policy_has_no_kink():
-    """tanh(c alpha) bends within a step of any fixed size if c is large, but has no kink."""
-    c = 1e5
-    found = equilibrium(lambda o: ca.vertcat(ca.tanh(c * o[0] + 0.3) / c, 0.0))
-    assert found.kinks == ()
 
 
 def test_a_saturated_equilibrium_fails_and_its_actions_are_named():

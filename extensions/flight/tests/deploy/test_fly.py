@@ -3,11 +3,10 @@
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, gtm_deployment, stored_deployment, trims
+from policy_cases import FOLDER, aircraft, stored_deployment, trims
 
 import hfa
 from hfa import BadInputError, Deployment, fly, load_model
-from hfa.main import main
 from hfa_flight import ActuatorBank, Scenario
 
 
@@ -63,14 +62,6 @@ def test_a_command_that_arrives_at_a_sample_is_not_yet_observed():
     flight = fly(model, hfa.trim(model), deployment, 0.1, predict=False)
     np.testing.assert_allclose(flight.time[:5], 0.02 * np.arange(5))
     np.testing.assert_allclose(flight.inputs[:5, 0], [0.0, 0.1, 0.1, 0.13, 0.13], rtol=1e-9)
-
-
-def test_fly_notes_that_a_gain_is_one_for_another_sample_time(tmp_path, capsys):
-    np.savez(tmp_path / "K.npz", K=0.01 * np.ones((2, 4)), dt=0.05)
-    gtm_deployment({"file": str(tmp_path / "K.npz")}).save(tmp_path / "gain.toml")
-    path = str(tmp_path / "gain.toml")
-    main(["fly", "--aircraft", GTM, "--hold", "speed=45", "--policy", path, "--duration", "0.1"])
-    assert "note: K is a gain for dt = 0.05 s" in "".join(capsys.readouterr())
 
 
 def test_fly_accepts_the_path_of_a_policy(tmp_path):

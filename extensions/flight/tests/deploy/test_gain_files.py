@@ -1,4 +1,4 @@
-"""Contradictions between a gain's file and its deployment, and effects of actions."""
+"""Effects of the actions of a deployed gain."""
 
 import casadi as ca
 import numpy as np
@@ -8,27 +8,6 @@ from policy_cases import GTM, gtm_deployment, model_of
 
 import hfa
 from hfa import assess
-
-
-@pytest.mark.parametrize(
-    ("entries", "found"),
-    [
-        ({"inputs": ["elevator", "throttle"], "dt": 0.02}, 0),
-        ({"states": ["alpha", "speed", "pitch_rate", "pitch"]}, 1),
-        ({"inputs": ["throttle", "elevator"]}, 1),
-        ({"dt": 0.05}, 1),
-        ({"state_units": ["m/s", "deg", "rad/s", "rad"]}, 1),
-        ({"state_units": ["m/s", "rad", "rad/s", "rad"]}, 0),
-        ({"input_units": ["deg", "1"]}, 1),
-        ({"input_units": ["rad", "1"]}, 0),
-    ],
-)
-def test_a_gain_is_of_its_states_inputs_units_and_sample_time(tmp_path, entries, found):
-    np.savez(tmp_path / "K.npz", K=0.01 * np.ones((2, 4)), **entries)
-    deployment = gtm_deployment({"file": str(tmp_path / "K.npz")})
-    told = assess(model_of(GTM), deployment, [45.0], samples=0, best=0).notes
-    assert len(told) == found
-    assert all(note.startswith("K is a gain") for note in told)
 
 
 def test_effects_are_those_of_the_exact_gain_and_reversed_with_an_action():
@@ -45,8 +24,7 @@ def test_effects_are_those_of_the_exact_gain_and_reversed_with_an_action():
     for sign in (1.0, -1.0):
         action = {"elevator": {"map": f"trim + {sign} * a"}, "throttle": {}}
         policy = gtm_deployment(gain, action=action)
-        told = assess(model, policy, [point], samples=0, best=0)
-        assert told.notes == []
+        told = assess(model, policy, [point], samples=0)
         effects = {each.action: each for each in told.points[0].actions}
         exact = {name: each.exact_effect for name, each in effects.items()}
         moved = np.linalg.eigvals(linear.A).sum() - np.linalg.eigvals(linear.A - linear.B @ K).sum()

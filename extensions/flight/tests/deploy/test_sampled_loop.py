@@ -170,5 +170,5 @@ def test_limits_passed_between_two_samples_count(folder):
             {"force": hfa.Signal("N", min=-1.0, max=1.0)},
             lambda x, u, p, _: ({"x": x.v, "v": -w * w * x.x - 2.0 * x.v + u.force}, {}),
         )
-        result = assess(model, deployment, samples=4, box={"x": 0.1, "v": fastest}, best=0)
+        result = assess(model, deployment, samples=4, box={"x": 0.1, "v": fastest})
         assert (result.points[0].flights.left_envelope > 0) is (fastest == 9.0)

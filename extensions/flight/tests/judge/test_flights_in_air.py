@@ -1,4 +1,4 @@
-"""Flights in `assess` with sensor noise, a gust or turbulence."""
+"""Flights in noise and moving air: `hfa.fly` with samples, of any policy, also behind a filter."""
 
 import json
 
@@ -7,119 +7,16 @@ import pytest
 from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
 
 import hfa
-from hfa import Turbulence, assess
 from hfa.main import main
-from hfa_flight import OneMinusCosine, Scenario, Uncertainty
+from hfa_flight import Uncertainty
 
 NOISE = Uncertainty(noise={"pitch_rate": 0.02})
-
-
-@pytest.fixture(scope="module")
-def noisy_assessment():
-    """Return the assessment of a policy with two flights of half a second with sensor noise."""
-    point = trims("ppo_gtm")[1]
-    scenario = Scenario(duration=0.5, uncertainty=NOISE)
-    return assess(
-        aircraft("ppo_gtm"),
-        stored_deployment("ppo_gtm").changed(cost=None),
-        [point],
-        2,
-        seed=3,
-        scenario=scenario,
-        best=0,
-    )
-
-
-@pytest.mark.slow  # test_flights_of_a_law_are_those_of_fly is fast
-def test_rms_with_noise_equals_that_of_fly(noisy_assessment):
-    """The root mean squares with sensor noise equal those of `fly` with the same seed."""
-    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
-    found = noisy_assessment.points[0].in_air.data
-    assert (found["members"], found["held"]) == (2, 2)
-    ticks = Scenario(duration=0.5, tick=0.02, step=0.02, uncertainty=NOISE).on(model)
-    flights = [
-        hfa.fly(model, point, stored_deployment("ppo_gtm"), scenario=ticks.drawn(3, member, point))
-        for member in range(2)
-    ]
-    for name, of in (("alpha", "rms_error"), ("elevator", "effort")):
-        off = [(flight[name] - point[name])[: -1 : round(0.02 / flight.step)] for flight in flights]
-        largest = np.sqrt(np.mean(np.square(off), axis=1)).max()
-        assert found[of][name][-1] == pytest.approx(largest, rel=1e-5)
-    assert noisy_assessment.ok
-
-
-@pytest.mark.slow
-def test_a_flight_that_leaves_in_a_gust_fails():
-    """The assessment fails if a flight leaves the envelope in a gust."""
-    (point,) = trims("ppo_hfa")
-    gust = OneMinusCosine(200.0, -80.0, 68.0)
-    happens = Scenario(duration=5.0, gust=gust)
-    failing = assess(
-        aircraft("ppo_hfa"), stored_deployment("ppo_hfa"), [point], 1, scenario=happens, best=0
-    )
-    found = failing.points[0].in_air.data
-    assert (found["members"], found["held"]) == (1, 0)
-    assert 0.0 < found["first_left"] < 5.0
-    assert not failing.ok
-
-
-@pytest.mark.parametrize(
-    ("scenario", "samples", "said"),
-    [
-        (Scenario(), 2, "has no noise, gust or turbulence"),
-        (Scenario(uncertainty=NOISE), 0, "samples is 0"),
-        (
-            Scenario(uncertainty=Uncertainty(turbulence=Turbulence("light"))),
-            2,
-            "has no state altitude",
-        ),
-        (Scenario(uncertainty=Uncertainty(noise={"q": 1.0})), 2, "unknown noise of state 'q'"),
-    ],
-)
-def test_a_scenario_without_disturbances_is_refused(scenario, samples, said):
-    """Scenarios without disturbances, without flights or for missing states are refused."""
-    with pytest.raises(hfa.BadInputError, match=said):
-        assess(
-            aircraft("ppo_gtm"),
-            stored_deployment("ppo_gtm"),
-            [45.0],
-            samples,
-            scenario=scenario,
-            best=0,
-        )
-
-
-@pytest.mark.slow  # test_filter.py flies a deployment behind its filter
-def test_flights_of_an_assessment_are_behind_the_filter(capsys):
-    """--filter is the filter of --noise and --turbulence; without the noise it is refused."""
-    words = ["assess", str(FOLDER / "ppo_gtm.toml"), "--aircraft", GTM, "--at", "45", "--best", "0"]
-    words += ["--samples", "1", "--filter"]
-    assert main(words) == 2
-    assert "add --noise STATE=VALUE" in capsys.readouterr().err
-    noise = [f"--noise={name}=0.1" for name in ("speed", "alpha", "pitch", "pitch_rate")]
-    assert main([*words, *noise, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)["points"][0]["in_air"]
-    assert found["filter"]["noise"].keys() == {"speed", "alpha", "pitch", "pitch_rate"}
-    assert found["held"] == 1
-
-
-AIR = ["--turbulence", "moderate:40000"]
-SENSORS = [f"--noise={name}" for name in ("speed=.3", "alpha=.17", "pitch=.11", "pitch_rate=.17")]
-
-
-def flights_of(capsys, command, words):
-    """Return the exit code and the data of the flights of a command from a trim."""
-    code = main([command, "--dihedral", "10", *words, "--json"])
-    data = json.loads(capsys.readouterr().out)
-    if command == "assess":
-        assert data["ok"] == (code == 0)
-        (data,) = data["trims"]
-    return code, data
+SENSORS = {"speed": 0.1, "alpha": 0.002, "pitch": 0.002, "pitch_rate": 0.002}
 
 
 def assert_same(one, other):
     """Assert that two reports have the same entries, numbers to 1e-9."""
-    for name in one.keys() - {"provenance", "warnings", "store", "units"}:
+    for name in one.keys() - {"provenance", "warnings", "store", "units", "law"}:
         if isinstance(one[name], dict):
             assert_same(one[name], other[name])
         elif isinstance(one[name], (float, list)):
@@ -128,70 +25,85 @@ def assert_same(one, other):
             assert other[name] == one[name]
 
 
-@pytest.mark.parametrize(
-    ("words", "lost"),
-    [
-        (["--law", "exact", "--noise=speed=.3", "--samples", "2"], 2),
-        pytest.param(["--law", "exact", *AIR, "--samples", "4"], 1, marks=pytest.mark.slow),
-        pytest.param(["--law", "none", *AIR, "--samples", "4"], 0, marks=pytest.mark.slow),
-        pytest.param(
-            ["--law", "predictive", "--filter", *SENSORS, *AIR, "--samples", "1"],
-            0,
-            marks=pytest.mark.slow,
-        ),
-    ],
-)
-def test_flights_of_a_law_are_those_of_fly(capsys, words, lost):
-    """`assess --law` and `fly --law --samples` are the same flights, those that are lost too."""
-    code, flown = flights_of(capsys, "fly", words)
-    assessed = flights_of(capsys, "assess", words)
-    assert assessed[0] == code == (1 if lost else 0)
-    assert_same(flown, assessed[1])
-    assert flown["members"] - flown["held"] == lost
-
-
-def test_flights_of_a_policy_in_python_are_those_of_the_command(capsys):
-    """hfa.assess flies a gain from two trims; the verdict is that of all of them."""
-    words = ["--law", "exact", "--noise=speed=.3", "--samples", "2", "--seed", "4"]
-    _, commanded = flights_of(capsys, "assess", words)
+def test_flights_in_python_are_those_of_the_command(capsys):
+    """Two flights of the exact gain in noise, both lost, with another seed than the default."""
+    words = ["fly", "--policy", "exact", "--dihedral", "10", "--noise=speed=.3"]
+    assert main([*words, "--samples", "2", "--seed", "4", "--json"]) == 1
+    commanded = json.loads(capsys.readouterr().out)
     model = hfa.aircraft()
-    points = [hfa.trim(model, dihedral=np.radians(angle)) for angle in (10.0, 15.0)]
-    gain = hfa.solve(hfa.paper.published_game(points[0].linearize())).K
-    scenario = Scenario(20.0, uncertainty=Uncertainty(noise={"speed": 0.3}))
-    flown = assess(model, gain, points, 2, seed=4, scenario=scenario)
+    point = hfa.trim(model, dihedral=np.radians(10.0))
+    gain = hfa.solve(hfa.paper.published_game(point.linearize())).K
+    noisy = hfa.Scenario(20.0, uncertainty=Uncertainty(noise={"speed": 0.3}))
+    flown = hfa.fly(model, point, gain, scenario=noisy, samples=2, seed=4)
     assert not flown.ok
-    report = flown.report()
-    assert report.title == "FAIL: law gain passes at 0 of 2 trims"
-    assert_same({**commanded, "law": "gain"}, report.data["trims"][0])
-    assert report.records.rows[0][1:] == (2, 0, 0)
+    assert_same(commanded, flown.report().data)
+    assert commanded["held"] == 0
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--law", "exact"], "add --noise STATE=VALUE or --turbulence"),
-        (["--law", "none", "--noise=speed=.3", "--filter"], "--filter requires a policy"),
-        (["--law", "exact", "--noise=speed=.3", "--box=speed=1"], "--box cannot be combined"),
-        (["--law", "exact", "--noise=speed=.3", "--need", "margin=.5"], "--need margin cannot"),
-        (["--law", "exact", "--noise=speed=.3", "--samples", "0"], "--samples is 0"),
-        ([str(FOLDER / "ppo_gtm.toml"), "--law", "exact"], "both give a policy"),
-        ([], "or add --law NAME with --noise or --turbulence"),
-    ],
-)
-def test_flights_of_a_law_refuse_other_options(words, said, capsys):
-    assert main(["assess", *words]) == 2
-    assert said in capsys.readouterr().err
+def test_rms_of_many_flights_equals_that_of_each():
+    """The largest root mean squares are those of `fly` with the drawn scenario of each member."""
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
+    policy = stored_deployment("ppo_gtm")
+    ticks = hfa.Scenario(duration=0.5, tick=0.02, step=0.02, uncertainty=NOISE).on(model)
+    found = hfa.fly(model, point, policy, scenario=ticks, samples=2, seed=3).report().data
+    assert (found["members"], found["held"]) == (2, 2)
+    flights = [
+        hfa.fly(model, point, policy, scenario=ticks.drawn(3, member, point)) for member in range(2)
+    ]
+    for name, of in (("alpha", "rms_error"), ("elevator", "effort")):
+        off = [(flight[name] - point[name])[: -1 : round(0.02 / flight.step)] for flight in flights]
+        largest = np.sqrt(np.mean(np.square(off), axis=1)).max()
+        assert found[of][name][-1] == pytest.approx(largest, rel=1e-5)
+
+
+def test_a_deployment_flies_behind_its_filter_and_is_assessed_without_it():
+    """Its sensors are those of [filter], and `assess` names the command that flies behind it."""
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
+    filtered = stored_deployment("ppo_gtm").changed(filter={"noise": SENSORS})
+    noisy = hfa.Scenario(0.5, uncertainty=Uncertainty(noise=SENSORS))
+    flown = hfa.fly(model, point, filtered, scenario=noisy, samples=1)
+    assert flown.ok
+    assert flown.report().data["filter"]["noise"] == pytest.approx(SENSORS)
+    told = hfa.assess(model, filtered, [point], samples=0)
+    plain = hfa.assess(model, stored_deployment("ppo_gtm"), [point], samples=0)
+    (note,) = {each.text for each in told.findings} - {each.text for each in plain.findings}
+    assert f"hfa fly --policy {filtered.origin} --samples" in note
+    assert told.points[0].radius == plain.points[0].radius
 
 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"scenario": None}, "the flights of the policy are all the same"),
-        ({"box": {"speed": 1.0}}, "box applies only to a deployment"),
-        ({"needs": {"margin": 0.5}}, "margin applies only to a deployment"),
+        ({}, "not drawn; .* or add samples=N"),
+        ({"samples": 0}, "members is 0"),
+        ({"samples": 2, "weights": (np.eye(4), np.eye(2))}, "weights are of .* a single flight"),
+        ({"seed": 2}, "add samples=N"),
+        ({"samples": 2, "share": 1.2}, r"share is 1\.2"),
     ],
 )
-def test_flights_of_a_policy_refuse_other_arguments(options, said):
-    options = {"scenario": Scenario(uncertainty=NOISE)} | options
+def test_wrong_arguments_of_many_flights_are_refused(options, said):
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     with pytest.raises(hfa.BadInputError, match=said):
-        assess(hfa.aircraft(), np.zeros((5, 6)), **options)
+        hfa.fly(model, point, scenario=hfa.Scenario(0.1, uncertainty=NOISE), **options)
+
+
+@pytest.mark.parametrize("policy", [np.zeros((5, 6)), None, lambda t, X: X])
+def test_assess_of_another_policy_names_the_verb_that_flies_it(policy):
+    with pytest.raises(hfa.BadInputError, match=r"hfa\.fly\(model, point, policy, .*samples=20\)"):
+        hfa.assess(hfa.aircraft(), policy)
+
+
+@pytest.mark.parametrize("option", ["--noise", "--turbulence", "--gust", "--filter", "--vary"])
+def test_an_option_that_moved_names_its_new_command(option, capsys):
+    """The command is one of `fly`, whose options include the one that moved or replace it."""
+    assert main(["assess", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, option, "x"]) == 2
+    said = capsys.readouterr().err
+    assert "hfa fly --policy DEPLOYMENT.toml" in said
+    assert said.count("\n") == 1
+
+
+def test_the_advice_of_an_option_that_moved_leads_on(capsys):
+    """--noise of assess is --noise of `fly --policy FILE --samples N`."""
+    words = ["fly", "--policy", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, "--at", "45"]
+    assert main([*words, "--samples", "2", "--noise", "pitch_rate=1", "--duration", "1"]) == 0
+    assert capsys.readouterr().out.startswith("PASS: 2 of 2 flights of 1 s")

@@ -141,6 +141,38 @@ def test_an_episode_ends_if_the_action_is_nan() -> None:
         np.testing.assert_array_equal(after, before)
 
 
+def test_actions_act_within_their_box() -> None:
+    """An action beyond the box has the effect of its end, and costs as much."""
+    model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
+    env = environment(model, gtm_deployment({}, action=ACTION), points)
+    runs = []
+    for action in (1.0, 7.0):
+        env.reset(seed=1)
+        _, reward, _, _, info = env.step(np.array([action]))
+        runs.append([reward, *info["X"], *info["U"]])
+    assert runs[0] == runs[1]
+
+
+@pytest.mark.parametrize("side", ["above", "below"])
+def test_the_limit_that_is_left_is_named(side: str) -> None:
+    model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
+    env = environment(model, gtm_deployment({}, action=ACTION), points)
+    limits = model.states["alpha"]
+    edge, rate = (limits.max - 1e-3, 1.0) if side == "above" else (limits.min + 1e-3, -1.0)
+    env.reset(options={"state": {"alpha": edge, "pitch_rate": rate}})
+    *_, lost, _, info = env.step(np.array([0.0]))
+    assert lost
+    assert info["left"].startswith(f"alpha {side} ")
+
+
+def test_the_policy_to_be_trained_need_not_exist() -> None:
+    """Its file is what the training writes."""
+    policy = {"file": "none.zip", "normalizer": "none.pkl"}
+    env = environment(aircraft("ppo_gtm"), gtm_deployment(policy, action=ACTION))
+    env.reset(seed=1)
+    assert env.step(np.array([0.0]))[1] < 0.0
+
+
 def test_options_of_a_reset_are_obeyed_or_refused() -> None:
     """An initial state, whole or by name, is obeyed; what is no option, state or trim is refused."""
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
@@ -195,6 +227,7 @@ def test_wrong_actions_and_steps_out_of_turn_are_refused() -> None:
         ({"vary": {"panel_weight": (1.0, 2.0)}}, "unknown parameter 'panel_weight'"),
         ({"vary": {"lift_slope": 0.1}}, "give two numbers"),
         ({"vary": {"lift_slope": (2.0, 1.0)}}, "ascending order"),
+        ({"vary": {"lift_slope": (-9.0, 1.0)}}, "lift_slope is -9"),
     ],
 )
 def test_what_no_environment_can_be_is_refused(given: Any, said: str) -> None:

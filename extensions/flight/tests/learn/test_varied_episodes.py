@@ -35,7 +35,6 @@ def flown(env: Any, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return np.array(states), np.array(observations), np.array(rewards)
 
 
-@pytest.mark.slow
 def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim() -> None:
     """States and observations are those of an aircraft with the drawn mass and frozen trim values.
 

@@ -19,10 +19,9 @@ from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
-from hfa_flight.policies.deployment.notes import notes_on_files
 from hfa_flight.policies.deployment.sampled_loop import chain_of
 from hfa_flight.policies.policy import Policy
-from hfa_support.errors import BadInputError, warn
+from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
 from trim.point.operating_point import OperatingPoint
 
@@ -132,8 +131,7 @@ class DeployedPolicy(Policy):
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop at the equilibrium near the trim, 1/s, or None."""
         timing = self.deployed.deployment
-        search = EquilibriumSearch(self.deployed, self.point)
-        equilibrium = search.from_point(self.point.x, self.point.u)
+        equilibrium = EquilibriumSearch(self.deployed, self.point).equilibrium()
         if equilibrium is None:
             return None
         values = np.linalg.eigvals(chain_of(equilibrium, timing.dt, timing.delay).closed)
@@ -152,19 +150,17 @@ class DeployedPolicy(Policy):
 def flown_deployment(given: Deployment | Path, point: OperatingPoint) -> DeployedPolicy:
     """Return the policy of a deployment, or of the deployment file with this path, about a trim.
 
-    Warns of contradictions that the policy's files prove. Raises the errors of `Deployment.load`,
+    Raises the errors of `Deployment.load`,
     and BadInputError if the deployment does not fit the aircraft or has a filter, or if an
     observation, the policy or a map is not finite at the trim.
     """
     deployed = Deployed(Deployment.of(given), point.model)
     if deployed.deployment.filter is not None:
         raise BadInputError(
-            f"{deployed.deployment.origin} has a [filter], which only hfa fly and hfa assess "
-            "apply; remove [filter]"
+            f"{deployed.deployment.origin} has a [filter], which only hfa fly "
+            "applies; remove [filter]"
         )
     deployed.refuse_undefined_at([point])
-    for note in notes_on_files(deployed):
-        warn(note)
     name = "deployment" if isinstance(given, Deployment) else f"of {given}"
     return policy_about(deployed, point, name)
 

@@ -1,0 +1,141 @@
+"""`hfa.fly`: one flight of a policy, or many with random differences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, overload
+
+import numpy as np
+
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model
+from hfa_flight.air.scenario import Scenario
+from hfa_flight.needs import ALL
+from hfa_flight.policies.given import policy_and_scenario
+from hfa_flight.samples.flights_in_air import FlightsInAir, flights_in_air
+from hfa_flight.samples.monte_carlo import MonteCarlo
+from hfa_flight.simulate.envelope import flight_envelope
+from hfa_flight.simulate.flight import Flight, fly as one_flight, scenario_of_flight
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress
+from trim.point.operating_point import OperatingPoint
+
+#: Limits of the states, or only those that differ from the usual ones.
+_Envelope = Limits | Mapping[str, tuple[float, float]] | None
+
+
+@overload
+def fly(
+    model: Model,
+    point: OperatingPoint,
+    policy: Any = None,
+    duration: float | None = None,
+    *,
+    initial: Any = None,
+    scenario: Scenario | None = None,
+    envelope: _Envelope = None,
+    predict: bool = True,
+    weights: tuple[np.ndarray, np.ndarray] | None = None,
+    progress: Progress | None = None,
+) -> Flight: ...
+
+
+@overload
+def fly(
+    model: Model,
+    point: OperatingPoint,
+    policy: Any = None,
+    duration: float | None = None,
+    *,
+    initial: Any = None,
+    scenario: Scenario | None = None,
+    envelope: _Envelope = None,
+    progress: Progress | None = None,
+    samples: int,
+    seed: int = 0,
+    share: float = ALL,
+) -> FlightsInAir: ...
+
+
+def fly(
+    model: Model,
+    point: OperatingPoint,
+    policy: Any = None,
+    duration: float | None = None,
+    *,
+    initial: Any = None,
+    scenario: Scenario | None = None,
+    envelope: _Envelope = None,
+    predict: bool = True,
+    weights: tuple[np.ndarray, np.ndarray] | None = None,
+    progress: Progress | None = None,
+    samples: int | None = None,
+    seed: int = 0,
+    share: float = ALL,
+) -> Flight | FlightsInAir:
+    """Simulate a policy u on the nonlinear aircraft X' = f(X, U0 + u, w) + d and return the flight.
+
+    The flight ends at the first tick in which it leaves the envelope. With `predict`, the flight of
+    the linear model x' = A x + B u + E w + d with nominal parameters is included, up to the same
+    time.
+
+    The flight is simulated again with half the integration step. If the cost or a largest deviation
+    changes by more than 0.1 %, the step is halved again, at most three times. A Python function of
+    (t, X) is called in one nonlinear flight, and with `predict` in the linear one.
+
+    With `samples`, so many flights are simulated, each with its own draw of the scenario's random
+    quantities, and returned as `hfa.FlightsInAir`. A deployment with a filter flies behind it.
+
+    model: the aircraft with nominal parameters
+    point: the trim X0, U0, relative to which x and u are defined
+    policy: a gain K (m, k) of u = -K z, a critic, a solution, a network, a deployment, a file of
+      one of these, a `Policy`, steps of inputs or a function. Steps are deviations from trim,
+      {name: [(time, value), ...]}. A function of (t, X) returns U and is called once a tick. With
+      None, the inputs remain at trim.
+    duration: s. Default: that of the scenario, or 20 s without a scenario, or more if the
+      linear loop has growing modes
+    initial: deviations from trim at the start, by the names of states (numbers, or text with a
+        unit: "2 deg"), or (n,)
+    scenario: disturbances, noise and faults. Of a single flight, its random quantities must be
+        drawn already
+    envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
+    predict: whether the linear model is simulated too, except with a policy that plans. Of a single
+        flight
+    weights: Q (k, k) and R (m, m) of the cost of a single flight, or None without a cost
+    progress: called during the flights; by default a line on a terminal
+    samples: number of flights, or None for a single one
+    seed: seed of the random quantities of several flights
+    share: share of several flights that must stay within their limits, by default all
+
+    Raises BadInputError if the flight does not begin inside the envelope, the scenario has random
+    quantities that are not drawn yet, or the policy is not supported.
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> point = hfa.trim(model, hfa.paper.level_flight(0.2))
+    >>> solution = hfa.solve(hfa.paper.published_game(hfa.linearize(model, point)))
+    >>> hfa.fly(model, point, solution, 1.0, initial={"alpha": 0.01}).states.shape
+    (1001, 7)
+    """
+    if samples is None:
+        if seed != 0 or share != ALL:
+            raise BadInputError("fly: seed and share apply to several flights; add samples=N")
+        return one_flight(
+            model,
+            point,
+            policy,
+            duration,
+            initial=initial,
+            scenario=scenario,
+            envelope=envelope,
+            predict=predict,
+            weights=weights,
+            progress=progress,
+        )
+    if weights is not None:
+        raise BadInputError("fly: weights are of the cost of a single flight; remove samples")
+    happens = scenario_of_flight(model, scenario or Scenario(), duration, initial)
+    flown, happens = policy_and_scenario(policy, point, happens)
+    within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
+    plan = MonteCarlo(samples, seed, model, point, flown, happens, within, share=share)
+    return flights_in_air(plan, progress=progress)
