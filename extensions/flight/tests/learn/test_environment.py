@@ -158,7 +158,7 @@ def test_the_limit_that_is_left_is_named(side: str) -> None:
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
     env = environment(model, gtm_deployment({}, action=ACTION), points)
     limits = model.states["alpha"]
-    edge, rate = (limits.max - 1e-3, 1.0) if side == "above" else (limits.min + 1e-3, -1.0)
+    edge, rate = (limits.max - 1e-3, 3.0) if side == "above" else (limits.min + 1e-3, -3.0)
     env.reset(options={"state": {"alpha": edge, "pitch_rate": rate}})
     *_, lost, _, info = env.step(np.array([0.0]))
     assert lost
