@@ -24,7 +24,6 @@ from hfa_support.errors import (
     refuse_unknown,
     refuse_unless_positive,
     refuse_unless_whole,
-    shown,
 )
 from hfa_support.progress import Progress
 
@@ -78,11 +77,6 @@ def assess(
         refuse_unknown("unknown requirement", name, NEEDS)
     share = (needs or {}).get(SHARE, ALL)
     refuse_share(share)
-    if not isinstance(deployment, (Deployment, str, Path)):
-        raise BadInputError(
-            f"deployment is {shown(deployment)}; give a Deployment or its file; any other "
-            "policy is flown by hfa.fly(model, point, policy, scenario=..., samples=20)"
-        )
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
     deployed = Deployed(Deployment.of(deployment), model)

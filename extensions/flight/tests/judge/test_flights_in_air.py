@@ -87,12 +87,6 @@ def test_wrong_arguments_of_many_flights_are_refused(options, said):
         hfa.fly(model, point, scenario=hfa.Scenario(0.1, uncertainty=NOISE), **options)
 
 
-@pytest.mark.parametrize("policy", [np.zeros((5, 6)), None, lambda t, X: X])
-def test_assess_of_another_policy_names_the_verb_that_flies_it(policy):
-    with pytest.raises(hfa.BadInputError, match=r"hfa\.fly\(model, point, policy, .*samples=20\)"):
-        hfa.assess(hfa.aircraft(), policy)
-
-
 @pytest.mark.parametrize("option", ["--noise", "--turbulence", "--gust", "--filter", "--vary"])
 def test_an_option_that_moved_names_its_new_command(option, capsys):
     """The command is one of `fly`, whose options include the one that moved or replace it."""
