@@ -148,7 +148,7 @@ def assert_refused(result: Result, code: int, *named: str) -> None:
 
 def assert_advice_leads_on(message: str) -> None:
     """Assert that each command that a refusal proposes to type is not refused."""
-    for proposed in re.findall(r"[;,:] type (hfa .+?)(?:$|, |; )", message.rstrip()):
+    for proposed in re.findall(r"[;,] type (hfa (?:[^,]|,(?! ))+)$", message.rstrip()):
         advised = unchecked_hfa(*shlex.split(proposed)[1:])
         assert advised.code != BAD_INPUT, f"{message}advises {proposed}, refused: {advised.err}"
 

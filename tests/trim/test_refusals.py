@@ -10,7 +10,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import control
 import numpy as np
 import pytest
 from own_models import NAVION
@@ -19,7 +18,6 @@ from project import ROOT
 import hfa
 from hfa import BadInputError, LinearModel, Model, Signal, TrimCondition
 from hfa.paper import default_parameters, level_flight
-from hfa_aircraft import from_control
 from hfa_flight import Waveform
 from trim import entry_bands, load_condition, modes_of, release
 
@@ -198,7 +196,6 @@ CALLS: dict[str, Callable[[Path], Any]] = {
     "ratio replaces v and must depend affinely on v": lambda _: hfa.trim(
         replace(cart(), equations=squared, replaced={"v": "ratio"})
     ),
-    "has no update function": lambda _: from_control(control.tf([1.0], [1.0, 1.0]), {}),
     "takes no mass": lambda _: hfa.load_model(f"{ROOT}/examples/uav.toml", mass="glider.toml"),
     "is not an aircraft; give": lambda _: hfa.load_model("examples.gtm"),
     "NONE does not exist; use GTM": lambda _: hfa.load_model(f"{ROOT}/examples/gtm.py:NONE"),
