@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.features import basis_of
+from controller.critic.network.stated import NOTHING, Stated
 from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis, bases_of_size, monomials
 from controller.game.q_function import of_q_function
@@ -53,6 +54,7 @@ class Critic(Reported):
     has_weights: True if the value or the policy is given by the weights of listed functions
     is_discrete: whether the critic was made with a game in discrete time; None without a game
     has_kink: True for a policy with a kink at z = 0, where K has the mean slopes of both sides
+    stated: what the file of a network states of its policy, and notes on what is not used
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -78,6 +80,7 @@ class Critic(Reported):
     has_weights: bool = False
     is_discrete: bool | None = None
     has_kink: bool = False
+    stated: Stated = NOTHING
 
     @property
     def is_quadratic(self) -> bool:

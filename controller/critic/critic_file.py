@@ -16,6 +16,7 @@ import numpy as np
 
 from controller.critic.critic import Critic, from_parts, from_q_function, polynomial_policy
 from controller.critic.features import is_list
+from controller.critic.network.network_file import SUFFIXES
 from controller.critic.reading import DIMENSIONS, CriticFile, Reading, in_plant_units
 from controller.game.basis import Basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
 
 #: Suffixes of critic files that the project reads. Arrays may contain a network.
-OWN_FILES = (*MATRIX_FILES, ".onnx", ".pkl", ".pt", ".pth", ".safetensors", ".zip")
+OWN_FILES = (*MATRIX_FILES, *SUFFIXES)
 #: Alias of an entry -> its standard name.
 _ALIASES = {"weights": "W", "gains": "K", "state_labels": "states", "input_labels": "inputs"}
 

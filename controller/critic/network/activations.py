@@ -8,6 +8,8 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_support.errors import refuse_unknown
+
 
 def _relu(x: Any) -> Any:
     return ca.fmax(x, 0.0)
@@ -41,7 +43,7 @@ def _selu(x: Any, alpha: float = 1.6732632423543772, gamma: float = 1.0507009873
     return gamma * (ca.fmax(x, 0.0) + alpha * ca.expm1(ca.fmin(x, 0.0)))
 
 
-#: Activations by the names of `--set activation`.
+#: Activations by the names of `--set activation`: those of torch's classes, in lower case.
 ACTIVATIONS: Mapping[str, Callable[..., Any]] = {
     "tanh": ca.tanh,
     "relu": _relu,
@@ -54,3 +56,14 @@ ACTIVATIONS: Mapping[str, Callable[..., Any]] = {
     "selu": _selu,
     "sin": ca.sin,
 }
+
+
+def activation_named(name: str) -> str:
+    """Return the name of an activation in `ACTIVATIONS`: "relu" for "ReLU" and "relu".
+
+    Raises BadInputError for an unknown activation.
+    """
+    plain = {each.replace("_", ""): each for each in ACTIVATIONS}
+    found = plain.get(name.strip().lower().replace("_", ""), name)
+    refuse_unknown("unknown activation", found, ACTIVATIONS)
+    return found

@@ -12,17 +12,20 @@ import numpy as np
 
 from controller.critic.critic import Critic, from_functions, from_weights
 from controller.critic.features import basis_of
-from controller.critic.network.network_file import NetworkFile, network_in, network_of_tensors
+from controller.critic.network.network_file import OUTPUTS, Asked, NetworkFile, network_in
 from controller.critic.network.q_function import policy_of
-from controller.critic.network.torch_module import module_network, state_dict_of
+from controller.critic.network.stated import Stated
 from controller.critic.reading import Reading
 from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
-from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened, warn
+from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened
 
-#: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
-OUTPUTS = ("V", "gradient", "policy", "V+policy")
+#: What `hfa verify` requires of a policy whose observations are not the states.
+_DEPLOYMENT = (
+    "state its observations in a deployment file (docs/policy.md) and give that file, "
+    "--weights FILE.toml"
+)
 
 
 def from_network(
@@ -36,20 +39,22 @@ def from_network(
 ) -> Critic:
     """Return the critic that a network defines.
 
-    A network whose input is (x, u) is a Q function. Its policy is computed by `policy_of`.
+    What the file of a policy states of its action (squash, clip, box) is a part of the policy. A
+    network whose input is (x, u) is a Q function. Its policy is computed by `policy_of`.
 
     game: the game that the critic should solve
-    source: a file that `network_in` reads, a CasADi Function of the state, a torch.nn.Sequential of
-        linear layers and activations, or the state dict of another torch module or this module. The
-        name "V", "gradient" or "policy" of a CasADi Function is its kind, if `network` is not given
+    source: a file of a network, a CasADi Function of the state, a torch module of linear layers, or
+        a state dict. The name "V", "gradient" or "policy" of a CasADi Function is its kind, if
+        `network` is not given
     network: the parts of a file or state dict and their kinds, such as "value", "V=value" or
         "V=value,policy=actor". Without a kind, the number of outputs decides
-    activation: activation between the layers of a state dict
+    activation: activation between the layers of a state dict, such as "tanh" or "ReLU"
     scale: (n,), factors on the states at the inputs of the network, none of them 0
     basis: functions on which a single layer acts, as for `from_weights`. The critic is then a
         polynomial
 
-    Raises a BadInputError of one line for a wrong argument or file.
+    Raises a BadInputError of one line for a wrong argument or file, and for a policy behind a
+    normalizer, which a deployment file states.
 
     >>> import casadi as ca
     >>> import hfa
@@ -66,48 +71,24 @@ def from_network(
             f"scale does not consist of {n} finite numbers other than 0; give one for each state"
         )
     psi = basis_of(basis, n, game.names.states)
-    if isinstance(source, ca.Function):
-        kind = network or (source.name() if source.name() in OUTPUTS else "")
-        stored = NetworkFile({kind: source}, "a CasADi function", "float64")
-        return _of_states(game, stored, scales, "network")
     count = psi.size if isinstance(psi, Basis) else psi.numel_out(0)
-    parts = _parts(network)
-    tensors = None if isinstance(source, (str, Path)) else state_dict_of(source)
+    stored = network_in(source, Asked(n, network, activation, count, m))
+    named, where = type(source).__name__, type(source).__name__
     if isinstance(source, (str, Path)):
-        stored = network_in(source, n, activation, parts, count, m)
-        named = str(source)
-        origin = f"network {Path(source).name}: {stored.chain}"
-    elif tensors is not None:
-        stored = network_of_tensors(tensors, n, activation, parts, count, m, is_ordered=True)
-        named = type(source).__name__
-        origin = f"network {named}: {stored.chain}"
-    else:
-        stored = module_network(source, network, n, m)
-        return _of_states(game, stored, scales, f"network {stored.chain}")
-    with prefix_errors(named):
+        named, where = Path(source).name, str(source)
+    origin = f"network {named}: {stored.chain}"
+    with prefix_errors(where):
+        _refuse_normalizer(stored.stated)
         if stored.on_basis is not None:
-            return _on_basis(game, stored, psi, scales, parts, origin)
-        return _of_states(game, stored, scales, origin, ",".join(parts.values()))
+            return _on_basis(game, stored, psi, scales, network, origin)
+        return _of_states(game, stored, scales, origin)
 
 
 def critic_of_network(path: str | Path, game: Game, reading: Reading) -> Critic:
     """Return the critic of the network in a file.
 
-    Warns that a .zip file is read without its normalizer, clip and action map. Raises BadInputError
-    if an activation is given for an ONNX file.
-
     reading: the options of the command that describe the network
     """
-    suffix = Path(path).suffix.lower()
-    if suffix == ".onnx" and reading.activation is not None:
-        raise BadInputError(
-            f"{path}: an ONNX file already contains the activations; remove --set activation"
-        )
-    if suffix == ".zip":
-        warn(
-            f"{path}: the network is judged without normalizer, clip and action map; give a "
-            "deployment file, --weights DEPLOYMENT.toml, to judge it with them"
-        )
     with prefix_errors(path), file_faults(path):
         return from_network(
             game,
@@ -119,13 +100,21 @@ def critic_of_network(path: str | Path, game: Game, reading: Reading) -> Critic:
         )
 
 
-def _of_states(
-    game: Game,
-    stored: NetworkFile,
-    scales: np.ndarray,
-    origin: str,
-    asked: str = "",
-) -> Critic:
+def _refuse_normalizer(stated: Stated) -> None:
+    """Raise BadInputError if the policy of a file acts on normalized observations."""
+    if stated.normalizer is not None:
+        raise BadInputError(
+            f"the file normalizes {stated.normalizer.mean.size} observations of its training, "
+            f"which are not the deviations of the states; {_DEPLOYMENT}"
+        )
+    if stated.is_normalized:
+        raise BadInputError(
+            "the policy was trained behind a VecNormalize, which the zip file does not contain; "
+            f'{_DEPLOYMENT}, with normalizer = "vecnormalize.pkl" in its [policy]'
+        )
+
+
+def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str) -> Critic:
     """Return the critic of a network whose inputs are the states, or states and inputs (a Q)."""
     n, m = game.B.shape
     functions = {}
@@ -135,7 +124,7 @@ def _of_states(
             function = policy_of(function, n)
         functions[name] = function
     sizes = {name: function.numel_out(0) for name, function in functions.items()}
-    kinds = _kinds(sizes, n, m, asked)
+    kinds = _kinds(sizes, n, m)
     if any(is_taken_as_policy(name, size, m) for name, size in sizes.items()):
         origin = f"{origin}, its one output read as the policy u, not V"
     z = symbols_for(functions.values(), n)
@@ -147,7 +136,12 @@ def _of_states(
             outputs["policy"] = numbers[1:]
         else:
             outputs[kinds[name]] = numbers
-    return from_functions(game, z, outputs, origin, stored.precision)
+    stated = stored.stated
+    if "policy" in outputs and str(stated.action):
+        outputs["policy"] = stated.action.of(outputs["policy"])
+        origin = f"{origin}, {stated.action}"
+    critic = from_functions(game, z, outputs, origin, stored.precision)
+    return replace(critic, stated=stated)
 
 
 def _on_basis(
@@ -155,7 +149,7 @@ def _on_basis(
     stored: NetworkFile,
     psi: Basis | ca.Function,
     scales: np.ndarray,
-    parts: Mapping[str, str],
+    network: str,
     origin: str,
 ) -> Critic:
     """Return the critic V of a single layer whose inputs are the functions of a basis."""
@@ -166,11 +160,11 @@ def _on_basis(
             f"the single layer on the basis functions has {len(layer.weight)} outputs; give a "
             "layer with one output, V"
         )
-    others = sorted(set(parts) - {"", "V"})
-    if others:
+    kind = network.partition("=")[0] if "=" in network else ""
+    if kind not in ("", "V"):
         raise BadInputError(
-            f"the single layer on the basis functions is a value function V; remove {others[0]}= "
-            "from --network"
+            f"the single layer on the basis functions is a value function V; remove {kind}= from "
+            "--network"
         )
     weights = layer.weight[0]
     if isinstance(psi, Basis):
@@ -180,20 +174,6 @@ def _on_basis(
         psi = ca.Function("basis", [z], [psi(ca.DM(scales) * z)])
     critic = from_weights(game, weights, psi, float(layer.bias[0]), stored.precision)
     return replace(critic, origin=origin, is_layer=True)
-
-
-def _parts(network: str) -> dict[str, str]:
-    """Return the requested parts of a file by kind, from text such as "V=value,policy=actor"."""
-    parts: dict[str, str] = {}
-    for item in network.split(","):
-        output, equals, part = item.strip().rpartition("=")
-        if equals and output not in OUTPUTS:
-            raise BadInputError(
-                f"--network {shortened(item)!r}: the word before = is not a kind of output; "
-                f"choose from {', '.join(OUTPUTS)}"
-            )
-        parts[output] = part
-    return parts
 
 
 def is_taken_as_policy(name: str, size: int, m: int) -> bool:
@@ -208,14 +188,12 @@ def is_taken_as_policy(name: str, size: int, m: int) -> bool:
     return name not in OUTPUTS and size == m == 1
 
 
-def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str]:
-    """Return the kind of each output of a network, by name of the output.
-
-    part: name of an output, for the advice in a refusal
-    """
+def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
+    """Return the kind of each output of a network, by name of the output."""
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}
     for name, size in sizes.items():
+        part = "" if name in OUTPUTS else name
         candidates = [name] if name in counts else list(counts)
         fitting = [kind for kind in candidates if counts[kind] == size]
         if is_taken_as_policy(name, size, m):
@@ -229,17 +207,18 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str
                 f"the network has {size} outputs, but for this plant {meanings}; give a network "
                 f"with such a number of outputs{held}"
             )
-        if len(fitting) > 1:
+        if len(fitting) > 1 or (len(sizes) > 1 and name not in counts):
+            words = f"{fitting[0]}={part}"
+            among = f", among {shortened(', '.join(sizes))}," if len(sizes) > 1 else ""
             raise BadInputError(
-                f"a network with {size} outputs may be {' or '.join(fitting)}; select one, for "
-                f'example by network="{fitting[0]}={part}"',
-                ("--network", f"{fitting[0]}={part}"),
+                f"a network with {size} outputs{among} may be {' or '.join(fitting)}; select one, "
+                f'for example by network="{words}"',
+                ("--network", words),
             )
         kinds[name] = fitting[0]
     if len(kinds) > 1 and sorted(kinds.values()) != ["V", "policy"]:
         raise BadInputError(
-            f"the network's outputs {shortened(', '.join(sizes))} are "
-            f"{', '.join(kinds.values())}; select one output, or V and a policy, for "
-            "example --network V=value,policy=actor"
+            f"the network's outputs are {', '.join(kinds.values())}; select one of them, or V and "
+            "policy"
         )
     return kinds

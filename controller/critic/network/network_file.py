@@ -1,98 +1,120 @@
-"""Feed-forward networks in files: ONNX graphs, and state dicts of linear layers.
+"""Policies and critics in files: a file -> what it says -> what is judged.
 
-A state dict contains neither the order of its layers nor their activations. torch files keep the
-order in which the layers were saved. In other formats, layers are numbered. Weights keep the
-precision of the file. Arithmetic is in double precision.
+1. A file contains an ONNX graph (`onnx_graph`), or tensors by name, in one of several containers
+   (`tensors`, `pickles`). No code in a file is executed.
+2. What it says besides its numbers is `Stated` (`stated`): the algorithm, the activation, the way
+   from the network's output to the action (squash, clip, box), the normalizer. Zips of
+   Stable-Baselines3 (`stable_baselines`) and checkpoints of known layouts (`checkpoints`) state it.
+3. What is judged are functions of the network's inputs: the layers that the file states or the user
+   names (`layers`), with their activations. `Stated.action` is a part of each policy.
+
+`network_in` does the three steps, for the critics of `hfa verify` (`critic`) and for the policies
+of deployment files. Arithmetic is in double precision, whatever the precision of the file.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from itertools import pairwise
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from controller.critic.network.activations import ACTIVATIONS
+from controller.critic.network.activations import ACTIVATIONS, activation_named
+from controller.critic.network.checkpoints import checkpoint_of
+from controller.critic.network.layers import layers_of, refuse_others, roots, without_training
 from controller.critic.network.onnx_graph import FEW_WEIGHTS, check_width, graph_functions
 from controller.critic.network.row_network import Layer, RowNetwork, row_network
-from controller.critic.network.state_dict import (
-    layers_of,
-    refuse_others,
-    roots,
-    without_training,
-)
-from controller.critic.network.tensors import checked_tensors, tensors_in
-from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shortened
+from controller.critic.network.stable_baselines import is_stable_baselines, read_zip
+from controller.critic.network.stated import NOTHING, Stated
+from controller.critic.network.tensors import ORDERED, checked_tensors, flattened, stored_in
+from controller.critic.network.torch_module import is_module, module_contents
+from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened, shown
 from hfa_support.files import regular_file
 
-#: Formats that store the order of the layers.
-_ORDERED = (".pt", ".pth", ".pkl", ".zip")
-#: Names of the two parts of an actor of Stable-Baselines3: hidden layers -> last layer.
-_ACTORS = {"policy_net": "action_net", "latent_pi": "actor.mu"}
+#: Kinds of outputs: V, dV/dz, u, and the vector (V, u).
+OUTPUTS = ("V", "gradient", "policy", "V+policy")
+#: Suffixes of the files of networks.
+SUFFIXES = (".onnx", ".pkl", ".pt", ".pth", ".cleanrl_model", ".safetensors", ".zip")
 
 
-class NetworkFile(NamedTuple):
-    """Content of a network's file.
+@dataclass(frozen=True, eq=False)
+class NetworkFile:
+    """Network in a file: its functions, and what the file states.
 
-    functions: requested kind, or name of an output -> function from x (n,) to the output (k,).
-    chain: the operations in their order, such as "6 -> tanh 64 -> 1".
-    precision: precision of the weights in the file, such as "float32".
+    functions: requested kind, or name of an output -> function from x (n,) to the output (k,), for
+        a policy before `stated.action`
+    chain: the operations in their order, such as "6 -> tanh 64 -> 1"
+    precision: lowest precision of the weights in the file, such as "float32"
+    stated: what the file states besides its numbers
     on_basis: single layer whose inputs are the functions of the basis, or None. With such a layer,
-        `functions` is empty.
-    rows: versions of `functions` that are faster for many rows.
+        `functions` is empty
+    rows: versions of `functions` that are faster for many rows
     """
 
     functions: dict[str, ca.Function]
     chain: str
-    precision: str
+    precision: str = "float64"
+    stated: Stated = NOTHING
     on_basis: Layer | None = None
-    rows: Mapping[str, RowNetwork] = {}
+    rows: Mapping[str, RowNetwork] = field(default_factory=dict)
 
 
-def network_in(
-    path: str | Path,
-    states: int,
-    activation: str | None = None,
-    parts: Mapping[str, str] | None = None,
-    basis_size: int = 0,
-    inputs: int = 0,
-) -> NetworkFile:
-    """Read the network in a file.
+class Asked(NamedTuple):
+    """What a caller asks of a network.
 
-    path: .onnx file, or file of a state dict
-    states: number of states of the plant
-    activation: activation between the layers of a state dict, one of `ACTIVATIONS`. An activation
-        of the output follows after a comma.
-    parts: kind -> requested part of the file. For a state dict, a part is a list of words in the
-        names of its tensors, joined by +. For an ONNX graph, a part is an output. "policy" with the
-        part "" selects all tensors that do not belong to a critic.
-    basis_size: size of the basis. A single layer with this number of inputs acts on the basis.
+    states: number of inputs of the network: states of the plant, or observations
+    network: outputs and their kinds, such as "value", "V=value" or "V=value,policy=actor". For
+        tensors, an output is a list of words in their names, joined by +; for an ONNX graph, it is
+        the name of an output. Without a kind, the number of outputs decides. "" selects what the
+        file states, or all
+    activation: activation between the layers, one of `ACTIVATIONS`. An activation of the output
+        follows after a comma. None for that of the file
+    basis_size: size of the basis. A single layer with this number of inputs acts on the basis
     inputs: number of inputs of the plant. They follow the states in a Q
+    """
+
+    states: int
+    network: str = ""
+    activation: str | None = None
+    basis_size: int = 0
+    inputs: int = 0
+
+
+class _Contents(NamedTuple):
+    """Tensors by name, whether they are in the order of evaluation, and what the file states.
+
+    activations: layer -> its activation, where the file states them
+    """
+
+    tensors: Mapping[str, np.ndarray]
+    is_ordered: bool
+    stated: Stated = NOTHING
+    activations: Mapping[str, str] | None = None
+
+
+def network_in(source: Any, asked: Asked) -> NetworkFile:
+    """Return the network in a file, in a torch module or in a mapping of tensors.
+
+    source: path of the file, torch module, state dict, or CasADi Function. The name "V",
+        "gradient" or "policy" of a CasADi Function is its kind, if no other is asked for
 
     Raises a BadInputError of one line that names the file.
     """
-    path = Path(path)
-    parts = parts or {"": ""}
-    suffix = path.suffix.lower()
+    if isinstance(source, ca.Function):
+        kind = asked.network or (source.name() if source.name() in OUTPUTS else "")
+        return NetworkFile({kind: source}, f"function {source.name()}")
+    parts = _parts(asked.network)
+    if not isinstance(source, (str, Path)):
+        return _network_of(_in_memory(source), asked, parts)
+    path = Path(source)
     with prefix_errors(path), file_faults(path):
         try:
-            if suffix == ".onnx":
-                graph = graph_functions(path, states, inputs, parts)
-                return NetworkFile(graph.functions, graph.operators, graph.precision)
-            tensors = tensors_in(regular_file(path).read_bytes(), suffix)
-            return network_of_tensors(
-                tensors,
-                states,
-                activation,
-                parts,
-                basis_size,
-                inputs,
-                is_ordered=suffix in _ORDERED,
-            )
+            if path.suffix.lower() == ".onnx":
+                return _of_graph(path, asked, parts)
+            return _network_of(_in_file(path), asked, parts)
         except (OSError, BadInputError):
             raise
         except Exception as error:  # a damaged file may cause any exception
@@ -102,51 +124,96 @@ def network_in(
             ) from error
 
 
-def network_of_tensors(
-    stored: Mapping[str, np.ndarray],
-    states: int,
-    activation: str | None,
-    parts: Mapping[str, str],
-    basis_size: int,
-    inputs: int,
-    *,
-    is_ordered: bool,
-) -> NetworkFile:
-    """Return the network of linear layers in a state dict.
+def _of_graph(path: Path, asked: Asked, parts: Mapping[str, str]) -> NetworkFile:
+    if asked.activation is not None:
+        raise BadInputError("an ONNX file already contains the activations; remove activation")
+    graph = graph_functions(path, asked.states, asked.inputs, parts)
+    return NetworkFile(graph.functions, graph.operators, graph.precision, Stated(notes=graph.notes))
 
-    stored: the tensors by name
-    states, activation, parts, basis_size, inputs: as for `network_in`
-    is_ordered: whether the tensors are in the order of evaluation. Otherwise layers are numbered
 
-    Raises a BadInputError of one line.
-    """
-    tensors, precision = checked_tensors(without_training(stored))
+def _in_file(path: Path) -> _Contents:
+    """Return the tensors in a file, and what it states."""
+    suffix = path.suffix.lower()
+    if suffix == ".zip" and is_stable_baselines(path):
+        tensors, stated = read_zip(path)
+        return _Contents(tensors, is_ordered=True, stated=stated)
+    stored = stored_in(regular_file(path).read_bytes(), suffix)
+    return _contents(stored, is_ordered=suffix in ORDERED)
+
+
+def _in_memory(source: Any) -> _Contents:
+    """Return the tensors of a torch module or of a state dict."""
+    if isinstance(source, Mapping) or is_module(source):
+        return _contents(source, is_ordered=True)
+    if callable(getattr(source, "state_dict", None)):
+        return _contents(source.state_dict(), is_ordered=True)
+    raise BadInputError(
+        f"the network is {shown(source)}, but only torch modules, state dicts, CasADi functions "
+        "and files are supported; export the network to ONNX"
+    )
+
+
+def _contents(stored: Any, *, is_ordered: bool) -> _Contents:
+    """Return the tensors of a torch module, or of nested mappings and lists."""
+    if is_module(stored):
+        tensors, activations = module_contents(stored)
+        return _Contents(tensors, is_ordered, activations=activations)
+    flat = without_training(flattened(stored))
+    known = checkpoint_of(flat)
+    tensors, stated = known or (flat, NOTHING)
+    return _Contents(tensors, is_ordered, stated)
+
+
+def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> NetworkFile:
+    """Return the requested networks of linear layers among tensors."""
+    stated = contents.stated
+    tensors, precision = checked_tensors(without_training(contents.tensors))
+    if stated.network:
+        by_default = {kind: part for kind, part in parts.items() if not part}
+        if by_default.keys() <= {"", "policy"} and by_default:
+            parts = {kind: part for kind, part in parts.items() if part}
+            parts["policy"] = stated.network
     chosen = {
-        name: layers_of(tensors, part, is_policy=name == "policy") for name, part in parts.items()
+        kind: layers_of(tensors, kind, part, contents.is_ordered) for kind, part in parts.items()
     }
-    networks = {name: _layers(layers, is_ordered) for name, layers in chosen.items()}
-    on_basis = _layer_on_basis(networks, states, basis_size)
+    on_basis = _layer_on_basis(chosen, asked)
     if on_basis is not None:
-        return NetworkFile({}, f"{basis_size} functions -> 1", precision, on_basis=on_basis)
-    read = {tensor for layers in chosen.values() for tensor in layers}
-    unread = {tensor: array for tensor, array in tensors.items() if tensor not in read}
-    functions = {}
-    functions_of_rows = {}
-    chains = []
-    for name, layers in networks.items():
-        check_width(layers[0].inputs, states, inputs)
+        chain = f"{asked.basis_size} functions -> 1"
+        return NetworkFile({}, chain, precision, on_basis=on_basis)
+    read = {layer.name for layers in chosen.values() for layer in layers}
+    unread = {name: each for name, each in tensors.items() if name.rpartition(".")[0] not in read}
+    functions: dict[str, ca.Function] = {}
+    rows: dict[str, RowNetwork] = {}
+    chains = [stated.algorithm] if stated.algorithm else []
+    for kind, layers in chosen.items():
+        check_width(layers[0].inputs, asked.states, asked.inputs)
         refuse_others(unread, layers[0].inputs, layers[-1].outputs)
-        layers = _with_activations(layers, activation)
-        functions[name], of_rows = composed(layers)
-        chains.append(_chain(name, layers))
+        layers = _with_activations(layers, contents, asked.activation)
+        functions[kind], of_rows = composed(layers)
+        chains.append(_description(kind, layers))
         if of_rows is not None:
-            functions_of_rows[name] = of_rows
-    return NetworkFile(functions, "; ".join(chains), precision, rows=functions_of_rows)
+            rows[kind] = of_rows
+    if unread:
+        names = shortened(", ".join(roots(unread)), 200)
+        stated = stated._replace(notes=(*stated.notes, f"not used: {names}"))
+    return NetworkFile(functions, "; ".join(chains), precision, stated, rows=rows)
 
 
-def _layer_on_basis(
-    networks: Mapping[str, list[Layer]], states: int, basis_size: int
-) -> Layer | None:
+def _parts(network: str) -> dict[str, str]:
+    """Return the requested parts of a file by kind, from text such as "V=value,policy=actor"."""
+    parts: dict[str, str] = {}
+    for item in network.split(","):
+        output, equals, part = item.strip().rpartition("=")
+        if equals and output not in OUTPUTS:
+            raise BadInputError(
+                f"--network {shortened(item)!r}: the word before = is not a kind of output; "
+                f"choose from {', '.join(OUTPUTS)}"
+            )
+        parts[output] = part
+    return parts
+
+
+def _layer_on_basis(networks: Mapping[str, list[Layer]], asked: Asked) -> Layer | None:
     """Return the single layer whose inputs are the functions of the basis, or None.
 
     With one state and one basis function, a layer of one input fits both. Only a requested "V" is
@@ -155,96 +222,46 @@ def _layer_on_basis(
     networks: kind -> layers; only the first network can act on the basis
     """
     kind, layers = next(iter(networks.items()))
-    acts_on_the_state = states == basis_size == 1 and kind != "V"
-    if len(layers) == 1 and layers[0].inputs == basis_size and not acts_on_the_state:
+    acts_on_the_state = asked.states == asked.basis_size == 1 and kind != "V"
+    if len(layers) == 1 and layers[0].inputs == asked.basis_size and not acts_on_the_state:
         return layers[0]
     return None
 
 
-def _layers(tensors: Mapping[str, np.ndarray], is_ordered: bool) -> list[Layer]:
-    """Return the layers of a state dict in order of evaluation."""
-    layers = []
-    for name, array in tensors.items():
-        if name.rpartition(".")[2] == "bias" and name.removesuffix("bias") + "weight" in tensors:
-            continue
-        stem = name.removesuffix("weight")
-        if not name.endswith("weight") or array.ndim != 2:
-            raise _no_chain(name, array, "is not a weight or bias of a linear layer", tensors)
-        bias = tensors.get(f"{stem}bias", np.zeros(len(array)))
-        if bias.shape != array.shape[:1]:
-            if bias.shape == array.shape[1:]:
-                raise _no_chain(name, array, f"looks transposed: its bias is {bias.shape}", tensors)
-            raise _no_chain(f"{stem}bias", bias, "is not the bias of its layer", tensors)
-        layers.append(Layer(stem.removesuffix("."), array, bias))
-    layers = _as_saved(layers) if is_ordered else _as_numbered(layers)
-    for before, layer in pairwise(layers):
-        if before.outputs != layer.inputs:
-            reason = (
-                f"has the input size {layer.inputs}, but layer {shortened(before.name)!r} before "
-                f"it has the output size {before.outputs}"
-            )
-            name = f"{layer.name}.weight".removeprefix(".")
-            raise _no_chain(name, layer.weight, reason, tensors)
-    return layers
+def _with_activations(
+    layers: list[Layer], contents: _Contents, activation: str | None
+) -> list[Layer]:
+    """Return the layers with their activations.
 
+    activation: activation between the layers and, after a comma, of the output, or None for that
+        of the file
 
-def _no_chain(
-    name: str, array: np.ndarray, reason: str, tensors: Mapping[str, np.ndarray]
-) -> BadInputError:
-    """Return the error for a tensor that is not part of the chain of layers."""
-    message = f"tensor {shortened(name)!r} {array.shape} {reason}"
-    if "transposed" in reason:
-        return BadInputError(f"{message}; save its transpose {array.shape[::-1]}")
-    networks = roots(tensors)
-    if len(networks) < 2:
-        return BadInputError(f"{message}; export the network to ONNX")
-    actors = [root for root in networks if re.search(r"actor|policy|(^|[._])(pi|mu)$", root)]
-    chosen = (actors or networks)[0]
-    for body, head in _ACTORS.items():
-        parts = [root for word in (body, head) for root in networks if root.endswith(word)]
-        if len(parts) == 2:
-            chosen = "+".join(parts)
-    return BadInputError(
-        f"{message}; select one of the networks {shortened(', '.join(networks), 200)}, for example "
-        f'network="{shortened(chosen)}"',
-        ("--network", chosen),
-    )
-
-
-def _kind(layer: Layer) -> str:
-    """Return the kind of a layer: its name with each number replaced by #."""
-    return re.sub(r"\d+", "#", layer.name)
-
-
-def _numbers(layer: Layer) -> list[int]:
-    return [int(number) for number in re.findall(r"\d+", layer.name)]
-
-
-def _as_saved(layers: list[Layer]) -> list[Layer]:
-    """Return the layers in the order in which they were saved."""
-    last: dict[str, Layer] = {}
-    for layer in layers:
-        before = last.get(_kind(layer))
-        if before is not None and _numbers(before) > _numbers(layer):
+    Raises BadInputError if neither the file nor the caller states it, or if they differ.
+    """
+    if contents.activations is not None:
+        if activation is not None:
+            raise BadInputError("the module already contains its activations; remove activation")
+        return [
+            layer._replace(activation=contents.activations.get(layer.name, "")) for layer in layers
+        ]
+    between, _, last = (activation or "").partition(",")
+    between, last = (activation_named(name) if name else "" for name in (between, last))
+    of_file = contents.stated.activation
+    if of_file is not None:
+        if activation is not None and (between, last) != (of_file, ""):
             raise BadInputError(
-                f"layer {shortened(layer.name)!r} is stored after {shortened(before.name)!r}, so "
-                "the order of the layers is ambiguous; save the layers in ascending order, or "
-                "export the network to ONNX"
+                f"activation is {shown(activation)}, but the file contains {of_file!r}; remove "
+                "activation"
             )
-        last[_kind(layer)] = layer
-    return layers
-
-
-def _as_numbered(layers: list[Layer]) -> list[Layer]:
-    """Return the layers in the order of their numbers."""
-    if len({_kind(layer) for layer in layers}) > 1:
-        names = shortened(", ".join(layer.name for layer in layers), 80)
+        between = of_file
+    elif activation is None and len(layers) > 1:
         raise BadInputError(
-            f"the layers ({names}) have no common name with numbers, and the file format does not "
-            "store their order; number the layers in order of evaluation, select one network with "
-            "--network, or export the network to ONNX"
+            'a state dict does not contain the activation; give activation="tanh" (or '
+            f"{', '.join(name for name in ACTIVATIONS if name != 'tanh')})",
+            ("--set", "activation=tanh"),
         )
-    return sorted(layers, key=_numbers)
+    hidden = [layer._replace(activation=between) for layer in layers[:-1]]
+    return [*hidden, layers[-1]._replace(activation=last)]
 
 
 def composed(layers: list[Layer]) -> tuple[ca.Function, RowNetwork | None]:
@@ -263,32 +280,10 @@ def composed(layers: list[Layer]) -> tuple[ca.Function, RowNetwork | None]:
     return function, row_network(layers)
 
 
-def _with_activations(layers: list[Layer], activation: str | None) -> list[Layer]:
-    """Return the layers with their activations.
-
-    activation: activation between the layers and, after a comma, of the output
-    """
-    if activation is None and len(layers) > 1:
-        raise BadInputError(
-            'a state dict does not contain the activation; give activation="tanh" (or '
-            f"{', '.join(name for name in ACTIVATIONS if name != 'tanh')})",
-            ("--set", "activation=tanh"),
-        )
-    between, _, last = (activation or "").partition(",")
-    for name in filter(None, (between, last)):
-        refuse_unknown("unknown activation", name, ACTIVATIONS)
-    hidden = [layer._replace(activation=between) for layer in layers[:-1]]
-    return [*hidden, layers[-1]._replace(activation=last)]
-
-
-def chain_text(layers: list[Layer]) -> str:
-    """Return the description of a network, such as "6 -> tanh 64 -> 1"."""
-    words = [f"{layer.activation} {layer.outputs}".strip() for layer in layers]
-    return " -> ".join([str(layers[0].inputs), *words])
-
-
-def _chain(name: str, layers: list[Layer]) -> str:
-    """Return the description of a part of a file, such as "V 6 -> tanh 64 -> 1 (layers 0, 2)"."""
-    chain = f"{name} {chain_text(layers)}".strip()
+def _description(kind: str, layers: list[Layer]) -> str:
+    """Return the description of a part, such as "V 6 -> tanh 64 -> 1 (layers 0, 2)"."""
+    steps = [f"{layer.activation} {layer.outputs}".strip() for layer in layers]
+    chain = " -> ".join([str(layers[0].inputs), *steps])
     names = ", ".join(layer.name for layer in layers if layer.name)
-    return f"{chain} (layers {shortened(names, 80)})" if names else chain
+    named = f" (layers {shortened(names, 80)})" if names else ""
+    return f"{kind} {chain}{named}".strip()

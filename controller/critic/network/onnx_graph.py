@@ -15,16 +15,23 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.network.activations import ACTIVATIONS
-from controller.critic.network.tensors import LARGEST_NETWORK, checked_tensors
-from hfa_support.errors import BadInputError, missing_package, shortened, warn
+from controller.critic.network.pickles import BFloat16
+from controller.critic.network.tensors import LARGEST_NETWORK, checked_tensors, lowest
+from hfa_support.errors import BadInputError, missing_package, shortened
 from hfa_support.files import regular_file
 
 #: Networks with fewer weights are expanded to scalar operations, which CasADi evaluates faster.
 FEW_WEIGHTS = 20_000
 #: Oldest supported ONNX operator set.
 OLDEST_OPSET = 9
-#: Type numbers of ONNX: float and double.
-_FLOATS = (1, 11)
+#: Type numbers of ONNX: float, float16, double and bfloat16.
+_FLOATS = (1, 10, 11, 16)
+#: Kind of output -> names of outputs of this kind.
+_NAMES = {
+    "policy": ("policy", "action", "actions", "u", "mu", "mean"),
+    "V": ("V", "value", "values", "v"),
+    "gradient": ("gradient",),
+}
 
 
 def _product(a: Any, b: Any) -> Any:
@@ -99,7 +106,7 @@ def _gather(x: Any, places: Any, axis: int = 0) -> Any:
 
 def _cast(x: Any, to: int, saturate: int = 1) -> Any:
     if to not in _FLOATS:
-        raise BadInputError(f"converts to the ONNX type number {to}, not to float or double")
+        raise BadInputError(f"converts to the ONNX type number {to}, not to a float")
     return x
 
 
@@ -157,13 +164,15 @@ class GraphFunctions(NamedTuple):
 
     functions: requested kind, or name of the output -> function of x (states,), or of (x, u)
         (states + inputs,) for a Q.
-    precision: precision of the weights, "float32" or "float64".
+    precision: lowest precision of the weights, such as "float32".
     operators: operators that depend on x with the sizes of their results, in one line.
+    notes: sentences on what the file contains and the functions do not use.
     """
 
     functions: dict[str, ca.Function]
     precision: str
     operators: str
+    notes: tuple[str, ...]
 
 
 def graph_functions(
@@ -183,9 +192,9 @@ def graph_functions(
     except ImportError as error:
         raise missing_package("ONNX files require", "onnx") from error
     model = onnx.load_from_string(regular_file(path).read_bytes())
-    _refuse_model(onnx, model, path)
+    _refuse_model(onnx, model)
     graph = model.graph
-    stored = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in graph.initializer}
+    stored = {tensor.name: _array(onnx, tensor) for tensor in graph.initializer}
     arrays, precision = checked_tensors(stored)
     size = sum(array.size for array in arrays.values())
     shapes = _inputs_of(graph, set(arrays), states, inputs)
@@ -199,7 +208,7 @@ def graph_functions(
         operator = _Operator(onnx, model.opset_import, node)
         results, kind = operator.at_0([arrays[name] if name else None for name in node.input])
         arrays |= dict(zip(node.output, results, strict=True))
-        precision = min(precision, kind)  # float32 before float64
+        precision = lowest({precision, kind})
         if any(name in rows for name in node.input):
             (output,) = node.output
             row = operator.row([rows.get(name, arrays.get(name)) for name in node.input])
@@ -216,12 +225,25 @@ def graph_functions(
     x = ca.MX.sym("x", sum(widths))
     parts = ca.horzsplit(x.T, np.cumsum([0, *widths]).tolist())
     functions = {}
-    for kind, name in _outputs_of(graph, outputs).items():
+    chosen = _outputs_of(graph, outputs)
+    for kind, name in chosen.items():
         row = rows[name] if name in rows else ca.MX(ca.DM(np.atleast_2d(arrays[name])))
         (value,) = ca.substitute([ca.densify(row.T)], given, parts)
         function = ca.Function("network", [x], [value])
         functions[kind] = function.expand() if size < FEW_WEIGHTS else function
-    return GraphFunctions(functions, precision, " -> ".join(steps))
+    others = [item.name for item in graph.output if item.name not in chosen.values()]
+    metadata = [f"metadata {each.key}" for each in model.metadata_props]
+    unused = ", ".join(others + metadata)
+    notes = (f"not used: {shortened(unused, 200)}",) if unused else ()
+    return GraphFunctions(functions, precision, " -> ".join(steps), notes)
+
+
+def _array(onnx: Any, tensor: Any) -> np.ndarray:
+    """Return a tensor of a graph as an array. NumPy has no bfloat16."""
+    array = onnx.numpy_helper.to_array(tensor)
+    if tensor.data_type == onnx.TensorProto.BFLOAT16:
+        return np.asarray(array, dtype=np.float32).view(BFloat16)
+    return np.asarray(array)
 
 
 class _Operator:
@@ -321,11 +343,8 @@ def _refuse_shape(name: str, shape: tuple[int, ...], row: ca.MX) -> None:
         )
 
 
-def _refuse_model(onnx: Any, model: Any, path: Path) -> None:
-    """Raise BadInputError for an old operator set and for weights in another file.
-
-    Metadata, which are not applied, are named in a warning.
-    """
+def _refuse_model(onnx: Any, model: Any) -> None:
+    """Raise BadInputError for an old operator set and for weights in another file."""
     versions = [item.version for item in model.opset_import if item.domain in ("", "ai.onnx")]
     opset = max(versions, default=0)
     if opset < OLDEST_OPSET:
@@ -339,11 +358,6 @@ def _refuse_model(onnx: Any, model: Any, path: Path) -> None:
                 f"tensor {shortened(tensor.name)!r} is stored in another file; export the weights "
                 "in the same file (torch: external_data=False)"
             )
-    if named := [each.key for each in model.metadata_props]:
-        warn(
-            f"{path.name}: the metadata {shortened(', '.join(named))} are not applied; scales and "
-            "the order of states and inputs are those of the graph"
-        )
 
 
 def _inputs_of(
@@ -413,13 +427,20 @@ def check_width(width: int, states: int, inputs: int) -> None:
     if width != states + inputs:
         raise BadInputError(
             f"the network has {width} inputs; give {states} (the states of the plant) or, for a "
-            f"Q function, {states + inputs} (states and inputs of the plant)"
+            f"Q function, {states + inputs} (states and inputs of the plant), or state other "
+            "observations in a deployment file (docs/policy.md)"
         )
 
 
 def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
-    """Return the requested outputs of a graph, as key -> name of the output."""
+    """Return the requested outputs of a graph, as key -> name of the output.
+
+    Without a request, several outputs are told by their names (`_NAMES`).
+    """
     names = [item.name for item in graph.output]
+    by_kind = {
+        kind: name for kind, known in _NAMES.items() for name in names[::-1] if name in known
+    }
     found = {}
     for kind, output in outputs.items():
         if output and output not in names:
@@ -427,10 +448,17 @@ def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
                 f"the graph has no output {shortened(output)!r}; choose from "
                 f"{shortened(', '.join(names))}"
             )
-        if output:
-            found[kind] = output
-        elif len(names) == 1:
-            found[kind] = names[0]
+        if output or len(names) == 1:
+            found[kind] = output or names[0]
+        elif not kind:
+            found |= by_kind or {name: name for name in names}
+        elif kind in by_kind:
+            found[kind] = by_kind[kind]
         else:
-            found |= {name: name for name in names}
+            words = f"{kind}={names[0]}"
+            raise BadInputError(
+                f"the graph has the outputs {shortened(', '.join(names))}; select one, for example "
+                f'by network="{shortened(words)}"',
+                ("--network", words),
+            )
     return found

@@ -1,4 +1,4 @@
-"""torch.nn.Sequential objects of linear layers and activations, read without importing torch."""
+"""torch modules of linear layers and activations in sequence, read without importing torch."""
 
 from __future__ import annotations
 
@@ -8,11 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.critic.network.network_file import NetworkFile, chain_text, composed
-from controller.critic.network.onnx_graph import check_width
-from controller.critic.network.row_network import Layer
-from controller.critic.network.tensors import checked_tensors
-from hfa_support.errors import BadInputError, shortened, shown
+from controller.critic.network.tensors import flattened
+from hfa_support.errors import BadInputError, shortened
 
 _ADVICE = "export the network to ONNX (torch.onnx.export) and give the ONNX file"
 
@@ -38,80 +35,54 @@ _ACTIVATIONS = {
 }
 
 
-def state_dict_of(module: Any) -> dict[str, np.ndarray] | None:
-    """Return the tensors of a torch module, or of its state dict, and None for other objects.
+def is_module(source: Any) -> bool:
+    """Return whether an object is a torch.nn.Sequential or Linear, also of a pickle (`Inert`)."""
+    return _class_of(source) in ("Sequential", "Linear")
 
-    The result is None for a Sequential too, whose parts also state the activations.
+
+def module_contents(module: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Return the tensors of nested Sequentials by name, and layer -> its activation.
+
+    Raises BadInputError for another module among them, and for sizes that do not fit.
     """
-    is_known = _class_of(module) in ("Sequential", "Linear")
-    if not is_known and callable(getattr(module, "state_dict", None)):
-        module = module.state_dict()
-    if not isinstance(module, Mapping):
-        return None
-    for name, tensor in module.items():
-        if not isinstance(name, str) or not hasattr(tensor, "detach"):
-            raise BadInputError(
-                f"the state dict has the entry {shown(name)}: {shown(tensor)}; give "
-                "module.state_dict(), names and tensors of torch"
-            )
-    return {name: _numbers(name, tensor) for name, tensor in module.items()}
-
-
-def module_network(module: Any, kind: str, states: int, inputs: int) -> NetworkFile:
-    """Return the network of a torch.nn.Sequential of Linear layers and activations.
-
-    kind: one of `OUTPUTS`, or "" if the number of outputs decides, which the caller does
-    states, inputs: number of states and of inputs of the plant
-
-    Raises BadInputError for another module, for sizes that do not fit, and for a weight that is not
-    finite.
-    """
-    parts = list(_parts("", module))
-    tensors = {}
-    for name, part in parts:
+    tensors: dict[str, np.ndarray] = {}
+    activations: dict[str, str] = {}
+    layers: list[tuple[str, tuple[int, ...]]] = []
+    for name, part in _parts("", module):
         if _class_of(part) == "Linear":
-            tensors[f"{name}.weight"] = _numbers(name, part.weight)
-            if part.bias is not None:
-                tensors[f"{name}.bias"] = _numbers(name, part.bias)
-    doubles, precision = checked_tensors(tensors)
-    layers: list[Layer] = []
-    for name, part in parts:
-        if _class_of(part) == "Linear":
-            weight = doubles[f"{name}.weight"]
-            layers.append(Layer(name, weight, doubles.get(f"{name}.bias", np.zeros(len(weight)))))
-        elif not layers or layers[-1].activation:
+            stored = {key: each for key, each in part._parameters.items() if each is not None}
+            tensors |= flattened(stored, f"{name}.".removeprefix("."))
+            layers.append((name, tensors[f"{name}.weight".removeprefix(".")].shape))
+        elif not layers or layers[-1][0] in activations:
             raise BadInputError(
                 f"the network contains the activation {_class_of(part)}, which does not directly "
                 f"follow a linear layer; {_ADVICE}"
             )
         else:
-            layers[-1] = layers[-1]._replace(activation=_activation(part))
+            activations[layers[-1][0]] = _activation(part)
     if not layers:
         raise BadInputError("the network contains no linear layer; give a feed-forward network")
-    check_width(layers[0].inputs, states, inputs)
-    for before, layer in pairwise(layers):
-        if before.outputs != layer.inputs:
+    for (before, (outputs, *_)), (name, shape) in pairwise(layers):
+        if outputs != shape[-1]:
             raise BadInputError(
-                f"layer {layer.name} has {layer.inputs} inputs, but the preceding layer "
-                f"{before.name} has {before.outputs} outputs; make the two numbers equal"
+                f"layer {name} has {shape[-1]} inputs, but the preceding layer {before} has "
+                f"{outputs} outputs; make the two numbers equal"
             )
-    function, on_rows = composed(layers)
-    rows = {} if on_rows is None else {kind: on_rows}
-    return NetworkFile({kind: function}, chain_text(layers), precision, rows=rows)
+    return tensors, activations
 
 
 def _class_of(module: Any) -> str:
     """Return the class name of a module, with its Python module unless that is in torch.nn."""
     kind = type(module)
-    is_own = kind.__module__.startswith("torch.nn.")
-    return kind.__name__ if is_own else f"{kind.__module__}.{kind.__name__}"
+    made_of = getattr(module, "made_of", f"{kind.__module__}.{kind.__name__}")
+    return made_of.rpartition(".")[2] if made_of.startswith("torch.nn.") else str(made_of)
 
 
 def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
     """Yield (name, module) for each part of nested Sequentials, in order of evaluation."""
     kind = _class_of(module)
     if kind == "Sequential":
-        for place, part in enumerate(module):
+        for place, part in module._modules.items():
             yield from _parts(f"{name}.{place}".removeprefix("."), part)
     elif kind == "Linear" or kind in _ACTIVATIONS:
         yield name, module
@@ -121,16 +92,6 @@ def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
             f"and {', '.join(_ACTIVATIONS)}, and modules with a state_dict() of linear layers are "
             f"supported; {_ADVICE}"
         )
-
-
-def _numbers(name: str, tensor: Any) -> np.ndarray:
-    try:
-        return np.asarray(tensor.detach().cpu().numpy())
-    except (TypeError, RuntimeError) as error:  # numbers that NumPy does not support
-        raise BadInputError(
-            f"layer {name} has weights of the type {tensor.dtype}; convert the network to float32 "
-            "or float64"
-        ) from error
 
 
 def _activation(module: Any) -> str:

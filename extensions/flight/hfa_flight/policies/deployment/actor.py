@@ -1,170 +1,118 @@
-"""Actor of a policy file: its network and the settings stored in the file."""
+"""Policy of a deployment: what the policy's file says, completed by the table [policy]."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from controller.critic.network.network_file import network_in
+from controller.critic.critic_file import entries_in, is_network, matrix_of_gain
+from controller.critic.network.network_file import SUFFIXES, Asked, NetworkFile, network_in
 from controller.critic.network.row_network import RowNetwork
-from hfa_aircraft.readers.matrices_file import sample_time
-from hfa_flight.policies.deployment.stable_baselines import is_stable_baselines, read_zip
-from hfa_support.arrays.read import read_arrays
-from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shown
-
-#: Entries by which the file of a gain K describes its columns, its rows and its sample time.
-_OF_GAIN = ("states", "inputs", "state_units", "input_units", "dt")
-SUFFIXES = (".zip", ".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".json", ".npz")
+from controller.critic.network.stable_baselines import read_normalizer
+from controller.critic.network.stated import ActionBox, Normalizer
+from hfa_aircraft.readers.matrices_file import NAME_KEYS, sample_time, words
+from hfa_support.errors import BadInputError, prefix_errors, shown
+from hfa_support.files import MATRIX_FILES
 
 
 @dataclass(frozen=True, eq=False)
 class Actor:
-    """Network of a policy, a function of normalized observations.
+    """Policy of a deployment, a function of its observations.
 
-    function: observations (k,) -> actions (m,).
-    chain: description of the layers.
-    squash: True if the output passes through tanh and is mapped to the box, False if the output is
-        clipped to the box.
-    clip_mean: largest absolute value before tanh.
-    box: lowest and highest action stored in the file, (m,) each, or None.
-    rows: version of `function` for many rows, or None.
-    of_gain: what the file of a gain K says about it: states, inputs, their units, and dt.
+    function: normalized observations (k,) -> output of the network (m,)
+    chain: description of the layers
+    action: way from the output to the action, with the box of the file or the deployment
+    normalizer: of the observations, or None
+    rows: version of `function` for many rows, or None
+    of_gain: what the file of a gain K says about it: names and units of states and inputs, and dt
+    notes: sentences on what the file contains and the policy does not use, and on contradictions
     """
 
     function: ca.Function
     chain: str
-    squash: bool = False
-    clip_mean: float = float("inf")
-    box: tuple[np.ndarray, np.ndarray] | None = None
+    action: ActionBox = ActionBox()
+    normalizer: Normalizer | None = None
     rows: RowNetwork | None = None
     of_gain: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
-def read_actor(
-    entries: Mapping[str, Any], folder: Path, observations: int, history: int, actions: int
-) -> Actor:
-    """Read the network of a policy that the table [policy] of a deployment file names.
+class Wanted(NamedTuple):
+    """What a deployment lists: the table [policy], and the sizes and boxes of its policy.
 
-    entries: table [policy]. Its entries "activation", "layout", "squash" and "network" are needed
-        only if the policy's file does not store them
+    policy: the table. Its entries activation, network and squash are needed only if the policy's
+        file does not state them
     folder: folder to which file names are relative
-    observations, actions: number of observations and of actions in the deployment file
-    history: number of samples of the observations
-
-    Raises BadInputError if the file is missing, cannot be read or contradicts the deployment file.
+    observations: number of observations
+    boxes: action -> its box [lowest, highest], or None
     """
-    width = history * observations
-    source = entries.get("file")
-    if source is None:
-        raise BadInputError(
-            "policy.file is missing; give the path of the file that contains the policy"
-        )
+
+    policy: Mapping[str, Any]
+    folder: Path
+    observations: int
+    boxes: Mapping[str, Any]
+
+
+def read_actor(wanted: Wanted) -> Actor:
+    """Read the policy that the table [policy] of a deployment file names.
+
+    Raises BadInputError if a file is missing, cannot be read or contradicts the deployment file.
+    """
+    source = wanted.policy.get("file")
     if isinstance(source, ca.Function):
-        actor = Actor(source, f"function {source.name()}", bool(entries.get("squash", False)))
-        _refuse_sizes(actor.function, "the function", width, actions)
-        return actor
-    if not isinstance(source, (str, Path)):
+        what: Any = "the function"
+        stored, of_gain = network_in(source, Asked(wanted.observations)), {}
+    elif isinstance(source, (str, Path)):
+        what = wanted.folder / source
+        stored, of_gain = _read(what, wanted)
+    else:
         raise BadInputError(
             f"policy.file is {shown(source)}; give the path of the file that contains the policy"
         )
-    path = folder / source
-    if path.suffix.lower() not in SUFFIXES:
-        raise BadInputError(
-            f"policy.file is {path}; give a file with the suffix {', '.join(SUFFIXES)}"
-        )
-    if path.suffix.lower() == ".zip" and is_stable_baselines(path):
-        actor = _of_zip(path, entries, observations, history)
-    else:
-        actor = _of_other_file(path, entries, width)
-    _refuse_sizes(actor.function, path, width, actions)
-    return actor
-
-
-def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: int) -> Actor:
-    """Read the actor in a Stable-Baselines3 zip."""
-    stored = read_zip(path)
-    of_file = {
-        "activation": stored.activation,
-        "layout": list(stored.layout),
-        "squash": stored.squash,
-    }
-    for name, value in of_file.items():
-        if name in entries and entries[name] != value:
-            raise BadInputError(
-                f"policy.{name} is {shown(entries[name])}, but {path} contains "
-                f"{shown(value)}; remove policy.{name}"
-            )
-    frames, rest = divmod(stored.observations, observations)
-    if rest == 0 and frames != history:
-        raise BadInputError(
-            f"{path} requires {stored.observations} observations, {frames} times as many as the "
-            f"deployment file lists; list all observations, or give history = {frames} in "
-            f"[timing] for a policy of {frames} stacked samples"
-        )
-    if rest:
-        raise BadInputError(
-            f"{path} requires {stored.observations} observations, but the deployment file lists "
-            f"{observations}; list all training observations, in the order used in training"
-        )
-    network = network_in(path, stored.observations, stored.activation, {"policy": stored.part})
+    ((name, function),) = stored.functions.items()
+    _refuse_sizes(function, what, wanted)
+    with prefix_errors(what):
+        action = _action(stored.stated.action, wanted)
+    normalizer, notes = _normalizer(stored, wanted)
     return Actor(
-        function=network.functions["policy"],
-        chain=f"{stored.algorithm}, {network.chain}",
-        squash=stored.squash,
-        clip_mean=stored.clip_mean,
-        box=(stored.low, stored.high),
-        rows=network.rows.get("policy"),
+        function,
+        stored.chain,
+        action,
+        normalizer,
+        stored.rows.get(name),
+        of_gain,
+        (*stored.stated.notes, *notes),
     )
 
 
-def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
-    """Read the actor in an ONNX file, a state dict or a file with a gain K."""
-    squash = bool(entries.get("squash", False))
-    stored = stored_gain(path)
-    if stored is not None:
-        of_file = {name: stored[name] for name in _OF_GAIN if name in stored}
-        of_file["dt"] = sample_time(stored)
-        rows, columns = stored["K"].shape
-        chain = f"a gain {rows} x {columns}"
-        return Actor(gain_function(stored["K"]), chain, squash, of_gain=of_file)
-    if path.suffix.lower() == ".onnx" and "activation" in entries:
-        raise BadInputError(
-            f"policy.activation is given, but {path} contains the activations; remove "
-            "policy.activation"
-        )
-    parts = {"policy": str(entries.get("network", ""))}
-    network = network_in(path, observations, entries.get("activation"), parts)
-    if not network.functions:
-        raise BadInputError(
-            f"{path} contains no policy with {observations} observations; list the observations of "
-            "the training"
-        )
-    name, function = next(iter(network.functions.items()))
-    return Actor(function, network.chain, squash, rows=network.rows.get(name))
+def _read(path: Path, wanted: Wanted) -> tuple[NetworkFile, dict[str, Any]]:
+    """Return the network in a file, and what the file of a gain says about it."""
+    known = (*SUFFIXES, *MATRIX_FILES)
+    if path.suffix.lower() not in known:
+        raise BadInputError(f"policy.file is {path}; give a file with the suffix {', '.join(known)}")
+    if path.suffix.lower() in MATRIX_FILES and not is_network(path):
+        return _gain(path)
+    asked = f"policy={wanted.policy.get('network', '')}"
+    asked_of = Asked(wanted.observations, asked, wanted.policy.get("activation"))
+    return network_in(path, asked_of), {}
 
 
-def stored_gain(path: Path) -> dict[str, Any] | None:
-    """Return the entries of an .npz file with the gain K of u = -K o, (actions, observations).
-
-    The result is None for another suffix, and for a file without K. Raises BadInputError if the
-    file cannot be read or K is not a finite matrix.
-    """
-    entries = read_arrays(path) if path.suffix.lower() == ".npz" else {}
-    if "K" not in entries:
-        return None
+def _gain(path: Path) -> tuple[NetworkFile, dict[str, Any]]:
+    """Return the policy u = -K o of a file with a gain K, and what the file says about it."""
+    entries = entries_in(path)
     with prefix_errors(path):
-        gain = numbers_in("K", entries["K"])
-        if gain.ndim != 2 or not np.all(np.isfinite(gain)):
-            raise BadInputError(
-                f"K (shape {gain.shape}) is not a matrix of finite numbers; give finite "
-                "numbers, one row per action and one column per observation"
-            )
-    return {**entries, "K": gain}
+        if "K" not in entries:
+            raise BadInputError("the file contains neither a network nor a gain K; add K")
+        K = matrix_of_gain(entries["K"])
+        of_gain: dict[str, Any] = {key: words(entries, key) for key in NAME_KEYS}
+        of_gain["dt"] = sample_time(entries)
+    rows, columns = K.shape
+    return NetworkFile({"policy": gain_function(K)}, f"a gain {rows} x {columns}"), of_gain
 
 
 def gain_function(K: np.ndarray) -> ca.Function:
@@ -173,20 +121,91 @@ def gain_function(K: np.ndarray) -> ca.Function:
     K: (m, k)
     """
     o = ca.SX.sym("o", K.shape[1])
-    return ca.Function("gain", [o], [ca.densify(-ca.DM(K) @ o)])
+    return ca.Function("policy", [o], [ca.densify(-ca.DM(K) @ o)])
 
 
-def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: int) -> None:
+def box_of(boxes: Mapping[str, Any]) -> ActionBox:
+    """Return the boxes of a deployment file, infinite for an action without a box."""
+    low = np.full(len(boxes), -np.inf)
+    high = np.full(len(boxes), np.inf)
+    for place, box in enumerate(boxes.values()):
+        if box is not None:
+            low[place], high[place] = box
+    return ActionBox("", low, high)
+
+
+def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
+    """Return the way from output to action: that of the file, or else of the deployment.
+
+    Raises BadInputError if the two differ, or if a squashed action has no finite box.
+    """
+    listed = box_of(wanted.boxes)
+    squash = wanted.policy.get("squash")
+    low, high = stated.low, stated.high
+    if low is None or high is None:
+        made = listed._replace(squash="tanh" if squash else "")
+    else:
+        made = stated
+        if squash is not None and squash != bool(stated.squash):
+            raise BadInputError(f"policy.squash is {shown(squash)}, but the file states {stated}; "
+                                "remove policy.squash")
+        for place, (name, box) in enumerate(wanted.boxes.items()):
+            own = [float(low[place]), float(high[place])]
+            # Boxes in files are rounded to single precision.
+            if box is not None and not np.allclose(box, own, rtol=1e-6, atol=1e-9):
+                raise BadInputError(
+                    f"action.{name}.box is {shown(box)}, but the policy contains the box {own}; "
+                    f"remove action.{name}.box"
+                )
+    if made.squash and not np.all(np.isfinite([made.low, made.high])):
+        raise BadInputError(
+            "a policy with squashed actions requires a box for each action; give box = [lowest, "
+            "highest]"
+        )
+    return made
+
+
+def _normalizer(stored: NetworkFile, wanted: Wanted) -> tuple[Normalizer | None, list[str]]:
+    """Return the normalizer of the file or the deployment, and notes on contradictions.
+
+    Raises BadInputError if both have one, or if its size is not that of the observations.
+    """
+    entry, stated = wanted.policy.get("normalizer"), stored.stated
+    if stated.normalizer is not None and entry is not None:
+        raise BadInputError("the policy's file contains a normalizer; remove policy.normalizer")
+    if entry is None:
+        missing = "the policy was trained behind a VecNormalize; give its file as policy.normalizer"
+        return stated.normalizer, [missing] * stated.is_normalized
+    seen = 0
+    normalizer: Normalizer | None
+    if isinstance(entry, Mapping):
+        normalizer = Normalizer(**entry)
+    else:
+        normalizer, seen = read_normalizer(wanted.folder / entry)
+    if normalizer is not None and normalizer.mean.size != wanted.observations:
+        raise BadInputError(
+            f"{normalizer.origin} normalizes {normalizer.mean.size} observations, but the "
+            f"deployment file lists {wanted.observations}; give the normalizer of this policy"
+        )
+    steps = stated.steps or 0
+    if not 0 < seen < steps:
+        return normalizer, []
+    return normalizer, [
+        f"policy.normalizer saw {seen} observations, but the policy was trained with {steps}: it "
+        "was not saved with this policy"
+    ]
+
+
+def _refuse_sizes(function: ca.Function, what: Any, wanted: Wanted) -> None:
     """Raise BadInputError unless a function has as many inputs and outputs as the deployment."""
-    takes = function.numel_in(0)
-    gives = function.numel_out(0)
-    if takes != observations:
+    takes, gives = function.numel_in(0), function.numel_out(0)
+    if takes != wanted.observations:
         raise BadInputError(
             f"{what} requires {takes} observations, but the deployment file lists "
-            f"{observations}; list all training observations, in the order used in training"
+            f"{wanted.observations}; list all training observations, in the order used in training"
         )
-    if gives != actions:
+    if gives != len(wanted.boxes):
         raise BadInputError(
-            f"{what} returns {gives} actions, but the deployment file lists {actions}; list all "
-            "training actions, in the order used in training"
+            f"{what} returns {gives} actions, but the deployment file lists {len(wanted.boxes)}; "
+            "list all training actions, in the order used in training"
         )

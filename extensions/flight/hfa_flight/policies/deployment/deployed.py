@@ -195,9 +195,8 @@ class Deployed:
         o = ca.SX.sym("o", self.deployment.width)
         if normalizer is None:
             return ca.Function("normalized", [o], [o, o])
-        normal = normalizer.before_clip(o)
-        seen = saturated(normal, -normalizer.clip, normalizer.clip)
-        return ca.Function("normalized", [o], [ca.densify(part) for part in (normal, seen)])
+        parts = (normalizer.before_clip(o), normalizer.of(o))
+        return ca.Function("normalized", [o], [ca.densify(part) for part in parts])
 
     @cached_property
     def action(self) -> ca.Function:
@@ -205,15 +204,8 @@ class Deployed:
 
         It maps the outputs (m,) to the action a (m,).
         """
-        low, high = self.deployment.box
-        actor = self.deployment.actor
         raw = ca.SX.sym("raw", len(self.commanded))
-        if actor.squash:
-            mean = saturated(raw, -actor.clip_mean, actor.clip_mean)
-            action = ca.DM(low) + 0.5 * (ca.tanh(mean) + 1.0) * ca.DM(high - low)
-        else:
-            action = saturated(raw, ca.DM(low), ca.DM(high))
-        return ca.Function("action", [raw], [ca.densify(action)])
+        return ca.Function("action", [raw], [ca.densify(self.deployment.actor.action.of(raw))])
 
     @cached_property
     def stages(self) -> ca.Function:

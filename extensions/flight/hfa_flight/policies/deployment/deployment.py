@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.critic.critic_file import entries_in, gain_in, is_network
+from controller.critic.network.stated import Normalizer
 from hfa_aircraft.names import PlantNames
 from hfa_aircraft.readers.matrices_file import sample_time
-from hfa_flight.policies.deployment.actor import Actor, gain_function, read_actor
-from hfa_flight.policies.deployment.normalizer import Normalizer, read_normalizer
+from hfa_flight.policies.deployment.actor import Actor, Wanted, box_of, gain_function, read_actor
 from hfa_flight.policies.deployment.toml_text import toml_text
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown
 from hfa_support.files import read_toml, write_text
@@ -40,7 +40,6 @@ _POLICY: dict[Any, Any] = {
     "file": None,
     "normalizer": None,
     "activation": str,
-    "layout": [POSITIVE],
     "squash": None,
     "network": str,
 }
@@ -69,8 +68,8 @@ class Deployment(Reported):
     """Observations, actions and timing of a policy.
 
     policy: file (a path or a CasADi Function), normalizer, and settings that the file does not
-        store: activation, layout, squash, network. Without a file the deployment describes an
-        environment for training.
+        state: activation, squash, network. Without a file the deployment describes an environment
+        for training.
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
         network's inputs. An observation is (value - about) / scale.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
@@ -257,66 +256,25 @@ class Deployment(Reported):
         Raises BadInputError if the policy's file is missing, cannot be read or contradicts the
         deployment file.
         """
-        sizes = (len(self.observation), self.history, len(self.action))
+        boxes = {name: entry.get("box") for name, entry in self.action.items()}
         try:
-            return read_actor(self.policy, self.folder, *sizes)
+            return read_actor(Wanted(self.policy, self.folder, self.width, boxes))
         except BadInputError as error:  # its missing settings are given in this file, not typed
             raise BadInputError(f"{self.origin}: {error}") from error
 
-    @cached_property
+    @property
     def normalizer(self) -> Normalizer | None:
-        """Normalizer of the observations before the network, or None if the deployment has none.
+        """Normalizer of the observations before the network, or None if the policy has none."""
+        return self.actor.normalizer
 
-        A normalizer for one sample is applied to each sample of the history. Raises BadInputError
-        if the normalizer cannot be read, or if its size fits neither one sample nor the history.
-        """
-        stored = self.policy.get("normalizer")
-        if stored is None:
-            return None
-        with prefix_errors(self.origin):
-            normalizer: Normalizer | None
-            if isinstance(stored, dict):
-                normalizer = Normalizer(**stored)
-            else:
-                normalizer = read_normalizer(self.folder / stored)
-            if normalizer is None or normalizer.mean.size == self.width:
-                return normalizer
-            if normalizer.mean.size == len(self.observation):
-                return normalizer.of_frames(self.history)
-            raise BadInputError(
-                f"{normalizer.origin} normalizes {normalizer.mean.size} observations, but the "
-                f"deployment file lists {len(self.observation)}; give the normalizer of this policy"
-            )
-
-    @cached_property
+    @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest action, (m,) each, from the policy's file or the deployment file.
-
-        Without a box the limits are infinite. Raises BadInputError if the two files differ, or if a
-        squashed action has no finite box.
-        """
-        low = np.full(len(self.action), -np.inf)
-        high = np.full(len(self.action), np.inf)
-        stored = self.actor.box if "file" in self.policy else None
-        for index, (name, entry) in enumerate(self.action.items()):
-            if "box" in entry:
-                low[index], high[index] = entry["box"]
-            if stored is None:
-                continue
-            of_file = np.array(stored)[:, index]
-            if "box" in entry and not np.allclose(entry["box"], of_file, rtol=1e-6, atol=1e-9):
-                raise BadInputError(
-                    f"{self.origin}: action.{name}.box is {shown(entry['box'])}, but the policy "
-                    f"contains the box {of_file.tolist()}; remove action.{name}.box"
-                )
-            low[index], high[index] = of_file
-        squash = self.actor.squash if "file" in self.policy else False
-        if squash and not np.all(np.isfinite(low) & np.isfinite(high)):
-            raise BadInputError(
-                f"{self.origin}: a policy with squashed actions requires a box for each action; "
-                "give box = [lowest, highest]"
-            )
-        return low, high
+        """Lowest and highest action, (m,) each, infinite without a box."""
+        boxes = {name: entry.get("box") for name, entry in self.action.items()}
+        action = self.actor.action if "file" in self.policy else box_of(boxes)
+        assert action.low is not None  # of the policy's file, or else of the deployment
+        assert action.high is not None
+        return action.low, action.high
 
     def save(self, path: str | Path) -> None:
         """Write the deployment file .toml, or a data file as all results do.
@@ -350,9 +308,8 @@ class Deployment(Reported):
         """
         made = replace(self, **changes)
         if "policy" not in changes:
-            for name in ("actor", "normalizer"):
-                if name in self.__dict__:
-                    made.__dict__[name] = self.__dict__[name]
+            if "actor" in self.__dict__:
+                made.__dict__["actor"] = self.__dict__["actor"]
         return made
 
 

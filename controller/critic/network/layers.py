@@ -1,0 +1,261 @@
+"""The layers of one network among the tensors of a file, in order of evaluation.
+
+A state dict contains neither the order of its layers nor their activations. torch files keep the
+order in which the layers were saved. In other formats, layers are numbered. Besides the layers of
+the network, a state dict may contain other networks and the standard deviation of a random action.
+Any other tensor may act on the network, and is refused.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import pairwise
+
+import numpy as np
+
+from controller.critic.network.row_network import Layer
+from hfa_support.errors import BadInputError, shortened
+
+Tensors = Mapping[str, np.ndarray]
+#: Words in the names of critics' tensors, which a policy does not use.
+_OF_CRITICS = frozenset(("critic", "critics", "value", "values", "target", "targets"))
+#: Names of critic modules. "q" alone may also be a pitch rate.
+_Q = re.compile(r"(q|qs|qf|vf|qfs)\d*(_?(net|network|function|target)s?)?\d*")
+_OF_POLICIES = re.compile(r"actor|policy|(^|[._])(pi|mu)$")
+#: Words in the names of tensors that only training uses.
+_OF_TRAINING = frozenset(("optimizer", "optimizers", "scheduler"))
+_ADVICE = "export the network to ONNX with everything that acts on its inputs or outputs"
+
+
+def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
+    """Return the tensors of a checkpoint that do not belong to an optimizer."""
+    return {name: array for name, array in tensors.items() if not _words(name) & _OF_TRAINING}
+
+
+def layers_of(tensors: Tensors, kind: str, part: str, is_ordered: bool) -> list[Layer]:
+    """Return the layers of a network in order of evaluation.
+
+    kind: "policy", "V", another kind of output, or "" if it is not known
+    part: words that select layers by their names, joined by +. "" selects all layers; if these are
+        not one network, those of the critic for "V", and the others otherwise
+    is_ordered: whether the tensors are in the order of evaluation. Otherwise layers are numbered
+
+    Raises BadInputError, with a selection that is accepted, if the layers are not one network.
+    """
+    if not tensors:
+        raise BadInputError("the file contains no tensors; give the weights of linear layers")
+    layers = {name: array for name, array in tensors.items() if not is_deviation(name)}
+    chosen = {name: array for name, array in layers.items() if not part or has_word(name, part)}
+    if not chosen:
+        names = roots(tensors)
+        advice = "this is a single network: remove the name"
+        if names:
+            advice = f"choose from {shortened(', '.join(names), 200)}"
+        raise BadInputError(f"the file contains no tensors named {shortened(part)!r}; {advice}")
+    try:
+        return _chain(chosen, part, is_ordered)
+    except BadInputError as error:
+        own = {name: each for name, each in chosen.items() if _is_of_critic(name) == (kind == "V")}
+        if not part and 0 < len(own) < len(chosen):
+            try:
+                return _chain(own, part, is_ordered)
+            except BadInputError:
+                pass
+        raise _with_selection(error, layers, kind, is_ordered) from error
+
+
+def _with_selection(
+    error: BadInputError, tensors: Tensors, kind: str, is_ordered: bool
+) -> BadInputError:
+    """Return the error with a selection of layers that is one network, or with another remedy."""
+    message = str(error)
+    if "; " in message:
+        return error
+    for choice in _selections(tensors, kind):
+        chosen = {name: array for name, array in tensors.items() if has_word(name, choice)}
+        try:
+            _chain(chosen, choice, is_ordered)
+        except BadInputError:
+            continue
+        named = f"{kind}={choice}" if kind else choice
+        listed = shortened(", ".join(roots(tensors)), 200)
+        return BadInputError(
+            f"{message}; select one of the networks {listed}, for example "
+            f'network="{shortened(named, 120)}"',
+            ("--network", named),
+        )
+    return BadInputError(f"{message}; export the network to ONNX")
+
+
+def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
+    """Yield words that may select one network, those of the policy first, of "V" the critic's."""
+    names = roots(tensors)
+    if len(names) < 2:
+        return
+
+    def rank(name: str) -> int:
+        if kind == "V":
+            return 0 if _is_of_critic(name) else 1
+        return 0 if _OF_POLICIES.search(name) else 2 if _is_of_critic(name) else 1
+
+    heads = list(dict.fromkeys(name.partition(".")[0] for name in names))
+    names = sorted(dict.fromkeys([*names, *heads]), key=rank)
+    yield from names
+    yield from (f"{body}+{head}" for body in names for head in names if body != head)
+
+
+def _chain(tensors: Tensors, part: str, is_ordered: bool) -> list[Layer]:
+    """Return the layers of a state dict in order of evaluation.
+
+    Raises BadInputError if the tensors are not the layers of one network. Its message has no remedy
+    if a selection of layers is one.
+    """
+    layers = []
+    for name, array in tensors.items():
+        if name.rpartition(".")[2] == "bias" and name.removesuffix("bias") + "weight" in tensors:
+            continue
+        stem = name.removesuffix("weight")
+        if not name.endswith("weight") or array.ndim != 2:
+            raise _no_layer(name, array, "is not a weight or bias of a linear layer")
+        bias = tensors.get(f"{stem}bias", np.zeros(len(array)))
+        if bias.shape != array.shape[:1]:
+            if bias.shape == array.shape[1:]:
+                transposed = f"looks transposed: its bias is {bias.shape}; save its transpose "
+                raise _no_layer(name, array, f"{transposed}{array.shape[::-1]}")
+            raise _no_layer(f"{stem}bias", bias, "is not the bias of its layer")
+        layers.append(Layer(stem.removesuffix("."), array, bias))
+    layers = _as_saved(layers) if is_ordered else _as_numbered(layers, part)
+    for before, layer in pairwise(layers):
+        if before.outputs != layer.inputs:
+            reason = (
+                f"has the input size {layer.inputs}, but layer {shortened(before.name)!r} before "
+                f"it has the output size {before.outputs}"
+            )
+            raise _no_layer(f"{layer.name}.weight".removeprefix("."), layer.weight, reason)
+    return layers
+
+
+def _no_layer(name: str, array: np.ndarray, reason: str) -> BadInputError:
+    return BadInputError(f"tensor {shortened(name)!r} {array.shape} {reason}")
+
+
+def _kind(layer: Layer) -> str:
+    """Return the kind of a layer: its name with each number replaced by #."""
+    return re.sub(r"\d+", "#", layer.name)
+
+
+def _numbers(layer: Layer) -> list[int]:
+    return [int(number) for number in re.findall(r"\d+", layer.name)]
+
+
+def _as_saved(layers: list[Layer]) -> list[Layer]:
+    """Return the layers in the order in which they were saved."""
+    last: dict[str, Layer] = {}
+    for layer in layers:
+        before = last.get(_kind(layer))
+        if before is not None and _numbers(before) > _numbers(layer):
+            raise BadInputError(
+                f"layer {shortened(layer.name)!r} is stored after {shortened(before.name)!r}, so "
+                "the order of the layers is ambiguous; save the layers in ascending order, or "
+                "export the network to ONNX"
+            )
+        last[_kind(layer)] = layer
+    return layers
+
+
+def _as_numbered(layers: list[Layer], part: str) -> list[Layer]:
+    """Return the layers in the order of the words that select them, then of their numbers."""
+
+    def places(layer: Layer) -> list[int]:
+        words = part.split("+")
+        return [*(place for place, word in enumerate(words) if has_word(f"{layer.name}.", word))]
+
+    if len({(tuple(places(layer)), _kind(layer)) for layer in layers}) > len(part.split("+")):
+        names = shortened(", ".join(layer.name for layer in layers), 80)
+        raise BadInputError(
+            f"the layers ({names}) have no common name with numbers, and the file format does not "
+            "store their order; number the layers in order of evaluation, name them in this order "
+            "by --network FIRST+SECOND, or export the network to ONNX"
+        )
+    return sorted(layers, key=lambda layer: (places(layer), _numbers(layer)))
+
+
+def refuse_others(others: Tensors, takes: int, gives: int) -> None:
+    """Raise BadInputError if a tensor that is not read may act on a network.
+
+    The standard deviation of an action is accepted unless it has an entry for each input. Linear
+    layers are accepted as a separate network, unless their sizes fit before, after or in parallel
+    to this network.
+
+    others: tensors of a state dict that belong to no network that is read
+    takes, gives: number of inputs and of outputs of the network
+    """
+    networks: dict[str, dict[str, np.ndarray]] = {}  # name -> weights of its layers
+    for name, array in others.items():
+        if name.endswith("weight") and array.ndim == 2:
+            networks.setdefault(_module(name), {})[name] = array
+    for name, array in others.items():
+        is_of_layer = name.endswith(("weight", "bias")) and array.ndim <= 2
+        if is_of_layer and _module(name) in networks:
+            continue
+        may_scale_inputs = array.size == takes != gives
+        if may_scale_inputs or not is_deviation(name):
+            raise BadInputError(
+                f"tensor {shortened(name)!r} {array.shape} is not a layer and may act on the "
+                f"network's inputs or outputs; {_ADVICE}"
+            )
+    for weights in networks.values():
+        name, first = next(iter(weights.items()))
+        last = list(weights.values())[-1]
+        inputs, outputs = first.shape[1], len(last)
+        is_value = _is_of_critic(name) and outputs == 1
+        if is_value or (is_deviation(name) and outputs == gives):
+            continue
+        is_parallel = len(weights) == 1 and (inputs, outputs) == (takes, gives)
+        if outputs == takes or inputs == gives or is_parallel:
+            raise BadInputError(
+                f"tensor {shortened(name)!r} {first.shape} may be a layer that acts on the "
+                f"network's inputs or outputs; {_ADVICE}"
+            )
+
+
+def roots(tensors: Iterable[str]) -> list[str]:
+    """Return the names of the networks in a state dict, each once.
+
+    A name is that of a tensor without layer number and "weight" or "bias". Empty names are omitted.
+    """
+    stems = (re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)
+    return [stem for stem in dict.fromkeys(stems) if stem]
+
+
+def _module(name: str) -> str:
+    """Return the module that contains the layer of a tensor, or the layer without a module."""
+    layer = name.rpartition(".")[0]
+    return layer.rpartition(".")[0] or layer
+
+
+def _words(name: str) -> set[str]:
+    return set(re.findall("[a-z]+", name.lower()))
+
+
+def _is_of_critic(name: str) -> bool:
+    is_q = any(_Q.fullmatch(module) for module in name.split("."))
+    return is_q or bool(_words(name) & _OF_CRITICS)
+
+
+def is_deviation(name: str) -> bool:
+    """Return whether a tensor belongs to the standard deviation of a random action."""
+    words = _words(name)
+    return "sigma" in name.split(".") or "logstd" in words or {"log", "std"} <= words
+
+
+def has_word(name: str, part: str) -> bool:
+    """Return whether the name of a tensor contains one of the words of "word+word"."""
+    dotted = f".{name}."
+    for word in filter(None, part.split("+")):
+        if dotted.startswith(f".{word}."):
+            return True
+        if f".{word}." in dotted and not word.isdigit():  # a number inside is that of a layer
+            return True
+    return False

@@ -1,0 +1,342 @@
+"""Zip files of Stable-Baselines3 and sb3_contrib, and files of `VecNormalize.save`.
+
+Conventions of Stable-Baselines3:
+
+- PPO, A2C, TRPO and linear ARS clip the output to the Box. SAC, TQC, TD3, DDPG, ARS, and PPO with
+  `squash_output` and gSDE apply tanh and map [-1, 1] to the Box. With `squash_output` and without
+  gSDE, which versions before 2.2 permit, the output is mapped to the Box without tanh.
+- The activation is in `policy_kwargs`. The default is that of the policy's class: tanh for PPO,
+  A2C and TRPO, relu for all others.
+- With gSDE, the mean of SAC and TQC is clipped to ±clip_mean (2) before tanh.
+- A dictionary of observations is concatenated in the order of its space.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.critic.network.activations import activation_named
+from controller.critic.network.layers import has_word
+from controller.critic.network.pickles import Inert, unpickled
+from controller.critic.network.stated import ActionBox, Normalizer, Stated
+from controller.critic.network.tensors import (
+    checked_tensors,
+    flattened,
+    refuse_large,
+    torch_content,
+    unpacked,
+)
+from hfa_support.errors import (
+    BadInputError,
+    file_faults,
+    numbers_in,
+    prefix_errors,
+    shortened,
+    shown,
+)
+from hfa_support.files import regular_file
+from hfa_support.schema import Number
+
+
+class _Class(NamedTuple):
+    """Policy class: algorithm, words that select its tensors, activation, and default squash."""
+
+    algorithm: str
+    network: str
+    activation: str
+    squash: str
+
+
+_ON_POLICY = _Class("A2C", "shared_net+policy_net+action_net", "tanh", "")
+_SAC = _Class("SAC", "latent_pi+mu", "relu", "tanh")
+_TD3 = _Class("TD3", "actor", "relu", "tanh")
+_CLASSES = {
+    "stable_baselines3.common.policies.ActorCriticPolicy": _ON_POLICY,
+    "stable_baselines3.common.policies.MultiInputActorCriticPolicy": _ON_POLICY,
+    "stable_baselines3.sac.policies.SACPolicy": _SAC,
+    "stable_baselines3.sac.policies.MultiInputPolicy": _SAC,
+    "sb3_contrib.tqc.policies.TQCPolicy": _SAC._replace(algorithm="TQC"),
+    "sb3_contrib.tqc.policies.MultiInputPolicy": _SAC._replace(algorithm="TQC"),
+    "stable_baselines3.td3.policies.TD3Policy": _TD3,
+    "stable_baselines3.td3.policies.MultiInputPolicy": _TD3,
+    "sb3_contrib.ars.policies.ARSPolicy": _Class("ARS", "action_net", "relu", "tanh"),
+    "sb3_contrib.ars.policies.ARSLinearPolicy": _Class("ARS", "action_net", "relu", ""),
+}
+#: Entry of the file `data` that only this algorithm of the on-policy class has.
+_ALGORITHMS = {"clip_range": "PPO", "cg_max_steps": "TRPO"}
+#: Features extractors without weights.
+_EXTRACTORS = tuple(
+    f"stable_baselines3.common.torch_layers.{name}"
+    for name in ("FlattenExtractor", "CombinedExtractor")
+)
+#: Settings that are read, or that do not affect the output of a trained actor.
+_SETTINGS = (
+    *("net_arch", "activation_fn", "use_sde", "squash_output", "clip_mean", "with_bias"),
+    *("features_extractor_class", "features_extractor_kwargs", "share_features_extractor"),
+    *("log_std_init", "full_std", "use_expln", "ortho_init", "normalize_images", "device"),
+    *("optimizer_class", "optimizer_kwargs", "n_critics", "n_quantiles", "lr_scheduler_class"),
+)
+_CLIP_MEAN = 2.0
+_TO_ONNX = "export the policy to ONNX"
+
+
+def is_stable_baselines(path: Path) -> bool:
+    """Return whether a file is a zip of Stable-Baselines3: with `data` and `policy.pth`."""
+    try:
+        with zipfile.ZipFile(regular_file(path)) as archive:
+            return {"data", "policy.pth"} <= set(archive.namelist())
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
+def read_zip(path: Path) -> tuple[dict[str, np.ndarray], Stated]:
+    """Return the tensors of a zip of Stable-Baselines3, and what it states of its policy.
+
+    Raises BadInputError for a policy that is no feed-forward network of a vector.
+    """
+    with zipfile.ZipFile(regular_file(path)) as archive:
+        refuse_large(archive)
+        data = json.loads(unpacked(archive, "data"))
+        if not isinstance(data, dict):
+            raise BadInputError(
+                'the member "data" of the zip file is not a dictionary; save the model again'
+            )
+        tensors = flattened(torch_content(unpacked(archive, "policy.pth")))
+    return tensors, _stated(data, checked_tensors(tensors)[0])
+
+
+def _stated(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Stated:
+    """Return what the member `data` of a zip states of the policy with these tensors."""
+    low, high, _ = _box(data, "action_space", "actions")
+    settings = _stored(data, "policy_kwargs") or {}
+    if not isinstance(settings, dict):
+        raise BadInputError("policy_kwargs is not a dictionary; save the model again")
+    for name in settings:
+        if name not in _SETTINGS:
+            raise BadInputError(
+                f"policy_kwargs sets {shown(name)}, which is not supported; {_TO_ONNX}"
+            )
+    _class_name("features_extractor_class", settings, _EXTRACTORS)
+    of_class = _class_of(data, tensors)
+    lowest, _, names = _box(data, "observation_space", "observations")
+    uses_sde = bool(settings.get("use_sde", data.get("use_sde", False)))
+    squash = of_class.squash
+    if of_class.algorithm in ("A2C", "ARS") and settings.get("squash_output") is not None:
+        squash = "tanh" if settings["squash_output"] else ""
+    if of_class.algorithm == "A2C" and squash and not uses_sde:
+        squash = "linear"
+    is_clipped = of_class.network == _SAC.network and uses_sde
+    clip_mean = _number(settings, "clip_mean", _CLIP_MEAN) if is_clipped else 0.0
+    activation = settings.get("activation_fn")
+    kind = str(getattr(activation, "made_of", activation)).rpartition(".")[2]
+    words = [
+        word for word in of_class.network.split("+") if any(has_word(n, word) for n in tensors)
+    ]
+    steps = data.get("num_timesteps")
+    return Stated(
+        algorithm=_algorithm(of_class, data, settings),
+        network="+".join(words),
+        activation=of_class.activation if activation is None else activation_named(kind),
+        action=ActionBox(squash, low, high, clip_mean or float("inf")),
+        is_normalized=of_class.algorithm == "A2C" and _is_normalized(data),
+        steps=steps if isinstance(steps, int) else None,
+        observations=names,
+        inputs=lowest.size,
+    )
+
+
+def _class_of(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> _Class:
+    """Return the class of a policy. Raises BadInputError for one that is not supported."""
+    names = " ".join(tensors)
+    if "features_extractor." in names:
+        raise BadInputError(
+            f"the policy has a features extractor with weights, which is not supported; {_TO_ONNX}"
+        )
+    if any(name.startswith("actor.") and "running_mean" in name for name in tensors):
+        raise BadInputError(
+            "the actor uses batch normalization, as in CrossQ, which is not supported in a zip "
+            f"file; {_TO_ONNX}"
+        )
+    if "lstm" in names:
+        raise BadInputError(
+            "the policy is recurrent, which is not supported; give a feed-forward policy"
+        )
+    found = _class_name("policy_class", data, tuple(_CLASSES))
+    if found:
+        return _CLASSES[found]
+    if "action_net.weight" in tensors:
+        return _ON_POLICY
+    if "actor.latent_pi" in names or "actor.log_std" in names:
+        return _SAC
+    if "actor.mu." in names:
+        return _TD3
+    raise BadInputError(
+        f"the zip file contains no actor of PPO, A2C, TRPO, SAC, TQC, TD3, DDPG or ARS; {_TO_ONNX}"
+    )
+
+
+def _algorithm(of_class: _Class, data: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
+    """Return the name of the algorithm that trained a policy of a class."""
+    if of_class is _ON_POLICY:
+        return next((name for key, name in _ALGORITHMS.items() if key in data), "A2C")
+    is_ddpg = of_class is _TD3 and settings.get("n_critics") == 1  # as its constructor sets it
+    return "DDPG" if is_ddpg else of_class.algorithm
+
+
+def _class_name(entry: str, data: Mapping[str, Any], known: tuple[str, ...]) -> str:
+    """Return the class in an entry, or "" without this entry. Raises BadInputError for others."""
+    if data.get(entry) is None:
+        return ""
+    try:
+        found = _stored(data, entry)
+    except BadInputError as error:  # its message names the class or function
+        raise BadInputError(
+            f"{entry} is not a class of Stable-Baselines3 ({str(error).partition(';')[0]}); "
+            f"{_TO_ONNX}"
+        ) from error
+    made_of = getattr(found, "made_of", None) or shown(found)
+    if made_of not in known:
+        raise BadInputError(f"{entry} is {shortened(made_of)}, which is not supported; {_TO_ONNX}")
+    return str(made_of)
+
+
+def _is_normalized(data: Mapping[str, Any]) -> bool:
+    """Return whether the last observations of the training prove a normalizer before the policy.
+
+    PPO, A2C and TRPO store the observations before a VecNormalize, and no others.
+    """
+    try:
+        seen, original = (_stored(data, name) for name in ("_last_obs", "_last_original_obs"))
+    except BadInputError:
+        return False
+    are_arrays = isinstance(seen, np.ndarray) and isinstance(original, np.ndarray)
+    return are_arrays and seen.shape == original.shape and bool(np.any(seen != original))
+
+
+def _stored(data: Mapping[str, Any], name: str) -> Any:
+    """Return an entry of the zip's file `data` by name, or None if it is missing."""
+    entry = data.get(name)
+    if isinstance(entry, dict) and ":serialized:" in entry:
+        with prefix_errors(name):
+            try:
+                content = base64.b64decode(entry[":serialized:"])
+            except (TypeError, ValueError) as error:
+                raise BadInputError(
+                    f"the entry is not base64 ({error}); save the model again"
+                ) from error
+            return unpickled(content)
+    return entry
+
+
+def _number(entries: Mapping[str, Any], name: str, usual: float) -> float:
+    """Return a nonnegative number among the entries, or `usual` if it is missing."""
+    entry = entries.get(name)
+    if entry is None:
+        return usual
+    number = Number(0.0).of(entry)
+    if number is None:
+        raise BadInputError(f"{name} is {shown(entry)}; give {Number(0.0)}")
+    return number
+
+
+def _box(
+    data: Mapping[str, Any], name: str, what: str
+) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Return the lowest and highest values of a Box, (k,) each, and the names of its entries.
+
+    A dictionary of Boxes is one Box, whose entries have names.
+    """
+    space = _stored(data, name)
+    parts = getattr(space, "spaces", None)
+    if isinstance(parts, dict) and what == "observations":
+        ends = {key: _ends(each, f"{what} {shortened(str(key))}") for key, each in parts.items()}
+        names = [
+            f"{key}[{place}]" if len(low) > 1 else str(key)
+            for key, (low, _) in ends.items()
+            for place in range(len(low))
+        ]
+        low, high = (np.concatenate(each) for each in zip(*ends.values(), strict=True))
+        return low, high, tuple(names)
+    return *_ends(space, what), ()
+
+
+def _ends(space: Any, what: str) -> tuple[np.ndarray, np.ndarray]:
+    kind = getattr(space, "made_of", type(space).__name__).rpartition(".")[2]
+    low = getattr(space, "low", None)
+    high = getattr(space, "high", None)
+    if kind == "Discrete" and what == "actions":
+        raise BadInputError(
+            f"the space of the actions is a Discrete of {shown(getattr(space, 'n', '?'))} choices, "
+            "as DQN requires: the policy is no input u(x); train a policy with a Box of actions"
+        )
+    if not (isinstance(low, np.ndarray) and isinstance(high, np.ndarray)):
+        raise BadInputError(
+            f"the space of the {what} is a {shortened(kind)}, but only a Box is "
+            "supported; train a policy with a Box"
+        )
+    if low.ndim != 1 or low.shape != high.shape:
+        raise BadInputError(
+            f"the Box of the {what} has {low.ndim} axes, but only one is supported; train a policy "
+            "with a flat Box"
+        )
+    if not np.all(low <= high):
+        raise BadInputError(
+            f"the Box of the {what} has a lower limit above the upper limit; save the model again"
+        )
+    return np.array(low, dtype=float), np.array(high, dtype=float)
+
+
+def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
+    """Return the normalizer in a file of `VecNormalize.save`, and how many observations it saw.
+
+    The normalizer is None if the VecNormalize does not normalize observations. Raises a
+    BadInputError that names the file and the fault if the file contains no normalizer of an array
+    of observations.
+    """
+    with prefix_errors(path), file_faults(path):
+        stored = unpickled(regular_file(path).read_bytes())
+        if not isinstance(stored, Inert) or not {"clip_obs", "epsilon"} <= vars(stored).keys():
+            raise BadInputError(
+                "the file does not contain a VecNormalize object; give a file written by "
+                "VecNormalize.save"
+            )
+        statistics = getattr(stored, "obs_rms", None)
+        if getattr(stored, "norm_obs", True) is False:
+            return None, 0
+        if isinstance(statistics, dict):
+            raise BadInputError(
+                "the VecNormalize object normalizes a dictionary of observations, which is not "
+                "supported; give mean and variance in the deployment file"
+            )
+        if statistics is None:
+            raise BadInputError(
+                "the VecNormalize object contains no obs_rms; give mean and variance in the "
+                "deployment file"
+            )
+        seen = vars(statistics) if isinstance(statistics, Inert) else {}
+        normalizer = Normalizer(
+            mean=numbers_in("its mean", seen.get("mean")),
+            variance=numbers_in("its var", seen.get("var")),
+            epsilon=_number_in("epsilon", vars(stored)),
+            clip=_number_in("clip_obs", vars(stored)),
+            origin=Path(path).name,
+        )
+        count = seen.get("count")
+        return normalizer, int(count) if isinstance(count, (int, float)) else 0
+
+
+def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
+    """Return a number among the attributes of a stored VecNormalize object."""
+    numbers = numbers_in(f"{name} of the VecNormalize object", attributes.get(name))
+    if numbers.size != 1:
+        raise BadInputError(
+            f"{name} of the VecNormalize object is not one number; save the normalizer again"
+        )
+    return float(numbers.item())
