@@ -137,6 +137,17 @@ def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     return single_parts(of_gain, plant, None)["K"]
 
 
+def matrix_of_gain(K: Any, inputs: int | None = None) -> np.ndarray:
+    """Return a gain as a matrix (m, n) of finite numbers, a vector (n,) as the row of one input.
+
+    inputs: m, or None if it is not known
+    """
+    gain = numbers_in("K", K)
+    if gain.ndim == 1 and inputs in (None, 1):
+        gain = gain[None]
+    return checked_matrix("K", gain, LARGEST_CRITIC_ENTRY)
+
+
 def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> None:
     """Raise BadInputError if a critic's file has a sample time, but not that of the game.
 

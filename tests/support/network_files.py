@@ -111,7 +111,9 @@ def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
     body = b""
     for name, value in tensors.items():
         each = np.asarray(value)
-        kind = {"float32": "F32", "float64": "F64", "float16": "F16"}[str(each.dtype)]
+        kind = {"float32": "F32", "float64": "F64", "float16": "F16", "uint16": "BF16"}[
+            str(each.dtype)
+        ]
         header[name] = {
             "dtype": kind,
             "shape": list(each.shape),

@@ -140,8 +140,11 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
     if "policy" in outputs and str(stated.action):
         outputs["policy"] = stated.action.of(outputs["policy"])
         origin = f"{origin}, {stated.action}"
-    critic = from_functions(game, z, outputs, origin, stored.precision)
-    return replace(critic, stated=stated)
+    notes = stated.notes
+    if stated.observations not in ((), game.names.states):
+        notes += (f"observations {', '.join(stated.observations)}, taken as the states",)
+    critic = from_functions(game, z, outputs, "; ".join([origin, *notes]), stored.precision)
+    return replace(critic, stated=stated._replace(notes=notes))
 
 
 def _on_basis(

@@ -9,8 +9,8 @@ Any other tensor may act on the network, and is refused.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -33,83 +33,87 @@ def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
     return {name: array for name, array in tensors.items() if not _words(name) & _OF_TRAINING}
 
 
-def layers_of(tensors: Tensors, kind: str, part: str, is_ordered: bool) -> list[Layer]:
+def layers_of(
+    tensors: Tensors, kind: str, part: str, is_ordered: bool, check: Callable[[list[Layer]], None]
+) -> list[Layer]:
     """Return the layers of a network in order of evaluation.
 
     kind: "policy", "V", another kind of output, or "" if it is not known
     part: words that select layers by their names, joined by +. "" selects all layers; if these are
         not one network, those of the critic for "V", and the others otherwise
     is_ordered: whether the tensors are in the order of evaluation. Otherwise layers are numbered
+    check: raises BadInputError if layers are not a network that can be judged
 
     Raises BadInputError, with a selection that is accepted, if the layers are not one network.
     """
     if not tensors:
         raise BadInputError("the file contains no tensors; give the weights of linear layers")
     layers = {name: array for name, array in tensors.items() if not is_deviation(name)}
-    chosen = {name: array for name, array in layers.items() if not part or has_word(name, part)}
-    if not chosen:
+
+    def selected(words: str) -> list[Layer]:
+        chosen = {name: each for name, each in layers.items() if not words or has_word(name, words)}
+        return checked(chosen, words)
+
+    def checked(chosen: Tensors, words: str) -> list[Layer]:
+        found = _chain(chosen, words, is_ordered)
+        check(found)
+        return found
+
+    if part and not any(has_word(name, part) for name in layers):
         names = roots(tensors)
         advice = "this is a single network: remove the name"
         if names:
             advice = f"choose from {shortened(', '.join(names), 200)}"
         raise BadInputError(f"the file contains no tensors named {shortened(part)!r}; {advice}")
     try:
-        return _chain(chosen, part, is_ordered)
+        return selected(part)
     except BadInputError as error:
-        own = {name: each for name, each in chosen.items() if _is_of_critic(name) == (kind == "V")}
-        if not part and 0 < len(own) < len(chosen):
+        own = {name: each for name, each in layers.items() if _is_of_critic(name) == (kind == "V")}
+        if not part and 0 < len(own) < len(layers):
             try:
-                return _chain(own, part, is_ordered)
+                return checked(own, part)
             except BadInputError:
                 pass
-        raise _with_selection(error, layers, kind, is_ordered) from error
+        for words in _selections(layers, kind):
+            try:
+                selected(words)
+            except BadInputError:
+                continue
+            raise _with_selection(error, layers, f"{kind}={words}" if kind else words) from error
+        raise
 
 
-def _with_selection(
-    error: BadInputError, tensors: Tensors, kind: str, is_ordered: bool
-) -> BadInputError:
-    """Return the error with a selection of layers that is one network, or with another remedy."""
-    message = str(error)
-    if "; " in message:
-        return error
-    for choice in _selections(tensors, kind):
-        chosen = {name: array for name, array in tensors.items() if has_word(name, choice)}
-        try:
-            _chain(chosen, choice, is_ordered)
-        except BadInputError:
-            continue
-        named = f"{kind}={choice}" if kind else choice
-        listed = shortened(", ".join(roots(tensors)), 200)
-        return BadInputError(
-            f"{message}; select one of the networks {listed}, for example "
-            f'network="{shortened(named, 120)}"',
-            ("--network", named),
-        )
-    return BadInputError(f"{message}; export the network to ONNX")
+def _with_selection(error: BadInputError, tensors: Tensors, words: str) -> BadInputError:
+    """Return the error with words that select a network."""
+    listed = shortened(", ".join(roots(tensors)), 200)
+    return BadInputError(
+        f"{str(error).partition('; ')[0]}; select one of the networks {listed}, for example "
+        f'network="{words}"',
+        ("--network", words),
+    )
 
 
 def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
     """Yield words that may select one network, those of the policy first, of "V" the critic's."""
     names = roots(tensors)
-    if len(names) < 2:
-        return
 
     def rank(name: str) -> int:
         if kind == "V":
             return 0 if _is_of_critic(name) else 1
         return 0 if _OF_POLICIES.search(name) else 2 if _is_of_critic(name) else 1
 
-    heads = list(dict.fromkeys(name.partition(".")[0] for name in names))
-    names = sorted(dict.fromkeys([*names, *heads]), key=rank)
-    yield from names
+    heads = [name.partition(".")[0] for name in names]
+    yield from sorted(dict.fromkeys([*names, *heads]), key=rank)
     yield from (f"{body}+{head}" for body in names for head in names if body != head)
+    yield from (
+        "+".join(names[first:last]) for first, last in combinations(range(len(names) + 1), 2)
+    )
 
 
 def _chain(tensors: Tensors, part: str, is_ordered: bool) -> list[Layer]:
     """Return the layers of a state dict in order of evaluation.
 
-    Raises BadInputError if the tensors are not the layers of one network. Its message has no remedy
-    if a selection of layers is one.
+    Raises BadInputError if the tensors are not the layers of one network.
     """
     layers = []
     for name, array in tensors.items():
@@ -137,7 +141,8 @@ def _chain(tensors: Tensors, part: str, is_ordered: bool) -> list[Layer]:
 
 
 def _no_layer(name: str, array: np.ndarray, reason: str) -> BadInputError:
-    return BadInputError(f"tensor {shortened(name)!r} {array.shape} {reason}")
+    remedy = "" if "; " in reason else "; export the network to ONNX"
+    return BadInputError(f"tensor {shortened(name)!r} {array.shape} {reason}{remedy}")
 
 
 def _kind(layer: Layer) -> str:
@@ -225,7 +230,7 @@ def roots(tensors: Iterable[str]) -> list[str]:
 
     A name is that of a tensor without layer number and "weight" or "bias". Empty names are omitted.
     """
-    stems = (re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)
+    stems = (re.sub(r"(^\d+|\.\d+)?\.?(weight|bias)$", "", name) for name in tensors)
     return [stem for stem in dict.fromkeys(stems) if stem]
 
 

@@ -24,7 +24,13 @@ import numpy as np
 
 from controller.critic.network.activations import ACTIVATIONS, activation_named
 from controller.critic.network.checkpoints import checkpoint_of
-from controller.critic.network.layers import layers_of, refuse_others, roots, without_training
+from controller.critic.network.layers import (
+    has_word,
+    layers_of,
+    refuse_others,
+    roots,
+    without_training,
+)
 from controller.critic.network.onnx_graph import FEW_WEIGHTS, check_width, graph_functions
 from controller.critic.network.row_network import Layer, RowNetwork, row_network
 from controller.critic.network.stable_baselines import is_stable_baselines, read_zip
@@ -173,21 +179,38 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         if by_default.keys() <= {"", "policy"} and by_default:
             parts = {kind: part for kind, part in parts.items() if part}
             parts["policy"] = stated.network
+
+    words = "+".join(filter(None, parts.values()))
+
+    def check(layers: list[Layer]) -> None:
+        """Raise BadInputError if layers do not fit the plant, or others may act on them."""
+        is_alone = bool(words) or sum(each.ndim == 2 for each in tensors.values()) == 1
+        if len(layers) == 1 and is_alone and layers[0].inputs == asked.basis_size:
+            return
+        check_width(layers[0].inputs, asked.states, asked.inputs)
+        if stated.inputs != layers[0].inputs:  # else nothing acts on the observations
+            named = {layer.name for layer in layers}
+            others = {
+                name: each
+                for name, each in tensors.items()
+                if _layer(name) not in named and not has_word(name, words)
+            }
+            refuse_others(others, layers[0].inputs, layers[-1].outputs)
+
     chosen = {
-        kind: layers_of(tensors, kind, part, contents.is_ordered) for kind, part in parts.items()
+        kind: layers_of(tensors, kind, part, contents.is_ordered, check)
+        for kind, part in parts.items()
     }
     on_basis = _layer_on_basis(chosen, asked)
     if on_basis is not None:
         chain = f"{asked.basis_size} functions -> 1"
         return NetworkFile({}, chain, precision, on_basis=on_basis)
     read = {layer.name for layers in chosen.values() for layer in layers}
-    unread = {name: each for name, each in tensors.items() if name.rpartition(".")[0] not in read}
+    unread = [name for name in tensors if _layer(name) not in read]
     functions: dict[str, ca.Function] = {}
     rows: dict[str, RowNetwork] = {}
     chains = [stated.algorithm] if stated.algorithm else []
     for kind, layers in chosen.items():
-        check_width(layers[0].inputs, asked.states, asked.inputs)
-        refuse_others(unread, layers[0].inputs, layers[-1].outputs)
         layers = _with_activations(layers, contents, asked.activation)
         functions[kind], of_rows = composed(layers)
         chains.append(_description(kind, layers))
@@ -197,6 +220,11 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         names = shortened(", ".join(roots(unread)), 200)
         stated = stated._replace(notes=(*stated.notes, f"not used: {names}"))
     return NetworkFile(functions, "; ".join(chains), precision, stated, rows=rows)
+
+
+def _layer(tensor: str) -> str:
+    """Return the layer of a tensor."""
+    return tensor.rpartition(".")[0]
 
 
 def _parts(network: str) -> dict[str, str]:

@@ -273,8 +273,8 @@ def _ends(space: Any, what: str) -> tuple[np.ndarray, np.ndarray]:
     high = getattr(space, "high", None)
     if kind == "Discrete" and what == "actions":
         raise BadInputError(
-            f"the space of the actions is a Discrete of {shown(getattr(space, 'n', '?'))} choices, "
-            "as DQN requires: the policy is no input u(x); train a policy with a Box of actions"
+            f"the policy chooses one of {getattr(space, 'n', 'several')} discrete actions, as that "
+            "of DQN always does, and is no input u(x); train a policy with a Box of actions"
         )
     if not (isinstance(low, np.ndarray) and isinstance(high, np.ndarray)):
         raise BadInputError(

@@ -13,7 +13,8 @@ import zipfile
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, gtm_deployment, model_of
+from network_files import torch_file
+from policy_cases import FOLDER, GTM, ROOT, gtm_deployment, model_of
 from tolerances import FEW_ROUNDINGS
 
 import hfa
@@ -73,17 +74,17 @@ def message_of(folder, text):
         ("dt = 0.02", "dt = 0.0", "timing.dt is 0.0; give a finite number of at least 0.0001, at most 10"),
         ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; give at most 2 s (100 samples)"),
         ('normalizer = "ppo_gtm.pkl"', 'normalizer = "no.pkl"', "no.pkl cannot be read"),
-        ('file = "ppo_gtm.zip"', 'file = "ppo_gtm.py"', "give a file with the suffix .zip"),
+        ('file = "ppo_gtm.zip"', 'file = "ppo_gtm.py"', "give a file with the suffix .onnx"),
         ("speed = {scale = 20.0}", "sped = {}", "contains the unknown name 'sped'"),
         ("speed = {scale = 20.0}", "speed = {scale = 0}", "observation.speed.scale is 0"),
         ("speed = {scale = 20.0}", 'speed = {about = "start"}', 'give "trim" or a number'),
-        ("speed = {scale = 20.0}", "", "requires 4 observations, but the deployment file lists 3"),
+        ("speed = {scale = 20.0}", "", "has 4 inputs, but 3 observations are given"),
         ("throttle = {box", "elevator_2 = {box", "action names the unknown input 'elevator_2'"),
         ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "but the policy contains"),
         ("box = [-1, 1], map = \"trim + 14", "box = [1, -1], map = \"trim + 14", "[lowest, highest]"),
         ('"trim + 14 * a"', '"trim + 14 * b"', "contains the unknown name 'b'"),
         ("[timing]", 'extra = 1\n[timing]', "action.extra is 1"),
-        ('normalizer = "ppo_gtm.pkl"', 'activation = "relu"', "'tanh'; remove policy.activation"),
+        ('normalizer = "ppo_gtm.pkl"', 'activation = "relu"', "contains 'tanh'; remove activation"),
         ('normalizer = "ppo_gtm.pkl"', 'normalizer = "ppo_c172.pkl"', "normalizes 8 observations"),
         ('"ppo_gtm.pkl"', "{mean = [0, 0]}", "policy.normalizer: variance is missing"),
         ("Q = {speed", "Q = {sped", "cost.Q names the unknown state or output 'sped'"),
@@ -186,7 +187,7 @@ def test_spaces_that_are_no_flat_box_are_refused(folder):
     turned = spaces.Box(-1.0, 1.0, (2,))
     turned.low = np.array([2.0, -1.0])
     for space, said in (
-        (spaces.Discrete(3), "is a Discrete"),
+        (spaces.Discrete(3), "one of 3 discrete actions"),
         (spaces.Box(-1.0, 1.0, (2, 2)), "has 2 axes"),
         (turned, "has a lower limit above the upper limit"),
     ):
@@ -212,8 +213,8 @@ def test_damaged_files_are_refused(folder, monkeypatch):
         ("ppo_gtm.pkl", "calls.pkl", "would call"),
         ("ppo_gtm.pkl", "empty.pkl", "empty.pkl: the data are not a pickle"),
         ("ppo_gtm.zip", "fifo.zip", "not a regular file"),
-        ("ppo_gtm.zip", "K.npz", "finite numbers"),
-        ("ppo_gtm.zip", "flat.npz", "is not a matrix of finite numbers"),
+        ("ppo_gtm.zip", "K.npz", "give finite entries"),
+        ("ppo_gtm.zip", "flat.npz", "returns 1 actions"),
         ("ppo_gtm.zip", "text.npz", "text.npz cannot be read as .npz"),
         ("ppo_gtm.zip", "net.npz", "not finite"),
         ("ppo_gtm.zip", "actor.npz", "is not a weight or bias"),
@@ -228,7 +229,7 @@ def test_damaged_files_are_refused(folder, monkeypatch):
     (folder / "ppo_gtm.pkl").write_bytes(content)
     rewrite_zip(folder, weights=b"{")
     assert "not written by torch.save" in message_of(folder, DEPLOYMENT)
-    for size, said in ((100, "not a zip file of Stable-Baselines3"), (2**28 + 1, "unpacks to")):
+    for size, said in ((100, "is damaged or is not a network"), (2**28 + 1, "unpacks to")):
         rewrite_zip(folder, {"more": " " * 10**6})
         zipped = bytearray((folder / "ppo_gtm.zip").read_bytes())
         entry = zipped.index(b"PK\x01\x02")
@@ -243,7 +244,7 @@ def test_the_activation_of_a_zip_is_read_or_refused(folder, name, activation):
     content = f"(dS'activation_fn'\nctorch.nn.modules.activation\n{name}\ns.".encode()
     rewrite_zip(folder, {"policy_kwargs": pickled(content)})
     if activation is None:
-        assert "Odd is not supported" in message_of(folder, DEPLOYMENT)
+        assert "unknown activation 'Odd'" in message_of(folder, DEPLOYMENT)
         return
     with zipfile.ZipFile(folder / "ppo_gtm.zip") as archive:
         archive.extract("policy.pth", folder)
@@ -322,17 +323,57 @@ def test_squashed_actions_need_a_box_and_reach_its_ends():
         assess(model_of(GTM), gtm_deployment(nan), samples=0)
 
 
-def test_a_squash_without_gsde_has_no_tanh_and_is_refused(tmp_path):
-    """As in Stable-Baselines3 before 2.2, which mapped such an output to the box as it is; later
-    versions do not load it.
-    """
-    with zipfile.ZipFile(FOLDER / "ppo_squash.zip") as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    data = json.loads(members["data"])
-    old = {"use_sde": False, "policy_kwargs": {"squash_output": True}}
-    members["data"] = json.dumps(data | old).encode()
-    with zipfile.ZipFile(tmp_path / "old.zip", "w") as archive:
-        for name, content in members.items():
-            archive.writestr(name, content)
-    with pytest.raises(BadInputError, match=r"old\.zip: .* without tanh or clip"):
-        _ = gtm_deployment({"file": str(tmp_path / "old.zip")}).actor
+ZIPS = ROOT / "tests" / "controller" / "critic" / "network" / "zips"
+
+
+@pytest.mark.parametrize("name", ["ppo", "ppo_squash", "sac", "sac_sde", "td3", "ars", "a2c"])
+def test_a_deployment_has_the_actions_that_verify_judges(name):
+    """Bit by bit, with squash, clip and box of the file; another box or squash is refused."""
+    file = ZIPS / f"{name}.zip"
+    tables = {"observation": {each: {} for each in ("speed", "alpha", "pitch")}}
+    deployment = gtm_deployment({"file": file}, **tables)
+    game = hfa.Game(-np.eye(3), np.ones((3, 2)), Q=np.ones(3), R=np.ones(2))
+    observed = 2.0 * np.random.default_rng(2).normal(size=(50, 3))
+    actions = np.array(Deployed(deployment, model_of(GTM)).act(observed.T)).T
+    np.testing.assert_array_equal(actions, hfa.read_critic(file, game).u(observed))
+    assert all(note in deployment.actor.chain for note in hfa.read_critic(file, game).stated.notes)
+    for policy, box, said in (
+        ({}, [-1.0, 1.0], "contains the box"),
+        ({"squash": name in ("ppo", "a2c")}, [-1.0, 2.0], "remove policy.squash"),
+    ):
+        action = {"elevator": {"box": box}, "throttle": {}}
+        with pytest.raises(BadInputError, match=said):
+            _ = gtm_deployment({"file": file, **policy}, action=action, **tables).actor
+
+
+def test_the_normalizer_of_a_checkpoint_is_that_of_the_deployment(tmp_path):
+    """The file of rsl_rl states it: (o - mean) / (deviation + .01); another one is refused."""
+    weight = np.random.default_rng(1).normal(size=(2, 4))
+    mean, deviation = np.array([[1.0, 2.0, -1.0, 0.5]]), np.array([[2.0, 0.5, 0.1, 3.0]])
+    path = torch_file(
+        tmp_path / "model_9.pt",
+        {
+            "model_state_dict.actor.0.weight": weight,
+            "model_state_dict.std": np.ones(2),
+            "obs_norm_state_dict._mean": mean,
+            "obs_norm_state_dict._std": deviation,
+            "obs_norm_state_dict.count": np.array([7]),
+        },
+    )
+    o = np.array([3.0, -1.0, 0.4, 2.0])
+    act = Deployed(gtm_deployment({"file": path}), model_of(GTM)).act
+    expected = weight @ ((o - mean[0]) / (deviation[0] + 0.01))
+    np.testing.assert_allclose(np.array(act(o)).ravel(), expected, rtol=1e-12)
+    with pytest.raises(BadInputError, match="the policy's file contains a normalizer"):
+        _ = gtm_deployment({"file": path, "normalizer": NORMALIZED}).actor
+
+
+def test_a_missing_and_another_normalizer_are_noted():
+    """A zip proves a VecNormalize before its policy, and a normalizer counts its observations."""
+    for normalizer, said in (
+        ({"normalizer": FOLDER / "ppo_gtm.pkl"}, ""),
+        ({}, "trained behind a VecNormalize"),
+        ({"normalizer": FOLDER / "ppo_squash.pkl"}, "saw 516 observations"),
+    ):
+        notes = gtm_deployment({"file": FOLDER / "ppo_gtm.zip", **normalizer}).actor.notes
+        assert [said in note for note in notes] == [True] * bool(said)

@@ -9,7 +9,6 @@ from tolerances import FEW_ROUNDINGS
 
 import hfa
 from hfa import BadInputError, assess
-from hfa_flight import Deployed
 
 #: Gain on three samples, the oldest first: a lead on the pitch rate and a gain on the pitch.
 GAIN = np.zeros((2, 12))
@@ -51,25 +50,6 @@ def test_spectral_radius_includes_past_states():
     (assessed,) = result.points
     assert assessed.radius == pytest.approx(radius, rel=1e3 * FEW_ROUNDINGS)
     np.testing.assert_allclose(assessed.equilibrium.K, -(oldest + older + last), atol=1e-12)
-
-
-def test_a_normalizer_of_one_sample_is_applied_to_each():
-    """a = gain clip((o - mean) / sqrt(variance + epsilon), ±clip) of three samples."""
-    mean, variance = np.array([1.0, 0.1, -0.2, 0.0]), np.array([4.0, 0.01, 0.25, 0.0])
-    entries = {
-        "mean": mean.tolist(),
-        "variance": variance.tolist(),
-        "epsilon": 0.01,
-        "clip": 1.5,
-    }
-    deployment = stacked()
-    deployment = deployment.changed(policy={**deployment.policy, "normalizer": entries})
-    deployed = Deployed(deployment, aircraft("ppo_gtm"))
-    o = np.linspace(-1.0, 2.0, 12)
-    normal = (o - np.tile(mean, 3)) / np.sqrt(np.tile(variance, 3) + 0.01)
-    clipped = np.clip(normal, -1.5, 1.5)
-    assert 2 < (clipped == normal).sum() < 10
-    np.testing.assert_allclose(np.array(deployed.act(o)).ravel(), GAIN @ clipped, rtol=1e-12)
 
 
 def test_fly_and_environments_give_equal_flights():

@@ -83,7 +83,7 @@ def test_a_q_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
 def test_the_selected_actor_of_twin_networks_is_read(game: Game) -> None:
     """The actor in a file with an actor and two Q functions is read if it is selected.
 
-    Without a selection, the file is refused. A Q function that is not quadratic in u is refused.
+    Without a selection, it is read too. A Q function that is not quadratic in u is refused.
     """
     tensors = {"actor.0.weight": RNG.normal(size=(8, 6)), "actor.2.weight": RNG.normal(size=(5, 8))}
     for name in ("q1", "q2"):
@@ -92,14 +92,13 @@ def test_the_selected_actor_of_twin_networks_is_read(game: Game) -> None:
             f"{name}.2.weight": RNG.normal(size=(1, 8)),
         }
     path = torch_file("sac.pt", tensors)
-    assert 'select one of the networks actor, q1, q2, for example network="actor"' in refusal(
-        path, activation="relu", inputs=5
-    )
     with pytest.raises(BadInputError, match=r"Q\(x, u\) is not quadratic in u; export the policy"):
         from_network(game, path, network="q1", activation="relu")
-    critic = from_network(game, path, network="policy=actor", activation="tanh")
     actor = tensors["actor.2.weight"] @ tensors["actor.0.weight"]
-    assert pytest.approx(-actor, rel=1e-12) == critic.K
+    for network in ("policy=actor", ""):
+        critic = from_network(game, path, network=network, activation="tanh")
+        assert pytest.approx(-actor, rel=1e-12) == critic.K
+        assert critic.stated.notes == ("not used: q1, q2",)
 
 
 def test_q_functions_with_other_input_numbers_are_refused() -> None:

@@ -25,12 +25,12 @@ class Actor:
     """Policy of a deployment, a function of its observations.
 
     function: normalized observations (k,) -> output of the network (m,)
-    chain: description of the layers
+    chain: description of the layers, of squash and box in the file, and of what is not used
     action: way from the output to the action, with the box of the file or the deployment
     normalizer: of the observations, or None
     rows: version of `function` for many rows, or None
     of_gain: what the file of a gain K says about it: names and units of states and inputs, and dt
-    notes: sentences on what the file contains and the policy does not use, and on contradictions
+    notes: sentences on contradictions between the files and the deployment
     """
 
     function: ca.Function
@@ -64,9 +64,10 @@ def read_actor(wanted: Wanted) -> Actor:
     Raises BadInputError if a file is missing, cannot be read or contradicts the deployment file.
     """
     source = wanted.policy.get("file")
+    of_gain: dict[str, Any] = {}
     if isinstance(source, ca.Function):
         what: Any = "the function"
-        stored, of_gain = network_in(source, Asked(wanted.observations)), {}
+        stored = network_in(source, Asked(wanted.observations))
     elif isinstance(source, (str, Path)):
         what = wanted.folder / source
         stored, of_gain = _read(what, wanted)
@@ -81,12 +82,12 @@ def read_actor(wanted: Wanted) -> Actor:
     normalizer, notes = _normalizer(stored, wanted)
     return Actor(
         function,
-        stored.chain,
+        "; ".join([stored.chain, *filter(None, [str(stored.stated.action)]), *stored.stated.notes]),
         action,
         normalizer,
         stored.rows.get(name),
         of_gain,
-        (*stored.stated.notes, *notes),
+        notes,
     )
 
 
@@ -94,7 +95,9 @@ def _read(path: Path, wanted: Wanted) -> tuple[NetworkFile, dict[str, Any]]:
     """Return the network in a file, and what the file of a gain says about it."""
     known = (*SUFFIXES, *MATRIX_FILES)
     if path.suffix.lower() not in known:
-        raise BadInputError(f"policy.file is {path}; give a file with the suffix {', '.join(known)}")
+        raise BadInputError(
+            f"policy.file is {path}; give a file with the suffix {', '.join(known)}"
+        )
     if path.suffix.lower() in MATRIX_FILES and not is_network(path):
         return _gain(path)
     asked = f"policy={wanted.policy.get('network', '')}"
@@ -147,8 +150,10 @@ def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
     else:
         made = stated
         if squash is not None and squash != bool(stated.squash):
-            raise BadInputError(f"policy.squash is {shown(squash)}, but the file states {stated}; "
-                                "remove policy.squash")
+            raise BadInputError(
+                f"policy.squash is {shown(squash)}, but the file states {stated}; "
+                "remove policy.squash"
+            )
         for place, (name, box) in enumerate(wanted.boxes.items()):
             own = [float(low[place]), float(high[place])]
             # Boxes in files are rounded to single precision.
@@ -157,7 +162,7 @@ def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
                     f"action.{name}.box is {shown(box)}, but the policy contains the box {own}; "
                     f"remove action.{name}.box"
                 )
-    if made.squash and not np.all(np.isfinite([made.low, made.high])):
+    if made.squash and not np.isfinite(np.array([made.low, made.high], dtype=float)).all():
         raise BadInputError(
             "a policy with squashed actions requires a box for each action; give box = [lowest, "
             "highest]"
@@ -165,7 +170,7 @@ def _action(stated: ActionBox, wanted: Wanted) -> ActionBox:
     return made
 
 
-def _normalizer(stored: NetworkFile, wanted: Wanted) -> tuple[Normalizer | None, list[str]]:
+def _normalizer(stored: NetworkFile, wanted: Wanted) -> tuple[Normalizer | None, tuple[str, ...]]:
     """Return the normalizer of the file or the deployment, and notes on contradictions.
 
     Raises BadInputError if both have one, or if its size is not that of the observations.
@@ -175,7 +180,7 @@ def _normalizer(stored: NetworkFile, wanted: Wanted) -> tuple[Normalizer | None,
         raise BadInputError("the policy's file contains a normalizer; remove policy.normalizer")
     if entry is None:
         missing = "the policy was trained behind a VecNormalize; give its file as policy.normalizer"
-        return stated.normalizer, [missing] * stated.is_normalized
+        return stated.normalizer, (missing,) * stated.is_normalized
     seen = 0
     normalizer: Normalizer | None
     if isinstance(entry, Mapping):
@@ -189,11 +194,11 @@ def _normalizer(stored: NetworkFile, wanted: Wanted) -> tuple[Normalizer | None,
         )
     steps = stated.steps or 0
     if not 0 < seen < steps:
-        return normalizer, []
-    return normalizer, [
+        return normalizer, ()
+    return normalizer, (
         f"policy.normalizer saw {seen} observations, but the policy was trained with {steps}: it "
-        "was not saved with this policy"
-    ]
+        "was not saved with this policy",
+    )
 
 
 def _refuse_sizes(function: ca.Function, what: Any, wanted: Wanted) -> None:

@@ -307,9 +307,8 @@ class Deployment(Reported):
         The policy's files are reread only if the table `policy` is replaced.
         """
         made = replace(self, **changes)
-        if "policy" not in changes:
-            if "actor" in self.__dict__:
-                made.__dict__["actor"] = self.__dict__["actor"]
+        if "policy" not in changes and "actor" in self.__dict__:
+            made.__dict__["actor"] = self.__dict__["actor"]
         return made
 
 

@@ -1,0 +1,234 @@
+"""Policies of Stable-Baselines3 and other libraries: what their files say is what is judged.
+
+The zips in zips/ were written by Stable-Baselines3 2.9 for 3 observations and 2 actions, without
+training; zips/actions.json has the actions of its `predict`. `ppo_old_squash` was written without
+the check of later versions, `sac_old` in the format of torch before 1.6.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import pickle
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from network_files import safetensors_file, torch_file
+
+import hfa
+from hfa import BadInputError, Critic
+
+ZIPS = Path(__file__).parent / "zips"
+STORED = json.loads((ZIPS / "actions.json").read_text())
+OBSERVED = np.array(STORED["observations"])
+GAME = hfa.Game(-np.eye(3), np.ones((3, 2)), Q=np.ones(3), R=np.ones(2))
+RNG = np.random.default_rng(5)
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def read(path: Any, **how: Any) -> Critic:
+    return hfa.read_critic(path, GAME, **how)
+
+
+def refusal(path: Any, **how: Any) -> str:
+    """Return the message with which a file is refused: one line that begins with the path."""
+    with pytest.raises(BadInputError) as caught:
+        read(path, **how)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", STORED["actions"])
+def test_a_zip_gives_the_actions_of_stable_baselines(name: str) -> None:
+    """With squash, clip and box, without help; algorithm and unused parts are stated."""
+    critic = read(ZIPS / f"{name}.zip")
+    assert critic.u(OBSERVED) == pytest.approx(np.array(STORED["actions"][name]), abs=1e-6)
+    assert critic.stated.algorithm == name.partition("_")[0].upper()
+    assert critic.stated.action.low == pytest.approx([-1.0, -0.5])
+    assert ("ars" in name) == (critic.stated.notes == ())
+    assert all(note in critic.origin for note in critic.stated.notes)
+
+
+def test_a_value_beside_a_policy_is_read_with_the_activation_of_the_zip() -> None:
+    """V has neither squash nor box; u has both."""
+    both = read(ZIPS / "ppo.zip", network="V=value_net,policy=policy_net+action_net")
+    assert both.u(OBSERVED) == pytest.approx(np.array(STORED["actions"]["ppo"]), abs=1e-6)
+    assert both.value is not None
+    assert np.array(both.value(100.0 * OBSERVED.T)).max() > 2.0
+    assert pytest.approx(both.K) == read(ZIPS / "ppo.zip", activation="ELU").K
+    assert "but the file contains 'elu'" in refusal(ZIPS / "ppo.zip", activation="tanh")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("dqn", "one of 3 discrete actions"), ("ppo_normalized", "trained behind a VecNormalize")],
+)
+def test_policies_that_are_no_function_of_the_states_are_refused(name: str, said: str) -> None:
+    assert said in refusal(ZIPS / f"{name}.zip")
+
+
+def changed_zip(name: str, change: Callable[[dict[str, Any]], Any]) -> str:
+    """Write a zip with changed settings, and return its path."""
+    with zipfile.ZipFile(ZIPS / f"{name}.zip") as archive:
+        members = {each: archive.read(each) for each in archive.namelist()}
+    data = json.loads(members["data"])
+    change(data)
+    members["data"] = json.dumps(data).encode()
+    with zipfile.ZipFile("changed.zip", "w") as archive:
+        for each, content in members.items():
+            archive.writestr(each, content)
+    return "changed.zip"
+
+
+def halved(data: dict[str, Any]) -> None:
+    """Halve the box of the actions in the settings of a zip."""
+    spaces = pytest.importorskip("gymnasium").spaces
+    box = spaces.Box(np.array([-0.5, -0.25], "f4"), np.array([1.0, 0.125], "f4"))
+    content = base64.b64encode(pickle.dumps(box)).decode()
+    data["action_space"] = {":serialized:": content}
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("sac", halved),
+        ("ppo", halved),
+        ("ars", lambda data: data["policy_kwargs"].update(squash_output=False)),
+        ("ppo_squash", lambda data: data["policy_kwargs"].update(squash_output=False)),
+    ],
+)
+def test_another_box_and_another_squash_are_another_policy(name: str, change: Any) -> None:
+    """`verify` of the game whose optimum is the zip's slope finds a halved box and no squash.
+
+    The squash changes the slope at the trim; the box of a clip changes the policy in the box.
+    """
+    own = ZIPS / f"{name}.zip"
+    other = read(changed_zip(name, change))
+    assert np.abs(other.u(3.0 * OBSERVED) - read(own).u(3.0 * OBSERVED)).max() > 0.05
+    errors = [hfa.verify(GAME, critic, flights=0).checks for critic in (read(own), other)]
+    one, two = ({each.name: each.value for each in checks} for checks in errors)
+    assert one["searched_policy_error"] != pytest.approx(two["searched_policy_error"], rel=1e-3)
+    assert (name != "ppo") == (np.abs(other.K - read(own).K).max() > 1e-3)
+
+
+# Checkpoints of other libraries.
+
+
+def chain(*names: str, widths: tuple[int, ...] = (3, 5, 4, 2)) -> dict[str, np.ndarray]:
+    """Return random weights and biases of layers with these names."""
+    tensors = {}
+    for name, takes, gives in zip(names, widths[:-1], widths[1:], strict=True):
+        tensors[f"{name}.weight"] = RNG.normal(size=(gives, takes))
+        tensors[f"{name}.bias"] = RNG.normal(size=gives)
+    return tensors
+
+
+def output_of(tensors: dict[str, np.ndarray], names: tuple[str, ...], activation: Any) -> Any:
+    h = OBSERVED.T
+    for name in names:
+        h = tensors[f"{name}.weight"] @ h + tensors[f"{name}.bias"][:, None]
+        h = activation(h) if name != names[-1] else h
+    return h.T
+
+
+def relu(x: np.ndarray) -> np.ndarray:
+    return np.maximum(x, 0.0)
+
+
+CRITIC = (3, 5, 4, 1)
+ACTOR = ("actor.0", "actor.2", "actor.4")
+VALUE = ("critic.0", "critic.2", "critic.4")
+
+
+@pytest.mark.parametrize("write", [torch_file, safetensors_file])
+def test_a_checkpoint_of_cleanrl_is_squashed_and_scaled(write: Any) -> None:
+    """tanh(output) action_scale + action_bias; its Q functions are not used."""
+    names = ("0.fc1", "0.fc2", "0.fc_mu")
+    tensors = chain(*names) | chain("1.fc1", "1.fc2", "1.fc3", widths=(5, 6, 6, 1))
+    scale = {"0.action_scale": np.array([[2.0, 0.5]]), "0.action_bias": np.array([[1.0, 0.0]])}
+    path = write("td3.cleanrl_model" if write is torch_file else "td3.safetensors", tensors | scale)
+    critic = read(path, activation="relu")
+    expected = np.tanh(output_of(tensors, names, relu)) * [2.0, 0.5] + [1.0, 0.0]
+    assert critic.u(OBSERVED) == pytest.approx(expected, rel=1e-9)
+    assert critic.stated.notes == ("not used: 1.fc1, 1.fc2, 1.fc3",)
+
+
+def test_normalizers_of_checkpoints_are_refused_or_absent() -> None:
+    """rsl_rl and rl_games store a normalizer beside the policy, which the states are not behind."""
+    names = [f"model_state_dict.{name}" for name in (*ACTOR, *VALUE)]
+    rsl_rl = chain(*names[:3]) | chain(*names[3:], widths=CRITIC)
+    rsl_rl["model_state_dict.std"] = np.ones(2)
+    path = torch_file("model_100.pt", rsl_rl)
+    u = output_of(rsl_rl, tuple(names[:3]), np.tanh)
+    assert read(path, activation="tanh").u(OBSERVED) == pytest.approx(u, rel=1e-9)
+    seen = {f"obs_norm_state_dict.{name}": np.ones((1, 3)) for name in ("_mean", "_var", "_std")}
+    said = "normalizes 3 observations of its training"
+    assert said in refusal(torch_file("normal.pt", rsl_rl | seen), activation="tanh")
+    root = "model.a2c_network."
+    names = [f"{root}{name}" for name in ("actor_mlp.0", "actor_mlp.2", "mu")]
+    games = chain(*names) | chain(f"{root}value", widths=(4, 1)) | {f"{root}sigma": np.zeros(2)}
+    path = torch_file("last.pth", games)
+    u = output_of(games, tuple(names), np.tanh)
+    assert read(path, activation="Tanh").u(OBSERVED) == pytest.approx(u, rel=1e-9)
+    games |= {f"model.running_mean_std.running_{name}": np.ones(3) for name in ("mean", "var")}
+    assert said in refusal(torch_file("normal.pth", games), activation="tanh")
+
+
+@pytest.mark.parametrize("kind", ["float16", "bfloat16"])
+def test_half_precision_is_read(kind: str) -> None:
+    """float16, and bfloat16 in safetensors: the upper halves of float32."""
+    tensors = chain(*ACTOR)
+    singles = {name: each.astype("f4") for name, each in tensors.items()}
+    if kind == "float16":
+        stored = {name: each.astype("f2") for name, each in tensors.items()}
+        path = torch_file("half.pt", stored)
+    else:
+        halves = {name: each.view("u4") >> 16 for name, each in singles.items()}
+        stored = {name: (each << 16).view("f4") for name, each in halves.items()}
+        path = safetensors_file(
+            "half.safetensors", {name: each.astype("u2") for name, each in halves.items()}
+        )
+    critic = read(path, activation="tanh")
+    rounded = {name: each.astype(float) for name, each in stored.items()}
+    assert critic.u(OBSERVED) == pytest.approx(output_of(rounded, ACTOR, np.tanh), rel=1e-12)
+    assert critic.precision == kind
+
+
+TWO = chain("left.0", "left.2", "left.4") | chain("right.0", "right.2", "right.4")
+#: Files whose reading asks for more than one word.
+ASKED = {
+    "two actors": TWO,
+    "body and head": chain("body.0", "body.2", widths=(3, 5, 4))
+    | chain("head", widths=(4, 2))
+    | chain("other", widths=(4, 7)),
+    "policy and value": chain("net.pi.0", "net.pi.2", "net.pi.4")
+    | chain("net.vf.0", "net.vf.2", "net.vf.4", widths=CRITIC),
+    "twins": chain("fc1", "fc2", "fc_mu") | chain("q_fc1", "q_fc2", "q_out", widths=(5, 6, 6, 1)),
+    "shared": chain("trunk.0", "trunk.2", widths=(3, 5, 4))
+    | chain("actor", widths=(4, 2))
+    | chain("critic", widths=(4, 1)),
+}
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_each_example_of_a_refusal_is_accepted(name: str) -> None:
+    """The words that a refusal proposes lead, one after the other, to a policy."""
+    path = torch_file("asked.pt", ASKED[name])
+    typed: dict[str, str] = {}
+    for _ in range(4):
+        try:
+            assert read(path, **typed).u(OBSERVED).shape == (len(OBSERVED), 2)
+            return
+        except BadInputError as error:
+            refused = error
+        option, words = refused.options
+        key, value = ("network", words) if option == "--network" else words.split("=")
+        assert f'{key}="{value}"' in str(refused)
+        assert key not in typed
+        typed[key] = value
+    raise AssertionError(typed)
