@@ -66,14 +66,10 @@ def test_what_is_no_function_of_the_states_is_refused() -> None:
     """Each contradiction is refused in one line that names the file and the remedy."""
     text = STATED.read_text().replace("ppo_hfa.", f"{FOLDER}/ppo_hfa.")
     text = text.partition("[cost]")[0].replace("[action]", "[action]\naileron_center = {}")
-    for file, old, new in (
-        ("history.toml", "dt = 0.02", "dt = 0.02\nhistory = 2"),
-        ("observed.toml", "speed = {", "throttle = {"),
-    ):
+    for file, old, new in (("observed.toml", "speed = {", "throttle = {"),):
         Path(file).write_text(text.replace(old, new))
     for words, said in (
         ((*AT_8, "--weights", str(STATED), "--inputs", "throttle"), f"--inputs {','.join(MOVED)}"),
-        ((*AT_8, "--weights", "history.toml"), "the policy uses 2 samples; type hfa assess"),
         ((*AT_8, "--weights", "observed.toml"), "an observation depends on the inputs"),
         ((*AT_8, "--weights", str(STATED), "--inputs", "throttle,flap"), "unknown input 'flap'"),
         (
