@@ -40,7 +40,6 @@ def point() -> hfa.OperatingPoint:
     return hfa.trim(HFA)
 
 
-@cache
 def loaded_with(tmp_path: Path, **entries: Any) -> LinearModel:
     path = tmp_path / "linear.json"
     path.write_text(json.dumps(point().linearize().to_dict() | entries))
