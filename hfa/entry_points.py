@@ -141,13 +141,6 @@ COMMANDS = {
         "hfa_prove.commands.schedule:schedule",
         example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
     ),
-    "report": CommandEntry(
-        "model",
-        "write one page of trims, models, games and critics",
-        "hfa.page.command:report",
-        example="hfa report --dihedral 15 -o report.html",
-        install=("plotly",),
-    ),
 }
 
 

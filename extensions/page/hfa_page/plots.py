@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 import hfa_model
-from hfa.page.main_job import Slider
+from hfa_page.main_job import Slider
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import in_units_of, unit_of
 from hfa_support.reporting.data_files import jsonable

@@ -19,9 +19,9 @@ pytest.importorskip("hfa_flight")
 
 from hfa import BadInputError, Model, Signal, load_model
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa.page.main_job import Position, slider_beside
-from hfa.page.plots import pictures_over
-from hfa.page.turbulence import flight_in_turbulence
+from hfa_page.main_job import Position, slider_beside
+from hfa_page.plots import pictures_over
+from hfa_page.turbulence import flight_in_turbulence
 from trim.point.condition import usual_condition
 
 

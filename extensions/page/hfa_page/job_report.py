@@ -16,12 +16,12 @@ from functools import cache, partial
 from importlib.resources import files
 from typing import Any, NamedTuple
 
-from hfa.page.claims import claims_section
-from hfa.page.compared_with_print import printed_comparison_tables
-from hfa.page.flights import flights_section
-from hfa.page.main_job import MainJob, Position, Slider
-from hfa.page.plots import pictures_over
-from hfa.page.turbulence import flight_in_turbulence
+from hfa_page.claims import claims_section
+from hfa_page.compared_with_print import printed_comparison_tables
+from hfa_page.flights import flights_section
+from hfa_page.main_job import MainJob, Position, Slider
+from hfa_page.plots import pictures_over
+from hfa_page.turbulence import flight_in_turbulence
 from hfa_support.errors import missing_package
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
@@ -317,7 +317,7 @@ def any_value(slider: Slider, drawn: Report, verdicts: str = "") -> str:
 
 
 def _file(name: str) -> str:
-    return files("hfa.page").joinpath(name).read_text(encoding="utf-8")
+    return files("hfa_page").joinpath(name).read_text(encoding="utf-8")
 
 
 @cache

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa.page.main_job import Position
+from hfa_page.main_job import Position
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report

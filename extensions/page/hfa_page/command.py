@@ -17,10 +17,10 @@ from hfa.options.plants import parameter_set
 from hfa.options.ranges import array_of, value_range
 from hfa.options.show import provenance, stated
 from hfa.options.trims import SEVERAL, SeveralTrims, dihedral_option, trim_input
-from hfa.page.claims import load_claims
-from hfa.page.flights import load_flights
-from hfa.page.job_report import critic_picture, main_report, page, plotly_script
-from hfa.page.main_job import (
+from hfa_page.claims import load_claims
+from hfa_page.flights import load_flights
+from hfa_page.job_report import critic_picture, main_report, page, plotly_script
+from hfa_page.main_job import (
     ASKED,
     MOST_ASKED,
     MOST_SWEPT,

@@ -14,8 +14,8 @@ import numpy as np
 from controller.hfa_files import published_game
 from controller.learning.laws import learn
 from controller.riccati.gare import Solution, solve
-from hfa.page.claims import Claims
-from hfa.page.flights import StoredFlights
+from hfa_page.claims import Claims
+from hfa_page.flights import StoredFlights
 from hfa_aircraft.model import Model
 from hfa_model import choice
 from hfa_model.parameters import ParameterSet

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hfa.page.stored import Models, are_those, models_in, read_study
+from hfa_page.stored import Models, are_those, models_in, read_study
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
 from verification.regeneration import Regeneration
