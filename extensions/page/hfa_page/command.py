@@ -17,6 +17,9 @@ from hfa.options.plants import parameter_set
 from hfa.options.ranges import array_of, value_range
 from hfa.options.show import provenance, stated
 from hfa.options.trims import SEVERAL, SeveralTrims, dihedral_option, trim_input
+from hfa_aircraft.loading import load_model
+from hfa_model.outputs import OUTPUTS
+from hfa_model.vectors import STATES
 from hfa_page.claims import load_claims
 from hfa_page.flights import load_flights
 from hfa_page.job_report import critic_picture, main_report, page, plotly_script
@@ -29,9 +32,6 @@ from hfa_page.main_job import (
     main_job,
     slider_beside,
 )
-from hfa_aircraft.loading import load_model
-from hfa_model.outputs import OUTPUTS
-from hfa_model.vectors import STATES
 from hfa_support.errors import BadInputError, printable
 from hfa_support.files import write_text
 from hfa_support.reporting.data_files import jsonable

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_page.stored import Models, are_those, models_in, read_study
 from hfa_model import choice
+from hfa_page.stored import Models, are_those, models_in, read_study
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, beside_unit
 

@@ -14,13 +14,13 @@ import numpy as np
 from controller.hfa_files import published_game
 from controller.learning.laws import learn
 from controller.riccati.gare import Solution, solve
-from hfa_page.claims import Claims
-from hfa_page.flights import StoredFlights
 from hfa_aircraft.model import Model
 from hfa_model import choice
 from hfa_model.parameters import ParameterSet
 from hfa_model.published import published_models
 from hfa_model.variants import variant_named
+from hfa_page.claims import Claims
+from hfa_page.flights import StoredFlights
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.text import beside_unit, in_degrees, shown_value
