@@ -7,8 +7,14 @@ Forces and moments:
 q̄ is the dynamic pressure. S, b and c are the area, span and chord of the wing. Each coefficient is
 linear in alpha - alpha_0, beta, p b/2V, q c/2V, r b/2V, alphadot c/2V, the deflections, and the
 differences of the Mach number and of u = V/V_0 from the reference condition. C_D also has the term
-C_D,CL2 C_L². With C_T,u, the thrust T at the reference condition becomes
-q̄ (T/q̄_0 + S C_T,u (u - 1)).
+C_D,CL2 C_L².
+
+The thrust is proportional to the input T at every speed. With C_T,u and the density ρ, it is
+
+  q̄ S C_T = T (ρ/ρ_0) u^(2 + C_T,u/C_T,0),  C_T,0 = C_D,0 + C_D,CL2 C_L,0²
+
+so that dC_T/du is C_T,u at the reference condition, where the thrust of level flight has the
+coefficient C_T,0. With dT/dV, it is T u^(V_0 dT/dV / (q̄_0 S C_T,0)).
 
 The derivatives are about a point of the aircraft, the entry `cg`. If the parameter `cg` has another
 value, the center of gravity is Δ behind this point, along the body axis x. The aerodynamic forces
@@ -318,17 +324,18 @@ class _Equations:
         return _ForceCoefficients(lift, drag + self._value(p, INDUCED) * lift**2, side)
 
     def _thrust(self, x: Any, u: Any, p: Any, motion: Motion) -> Any:
-        """Return the thrust; the input is the thrust at the speed of the reference condition."""
+        """Return the thrust; the input is the thrust at the reference condition."""
         values = self._table.values
-        thrust = u.thrust
+        lift, drag = self._value(p, "CL_0"), self._value(p, "CD_0")
+        level = drag + self._value(p, INDUCED) * lift**2  # C_T,0
+        ratio = x.speed / values["speed"]
         if "thrust_slope" in values:
-            thrust = thrust + values["thrust_slope"] * (x.speed - values["speed"])
+            force = self._pressure * values["wing_area"] * level
+            return u.thrust * ratio ** (values["speed"] * values["thrust_slope"] / force)
         if THRUST_BY_SPEED in self._table.derivatives:
-            change = x.speed / values["speed"] - 1.0
-            area = values["wing_area"]
-            thrust = thrust * motion.pressure / self._pressure
-            thrust = thrust + motion.pressure * area * self._value(p, THRUST_BY_SPEED) * change
-        return thrust
+            change = self._value(p, THRUST_BY_SPEED) / level
+            return u.thrust * motion.pressure / self._pressure * ratio**change
+        return u.thrust
 
     def _arguments(self, x: Any, u: Any, rates: Any, motion: Motion, moved: Any) -> dict[str, Any]:
         """Return the variables that derivatives multiply, suffix -> value."""

@@ -256,6 +256,8 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
         derivatives[coefficient.name] = other.value(
             value, texts["dimensional"], values, steady, axes, system
         )
+    if by_speed := {THRUST_BY_SPEED, "thrust_slope"} & {*values, *derivatives}:
+        _refuse_no_drag(by_speed.pop(), entries, derivatives)
     return Table(
         texts["name"] or stem,
         system,
@@ -269,6 +271,18 @@ def _checked(entries: dict[str, Entry], source: Source, stem: str) -> Table:
         tuple(_notes(values, derivatives)),
         words={name: texts[name] for name in WORDS if texts[name]},
     )
+
+
+def _refuse_no_drag(
+    name: str, entries: Mapping[str, Entry], derivatives: Mapping[str, float]
+) -> None:
+    """Raise BadInputError if no thrust of level flight has the given change with the speed."""
+    drag = derivatives["CD_0"] + derivatives.get(INDUCED, 0.0) * derivatives["CL_0"] ** 2
+    if drag <= 0.0:
+        raise entries[name].error(
+            f"{name} is the change of the thrust that balances the drag, whose coefficient is "
+            f"{drag:.4g}; correct CD_0"
+        )
 
 
 def _notes(values: Mapping[str, float], derivatives: Mapping[str, float]) -> Iterator[str]:

@@ -177,16 +177,31 @@ def test_modes_agree_with_published_modes(name):
 
 
 def test_slope_and_coefficient_of_the_thrust_are_equivalent():
-    """dT/dV = q̄ S (CT_u + 2 CT_1)/V_0 gives the same modes as CT_u."""
+    """dT/dV = q̄ S (CT_u + 2 CT_0)/V_0 with CT_0 = CD_0 gives the same modes as CT_u."""
     text = Path("examples/cessna182.toml").read_text()
     table = tomllib.loads(text)
     del table["longitudinal"]["CT_u"]
-    point = linear_model("examples/cessna182.toml").point
     force = 0.5 * density(5000.0 * 0.3048) / SLUG_PER_FT3 * 220.1**2 * 174.0
-    slope = (-0.096 * force + 2.0 * point.inputs.thrust) / 220.1
+    slope = force * (-0.096 + 2.0 * 0.032) / 220.1
     other = linear_model({**table, "thrust_slope": f"{slope} lbf/(ft/s)"})
     expected = np.sort_complex(np.linalg.eigvals(linear_model("examples/cessna182.toml").A))
     np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(other.A)), expected, rtol=1e-9)
+
+
+def test_the_thrust_is_proportional_to_its_input_at_every_speed():
+    """With CT_u = -3 CT_0 the power is constant, and a glide has the angle of drag and weight."""
+    plane = hfa.load_model("examples/cessna182.toml")
+    for speed in (100.0, 120.0, 160.0, 220.1, 280.0):
+        known = {"speed": speed, "altitude": 5000.0}
+        x = [known.get(name, 0.0) for name in plane.states]
+        for thrust in (0.0, 300.0):
+            u = [thrust, 0.0, 0.0, 0.0]
+            acts = plane.outputs_at(x, u)["thrust_force"]
+            assert acts * speed == pytest.approx(thrust * 220.1, rel=1e-12)
+        if speed > 200.0:
+            continue
+        glide = hfa.trim(plane, hold={"thrust": 0.0, "speed": speed}, free=["gamma"])
+        assert np.tan(-glide["gamma"]) == pytest.approx(glide["drag"] / glide["lift"], rel=1e-9)
 
 
 #: Piper Cherokee PA-28-180 at 50 m/s in air of 1.06 kg/m³: dimensional derivatives divided by mass
@@ -325,6 +340,7 @@ def test_each_entry_has_its_own_unit():
         ({"Zw": -2.0}, 'give dimensional = "divided by mass"'),
         ({"dimensional": "divided by mass", "Zw": -2.0}, "CL_alpha and Zw state the same effect"),
         ({"CT_u": 0.1, "thrust_slope": 0.2}, "CT_u and thrust_slope state the same effect"),
+        ({"CT_u": 0.1, "CD_0": 0.0}, "whose coefficient is 0; correct CD_0"),
         ({"dimensional": "divided by mass", "Xq": 1.0, "alpha": 0.1}, 'give axes = "stability"'),
         ({"CL_alpha": "steep"}, "CL_alpha is 'steep'; give a finite number"),
         ({"elevator": [1.0, -1.0]}, "lower limit is not less than the upper limit"),
