@@ -19,6 +19,8 @@ SYSTEMS = ("english", "si")
 FOOT = 0.3048
 KNOT = 1852.0 / 3600.0
 STANDARD_GRAVITY = 9.80665
+#: Radius of the Earth in the standard atmosphere, ft.
+EARTH_RADIUS = 6356766.0 / FOOT
 _POUND = 0.45359237
 _SLUG = _POUND * STANDARD_GRAVITY / FOOT
 #: Units of force, length and mass.
@@ -159,11 +161,14 @@ def units_like(unit: str) -> list[str]:
 def split_unit(text: str) -> tuple[str, str]:
     """Return the number and the unit in a text such as "100 kt", with "" for a missing one.
 
-    A flight level, "FL200", is a number of hundreds of feet. A unit that does not begin with a
-    letter, as in "5.8 1/rad", follows a blank.
+    A flight level, "FL200", is a pressure altitude in hundreds of feet, which is the geopotential
+    altitude H of the standard atmosphere: the number is the geometric altitude R H / (R - H). A
+    unit that does not begin with a letter, as in "5.8 1/rad", follows a blank.
     """
     if level := re.fullmatch(r"\s*FL\s*(\d+)\s*", text, re.IGNORECASE):
-        return f"{level[1]}00", "ft"
+        pressure_altitude = 100.0 * float(level[1])
+        geometric = EARTH_RADIUS * pressure_altitude / (EARTH_RADIUS - pressure_altitude)
+        return repr(geometric), "ft"
     digits = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
     unit = r"(?![eE][-+]?\d)[a-zA-Z°µμ].*"  # a text that begins with a letter, but is no exponent
     found = re.fullmatch(rf"({digits})(?:\s*(?={unit})|\s+)(\S.*)", text.strip())

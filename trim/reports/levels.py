@@ -13,7 +13,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from hfa_support.reporting.rows import Row
-from hfa_support.units import conversion
+from hfa_support.units import STANDARD_GRAVITY, conversion
+from trim.reports.configuration import configuration_of
 from trim.reports.trimmed import Trimmed
 
 #: Classes: I small and light; II medium, at a carrier or on land; III large; IV maneuverable.
@@ -78,7 +79,7 @@ def usual_class(trimmed: Trimmed) -> tuple[str, str]:
 
     - IV: the model declares a largest load factor of at least 6
     - I, II-L, III: weight up to 12,500 lbf, up to 60,000 lbf, above
-    - I: the model has no weight, or one in a unit that is not of force
+    - I: the model has neither a weight nor a mass, or one in a unit of another quantity
 
     These numbers are a convention of this tool. MIL-F-8785C, 1.3, describes the classes in words:
     I small and light, II of medium weight, III large and heavy, IV of high maneuverability.
@@ -90,14 +91,29 @@ def usual_class(trimmed: Trimmed) -> tuple[str, str]:
     )
     if _MANEUVERABLE <= most < math.inf:
         return "IV", f"load factor up to {most:.3g}"
-    unit = trimmed.unit("weight") if "weight" in trimmed.model.outputs else ""
+    weight, unit = _weight(trimmed)
     unit_per_lbf = conversion("lbf", unit)
     if unit_per_lbf is None:
         return "I", "weight unknown"
     for class_, most_weight in (("I", _LIGHT), ("II-L", _MEDIUM)):
-        if trimmed["weight"] <= most_weight * unit_per_lbf:
+        if weight <= most_weight * unit_per_lbf:
             return class_, f"weight up to {most_weight * unit_per_lbf:,.0f} {unit}"
     return "III", f"weight above {_MEDIUM * unit_per_lbf:,.0f} {unit}"
+
+
+def _weight(trimmed: Trimmed) -> tuple[float, str]:
+    """Return the weight and its unit, from the mass and standard gravity without an output weight;
+    the unit is "" if it is unknown.
+    """
+    if "weight" in trimmed.model.outputs:
+        return trimmed["weight"], trimmed.unit("weight")
+    mass, unit = configuration_of(trimmed).get("mass", (math.nan, ""))
+    in_kg = conversion(unit, "kg")
+    if in_kg is None:
+        return math.nan, ""
+    newtons = mass * in_kg * STANDARD_GRAVITY
+    per_newton = conversion("N", "lbf") or math.nan
+    return (newtons, "N") if unit in ("kg", "g", "t") else (newtons * per_newton, "lbf")
 
 
 def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
@@ -120,13 +136,18 @@ def _with_level(row: Row, rules: Mapping[str, _Rule]) -> Row:
         return row
     rule = rules[row.name]
     level = level_of(float(row), rule.limits)
-    return replace(row, level=level, note=_note(level, rule), tone=TONES[level])
+    note = _note(level, rule, float(row) < 0.0)
+    return replace(row, level=level, note=note, tone=TONES[level])
 
 
 def level_of(value: float, limits: Limits) -> int:
-    """Return the best level whose limits contain a value, or `NO_LEVEL`."""
+    """Return the best level whose limits contain a value, or `NO_LEVEL`.
+
+    A quality is negative because its mode is unstable: it has a level only if the standard states a
+    least value below 0.
+    """
     for level, span in enumerate(limits, start=1):
-        if span.least <= value <= span.most:
+        if span.least <= value <= span.most and (value >= 0.0 or math.isfinite(span.least)):
             return level
     return NO_LEVEL
 
@@ -157,7 +178,8 @@ def _rules(mode: str, qualities: Mapping[str, float], airplane: Airplane) -> Ite
         case "dutch roll":
             yield from _of_dutch_roll(qualities, airplane)
         case "roll":
-            agile = airplane.is_agile and airplane.category != "B"
+            slowest = {"A": ("I", "IV"), "B": (), "C": _AGILE}[airplane.category]
+            agile = airplane.class_ in slowest
             limits = _most(1.0, 1.4, 10.0) if agile else _most(1.4, 3.0, 10.0)
             yield _Rule("roll time constant", "3.3.1.2", limits)
             yield _of_roll_spiral(mode, airplane)
@@ -241,9 +263,11 @@ def _level_1_of_dutch_roll(airplane: Airplane) -> _DutchRoll:
     return _DutchRoll(0.08, 0.15, 0.4)
 
 
-def _note(level: int, rule: _Rule) -> str:
+def _note(level: int, rule: _Rule, is_negative: bool) -> str:
     """Return the note of a graded figure: "level 2: at least 0.04, 0, -0.0166 (3.2.1.2)"."""
-    words = "below level 3" if level == NO_LEVEL else f"level {level}"
+    words = f"level {level}"
+    if level == NO_LEVEL:
+        words = "no level, unstable" if is_negative else "below level 3"
     return f"{words}: {_limits_text(rule.limits)} ({rule.paragraph})"
 
 

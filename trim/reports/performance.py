@@ -25,6 +25,8 @@ _KNOWN = (*OUTPUTS, *_LOADS, "largest_lift_coefficient")
 #: Rows from which a stall is seen, and why the last one is missing then.
 _LIFT, _LARGEST, _RATIO = "lift coefficient", "largest lift coefficient", "speed / stall speed"
 _PASSED = "beyond the largest lift"
+#: Difference of the load factor from 1 that four printed digits show.
+_LOAD = 1e-3
 
 
 def performance_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
@@ -89,8 +91,9 @@ def thrust(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 
 
 def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
-    """Yield the largest lift coefficient, the speed over the stall speed at this load factor, and
-    the stall speed at 1 g, V sqrt(W / largest lift).
+    """Yield the largest lift coefficient, the speed over the stall speed at 1 g, the same at the
+    load factor of the trim if it is another one, and the stall speed at 1 g, V sqrt(W / largest
+    lift). Without a weight, the load factor is that of the lift.
     """
     reason = no_force(trimmed) or trimmed.zero("lift")
     largest = None if reason else trimmed.largest_lift
@@ -101,12 +104,22 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     known = math.isfinite(largest.alpha)
     where = f"at alpha {math.degrees(largest.alpha):.4g} deg" if known else ""
     yield Row(_LARGEST, largest.lift / force, note=where)
+    has_weight = "weight" in trimmed.model.outputs and trimmed["weight"] > 0.0
+    if largest.lift <= 0.0:
+        return
     if largest.passed:
         yield Lacking(_RATIO, _PASSED)
+    elif has_weight:
+        ratio = math.sqrt(largest.lift / trimmed["weight"])
+        yield Row(_RATIO, ratio, note="V/Vs, stall at 1 g")
+        load = trimmed["load_factor"] if "load_factor" in trimmed.model.outputs else 1.0
+        if load > 0.0 and abs(load - 1.0) > _LOAD:
+            at_load = "V/Vs, stall at this load factor"
+            yield Row(f"{_RATIO} at n", ratio / math.sqrt(load), note=at_load)
     elif trimmed["lift"] > 0.0:
         ratio = math.sqrt(largest.lift / trimmed["lift"])
-        yield Row(_RATIO, ratio, note="V/Vs at this load factor")
-    if "weight" in trimmed.model.outputs and largest.lift > 0.0 and trimmed["weight"] > 0.0:
+        yield Row(_RATIO, ratio, note="V/Vs, stall at this lift")
+    if has_weight:
         yield from stall_speed(trimmed, math.sqrt(trimmed["weight"] / largest.lift))
 
 

@@ -80,11 +80,15 @@ def test_units_are_read_alike_by_both_ways_in(uav: Model) -> None:
     run = hfa("trim", "--aircraft", UAV, "--json", *" ".join(words).split())
     found = json.loads(run.out)["operating_point"]["states"]
     assert found == pytest.approx(point.states._asdict(), rel=1e-12, abs=1e-15)
-    in_numbers = trim(uav, kcas=70.0 * 1609.344 / 1852.0, altitude=914.4, gamma=0.03490658503988659)
+    at_fl030 = 6356766.0 * 914.4 / (6356766.0 - 914.4)
+    kcas = 70.0 * 1609.344 / 1852.0
+    in_numbers = trim(uav, kcas=kcas, altitude=at_fl030, gamma=0.03490658503988659)
     assert point["speed"] == pytest.approx(in_numbers["speed"], rel=1e-12)
     table = tomllib.loads(Path(UAV).read_text("utf-8"))
     table["condition"]["altitude"] = "FL030"
-    assert trim(tool.from_derivatives(table))["altitude"] == pytest.approx(914.4)
+    assert trim(tool.from_derivatives(table))["altitude"] == pytest.approx(at_fl030)
+    # ICAO's table of the standard atmosphere: 238.42 hPa at FL350.
+    assert air(uav.number("altitude", "FL350")).pressure == pytest.approx(23842.0, rel=2e-5)
     assert uav.with_parameters(mass="30 lbm").parameters["mass"].start == pytest.approx(13.6077711)
     assert TrimCondition(uav, {"speed": "90 km/h"}).imposed["speed"] == pytest.approx(25.0)
     swept = tool.sweep(uav, speed=["90 km/h", "60 kt"])

@@ -27,6 +27,7 @@ from hfa import Model, Signal
 from hfa_support.reporting.rows import Row
 from trim import Airplane, graded, trim_report
 from trim.reports.levels import usual_class
+from trim.reports.trimmed import Trimmed
 
 EXAMPLES = ROOT / "examples"
 KNOT = 1852.0 / 3600.0
@@ -374,6 +375,10 @@ LIMITS: list[tuple[str, str, str, dict[float, int]]] = [
     ("III", "C", "dutch roll damping times frequency", {0.101: 1, 0.099: 2, 0.049: 3}),
     ("I", "A", "roll time constant", {0.99: 1, 1.01: 2, 1.41: 3, 10.1: 4}),
     ("III", "A", "roll time constant", {1.39: 1, 1.41: 2, 3.01: 3, 10.1: 4}),
+    ("II-C", "A", "roll time constant", {1.39: 1, 1.41: 2, 3.01: 3}),
+    ("II-C", "C", "roll time constant", {0.99: 1, 1.01: 2, 1.41: 3}),
+    ("II-L", "C", "roll time constant", {1.39: 1, 1.41: 2, 3.01: 3, -0.29: 4}),
+    ("I", "C", "dutch roll damping times frequency", {-0.01: 4}),
     ("I", "B", "roll time constant", {1.39: 1, 1.41: 2, 3.01: 3, 10.1: 4}),
     ("I", "B", "spiral time to double", {20.1: 1, 19.9: 2, 7.9: 3, 3.9: 4}),
     ("I", "C", "spiral time to double", {12.1: 1, 11.9: 2, 7.9: 3, 3.9: 4}),
@@ -436,6 +441,23 @@ def test_class_follows_from_weight_and_load_factor(
     found, reason = usual_class(cast(Any, Loaded(weight=weight)))
     assert found == class_
     assert "nan" not in reason
+
+
+@pytest.mark.parametrize(
+    ("mass", "unit", "class_"), [(5_600.0, "kg", "I"), (400.0, "slug", "II-L")]
+)
+def test_class_follows_from_the_mass_without_a_weight(mass: float, unit: str, class_: str) -> None:
+    """12,500 lbf are 5,670 kg or 389 slug in standard gravity."""
+    states = {"V": Signal("m/s", start=50.0), "alpha": Signal("rad")}
+    model = hfa.Model(
+        "body",
+        states,
+        {"T": Signal("N")},
+        lambda x, u, p, w: ({"V": u.T / p.mass, "alpha": -x.alpha}, {}),
+        parameters={"mass": Signal(unit, start=mass)},
+        trim={"V": 50.0},
+    )
+    assert usual_class(Trimmed(hfa.trim(model)))[0] == class_
 
 
 def test_levels_of_a_sheet_are_those_of_its_modes() -> None:
