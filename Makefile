@@ -1,8 +1,8 @@
 # Two commands: `make report` runs the main job, `make test` runs the tests. Both set themselves up.
 PYTHON ?= python3
-BIN := .venv/bin
+BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 
-.PHONY: report pictures docs test test-core test-blas test-all mutants test-matrix fuzz lint bench notebooks lock clean
+.PHONY: report pictures docs test test-core test-blas coverage test-all mutants test-matrix fuzz lint bench notebooks lock clean
 
 .venv/report: pyproject.toml requirements-report.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -68,6 +68,11 @@ test-blas: .venv/tests
 		echo "OPENBLAS_CORETYPE=$$kernel"; \
 		OPENBLAS_CORETYPE=$$kernel $(BIN)/python -m pytest -q -m "not slow" || exit 1; \
 	done
+
+# The lines that no fast test reaches, as a table and as pages in out/coverage.
+coverage: .venv/tests
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check pytest-cov
+	$(BIN)/python -m pytest -m "not slow" --cov --cov-report=term:skip-covered --cov-report=html:out/coverage
 
 # Files of long tests would wait behind each other: a worker without work takes tests of the others.
 test-all: .venv/ready test-core

@@ -47,7 +47,16 @@ def test_the_wheel_contains_all_modules_and_data(tmp_path: Path) -> None:
 
 #: Tracked files and folders of the root.
 AT_THE_ROOT = {
-    *(".ci", ".gitignore", "Makefile", "conftest.py", "import_contracts.py", "noxfile.py"),
+    *(
+        ".ci",
+        ".github",
+        ".gitignore",
+        ".pre-commit-config.yaml",
+        "Makefile",
+        "conftest.py",
+        "import_contracts.py",
+        "noxfile.py",
+    ),
     *("pyproject.toml", "requirements.lock", "requirements-docs.lock"),
     *("requirements-report.lock", "requirements-test.lock"),
     *("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "README.md"),
