@@ -117,6 +117,8 @@ def test_gains_are_compared_in_any_units(size: float) -> None:
     assert same((gain * (1.0 + 1e-10)).tolist(), gain)
     assert not same((gain * [1.0, 1.01]).tolist(), gain)
     assert not same((gain * [1.01, 1.0]).tolist(), gain)
+    assert not same((gain * [1.0, 0.99]).tolist(), gain)
+    assert not same((-gain).tolist(), gain)
 
 
 def test_every_option_is_changed() -> None:
