@@ -20,7 +20,7 @@ def aircraft_text(found: Identified, folder: Path) -> str:
 
     The file names the aircraft, relative to its own folder, and the aircraft's SHA-256.
     [parameters] contains the estimates and all other values that differ from the aircraft's own.
-    Estimated errors of columns are in [sensors]. [covariance] is omitted if it is not finite.
+    Estimated biases of columns are in [sensors]. [covariance] is omitted if it is not finite.
 
     folder: folder of the file
 
@@ -32,7 +32,7 @@ def aircraft_text(found: Identified, folder: Path) -> str:
             "-o FILE.toml requires an aircraft that was read from a file; add --aircraft FILE"
         )
     own = [name for name in found.parameters if name in found.model.parameters]
-    errors = [name for name in found.parameters if name not in own]
+    biases = [name for name in found.parameters if name not in own]
     places = [list(found.parameters).index(name) for name in own]
     usual = load_model(source.text).parameters
     values = {
@@ -46,9 +46,9 @@ def aircraft_text(found: Identified, folder: Path) -> str:
     rows += [f"{name} = {value!r}" for name, value in values.items()]
     rows += ["", "# Ends of the 95 % bands.", "[bands]"]
     rows += [f"{name} = [{each.low!r}, {each.high!r}]" for name, each in found.parameters.items()]
-    if errors:
-        rows += ["", "# Errors of the columns of the records.", "[sensors]"]
-        rows += [f"{name} = {found.parameters[name].value!r}" for name in errors]
+    if biases:
+        rows += ["", "# Biases of the columns of the records.", "[sensors]"]
+        rows += [f"{name} = {found.parameters[name].value!r}" for name in biases]
     covariance = found.covariance[np.ix_(places, places)]
     if np.isfinite(covariance).all():
         rows += [

@@ -6,7 +6,7 @@ import fnmatch
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -20,18 +20,15 @@ from hfa_identify.bands import (
     white_covariance,
     whiteness,
 )
-from hfa_identify.excitation import refuse_still, still_quantities
-from hfa_identify.fit import Fit, OutputError
+from hfa_identify.fit import Fit
 from hfa_identify.identified import Estimate, FittedQuantity, Identified
 from hfa_identify.records import Record, columns_of_table, read_record, record_of
 from hfa_identify.residuals import partings
 from hfa_identify.response import Responses
-from hfa_identify.search import Search, begin_of
-from hfa_identify.sensors import sensor_errors
+from hfa_identify.search import Search
+from hfa_identify.sensors import biases
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unknown, shown
 
-#: Record, dictionary of arrays, or path of a file.
-AnyRecord: TypeAlias = Record | Mapping[str, Any] | str | Path
 #: Interpolations of the inputs between samples.
 INPUTS = ("linear", "steps")
 #: Pairs of estimates with a larger correlation are reported.
@@ -50,7 +47,6 @@ def identify(
     given: Mapping[str, float] | Sequence[str] = (),
     hold: Mapping[str, float] | None = None,
     inputs: str = "linear",
-    validate: Sequence[AnyRecord] = (),
     progress: Callable[[float, float], None] | None = None,
 ) -> Identified:
     """Identify parameters of a model from flight records by maximum likelihood.
@@ -61,20 +57,17 @@ def identify(
     records: one maneuver or several. Each is a path, a flight, a pandas table, or a dictionary of
         arrays by name in the model's units: time (s), every input, measured states or outputs. NaN
         marks a missing sample.
-    free: names of parameters, or patterns such as "Cm_*". Errors of columns can be free too, such
-        as bias_alpha, scale_speed, delay_elevator: recorded(t) = (1 + scale) true(t - delay) +
-        bias.
+    free: names of parameters, or patterns such as "Cm_*". The bias of a column can be free too,
+        such as bias_alpha: recorded(t) = true(t) + bias.
     given: parameters that keep their values although a pattern matches them, or name -> fixed
         value.
     hold: input without a column, or initial value of an unmeasured state -> value.
     inputs: "linear" or "steps", the interpolation between samples. Commands of a flight computer
         are steps.
-    validate: records that are not fitted. Theil's coefficient is computed for them.
     progress: function called with (work done, total work).
 
     Raises BadInputError for an invalid record, name or combination of arguments. Raises
-    NoSolutionError if the simulation diverges, or if the model explains none of the motion of
-    records whose inputs are constant or whose quantities are noise.
+    NoSolutionError if the simulation diverges.
 
     >>> import hfa
     >>> found = hfa.identify(model, "flight.csv", ["Cm_q"])  # doctest: +SKIP
@@ -90,31 +83,28 @@ def identify(
         raise BadInputError("no records are given; give at least one record")
     refuse_unknown("inputs are", inputs, INPUTS)
     read = _as_records(model, listed, held, inputs)
-    kept_out = _as_records(model, validate, held, inputs)
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
     names = _free_names(model, free, fixed, measured)
     responses = Responses(model, names, measured)
     if sum(len(record.time) for record in read) > _MANY:
         responses.compile()
     search = Search(responses, read, held)
-    for record, start in zip(read, search.guesses, strict=True):
-        search.responses.refuse_other_time(record, start, search.begin)
     try:
         fit = search.fit(progress)
     except FloatingPointError as error:
-        refuse_still(search, None)
         raise NoSolutionError(
             f"no parameters were found: {error} with the initial parameter values; give better "
             "initial values, or shorter records, and check units and signs of the columns"
         ) from error
-    refuse_still(search, fit)
-    return _identified(search, fit, _theils(search, kept_out, fit))
+    return _identified(search, fit)
 
 
 def _listed(records: Any) -> list[Any]:
     """Return one or several records as a list."""
-    is_table = hasattr(records, "to_pandas") or hasattr(records, "columns")
-    is_one = is_table or isinstance(records, Record | Mapping | str | Path)
+    from hfa_flight.simulate.flight import Flight
+
+    is_table = hasattr(records, "columns")
+    is_one = is_table or isinstance(records, Flight | Record | Mapping | str | Path)
     if is_one:
         return [records]
     return list(records)
@@ -142,17 +132,17 @@ def _as_records(
     inputs: str,
 ) -> list[Record]:
     """Return a `Record` for each path, flight, table, dictionary or record."""
+    from hfa_flight.simulate.flight import Flight
+
     read = []
     for number, each in enumerate(given, start=1):
         if isinstance(each, str | Path):
             each = read_record(each, model, held)
         elif not isinstance(each, Record):
-            if hasattr(each, "to_pandas"):  # the constant states of a flight are not frozen sensors
-                table = each.to_pandas().reset_index()
-                if "time" not in table:
-                    raise BadInputError(f"record {number} has no time; give a record or a flight")
-                moves = [name in model.inputs or np.ptp(table[name]) > 0.0 for name in table]
-                each = table.loc[:, moves]
+            if isinstance(each, Flight):
+                columns = zip(each.model.states, each.states.T, strict=True)
+                inputs_of = zip(each.model.inputs, each.inputs.T, strict=True)
+                each = {"time": each.time, **dict(columns), **dict(inputs_of)}
             if hasattr(each, "reset_index"):  # a pandas table
                 is_index = each.index.name == "time" and "time" not in each.columns
                 each = each.reset_index() if is_index else each
@@ -165,7 +155,7 @@ def _as_records(
 def _free_names(
     model: Model, free: Sequence[str], given: Sequence[str], measured: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the parameters and column errors selected by the names and patterns in `free`."""
+    """Return the parameters and biases selected by the names and patterns in `free`."""
     if isinstance(free, str) or not free:
         if not model.parameters:
             raise BadInputError(
@@ -176,8 +166,7 @@ def _free_names(
         raise BadInputError(
             f"free contains no list of parameters; give a list with at least one of {possible}"
         )
-    errors = sensor_errors(model, (*model.inputs, *measured))
-    known = (*model.parameters, *errors)
+    known = (*model.parameters, *biases(model, (*model.inputs, *measured)))
     names: list[str] = []
     for name in free:
         if any(sign in name for sign in "*?["):
@@ -197,36 +186,7 @@ def _free_names(
     return tuple(dict.fromkeys(names))
 
 
-def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, float]:
-    """Return Theil's inequality coefficient of each measured quantity, by name."""
-    # The coefficient is rms(z - y) / (rms(z) + rms(y)). z is measured, and y is simulated with the
-    # identified parameters. Only the initial conditions are fitted to these records.
-    # Raises NoSolutionError if the simulation of these records diverges.
-    if not records:
-        return {}
-    responses, theta = search.responses, fit.theta
-    fixed = np.column_stack([theta, theta])
-    guesses = [begin_of(responses.model, record, search.held) for record in records]
-    try:
-        found = OutputError(responses, records, fixed, guesses).fit(theta, guesses)
-    except FloatingPointError as error:
-        names = ", ".join(record.name for record in records)
-        raise NoSolutionError(
-            f"{names}: {error} with the identified parameters; give shorter records"
-        ) from error
-    theils = {}
-    for place, name in enumerate(responses.measured):
-        flags = np.concatenate([present[:, place] for present in found.present])
-        if not flags.any():
-            continue
-        misses = np.concatenate([each[:, place] for each in found.residuals])[flags]
-        y = np.concatenate([each.y[:, place] for each in found.responses])[flags]
-        sizes = np.sqrt(np.mean((y + misses) ** 2)) + np.sqrt(np.mean(y**2))
-        theils[name] = float(np.sqrt(np.mean(misses**2)) / max(sizes, 1e-300))
-    return theils
-
-
-def _identified(search: Search, fit: Fit, theils: Mapping[str, float]) -> Identified:
+def _identified(search: Search, fit: Fit) -> Identified:
     """Return the result of an identification, from the best fit."""
     responses, theta, names = search.responses, fit.theta.tolist(), search.responses.free
     model = responses.model
@@ -240,21 +200,21 @@ def _identified(search: Search, fit: Fit, theils: Mapping[str, float]) -> Identi
         )
     }
     of_model = {name: each for name, each in estimates.items() if name in model.parameters}
-    wide = [
+    wide = tuple(
         name
         for name, each in of_model.items()
         if not each.high - each.value <= _WIDE * max(abs(each.value), abs(each.start))
-    ]
+    )
     return Identified(
         model=model.with_parameters(**{name: each.value for name, each in of_model.items()}),
         records=tuple(record.name for record in search.records),
         parameters=estimates,
-        quantities=_quantities(responses, fit, theils),
+        quantities=_quantities(responses, fit),
         covariance=C,
         partings=tuple(partings(search, fit)),
         coloured=_widest(half, white),
         correlated=tuple(_correlated(names, C)),
-        undetermined=still_quantities(search, wide),
+        undetermined=wide,
         at_bounds=tuple(
             name
             for name, value, ends in zip(names, theta, search.bounds, strict=True)
@@ -288,9 +248,7 @@ def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str,
                 yield one, names[j], float(table[i, j])
 
 
-def _quantities(
-    responses: Responses, fit: Fit, theils: Mapping[str, float]
-) -> dict[str, FittedQuantity]:
+def _quantities(responses: Responses, fit: Fit) -> dict[str, FittedQuantity]:
     """Return name -> quality of the fit, for each measured quantity."""
     parts = explained(fit)
     found = {}
@@ -304,7 +262,6 @@ def _quantities(
             float(parts[place]),
             float(np.sqrt(fit.noise[place])),
             float(np.mean(whites)),
-            theils.get(name),
             responses.model.unit(name),
         )
     return found

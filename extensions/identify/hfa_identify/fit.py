@@ -27,7 +27,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_identify.records import Record
-from hfa_identify.response import ROUGH_STEP, STEP, Response, Responses, Simulation
+from hfa_identify.response import Response, Responses, Simulation
 
 #: Standard deviations of the guess of an initial state, in nominal values: _MEASURED for a measured
 #: state, 1 for another, and _HELD for one that a trim does not balance (altitude, heading).
@@ -182,10 +182,7 @@ class OutputError:
 
     bounds: limits of the parameters, (p, 2).
     guesses: guess of each record's initial state, (n,) each.
-    by_motion: whether the variance of each quantity's motion replaces its noise variance. Far from
-        the minimum, motion is then not treated as noise.
-    is_rough: whether integration steps may be long. The sensitivities after the last Gauss-Newton
-        step are then not computed.
+    least: least noise variance of each quantity, (k,).
     """
 
     def __init__(
@@ -194,14 +191,11 @@ class OutputError:
         records: Sequence[Record],
         bounds: np.ndarray,
         guesses: Sequence[np.ndarray],
-        by_motion: bool = False,
-        is_rough: bool = False,
     ) -> None:
         self.responses = responses
         self.records = tuple(records)
         self.bounds = bounds
         self.guesses = tuple(guesses)
-        self.is_rough = is_rough
         self._priors = tuple(_start_weights(responses.model, record) for record in self.records)
         tables = [record.table(responses.measured) for record in self.records]
         self._present = tuple(np.isfinite(table) for table in tables)
@@ -210,49 +204,40 @@ class OutputError:
         )
         self._counts = sum(flags.sum(axis=0) for flags in self._present)
         sizes = [responses.model.signals[name].nominal for name in responses.measured]
-        self._least = (1e-9 * np.array(sizes)) ** 2
-        self._fixed = self._motion() if by_motion else None
+        self.least = (1e-9 * np.array(sizes)) ** 2
 
     def fit(
         self,
         theta: np.ndarray,
         starts: Sequence[np.ndarray],
         progress: Callable[[float, float], None] | None = None,
-        small: float = SMALL,
-        most_steps: int = MOST_STEPS,
     ) -> Fit:
         """Return the fit with the least L that Gauss-Newton steps reach.
 
         theta: initial parameters, (p,)
         starts: initial state of each record at which the search begins, (n,) each
-        small: number of standard deviations below which a step counts as converged
-        most_steps: largest number of steps
 
         Raises FloatingPointError if the first simulation diverges or its sensitivities are not
         finite.
         """
         found = self.at(theta, tuple(starts))
         level = 0
-        for step in range(1, most_steps + 1):
+        for step in range(1, MOST_STEPS + 1):
             if progress is not None:
-                progress(step, most_steps)
+                progress(step, MOST_STEPS)
             undamped = self._solved(found, 0.0)
             change = undamped[0]
             size = math.sqrt(max(change @ found.information @ change / len(change), 0.0))
-            is_small = size < small
-            is_last = self.is_rough and (is_small or step == most_steps)
-            level, lower = self._lowered(found, undamped, max(0, level - 1), step, is_last)
+            level, lower = self._lowered(found, undamped, max(0, level - 1), step)
             if lower is None:
-                return replace(found, converged=bool(size < max(small, _STUCK)))
+                return replace(found, converged=bool(size < _STUCK))
             is_stuck = size < _STUCK and found.likelihood - lower.likelihood < _NO_GAIN
             found = lower
-            if is_small or is_stuck:
+            if size < SMALL or is_stuck:
                 return replace(found, converged=True)
         return found
 
-    def _lowered(
-        self, found: Fit, undamped: Step, first: int, step: int, is_last: bool
-    ) -> tuple[int, Fit | None]:
+    def _lowered(self, found: Fit, undamped: Step, first: int, step: int) -> tuple[int, Fit | None]:
         """Return the index and the fit of the first Gauss-Newton trial that does not raise L."""
         # Each trial, an entry of `_TRIALS`, contains a damping of the normal equations and a factor
         # on the step. The fit is None if every trial raises L or fails.
@@ -267,8 +252,7 @@ class OutputError:
                 ]
                 lower = self.at(theta, tuple(starts), step)
                 if lower.likelihood <= found.likelihood:
-                    if not is_last:
-                        _ = lower.normals  # a step without finite sensitivities is rejected
+                    _ = lower.normals  # a step without finite sensitivities is rejected
                     return level, lower
             except (FloatingPointError, np.linalg.LinAlgError):
                 continue
@@ -285,9 +269,8 @@ class OutputError:
 
         Raises FloatingPointError if the simulation diverges.
         """
-        longest = ROUGH_STEP if self.is_rough else STEP
         simulated = tuple(
-            self.responses.simulated(record, start, theta, longest)
+            self.responses.simulated(record, start, theta)
             for record, start in zip(self.records, starts, strict=True)
         )
         residuals = tuple(
@@ -304,21 +287,10 @@ class OutputError:
             converged=False, search=self,
         )  # fmt: skip
 
-    def _motion(self) -> np.ndarray:
-        """Return the variance of each measured quantity within the records, (k,)."""
-        total = np.zeros(len(self._least))
-        for flags, table in zip(self._present, self._measured, strict=True):
-            mean = table.sum(axis=0) / np.maximum(flags.sum(axis=0), 1)
-            total += (np.where(flags, table - mean, 0.0) ** 2).sum(axis=0)
-        return np.asarray(np.maximum(total / np.maximum(self._counts, 1), self._least))
-
     def _noise(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
-        """Return the noise variances (k,)."""
-        # They are the variances of the motion (`by_motion`) or of the residuals.
-        if self._fixed is not None:
-            return self._fixed
+        """Return the variances of the residuals (k,)."""
         squares = sum((each**2).sum(axis=0) for each in residuals)
-        return np.asarray(np.maximum(squares / np.maximum(self._counts, 1), self._least))
+        return np.asarray(np.maximum(squares / np.maximum(self._counts, 1), self.least))
 
     def _likelihood(
         self, residuals: Sequence[np.ndarray], noise: np.ndarray, starts: Sequence[np.ndarray]

@@ -56,15 +56,12 @@ class FittedQuantity(Result):
     noise: standard deviation of the residuals.
     white: fraction of the first 25 lags at which the autocorrelation of the residuals is within the
         95 % band of white noise, averaged over the records. White residuals have about 0.95.
-    theil: Theil's inequality coefficient for records that were not fitted, or None without such
-        records.
     unit: unit of `noise`.
     """
 
     fit: float
     noise: float
     white: float
-    theil: float | None
     unit: str
 
 
@@ -79,8 +76,7 @@ class Identified(Result, Reported):
     covariance: covariance of the estimates, in the order of `parameters`.
     coloured: largest factor by which the correction widened a band.
     correlated: (name, name, coefficient) of each pair correlated by more than 0.9.
-    undetermined: parameter that the records do not determine -> the motionless state or input that
-        it multiplies, "" if none exists.
+    undetermined: parameters that the records do not determine.
     at_bounds: parameters with an estimate at a limit of the model.
     unexplained: quantities whose simulated motion contradicts the measured motion.
     partings: where records and model part, in quantities whose residuals are not noise, the
@@ -99,7 +95,7 @@ class Identified(Result, Reported):
     partings: tuple[Parting, ...]
     coloured: float
     correlated: tuple[tuple[str, str, float], ...]
-    undetermined: Mapping[str, str]
+    undetermined: tuple[str, ...]
     at_bounds: tuple[str, ...]
     unexplained: tuple[str, ...]
     converged: bool
@@ -131,7 +127,7 @@ class Identified(Result, Reported):
     def findings(self) -> Iterator[str]:
         """Sentences on what makes the estimates doubtful, the most important first."""
         if self.undetermined:
-            yield self._not_determined()
+            yield f"not determined: {', '.join(self.undetermined)}"
         if not self.converged:
             yield "the search did not converge"
         if self.unexplained:
@@ -150,15 +146,6 @@ class Identified(Result, Reported):
         if each.samples:
             why = f"in {each.samples} sample{'s' * (each.samples > 1)}"
         return f"{each.quantity}{where} is off the model by {far} at {each.time:.4g} s, {why}"
-
-    def _not_determined(self) -> str:
-        """Return the finding on parameters that the records do not determine."""
-        # The finding names the first parameter, its motionless quantity, and the number of further
-        # parameters.
-        name, still = next(iter(self.undetermined.items()))
-        why = f" ({still} did not move)" if still else ""
-        more = len(self.undetermined) - 1
-        return f"not determined: {name}{why}" + (f" and {more} more" if more else "")
 
     @property
     def far(self) -> tuple[str, ...]:
@@ -226,9 +213,6 @@ class Identified(Result, Reported):
             )
             sentence = f"Check the units and signs of the columns: far from the start are {values}."
             parts.insert(0, wrapped(sentence, WIDTH))
-        if len(self.undetermined) > 1:
-            still_rows = [(name, still or "-") for name, still in self.undetermined.items()]
-            parts.append(Table(("not determined", "did not move"), tuple(still_rows)))
         if self.correlated:
             rows = [(one, other, f"{value:.3f}") for one, other, value in self.correlated]
             parts.append(Table(("correlated", "with", "coefficient"), tuple(rows)))
@@ -264,11 +248,10 @@ class Identified(Result, Reported):
         """Return a table of the quality of the fit of each measured quantity."""
         rows = []
         for name, each in self.quantities.items():
-            theil = "-" if each.theil is None else f"{each.theil:.3f}"
             noise = beside_unit(shown_value(each.noise, each.unit), each.unit)
             white = f"{100.0 * each.white:.0f} %"
-            rows.append((name, f"{100.0 * each.fit:.2f} %", noise, white, theil))
-        return Table(("measured", "explained", "noise", "white lags", "Theil"), tuple(rows))
+            rows.append((name, f"{100.0 * each.fit:.2f} %", noise, white))
+        return Table(("measured", "explained", "noise", "white lags"), tuple(rows))
 
     def figure(self) -> Figure:
         """Return a figure of measured and fitted quantities and their residuals versus time."""

@@ -7,15 +7,13 @@ import io
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import Signal
-from hfa_identify.jsbsim_log import TIME, log_columns
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
 from hfa_support.files import regular_file
@@ -23,18 +21,6 @@ from hfa_support.units import conversion, si_unit
 
 #: Least number of samples in a record.
 FEWEST = 10
-#: A sensor that repeats values in less than the fraction _SELDOM of its samples is frozen if it
-#: repeats a value more than _FROZEN times in succession.
-_SELDOM = 0.01
-_FROZEN = 4
-#: Least number of samples on an extreme value of a clipped sensor, as a number and as a fraction,
-#: and ratio to the number on the next value.
-_CLIPPED = 5
-_CLIPPED_PART = 0.02
-_MORE_OFTEN = 5
-#: A value is in a wrong unit if its distance from the middle of the limits exceeds this many
-#: half-ranges.
-_FAR = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,47 +48,6 @@ class Record:
         """
         none = np.full(len(self.time), np.nan)
         return np.column_stack([self.measured.get(name, none) for name in names])
-
-    def windows(self, seconds: float) -> list[Record]:
-        """Return consecutive parts of the record that share their end samples.
-
-        seconds: duration of a part, s. A part has at least `FEWEST` samples, and the last may be
-            longer.
-        """
-        step = (self.time[-1] - self.time[0]) / (len(self.time) - 1)
-        samples = max(FEWEST, round(seconds / step))
-        starts = range(0, max(1, len(self.time) - samples), samples)
-        ends = [*list(starts)[1:], len(self.time) - 1]
-        return [self.part(first, last + 1) for first, last in zip(starts, ends, strict=True)]
-
-    def thinned(self, together: int) -> Record:
-        """Return a record with one sample for each group of `together` samples.
-
-        A sample has the time and inputs at the start of its group, and the first value of each
-        sensor in the group.
-        """
-        if together == 1:
-            return self
-        starts = np.arange(0, len(self.time), together)
-        measured = {}
-        for name, values in self.measured.items():
-            missing = -len(values) % together
-            blocks = np.append(values, np.full(missing, np.nan)).reshape(-1, together)
-            first = np.isfinite(blocks).argmax(axis=1)
-            measured[name] = blocks[np.arange(len(blocks)), first]
-        return replace(self, time=self.time[starts], inputs=self.inputs[starts], measured=measured)
-
-    def part(self, first: int, stop: int) -> Record:
-        """Return the record of the samples `first` to `stop` - 1."""
-        rows = slice(first, stop)
-        measured = {name: values[rows] for name, values in self.measured.items()}
-        return replace(self, time=self.time[rows], inputs=self.inputs[rows], measured=measured)
-
-
-def columns_of(model: Model, record: Record) -> dict[str, np.ndarray]:
-    """Return the time, the inputs and the measured quantities of a record by name, (N,) each."""
-    inputs = dict(zip(model.inputs, record.inputs.T, strict=True))
-    return {"time": record.time, **inputs, **record.measured}
 
 
 def _stacked(time: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
@@ -149,10 +94,7 @@ def record_of(
             f"{next(iter(model.states))}"
         )
     for each, values in arrays.items():
-        others = [column for other, column in arrays.items() if other != each]
-        _check_measured(name, each, values, [*inputs, *others])
-    for each, values in (*zip(model.inputs, inputs, strict=True), *arrays.items()):
-        _check_size(model, name, each, values)
+        _check_measured(name, each, values)
     return Record(name, time, _stacked(time, inputs), arrays)
 
 
@@ -161,9 +103,8 @@ def read_record(path: str | Path, model: Model, held: Mapping[str, float]) -> Re
 
     The first row of a CSV file contains names with or without units, such as "alpha [deg]". Cells
     are separated by commas, tabs or semicolons; with semicolons, the decimal may be a comma. An
-    empty cell is a missing sample. A CSV log of JSBSim begins with the column Time, and its columns
-    that the model lacks are left out. Columns without a unit are in the model's units, with angles
-    in radians.
+    empty cell is a missing sample. Columns without a unit are in the model's units, with angles in
+    radians.
 
     held: input without a column -> its constant value
 
@@ -201,8 +142,6 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
         raise BadInputError(f"{path} is empty; give a row of names, then rows of samples")
     if rows[0][-1] == "about":  # the provenance in a file of `hfa fly`
         rows = [row[:-1] for row in rows]
-    if rows[0][0].strip() == TIME:
-        return _of_log(path, rows, model)
     heads = [_head(path, cell, model) for cell in rows[0]]
     names = [name for name, _ in heads]
     if len(set(names)) < len(names):
@@ -213,19 +152,6 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
     table = _table(path, rows, names)
     factors = [factor for _, factor in heads]
     return {name: table[:, place] * factors[place] for place, name in enumerate(names)}
-
-
-def _of_log(path: Path, rows: list[list[str]], model: Model) -> dict[str, np.ndarray]:
-    """Return the columns of a CSV log of JSBSim by name, without those that the model lacks."""
-    # Without noise, a state that does not move is no frozen sensor, and is left out.
-    table = _table(path, rows, rows[0])
-    found = {}
-    for column, values in zip(log_columns(rows[0], model), table.T, strict=True):
-        if column is not None and (column[0] in model.inputs or np.ptp(values) > 0.0):
-            name, factor = column
-            is_angle = name != "time" and model.unit(name) == "rad"
-            found[name] = np.unwrap(factor * values) if is_angle else factor * values
-    return found
 
 
 def _table(path: Path, rows: list[list[str]], names: Sequence[str]) -> np.ndarray:
@@ -354,105 +280,15 @@ def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray])
             )
 
 
-def _check_measured(
-    name: str, column: str, values: np.ndarray, others: Sequence[np.ndarray]
-) -> None:
-    """Raise BadInputError if a sensor is infinite, has too few values, is clipped, or is frozen."""
-    # A sensor is frozen if all its values are equal, or if it repeats a value many times while
-    # another column moves.
+def _check_measured(name: str, column: str, values: np.ndarray) -> None:
+    """Raise BadInputError if a measured quantity is infinite or has too few values."""
     if np.isinf(values).any():
         raise BadInputError(
             f"{name}: {column} contains infinite values; leave the cells of these samples empty"
         )
-    seen = values[np.isfinite(values)]
-    if len(seen) < FEWEST:
+    seen = int(np.isfinite(values).sum())
+    if seen < FEWEST:
         raise BadInputError(
-            f"{name}: {column} has {len(seen)} finite values; give at least {FEWEST}, or remove "
+            f"{name}: {column} has {seen} finite values; give at least {FEWEST}, or remove "
             "the column"
         )
-    if np.ptp(seen) == 0.0:
-        raise BadInputError(
-            f"{name}: {column} is {seen[0]:g} at every sample, as from a frozen sensor; remove "
-            "the column"
-        )
-    _check_clipped(name, column, seen)
-    first, last = _longest_repeat(seen)
-    places = np.flatnonzero(np.isfinite(values))[[first, last]]
-    if not any(np.ptp(_finite(other[places[0] : places[1] + 1])) > 0.0 for other in others):
-        return
-    longest = last - first + 1
-    repeated = int((np.diff(seen) == 0.0).sum())
-    # A sensor with coarse resolution repeats many values. One with fine resolution does so only if
-    # it is frozen.
-    is_fine = repeated - (longest - 1) <= _SELDOM * len(seen)
-    if longest > (_FROZEN if is_fine else max(FEWEST, len(seen) // 5)):
-        raise BadInputError(
-            f"{name}: {column} repeats one value {longest} times, as from a frozen sensor; leave "
-            "the cells of these samples empty"
-        )
-
-
-def _check_clipped(name: str, column: str, values: np.ndarray) -> None:
-    """Raise BadInputError if many samples of a sensor are on one of its extreme values."""
-    # The sensor may rest on a value at both ends of the record. A sensor of coarse resolution is
-    # clipped only if many samples are on both extreme values: it may hold one of them.
-    edges = np.flatnonzero(np.diff(values) != 0.0)
-    inside = values[edges[0] + 1 : edges[-1] + 1]
-    if len(inside) == 0:
-        return
-    levels, counts = np.unique(inside, return_counts=True)
-    if len(levels) < 2 * _MORE_OFTEN:
-        return
-    least = max(_CLIPPED, _CLIPPED_PART * len(values))
-    clipped = {
-        float(levels[end]): int(counts[end])
-        for end, beside in ((0, 1), (-1, -2))
-        if counts[end] >= max(least, _MORE_OFTEN * counts[beside])
-    }
-    is_fine = counts[1:-1].mean() < 1.0 + _SELDOM
-    if len(clipped) == 2 or (clipped and is_fine):
-        limits = " or ".join(f"{level:.6g}" for level in clipped)
-        raise BadInputError(
-            f"{name}: {column} is clipped: {sum(clipped.values())} of {len(values)} samples are at "
-            f"{limits}; leave the cells of these samples empty"
-        )
-
-
-def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> None:
-    """Raise BadInputError if a column is far beyond the limits of the model."""
-    signal = model.signals[column]
-    far = _far_beyond(signal, values)
-    if far.any():
-        unit = signal.unit
-        advice = (
-            ("; if the column is in degrees, add [deg] to the name of the column")
-            if unit == "rad"
-            else ""
-        )
-        raise BadInputError(
-            f"{name}: {column} reaches {values[far][0]:g} {unit}, far beyond the model's limits "
-            f"{signal.min:g} to {signal.max:g}{advice or '; check the unit'}"
-        )
-
-
-def _far_beyond(signal: Signal, values: np.ndarray) -> np.ndarray:
-    """Return a mask (N,) of values so far beyond a signal's limits that the unit is wrong."""
-    half = 0.5 * (signal.max - signal.min)
-    middle = 0.5 * (signal.max + signal.min)
-    if not 0.0 < half < math.inf:
-        return np.zeros(len(values), dtype=bool)
-    return np.asarray(np.abs(values - middle) > _FAR * half)
-
-
-def _longest_repeat(values: np.ndarray) -> tuple[int, int]:
-    """Return the first and last index of the longest sequence of equal values in a column."""
-    changes = np.flatnonzero(np.diff(values) != 0.0)
-    edges = np.concatenate([[-1], changes, [len(values) - 1]])
-    longest = int(np.diff(edges).argmax())
-    return int(edges[longest]) + 1, int(edges[longest + 1])
-
-
-def _finite(values: np.ndarray) -> np.ndarray:
-    """Return the finite values of a column, or a single 0 if it has none."""
-    seen = values[np.isfinite(values)]
-    return seen if len(seen) else np.zeros(1)

@@ -2,7 +2,7 @@
 
 Between samples the inputs are linear in time or constant. The classical fourth-order Runge-Kutta
 method advances the states: x⁺ = Φ(x, u, u⁺, θ, Δt). The sensitivities S = dx/d(θ, x₀) advance by
-S⁺ = Φ_x S + Φ_θ. θ contains parameters of the model and errors of columns (`sensors.py`).
+S⁺ = Φ_x S + Φ_θ. θ contains parameters of the model and biases of columns (`sensors.py`).
 """
 
 from __future__ import annotations
@@ -21,24 +21,18 @@ from hfa_aircraft.march.steppers import rk4
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.records import Record
-from hfa_identify.sensors import SensorError, sensor_errors
-from hfa_support.errors import BadInputError
+from hfa_identify.sensors import biases
 from hfa_support.matrices import spectral_radius
 from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.machine_code import machine_code
 
 #: Largest integration step, in time constants of the fastest mode.
 STEP = 0.3
-#: Largest integration step of a search that need not be accurate.
-ROUGH_STEP = 0.6
 #: Largest number of integration steps between two samples.
 _MOST_STEPS = 10
 #: Number of integration steps whose sensitivities are computed together, so that they fit into the
 #: cache.
 TOGETHER = 250
-#: If the sampling interval exceeds this many time constants of the fastest mode, the time is not in
-#: seconds.
-_FAR_TOO_LONG = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +75,7 @@ class Responses:
     """Simulation of a model with free parameters.
 
     model: the model. Parameters that are not free keep their values.
-    free: names of the unknowns θ: parameters and column errors.
+    free: names of the unknowns θ: parameters and biases of columns.
     measured: names of the measured states and outputs.
     """
 
@@ -89,35 +83,34 @@ class Responses:
         self.model = model
         self.free = tuple(free)
         self.measured = tuple(measured)
-        known = sensor_errors(model, (*model.inputs, *self.measured))
-        self._errors = {name: known[name] for name in self.free if name in known}
-        # Index of a column -> index of its delay in θ.
-        self._late_inputs = self._delays(list(model.inputs))
-        self._late_outputs = self._delays(list(self.measured))
+        known = biases(model, (*model.inputs, *self.measured))
+        self._biases = {name: known[name] for name in self.free if name in known}
         x, u = model.layout.symbols("x", "u")
-        slope = ca.SX.sym("slope", u.numel() if self._late_inputs else 0)
-        driven = ca.vertcat(u, slope)
-        after = ca.SX.sym("after", driven.numel())
+        after = ca.SX.sym("after", u.numel())
         theta = ca.SX.sym("theta", len(self.free))
         duration = ca.SX.sym("duration")
         values = list(map(ca.SX, model.p.tolist()))
         symbols = dict(zip(self.free, components(theta), strict=True))
         for place, name in enumerate(model.parameters):
             values[place] = symbols.get(name, values[place])
-        true_inputs = self._true_inputs(components(u), components(slope), symbols)
+        of_column = {column: symbols[name] for name, column in self._biases.items()}
+        of_inputs = [of_column.get(name, 0.0) for name in model.inputs]
+        true_inputs = [each - bias for each, bias in zip(components(u), of_inputs, strict=True)]
         rates, seen = model.layout.expressions([components(x), true_inputs, values], self.measured)
-        seen = self._recorded(components(seen), symbols)
-        f = ca.Function("f", [x, driven, theta], [rates])
+        of_measured = [of_column.get(name, 0.0) for name in self.measured]
+        recorded = [each + bias for each, bias in zip(components(seen), of_measured, strict=True)]
+        seen = ca.densify(ca.vertcat(ca.SX(0, 1), *recorded))
+        f = ca.Function("f", [x, u, theta], [rates])
         unknowns = ca.vertcat(x, theta)
-        driven_at = {0.0: driven, 0.5: 0.5 * (driven + after), 1.0: after}
-        moved = rk4(lambda x, c: f(x, driven_at[c], theta), x, duration)
+        inputs_at = {0.0: u, 0.5: 0.5 * (u + after), 1.0: after}
+        moved = rk4(lambda x, c: f(x, inputs_at[c], theta), x, duration)
         self._step = ca.Function(
-            "step", [x, driven, after, theta, duration], ca.cse([ca.densify(moved)])
+            "step", [x, u, after, theta, duration], ca.cse([ca.densify(moved)])
         )
         slopes = ca.densify(ca.jacobian(rates, unknowns))
         self._advances: dict[Any, BoundFunction] = {}
         # Slopes are transposed, so that a row contains the columns of a matrix in succession.
-        arguments = [x, driven, theta]
+        arguments = [x, u, theta]
         self._rates = RowFunction(ca.Function("rates", arguments, ca.cse([rates, slopes.T])))
         self._seen = RowFunction(ca.Function("seen", arguments, [seen]))
         seen_slopes = ca.densify(ca.jacobian(seen, unknowns))
@@ -139,178 +132,47 @@ class Responses:
         """Unknown -> its unit, limits and value at the start of the search."""
         signals = {}
         for name in self.free:
-            if name in self._errors:
-                signals[name] = self._errors[name].signal(self.model)
+            if name in self._biases:
+                declared = self.model.signals[self._biases[name]]
+                signals[name] = Signal(declared.unit, declared.nominal)
             else:
                 signals[name] = self.model.parameters[name]
         return signals
 
-    # Errors of columns.
-
-    def _delays(self, columns: list[str]) -> dict[int, int]:
-        """Return the delays that are unknowns, as index in `columns` -> index in θ."""
-        return {
-            columns.index(error.column): self.free.index(name)
-            for name, error in self._errors.items()
-            if error.kind == "delay" and error.column in columns
-        }
-
-    def _true_inputs(
-        self, recorded: list[ca.SX], slopes: list[ca.SX], symbols: dict[str, ca.SX]
-    ) -> list[ca.SX]:
-        """Return the true inputs as expressions of recorded inputs and unknown column errors."""
-        # Bias and scale error are corrected exactly, a delay to first order.
-        true = []
-        for place, name in enumerate(self.model.inputs):
-            value = recorded[place]
-            if place in self._late_inputs:
-                value = value + symbols[SensorError("delay", name).name] * slopes[place]
-            value = value - self._symbol("bias", name, symbols)
-            true.append(value / (1.0 + self._symbol("scale", name, symbols)))
-        return true
-
-    def _recorded(self, true: list[ca.SX], symbols: dict[str, ca.SX]) -> ca.SX:
-        """Return the measured quantities with their bias and scale error as expressions."""
-        rows = [
-            (1.0 + self._symbol("scale", name, symbols)) * value
-            + self._symbol("bias", name, symbols)
-            for name, value in zip(self.measured, true, strict=True)
-        ]
-        return ca.densify(ca.vertcat(ca.SX(0, 1), *rows))
-
-    def _symbol(self, kind: str, column: str, symbols: dict[str, ca.SX]) -> ca.SX | float:
-        """Return the symbol of a column error, or 0 if this error is not an unknown."""
-        name = SensorError(kind, column).name
-        return symbols[name] if name in self._errors else 0.0
-
-    def _driven(self, record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the inputs of a record without their unknown delays, and the other unknowns."""
-        # The inputs are (N, m), or (N, 2m) with their time derivatives if a delay is an unknown. In
-        # the returned unknowns (p,), these delays are 0.
-        # theta (p,)
-        if not self._late_inputs:
-            return record.inputs, theta
-        inputs = record.inputs.copy()
-        slopes = np.zeros_like(inputs)
-        rest = theta.copy()
-        for column, place in self._late_inputs.items():
-            later = record.time + theta[place]
-            inputs[:, column] = np.interp(later, record.time, record.inputs[:, column])
-            slopes[:, column] = self.input_slopes(record, column, later)
-            rest[place] = 0.0
-        return np.hstack([inputs, slopes]), rest
-
-    def input_slopes(self, record: Record, column: int, times: np.ndarray) -> np.ndarray:
-        """Return the time derivatives of an input at given times, (N,).
-
-        A derivative is a difference over the sampling interval centered at the time.
-
-        column: index of the input
-        times: s, (N,)
-        """
-        interval = float(np.median(np.diff(record.time)))
-        ends = times + 0.5 * interval
-        recorded = record.inputs[:, column]
-        rise = np.interp(ends, record.time, recorded)
-        rise -= np.interp(ends - interval, record.time, recorded)
-        return rise / interval
-
-    def _delayed(self, record: Record, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the simulated quantities with their delays applied, (N, k)."""
-        # theta (p,), y (N, k)
-        from scipy.interpolate import CubicSpline
-
-        later = y.copy()
-        for column, place in self._late_outputs.items():
-            curve = CubicSpline(record.time, y[:, column])
-            later[:, column] = curve(_earlier(record, theta[place]))
-        return later
-
-    def _delay_slopes(
-        self, record: Record, theta: np.ndarray, y: np.ndarray, slopes: np.ndarray
-    ) -> None:
-        """Shift the sensitivities by the delays, and enter those to the delays, in place."""
-        # theta (p,), y (N, k), slopes (N, k, p + n)
-        from scipy.interpolate import CubicSpline
-
-        for column, place in self._late_outputs.items():
-            at = _earlier(record, theta[place])
-            slopes[:, column] = CubicSpline(record.time, slopes[:, column])(at)
-            slopes[:, column, place] = -CubicSpline(record.time, y[:, column])(at, 1)
-
-    # Simulation.
-
-    def refuse_other_time(self, record: Record, start: np.ndarray, theta: np.ndarray) -> None:
-        """Raise BadInputError if the sampling intervals are too long for a time in seconds.
-
-        The limit is `_FAR_TOO_LONG` time constants of the fastest mode at the initial state.
-
-        start: initial state, (n,)
-        theta: unknowns, (p,)
-        """
-        longest = float(np.diff(record.time).max())
-        fastest = self._fastest(record, start, theta)
-        if longest * fastest > _FAR_TOO_LONG:
-            raise BadInputError(
-                f"{record.name}: samples are up to {longest:g} s apart, but the fastest mode of "
-                f"the model has a time constant of {1.0 / fastest:.2g} s; give the time in s, or "
-                'name its column in a CSV file "time [ms]"'
-            )
-
-    def steps_between(
-        self, record: Record, start: np.ndarray, theta: np.ndarray, step: float = STEP
-    ) -> int:
+    def steps_between(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
         """Return the number of integration steps between two samples, at most `_MOST_STEPS`.
 
+        A step is at most `STEP` time constants of the fastest mode at the initial state.
+
         start: initial state, (n,)
         theta: unknowns, (p,)
-        step: largest step, in time constants of the fastest mode at the initial state
         """
         longest = float(np.diff(record.time).max())
-        steps = math.ceil(longest * self._fastest(record, start, theta) / step)
+        steps = math.ceil(longest * self._fastest(record, start, theta) / STEP)
         return int(np.clip(steps, 1, _MOST_STEPS))
-
-    def samples_in_step(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
-        """Return the number of sampling intervals within the longest integration step, at least 1.
-
-        The longest step is `ROUGH_STEP` time constants of the fastest mode at the initial state.
-
-        start: initial state, (n,)
-        theta: unknowns, (p,)
-        """
-        usual = float(np.median(np.diff(record.time)))
-        fastest = self._fastest(record, start, theta)
-        return max(1, int(ROUGH_STEP / max(usual * fastest, 1e-3)))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
         """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s."""
         # The result is 0 if the Jacobian is not finite.
         # start (n,), theta (p,)
-        driven, rest = self._driven(record.part(0, 2), theta)
-        _, slopes = self._rates_at(start[None], driven[:1], rest[None])
+        _, slopes = self._rates_at(start[None], record.inputs[:1], theta[None])
         slope = slopes[0, :, : len(start)]
         if not np.isfinite(slope).all():
             return 0.0
         return spectral_radius(slope)
 
-    def simulated(
-        self, record: Record, start: np.ndarray, theta: np.ndarray, step: float = STEP
-    ) -> Simulation:
+    def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Simulation:
         """Return the simulation of a record.
 
         start: initial state, (n,)
         theta: unknowns, (p,)
-        step: largest integration step, in time constants of the fastest mode
 
         Raises FloatingPointError if the simulation is not finite.
         """
-        count = self.steps_between(record, start, theta, step)
-        driven, rest = self._driven(record, theta)
-        before, after, durations = grid(record, driven, count)
-        states = self._states(start, before, after, durations, rest)
-        y = self._outputs(states[::count], driven, rest)
-        if self._late_outputs:
-            y = self._delayed(record, theta, y)
+        count = self.steps_between(record, start, theta)
+        before, after, durations = grid(record, count)
+        states = self._states(start, before, after, durations, theta)
+        y = self._outputs(states[::count], record.inputs, theta)
         if not np.isfinite(y).all():
             raise FloatingPointError("the simulation diverges")
         inputs = before, after
@@ -323,7 +185,6 @@ class Responses:
         """
         n, p, k = self.sizes
         record, theta, count = simulated.record, simulated.theta, simulated.count
-        driven, rest = self._driven(record, theta)
         at_samples = simulated.at_samples
         total = np.empty((len(at_samples), k, p + n))
         samples = max(1, TOGETHER // count)
@@ -333,29 +194,15 @@ class Responses:
             for first in range(0, len(at_samples), samples):
                 rows = slice(first, first + samples)
                 steps = slice(first * count, (first + samples) * count)
-                change = self._step_slopes(simulated, rest, steps)
+                change = self._step_slopes(simulated, theta, steps)
                 reached = carried(change, count, S)
                 S = reached[-1]
-                slopes = self._observed_slopes(at_samples[rows], driven[rows], rest)
+                slopes = self._observed_slopes(at_samples[rows], record.inputs[rows], theta)
                 total[rows] = slopes[:, :, :n] @ reached[: len(slopes)]
                 total[rows, :, :p] += slopes[:, :, n:]
         if not np.isfinite(total).all():
             raise FloatingPointError("the simulation diverges")
-        if self._late_outputs:
-            y = self._outputs(at_samples, driven, rest)
-            self._delay_slopes(record, theta, y, total)
         return total
-
-    def of(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Response:
-        """Return the simulated quantities of a record with their sensitivities.
-
-        start: initial state, (n,)
-        theta: unknowns, (p,)
-
-        Raises FloatingPointError if the simulation or a sensitivity is not finite.
-        """
-        simulated = self.simulated(record, start, theta)
-        return Response(simulated.y, self.slopes(simulated))
 
     def _states(
         self,
@@ -417,7 +264,7 @@ class Responses:
         return rates, slopes.reshape(-1, n, n + p)
 
     def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Return the measured quantities without delays, (N, k)."""
+        """Return the measured quantities, (N, k)."""
         # states (N, n), inputs (N, m), theta (p,)
         return self._seen(states, inputs, np.tile(theta, (len(states), 1)))[0]
 
@@ -431,29 +278,22 @@ class Responses:
         return slopes.reshape(-1, k, n + p)
 
 
-def _earlier(record: Record, delay: float) -> np.ndarray:
-    """Return the times of a record minus a delay, clipped to the duration of the record, (N,)."""
-    return np.clip(record.time - delay, record.time[0], record.time[-1])
-
-
-def grid(
-    record: Record, driven: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def grid(record: Record, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the inputs at the start and at the end of each integration step, and its duration.
 
     The shapes are (steps, m), (steps, m) and (steps,). Durations are in s.
 
-    driven: inputs at the samples, (N, m)
     count: steps between two samples
     """
     durations = np.repeat(np.diff(record.time) / count, count)
+    inputs = record.inputs
     if record.has_steps:
-        held = np.repeat(driven[:-1], count, axis=0)
+        held = np.repeat(inputs[:-1], count, axis=0)
         return held, held, durations
-    rise = np.diff(driven, axis=0)[:, None, :]
+    rise = np.diff(inputs, axis=0)[:, None, :]
     part = (np.arange(count + 1) / count)[None, :, None]
-    ramps = driven[:-1, None, :] + part * rise
-    m = driven.shape[1]
+    ramps = inputs[:-1, None, :] + part * rise
+    m = inputs.shape[1]
     return ramps[:, :-1].reshape(-1, m), ramps[:, 1:].reshape(-1, m), durations
 
 

@@ -49,8 +49,8 @@ class IdentifyRequest(Request, AircraftOptions):
         required=True,
     )
     free: tuple[str, ...] = option(
-        "parameters to identify, such as CL_alpha,Cm_q or CL_*,Cm_*; also errors of columns, such"
-        " as bias_alpha, scale_speed, delay_elevator",
+        "parameters to identify, such as CL_alpha,Cm_q or CL_*,Cm_*; also the bias of a column, "
+        "such as bias_alpha",
         "NAMES",
         some_of(),
         required=True,
@@ -71,11 +71,6 @@ class IdentifyRequest(Request, AircraftOptions):
         one_of("linear", "steps"),
         default="linear",
     )
-    validate: Path | None = option(
-        "record for validation, not fitted; the prediction is tested with Theil's coefficient",
-        "RECORD.csv",
-        input_file(*RECORDS),
-    )
 
 
 @command(IdentifyRequest, loaded_model)
@@ -91,7 +86,6 @@ def identify(request: IdentifyRequest, model: Model) -> Outcome:
     from hfa_identify.estimation import identify as identified_of
     from hfa_support.files import write_text
 
-    kept_out = [request.validate] if request.validate else []
     progress = ProgressLine("identify")
     found = identified_of(
         model,
@@ -100,7 +94,6 @@ def identify(request: IdentifyRequest, model: Model) -> Outcome:
         given=each_of("--given", model, request.given, _given),
         hold=each_of("--hold", model, request.hold, _held),
         inputs=request.inputs,
-        validate=kept_out,
         progress=progress,
     )
     file = request.output
