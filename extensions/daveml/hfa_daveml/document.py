@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from hfa_daveml.tables import GriddedTable, UngriddedTable, table_of_points
+from hfa_daveml.tables import GriddedTable
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import regular_file
 
@@ -68,7 +68,7 @@ class Function:
 
     result: str
     axes: tuple[Axis, ...]
-    table: GriddedTable | UngriddedTable
+    table: GriddedTable
 
 
 @dataclass(frozen=True)
@@ -189,11 +189,7 @@ class _Reader:
         )
         self._tables = self._by_key(
             "table",
-            (
-                (each.get(key, ""), each)
-                for tag, key in (("griddedTableDef", "gtID"), ("ungriddedTableDef", "utID"))
-                for each in root.iterfind(f".//{tag}[@{key}]")
-            ),
+            ((each.get("gtID", ""), each) for each in root.iterfind(".//griddedTableDef[@gtID]")),
         )
 
     def document(self) -> Document:
@@ -284,11 +280,10 @@ class _Reader:
         if found is None:
             raise self._error(
                 f"function for {key}",
-                "the table of the function is missing; add <griddedTableDef> or "
-                "<ungriddedTableDef>",
+                "the table of the function is missing, or ungridded, which is not supported; add "
+                "<griddedTableDef>",
             )
-        table = self._ungridded(found, key) if found.find("dataPoint") is not None else None
-        table = table or self._gridded(found, key)
+        table = self._gridded(found, key)
         if len(axes) != len(table.ends):
             raise self._error(
                 f"function for {key}",
@@ -336,36 +331,13 @@ class _Reader:
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
         """Return the table element of a function, or None if the function has no defined table."""
         # The table is a child element or is referenced by its ID. Version 1 names the child element
-        # `griddedTable` or `ungriddedTable`.
-        for kind, key in (("gridded", "gtID"), ("ungridded", "utID")):
-            for tag in (f"{kind}TableDef", f"{kind}Table"):
-                own = definition.find(tag)
-                if own is not None:
-                    return own
-            reference = definition.find(f"{kind}TableRef")
-            if reference is not None:
-                return self._tables.get(reference.get(key, ""))
-        return None
-
-    def _ungridded(
-        self, element: ElementTree.Element, result: str
-    ) -> GriddedTable | UngriddedTable:
-        """Return the table given by the <dataPoint> elements of an ungridded table."""
-        # Each <dataPoint> contains one or two arguments and a value.
-        place = f"function for {result}"
-        rows = [self._numbers_in(each, place) for each in element.iterfind("dataPoint")]
-        for index, row in enumerate(rows):
-            if row.size not in (2, 3) or row.size != rows[0].size:
-                raise self._error(
-                    place,
-                    f"<dataPoint> {index + 1} has {row.size} numbers; give one or two arguments, "
-                    "the same number for all, and a value",
-                )
-        table = np.array(rows)
-        try:
-            return table_of_points(table[:, :-1], table[:, -1])
-        except ValueError as error:
-            raise self._error(place, f"{error}; correct the ungridded table") from error
+        # `griddedTable`.
+        for tag in ("griddedTableDef", "griddedTable"):
+            own = definition.find(tag)
+            if own is not None:
+                return own
+        reference = definition.find("griddedTableRef")
+        return None if reference is None else self._tables.get(reference.get("gtID", ""))
 
     def _gridded(self, element: ElementTree.Element, result: str) -> GriddedTable:
         place = f"function for {result}"

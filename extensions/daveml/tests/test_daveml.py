@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from project import ROOT
-from scipy.interpolate import LinearNDInterpolator
 
 import hfa
 from hfa import BadInputError
@@ -236,82 +235,19 @@ def test_a_missing_and_a_repeated_definition_are_refused(tmp_path: Path) -> None
         hfa.load_model(f"{UAV}+{tmp_path}/none.dml")
 
 
-POINTS = np.random.default_rng(3).uniform(-1.0, 1.0, (25, 2))
-VALUES = np.sin(3.0 * POINTS[:, 0]) + POINTS[:, 1] ** 2
-
-
-def surface(points: np.ndarray, values: np.ndarray, folder: Path) -> ca.Function:
-    """Return the function (x, z) -> y of a file in which y is an ungridded table of points.
-
-    With points (N, 1), the function x -> y is returned.
-    """
-    rows = "".join(
-        f"<dataPoint>{', '.join(map(repr, map(float, row)))}, {float(value)!r}</dataPoint>"
-        for row, value in zip(points, values, strict=True)
-    )
-    names = ("x", "z")[: points.shape[1]]
-    variables = "".join(
-        f'<variableDef name="{n}" varID="{n}"><isInput/></variableDef>' for n in names
-    )
-    arguments = "".join(f'<independentVarRef varID="{name}"/>' for name in names)
-    path = folder / "surface.dml"
+def test_an_ungridded_table_is_refused(tmp_path: Path) -> None:
+    """A table of scattered points is not supported."""
+    path = tmp_path / "points.dml"
+    points = "<dataPoint>0, 1</dataPoint><dataPoint>1, 2</dataPoint>"
     path.write_text(
-        f'<DAVEfunc>{variables}<variableDef name="y" varID="y"/><ungriddedTableDef utID="t">{rows}'
-        f'</ungriddedTableDef><function name="f">{arguments}<dependentVarRef varID="y"/>'
-        '<functionDefn><ungriddedTableRef utID="t"/></functionDefn></function></DAVEfunc>'
+        '<DAVEfunc><variableDef name="x" varID="x"><isInput/></variableDef>'
+        f'<variableDef name="y" varID="y"/><ungriddedTableDef utID="t">{points}'
+        '</ungriddedTableDef><function name="f"><independentVarRef varID="x"/>'
+        '<dependentVarRef varID="y"/><functionDefn><ungriddedTableRef utID="t"/></functionDefn>'
+        "</function></DAVEfunc>"
     )
-    given = {name: ca.SX.sym(name) for name in names}
-    return ca.Function("y", list(given.values()), [value_of(read_document(str(path)), "y", given)])
-
-
-def test_ungridded_tables_equal_scipys_linear_interpolation(tmp_path: Path) -> None:
-    """Inside the hull, an ungridded table equals SciPy's linear interpolation in value and slope.
-
-    Outside the hull, the value is that of the nearest point of the hull.
-    """
-    found = surface(POINTS, VALUES, tmp_path)
-    expected = LinearNDInterpolator(POINTS, VALUES)
-    x, z = ca.SX.sym("x"), ca.SX.sym("z")
-    slope = ca.Function("s", [x, z], [ca.jacobian(found(x, z), ca.vertcat(x, z))])
-    inside = np.array([place for place in POINTS[:-1] / 2.0 if np.isfinite(expected(place))])
-    assert len(inside) > 15
-    for place in inside:
-        assert float(found(*place)) == pytest.approx(expected(place)[0], abs=1e-12)
-        ahead, behind = (expected(place + np.array([step, 0.0]))[0] for step in (1e-7, -1e-7))
-        assert float(slope(*place)[0]) == pytest.approx((ahead - behind) / 2e-7, abs=1e-5)
-    triangulation = expected.tri
-    edges = POINTS[triangulation.convex_hull]
-    shares = np.linspace(0.0, 1.0, 20_001)[:, None]
-    border = np.concatenate([start + shares * (end - start) for start, end in edges])
-    for place in ([2.0, 0.3], [-1.5, -1.5], [0.0, 3.0]):
-        nearest = border[np.argmin(np.linalg.norm(border - place, axis=1))]
-        towards = nearest + 1e-9 * (POINTS.mean(axis=0) - nearest)
-        assert float(found(*place)) == pytest.approx(expected(towards)[0], abs=1e-3)
-
-
-def test_an_ungridded_table_of_one_argument_is_sorted(tmp_path: Path) -> None:
-    """An ungridded table of one argument is interpolated between its sorted points."""
-    found = surface(POINTS[:, :1], VALUES, tmp_path)
-    order = np.argsort(POINTS[:, 0])
-    for place in (-2.0, -0.3, 0.4, 2.0):
-        expected = np.interp(place, POINTS[order, 0], VALUES[order])
-        assert float(found(place)) == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("points", "message"),
-    [
-        (np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]), "all points lie on a line"),
-        (np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]]), "two points are equal"),
-        (np.eye(3), "one or two arguments, the same number for all"),
-    ],
-)
-def test_a_faulty_ungridded_table_is_refused(
-    points: np.ndarray, message: str, tmp_path: Path
-) -> None:
-    """An ungridded table with collinear or equal points, or too many arguments, is refused."""
-    with pytest.raises(BadInputError, match=f"function for y: .*{message}"):
-        surface(points, np.ones(3), tmp_path)
+    with pytest.raises(BadInputError, match=r"function for y: .*ungridded, which is not supported"):
+        read_document(str(path))
 
 
 #: Operator -> its value for x = 0.3, or for x and -1, or for x, -1 and 2.

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Iterable
-from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -74,8 +73,9 @@ def _add_component(
     component: Element, properties: Properties, commands: ca.SX, order: int
 ) -> list[Writer]:
     """Define the properties that a component sets, and return their writers."""
-    # The component's name and its <output> elements name these properties, or the cases of a
-    # distributor.
+    # The component's name and its <output> elements name these properties.
+    if component.name == "distributor":
+        raise component.error("<distributor> is not supported; use a <switch> for each property")
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
     outputs = [child for child in component.children if child.name == "output"]
@@ -87,30 +87,20 @@ def _add_component(
             )
     names += [output.text for output in outputs]
 
-    def compute(distributed: str = "") -> Any:
+    def compute() -> Any:
         component.take()
         for child in component.all("output"):
             child.take()
         try:
-            if distributed:
-                return _distributed(component, distributed, properties)
             return _output(component, properties, commands)
         except LoopError:
             component.taken = False
             raise
 
-    if component.name == "distributor":
-        writers = {
-            each: Writer(partial(compute, each), component.where, order, component, component)
-            for each in _distributed_names(component)
-        }
-    else:
-        writers = dict.fromkeys(
-            names, Writer(compute, component.where, order, component, component)
-        )
-    for output_name, writer in writers.items():
+    writer = Writer(compute, component.where, order, component, component)
+    for output_name in dict.fromkeys(names):
         properties.compute(output_name, writer)
-    return list(writers.values())
+    return [writer] * len(set(names))
 
 
 def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
@@ -294,32 +284,13 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
 
 def _sensor(component: Element, properties: Properties) -> Any:
     """Return the output of a <sensor>: its input after lag, gain and bias."""
-    return _sensed(component, input_of(component, properties), properties)
-
-
-def _sensed(component: Element, value: Any, properties: Properties) -> Any:
-    """Return a value after the lag, gain and bias of a sensor."""
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
             raise child.error(f"<{name}> of a sensor is not supported; remove this element")
     gain = component.value_of("gain", 0.0) or 1.0
-    value = _lagged(component, "lag", value, properties)
+    value = _lagged(component, "lag", input_of(component, properties), properties)
     return value * gain + component.value_of("bias", 0.0)
-
-
-def _gyro(component: Element, properties: Properties) -> Any:
-    """Return the output of a <gyro>: the angular rate about a body axis, as of a <sensor>."""
-    for name in ("orientation", "lag"):
-        child = component.find(name)
-        if child is not None:
-            raise child.error(f"<{name}> of a gyro is not supported; remove this element")
-    axis = component.need("axis")
-    rates = {"X": "p", "Y": "q", "Z": "r"}
-    if axis.text not in rates:
-        raise axis.error(f"<axis> is {shortened(axis.text)}; give X, Y or Z")
-    rate = properties.value(f"velocities/{rates[axis.text]}-rad_sec", axis)
-    return _sensed(component, rate, properties)
 
 
 def _angle(component: Element, properties: Properties) -> Any:
@@ -394,25 +365,6 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
     return c1 / c3 * value + state
 
 
-def _second_order(component: Element, properties: Properties) -> Any:
-    """Return the output of the filter (c1 s² + c2 s + c3) / (c4 s² + c5 s + c6)."""
-    # Unless filters are states, the output is c3 / c6 times the input.
-    value = input_of(component, properties)
-    c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
-    _refuse_zero(component, "c6", c6, _NO_STEADY_STATE)
-    if not properties.has_filter_states:
-        properties.leave_out(component, "its dynamics are omitted")
-        return value * c3 / c6
-    of_first_order = "is of first order, which is not supported here; use a lead_lag_filter"
-    _refuse_zero(component, "c4", c4, of_first_order)
-    first = properties.add_state(component)
-    second = properties.add_state(component)
-    properties.set_rate(first, lambda: second)
-    properties.set_rate(second, lambda: value - c6 / c4 * first - c5 / c4 * second)
-    at_once = c1 / c4
-    return at_once * value + (c3 - at_once * c6) / c4 * first + (c2 - at_once * c5) / c4 * second
-
-
 def _switch(component: Element, properties: Properties) -> Any:
     """Return the output of a <switch>: the value of the first <test> that is true."""
     # If no <test> is true, it is the value of <default>, or 0 without <default>.
@@ -436,51 +388,6 @@ def _switch(component: Element, properties: Properties) -> Any:
         of_test = properties.value(test.attributes["value"], test)
         value = of_test if is_constant(holds) else ca.if_else(holds, of_test, value)
     return value
-
-
-def _distributed_names(component: Element) -> list[str]:
-    """Return the names of the properties that the cases of a <distributor> set, each once."""
-    cases = [case for case in component.children if case.name == "case"]
-    names = [each.text for case in cases for each in case.children if each.name == "property"]
-    return list(dict.fromkeys(names))
-
-
-def _distributed(component: Element, name: str, properties: Properties) -> Any:
-    """Return the value that the cases of a <distributor> set a property to in every case."""
-    if not properties.is_known_without(name, component):
-        raise component.error(
-            f"<distributor> sets {shortened(name)}, which JSBSim does not know; declare it by "
-            "<property>"
-        )
-    is_exclusive = component.attributes.get("type") == "exclusive"
-    is_set = ca.SX(0.0)  # whether the test of a previous case is true
-    choices: list[tuple[ca.SX, Any]] = []
-    for case in component.all("case"):
-        test = case.find("test")
-        applies = ca.SX(1.0)
-        if test is not None:
-            holds = _holds(test, properties)
-            applies = ca.logic_and(holds, ca.logic_not(is_set)) if is_exclusive else holds
-            is_set = ca.logic_or(is_set, holds)
-        for each in case.all("property"):
-            given = properties.value(each.attributes.get("value", ""), each)
-            if each.text == name:
-                choices.append((applies, given))
-    always = [place for place, (applies, _) in enumerate(choices) if _is_true(applies)]
-    if not always:
-        raise component.error(
-            f"<distributor> keeps the previous value of {shortened(name)} where each <test> is "
-            "false; add a first <case> without <test>"
-        )
-    value = choices[always[-1]][1]
-    for applies, given in choices[always[-1] + 1 :]:
-        value = ca.if_else(applies, given, value)
-    return value
-
-
-def _is_true(condition: ca.SX) -> bool:
-    """Return whether a condition is constant and true."""
-    return is_constant(condition) and bool(float(condition))
 
 
 _COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
@@ -590,19 +497,17 @@ _COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {
     "deadband": _deadband,
     "actuator": _actuator,
     "sensor": _sensor,
-    "gyro": _gyro,
     "angle": _angle,
     "fcs_function": _function,
     "switch": _switch,
     "lag_filter": _lag,
     "lead_lag_filter": _lead_lag,
-    "second_order_filter": _second_order,
     "washout_filter": _washout,
 }
 #: Elements that JSBSim regards as components of a channel. It ignores others.
 KINDS = (
-    *(*_COMPONENTS, "pid", "integrator", "accelerometer", "magnetometer"),
-    *("waypoint_heading", "waypoint_distance", "distributor", "linear_actuator"),
+    *(*_COMPONENTS, "pid", "integrator", "accelerometer", "magnetometer", "gyro", "distributor"),
+    *("waypoint_heading", "waypoint_distance", "linear_actuator", "second_order_filter"),
 )
 
 

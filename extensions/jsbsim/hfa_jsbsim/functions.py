@@ -54,26 +54,6 @@ def _switch(index: Any, *values: Any) -> Any:
     return ca.if_else(index < 0.0, ca.SX.nan(), chosen)
 
 
-def _interpolate1d(argument: Any, *pairs: Any) -> Any:
-    """Return the linear interpolation between points, constant beyond the first and last point."""
-    # As in JSBSim, the interval is found by bisection even if the x do not increase.
-    points = list(zip(pairs[::2], pairs[1::2], strict=True))
-
-    def between(first: int, last: int) -> Any:
-        if last - first > 1:
-            middle = (first + last) // 2
-            at, value = points[middle]
-            above = ca.if_else(argument > at, between(middle, last), value)
-            return ca.if_else(argument < at, between(first, middle), above)
-        start, low = points[first]
-        end, high = points[last]
-        return low + (argument - start) * (high - low) / (end - start)
-
-    inside = between(0, len(points) - 1)
-    (start, low), (end, high) = points[0], points[-1]
-    return ca.if_else(argument <= start, low, ca.if_else(argument >= end, high, inside))
-
-
 def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Return a logarithm that is minus infinity where the argument is not positive."""
 
@@ -167,7 +147,6 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "not": (lambda value: ca.if_else(_is_true(value), 0.0, 1.0), 1, 1),
     "ifthen": (lambda test, one, other: ca.if_else(_is_true(test), one, other), 3, 3),
     "switch": (_switch, 2, _MANY),
-    "interpolate1d": (_interpolate1d, 5, _MANY),
 }
 
 

@@ -208,10 +208,6 @@ DAMPERS = {
         "<lead_lag_filter name='d'> <input>{}</input> <c1>1</c1> <c2>2</c2> <c3>1</c3> <c4>5</c4>"
         " {} </lead_lag_filter>"
     ),
-    "second order": (
-        "<second_order_filter name='d'> <input>{}</input> <c1>0</c1> <c2>1</c2> <c3>9</c3>"
-        " <c4>1</c4> <c5>4</c5> <c6>12</c6> {} </second_order_filter>"
-    ),
     "integral": "<pid name='d'> <input>{}</input> <kp>1</kp> <ki>2</ki> {} </pid>",
     "actuator": "<actuator name='d'> <input>{}</input> <lag>4</lag> {} </actuator>",
 }

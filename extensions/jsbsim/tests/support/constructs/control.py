@@ -246,28 +246,6 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         "</property> </case> </distributor>"
     )
     | _PROBE,
-    "distributor, undeclared": component(
-        '<distributor name="fcs/c" type="exclusive"> <case> <property value="0.3">fcs/probe'
-        "</property> </case> </distributor>"
-    ),
-    **{
-        f"distributor, {kind} tests": component(
-            f'<distributor name="fcs/c" type="{kind}">'
-            ' <case> <property value="0.1">fcs/probe</property> </case>'
-            f" <case> <test>{_STICK} gt -0.9</test>"
-            ' <property value="aero/alpha-rad">fcs/probe</property> </case>'
-            f" <case> <test>{_STICK} gt -0.8</test>"
-            ' <property value="0.3">fcs/probe</property> </case> </distributor>'
-        )
-        | _PROBE
-        for kind in ("exclusive", "inclusive")
-    },
-    "distributor without a value": component(
-        '<distributor name="fcs/c" type="inclusive">'
-        f" <case> <test>{_STICK} gt 0.1</test>"
-        ' <property value="0.3">fcs/probe</property> </case> </distributor>'
-    )
-    | _PROBE,
     "actuator, failed": _of("actuator", "<lag>20</lag>")
     | {"control": '<property value="1">fcs/c/malfunction/fail_zero</property>'},
     "actuator, saturated": component(

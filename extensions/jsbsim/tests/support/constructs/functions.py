@@ -74,19 +74,6 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "and of a small number": _of("and", "<v>1e-10</v>", "<v>1</v>"),
     "or of a small number": _of("or", "<v>1e-10</v>", "<v>0</v>"),
     "or of a small enough number": _of("or", "<v>2e-9</v>", "<v>0</v>"),
-    "interpolate1d, unsorted": _of(
-        "interpolate1d",
-        _A,
-        "<v>-1</v> <v>0</v> <v>0.1</v> <v>2</v> <v>0.05</v> <v>3</v> <v>1</v> <v>1</v>",
-    ),
-    "interpolate1d, falling": _of(
-        "interpolate1d", _A, "<v>1</v> <v>0</v> <v>0</v> <v>2</v> <v>-1</v> <v>1</v>"
-    ),
-    "interpolate1d, a point twice": _of(
-        "interpolate1d",
-        _A,
-        "<v>-1</v> <v>0</v> <v>0.05</v> <v>2</v> <v>0.05</v> <v>3</v> <v>1</v> <v>1</v>",
-    ),
     "atan2 of minus zero": _of("atan2", "<v>-0.0</v>", "<v>-1</v>"),
     "value in another alphabet": function("<v>\u0663</v>"),
     "table of rows over a further axis": function(
