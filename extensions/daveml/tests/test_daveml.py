@@ -70,6 +70,18 @@ def test_a_wrong_number_is_refused_by_the_check_cases(wrong: str, tmp_path: Path
         hfa.load_model(path)
 
 
+@pytest.mark.parametrize("off", [1.0, -1.0])
+def test_a_printed_output_that_is_off_is_refused(off: float, tmp_path: Path) -> None:
+    """An output of a check case above or below the computed one is refused."""
+    head, mark, outputs = TEXT.partition("<checkOutputs>")
+    printed = re.search(r"<signalValue>([^<]+)", outputs)[1]
+    other = outputs.replace(printed, repr(float(printed) + off), 1)
+    path = tmp_path / "changed.dml"
+    path.write_text(head + mark + other, encoding="utf-8")
+    with pytest.raises(BadInputError, match="differ from the tables"):
+        hfa.load_model(str(path))
+
+
 def test_spellings_of_a_unit_are_equal(tmp_path: Path) -> None:
     """A check case in m/s is accepted for a variable in m_s."""
     path = changed(tmp_path, "<signalValue>35.0", "<signalUnits>m/s</signalUnits><signalValue>35.0")

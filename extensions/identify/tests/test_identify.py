@@ -311,25 +311,63 @@ def test_noise_slower_than_the_maneuver_fails() -> None:
     assert not result.ok
 
 
-def test_a_band_is_that_of_a_regression() -> None:
-    """y = k u of 12 samples: the band is 1.96 times the standard error of least squares."""
-    model = hfa.Model(
-        name="gain",
+def gains(**values: float) -> hfa.Model:
+    """Return a model with the output y = Σ k_i u_i and a state that no input moves."""
+    return hfa.Model(
+        name="gains",
         states={"x": hfa.Signal("1")},
-        inputs={"u": hfa.Signal("1")},
+        inputs={f"u_{name}": hfa.Signal("1") for name in values},
         outputs={"y": hfa.Signal("1")},
-        parameters={"k": hfa.Signal("1", start=1.0)},
-        equations=lambda x, u, p, w: ({"x": -x.x}, {"y": p.k * u.u}),
+        parameters={name: hfa.Signal("1", start=value) for name, value in values.items()},
+        equations=lambda x, u, p, w: (
+            {"x": -x.x},
+            {"y": x.x + sum(getattr(p, name) * getattr(u, f"u_{name}") for name in values)},
+        ),
         trim={"x": 0.0},
     )
+
+
+def test_a_band_is_that_of_a_regression() -> None:
+    """y = k u + x(0) e^-t of 12 samples: the band is 1.96 times the standard error of least squares."""
     generator = np.random.default_rng(4)
-    u = generator.standard_normal(12)
+    time, u = 0.1 * np.arange(12), generator.standard_normal(12)
     y = 2.0 * u + 0.1 * generator.standard_normal(12)
-    found = identify(model, {"time": 0.1 * np.arange(12), "u": u, "y": y}, ["k"])["k"]
-    k = float(u @ y / (u @ u))
-    error = math.sqrt(float(np.sum((y - k * u) ** 2)) / 11.0 / float(u @ u))
-    assert found.value == pytest.approx(k, rel=1e-6)
-    assert 0.5 * (found.high - found.low) == pytest.approx(1.959964 * error, rel=1e-3)
+    found = identify(gains(k=1.0), {"time": time, "u_k": u, "y": y}, ["k"])["k"]
+    X = np.column_stack([u, np.exp(-time)])
+    best, (rest,), _, _ = np.linalg.lstsq(X, y)
+    error = math.sqrt(rest / 10.0 * np.linalg.inv(X.T @ X)[0, 0])
+    assert found.value == pytest.approx(best[0], abs=0.01 * error)
+    assert 0.5 * (found.high - found.low) == pytest.approx(1.959964 * error, rel=0.01)
+
+
+def test_correlated_parameters_are_told() -> None:
+    """The gains of two inputs that move alike are estimated with a correlation near -1."""
+    generator = np.random.default_rng(4)
+    time, u = 0.1 * np.arange(60), generator.standard_normal(60)
+    other = u + 0.1 * generator.standard_normal(60)
+    y = 2.0 * u + other + 0.01 * generator.standard_normal(60)
+    columns = {"time": time, "u_a": u, "u_b": other, "y": y}
+    ((one, two, coefficient),) = identify(gains(a=1.0, b=1.0), columns, ["a", "b"]).correlated
+    assert (one, two) == ("a", "b")
+    assert coefficient < -0.98
+
+
+def test_an_unmeasured_state_may_begin_elsewhere() -> None:
+    """The initial value of a state without a sensor is estimated."""
+    generator = np.random.default_rng(4)
+    time, u = 0.1 * np.arange(60), generator.standard_normal(60)
+    y = 2.0 * u + 3.0 * np.exp(-time) + 0.01 * generator.standard_normal(60)
+    result = identify(gains(k=1.0), {"time": time, "u_k": u, "y": y}, ["k"])
+    assert result.ok
+    assert result["k"].value == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_search_that_ends_early_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a single step the search has not converged, and the result says so."""
+    monkeypatch.setattr("hfa_identify.fit.MOST_STEPS", 1)
+    result = identify(begun(1.5), record(), FREE)
+    assert not result.converged
+    assert "did not converge" in result.first_line
 
 
 def test_an_estimate_ends_at_the_limit_of_its_parameter() -> None:
@@ -340,7 +378,7 @@ def test_an_estimate_ends_at_the_limit_of_its_parameter() -> None:
     result = identify(replace(LONGITUDINAL, parameters=signals), record(), ["Cm_alpha", "Cm_q"])
     assert result.at_bounds == ("Cm_alpha",)
     assert result["Cm_alpha"].value == limit
-    assert not result.ok
+    assert "at a limit of the model: Cm_alpha" in str(result)
 
 
 def test_a_frozen_sensor_is_not_explained() -> None:
