@@ -16,7 +16,7 @@ from controller.riccati.gare import Solution
 from hfa_aircraft.waveform import Waveform, channel, constant, stacked
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Vector
+from hfa_support.reporting.results import Matrix, Result, Vector, plain
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 from trim.linear.linear_model import LinearModel
 from trim.point.commanded import CommandedTrim, commanded_trim
@@ -120,7 +120,7 @@ class Tracking(Result, Reported):
                 return found
         return self.trims[-1]
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "K": self.K,
@@ -153,7 +153,7 @@ class Tracking(Result, Reported):
                 Table(("rms of", "unit", "command", "error", "without feedforward"), rows),
                 *self.trim_parts(),
             ),
-            data=self.as_data(),
+            data=plain(self),
         )
 
     def _reachable_text(self) -> str:

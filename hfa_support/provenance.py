@@ -109,9 +109,9 @@ class Provenance(Result):
             lines.append(f"not the paper's level flight: {self.flight}")
         return "\n".join(lines)
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
-        entries = super().contents()
+        entries = super()._entries()
         del entries["flight"]  # the condition in words
         return entries
 

@@ -173,7 +173,7 @@ class NonlinearComparison(Result):
         ]
         return Table(("degree", "error", "worst term", "learned", "exact"), rows)
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {"errors": self.errors, "limit": self.limit, "ok": self.ok} | without_empty(
             radius=self.radius, flown=self.flown

@@ -13,7 +13,7 @@ from hfa_support.reporting.checks import Check, Checked, at_most, checks_block, 
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Result, Roots
+from hfa_support.reporting.results import ByValue, Result, Roots, plain
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.hfa.printed import (
     EntryRow,
@@ -60,7 +60,7 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
     eigenvalues: Roots
     checks: tuple[Check, ...]
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "dihedral_deg": self.published.dihedral_deg,
@@ -96,7 +96,7 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
                 Table(("eigenvalues 1/s", "printed A", "regenerated A"), spectra),
                 checks_block(self.checks),
             ),
-            data=self.as_data(),
+            data=plain(self),
         )
 
 
@@ -148,7 +148,7 @@ class Regeneration(ByValue, Result, Reported):
         """Sentence that states whether both printed pairs were regenerated."""
         return f"Both printed pairs regenerated: {'yes' if self.ok else 'NO'}"
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {"cases": self.pairs, "ok": self.ok}
 
@@ -164,7 +164,7 @@ class Regeneration(ByValue, Result, Reported):
                 self.picture(),
                 self.verdict,
             ),
-            data=self.as_data(),
+            data=plain(self),
             records=entries_records(
                 {pair.published.dihedral_deg: pair.entries for pair in self.pairs}
             ),

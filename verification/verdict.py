@@ -13,7 +13,7 @@ from controller.critic.critic import Critic
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, Checked
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.results import Result, without_empty
+from hfa_support.reporting.results import Result, plain, without_empty
 from verification.box import Box
 from verification.nonlinear_game import GRADES, NonlinearComparison
 
@@ -174,12 +174,12 @@ class Verdict(Checked, Result, Reported):
         limit_cost: limit of the cost above the optimum, percent, or None. With a limit, the entry
             `graded` also contains the limit and the verdict on the cost.
         """
-        data = self.as_data()
+        data = plain(self)
         if limit_cost is not None and "graded" in data:
             data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
         return data
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value, with those of all sections."""
         entries = {
             "P": self.critic.P,
@@ -191,7 +191,7 @@ class Verdict(Checked, Result, Reported):
             "P_rel_error": self.P_rel_error,
             "K_rel_error": self.K_rel_error,
             "grade": self.grade,
-            "checks": [check.contents() | {"kind": check.kind} for check in self.checks],
+            "checks": [plain(check) | {"kind": check.kind} for check in self.checks],
         } | without_empty(nonlinear=self.nonlinear)
         for section in self.sections:
             entries |= section.data

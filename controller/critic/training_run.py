@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from controller.game.basis import basis
 from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Vector, without_empty
+from hfa_support.reporting.results import Matrix, Result, Vector, plain, without_empty
 from hfa_support.reporting.text import Table, matrix_table
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class TrainingRun(Result, Reported):
             return f"settled, but the recorded drifts deviate from F = A z by {percent}"
         return "settled"
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "law": self.law,
@@ -161,7 +161,7 @@ class TrainingRun(Result, Reported):
         return Report(
             title=f"Law {self.law!r}, basis {self.basis!r}, on {names.origin}: {self.outcome}",
             parts=tuple(parts),
-            data=self.as_data(),
+            data=plain(self),
             records=self._records(),
         )
 

@@ -118,7 +118,7 @@ class Expansion(Result, Reported):
 
         return controller.radii_of(self)
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "order": self.order,

@@ -38,7 +38,7 @@ class Certificate(Checked, Result):
 
     checks: tuple[Check, ...]
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {"checks": self.checks, "ok": self.ok}
 

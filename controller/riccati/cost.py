@@ -50,7 +50,7 @@ class FlightCost(Result):
     distance: float
     exact_distance: float
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "cost_lost_worst_percent": self.worst,

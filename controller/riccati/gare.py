@@ -187,7 +187,7 @@ class Solution(Result, Reported):
             )
         return float(state @ self.P @ state)
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "P": self.P,

@@ -14,6 +14,7 @@ from controller.riccati.balancing import Stability, stability
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.results import plain
 from hfa_support.reporting.text import (
     Table,
     eigenvalue_text,
@@ -59,7 +60,7 @@ def solution_report(solution: Solution) -> Report:
             *confirmed,
             *_margins(solution),
         ),
-        data=solution.as_data(),
+        data=plain(solution),
         records=Table(
             ("matrix", "row", "column", "value", "unit"),
             entry_rows((solution.P,), (solution.K,), solution.names),

@@ -275,7 +275,7 @@ class NamedGame(Result):
                 f'{failure}; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'
             ) from failure
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "plant": self.game.names.origin,

@@ -49,7 +49,7 @@ class Check(Result):
         """Sentence with the value and its limit, for reports and error messages."""
         return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "name": self.name,

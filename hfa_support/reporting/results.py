@@ -1,4 +1,4 @@
-"""Results: dataclasses that are written to files. The dictionary `Result.contents` is the file."""
+"""Results: dataclasses that are written to files. The dictionary `Result.to_dict` is the file."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class Result:
 
     schema: ClassVar[str] = ""
 
-    def contents(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value: the fields.
+    def _entries(self) -> dict[str, Any]:
+        """Return the entries of the file without its schema, name -> value: the fields.
 
         A field whose default is None is left out if it has no value.
         """
@@ -44,14 +44,9 @@ class Result:
                 entries[field.name] = value
         return entries
 
-    def as_data(self) -> dict[str, Any]:
-        """Return the schema and the contents, also of results inside. Arrays are kept as arrays."""
-        data: dict[str, Any] = {"schema": self.schema} if self.schema else {}
-        return data | plain(self.contents())
-
     def to_dict(self) -> dict[str, Any]:
         """Return the schema and the contents, with values that JSON can contain."""
-        data: dict[str, Any] = jsonable(self.as_data())
+        data: dict[str, Any] = jsonable(plain(self))
         return data
 
 
@@ -64,7 +59,8 @@ def plain(value: Any) -> Any:
     """Return a value in the form that is stored in files. The items of lists and mappings are
     converted.
 
-    - results, named tuples, mappings: dictionaries
+    - results: dictionaries with their schema
+    - named tuples, mappings: dictionaries
     - lists and tuples: lists
     - members of an Enum: their values
     - complex numbers: [re, im]
@@ -72,7 +68,8 @@ def plain(value: Any) -> Any:
     - real arrays and other values: unchanged, also inf and nan, which JSON files store as null
     """
     if isinstance(value, Result):
-        return value.as_data()
+        schema = {"schema": value.schema} if value.schema else {}
+        return schema | plain(value._entries())
     if hasattr(type(value), "_asdict"):
         return plain(value._asdict())
     if isinstance(value, Mapping):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from hfa_support.reporting.named import ByName
-from hfa_support.reporting.results import Result, without_empty
+from hfa_support.reporting.results import Result, plain, without_empty
 from hfa_support.reporting.text import (
     TONES,
     WIDTH,
@@ -61,7 +61,7 @@ class Row(Result):
         """Return the value, in `unit`."""
         return float(self.value)
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {"value": self.value, "unit": self.unit} | without_empty(
             note=self.note or None, level=self.level
@@ -198,10 +198,10 @@ class Sheet(ByName[Row]):
                 groups.append(group._replace(rows=rows))
         return groups
 
-    def contents(self) -> dict[str, dict[str, Any]]:
+    def to_dict(self) -> dict[str, dict[str, Any]]:
         """Return the entries of the file, name -> group, value, unit, and note and level if any."""
         return {
-            row.name: {"group": group.title} | row.contents()
+            row.name: {"group": group.title} | plain(row)
             for group in self.groups
             for row in group.rows
         }

@@ -86,7 +86,7 @@ class EntryRow(Result):
         """Name of the entry, for example A(alpha, pitch_rate)."""
         return f"{self.matrix}({self.row}, {self.column})"
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "printed": self.printed,

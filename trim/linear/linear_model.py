@@ -371,7 +371,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         figure = pyplot.figure(layout="constrained")
         return np.array(draw_bode(self.between(inputs, outputs), figure).axes)
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "A": self.A,

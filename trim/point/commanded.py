@@ -53,7 +53,7 @@ class CommandedTrim(Result):
         excess = abs(self.needed[name] - limit)
         return excess / span if math.isfinite(span) else excess
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "command": self.command,

@@ -85,7 +85,7 @@ class Margin(Result):
         """True if the variable is at the nearer limit, up to `NEAR`, or beyond."""
         return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "value": self.value,

@@ -293,7 +293,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             else self.model.unit(equation)
         )
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "states": self.states,

@@ -9,7 +9,7 @@ from typing import Any
 from hfa_aircraft.model import Model
 from hfa_support.provenance import Change
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import without_empty
+from hfa_support.reporting.results import plain, without_empty
 from hfa_support.reporting.rows import Group, Sheet
 from hfa_support.reporting.text import Table, degrees
 from trim.linear.modes import modes_table
@@ -105,7 +105,7 @@ def report_of(
         "dynamics": point.dynamics,
         "operating_point": point,
         "status": point.status,
-        "sheet": sheet.contents(),
+        "sheet": sheet.to_dict(),
         "not_in_model": sheet.lacking,
         "variables": point.margins,
         "nearest_limits": [margin.name for margin in nearest],
@@ -163,4 +163,4 @@ def saved_report(point: OperatingPoint) -> Report:
     header = ("kind", "name", "value", "unit")
     notes = without_lines(point.warnings)
     title = title_of(Trimmed(point))
-    return Report(title, [Table(header, shown)], notes, point.as_data(), Table(header, rows))
+    return Report(title, [Table(header, shown)], notes, plain(point), Table(header, rows))

@@ -13,7 +13,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, plain
 from hfa_support.reporting.text import Table
 from hfa_support.rows.store import RowJob, array_of_rows, fill_store
 from trim.linear.modes import fastest_first
@@ -54,7 +54,7 @@ class SweepAttributes(StatesAndInputs, Result):
         """Meanings of the numbers 0, 1, ... in the array `status`."""
         return tuple(map(str, STATUS))
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             **self.plan.entries(),
@@ -85,7 +85,7 @@ class StoredSweep(Result, Reported):
     counts: Mapping[str, int]
     warnings: Sequence[str]
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "dynamics": self.plan.model.name,
@@ -104,7 +104,7 @@ class StoredSweep(Result, Reported):
             f"{trimmed_words(self.counts['trimmed'], self.plan.count)}, in {self.store}",
             parts=(Table(("status", "points"), rows),),
             notes=self.warnings,
-            data=self.as_data(),
+            data=plain(self),
         )
 
 
@@ -187,7 +187,7 @@ def _template(plan: SweepPlan) -> Any:
         coordinates[name] = array_of_rows((_POINT,), (plan.count,), np.nan, chunk, varied)
     import xarray
 
-    return xarray.Dataset(arrays, coordinates, SweepAttributes(plan).as_data())
+    return xarray.Dataset(arrays, coordinates, plain(SweepAttributes(plan)))
 
 
 def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:

@@ -18,7 +18,7 @@ from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.named import ByName, with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack
+from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack, plain
 from hfa_support.reporting.text import (
     ROUNDING,
     RowsMade,
@@ -349,7 +349,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         axes.set_ylabel(f"imaginary part, 1/{self.model.time_unit}")
         axes.grid(alpha=0.3)
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "dynamics": self.plan.model.name,
@@ -395,7 +395,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             title=f"Sweep, {self.model.title}: {trimmed_words(count - len(failed), count)}",
             parts=tuple(parts),
             notes=self.warnings,
-            data=self.as_data(),
+            data=plain(self),
             records=self.records(),
         )
 

@@ -195,7 +195,7 @@ class Identified(Result, Reported):
         spread = ParameterSpread(values, self.covariance[np.ix_(places, places)])
         return spread.aircraft(self.model, count, seed)
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         entries = {each.name: getattr(self, each.name) for each in fields(self)}
         del entries["model"], entries["fitted"]

@@ -127,7 +127,7 @@ class CommandedStates(Result):
         chosen = np.array([[float(name == state) for name in names] for state in self.states])
         return ca.mtimes(ca.DM(chosen.reshape(self.size, len(names))), self.commands.end(t))
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "names": self.commands.names,

@@ -153,7 +153,7 @@ class AssessedPoint(Result):
             for loop in self.margins.inputs
         ]
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value, with that of the scheduling variable."""
         equilibrium, delays, margins = self.equilibrium, self.delays, self.margins
         return (

@@ -14,7 +14,7 @@ from hfa_flight.needs import IN_AIR, SHARE
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, plain
 
 #: Name of a requirement -> sentence if it is not satisfied.
 NEEDS = {
@@ -118,7 +118,7 @@ class Assessment(Result, Reported):
             return f"{subject}holds at {holding} of {len(self.points)} trims{rate}, not {where}"
         return f"{subject}{'does not hold' if failing else 'holds'} {where}{rate}"
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "dynamics": self.deployed.model.name,
@@ -146,7 +146,7 @@ class Assessment(Result, Reported):
         return Report(
             "\n".join(title),
             report_parts(self.deployed, self.points),
-            data=self.as_data(),
+            data=plain(self),
             records=records_table(self.points),
         )
 

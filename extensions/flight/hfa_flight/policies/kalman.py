@@ -237,7 +237,7 @@ class KalmanFilter(Result):
         feed = gain @ L @ self.R @ L.T @ gain.T
         return _Loop(F, N, outputs, feed)
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "dt": self.dt,

@@ -77,7 +77,7 @@ class TrimPath(Result):
         """Times of the steps of the commands, s."""
         return self.commands.times
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "names": self.commands.names,

@@ -17,6 +17,7 @@ from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.simulate.envelope import GIVE_LIMIT, NO_LIMIT, control_limits, is_limited
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.results import plain
 from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table, short_number, shown_unit
 
@@ -130,7 +131,7 @@ def _compared(
         "at_limit": dict(
             zip(plan.model.inputs, flown["at_limit"].mean(axis=0).tolist(), strict=True)
         ),
-        "filter": policy.filter.contents(),
+        "filter": plain(policy.filter),
     }
     gain = policy.law.gain
     if gain is not None:

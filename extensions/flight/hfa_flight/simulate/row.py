@@ -63,7 +63,7 @@ class FlightRow(Result):
         left = None if self.departure is None else self.departure.text()
         return left or self.loss or Outcome.CONVERGED
 
-    def contents(self) -> dict[str, Any]:
+    def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
             "policy": self.policy,
