@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.features import basis_of
+from controller.critic.labels import in_order
 from controller.critic.network.stated import NOTHING, Stated
 from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis, bases_of_size, monomials
@@ -197,7 +198,8 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     """Return the critic with the policy u = -K z.
 
     game: the game whose solution the critic approximates
-    K: (m, n)
+    K: (m, n), or (n,) for one input. The labels of a pandas or polars frame, or of an xarray array,
+        are matched with the names of the inputs and states
 
     Raises BadInputError if K is not a real m x n matrix, or contains a number out of range.
 
@@ -206,7 +208,11 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     >>> hfa.verify(game, hfa.from_gain(game, [[0.5]])).ok
     False
     """
-    return Critic(game.checked_gain(K), is_discrete=game.is_discrete)
+    n, m = game.B.shape
+    names = game.names.completed(n, m)
+    gain = numbers_in("K", in_order("K", K, names.inputs, names.states))
+    gain = gain[None] if gain.ndim == m == 1 else gain
+    return Critic(game.checked_gain(gain), is_discrete=game.is_discrete)
 
 
 def from_value(game: Game, P: ArrayLike) -> Critic:
@@ -215,7 +221,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     In discrete time, the policy is optimal for one step, followed by the cost V.
 
     game: the game whose solution the critic approximates
-    P: (n, n)
+    P: (n, n); labels as for K of `from_gain`
 
     Raises BadInputError if P is not a real n x n matrix, or contains a number out of range.
 
@@ -224,7 +230,8 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     >>> hfa.from_value(game, [[3.0]]).K.tolist()
     [[3.0]]
     """
-    P = numbers_in("P", P)
+    names = game.names.completed(*game.B.shape).states
+    P = numbers_in("P", in_order("P", P, names, names))
     if P.shape != game.A.shape:
         n = len(game.A)
         raise BadInputError(f"P is {shape_text(P.shape)}; give {n} x {n}, states x states")

@@ -16,6 +16,7 @@ import numpy as np
 
 from controller.critic.critic import Critic, from_parts, from_q_function, polynomial_policy
 from controller.critic.features import is_list
+from controller.critic.labels import blocks_in_order
 from controller.critic.network.network_file import SUFFIXES
 from controller.critic.reading import DIMENSIONS, CriticFile, Reading, in_plant_units
 from controller.game.basis import Basis
@@ -34,7 +35,8 @@ from hfa_support.arrays.read import read_arrays
 from hfa_support.entry_points import CRITICS, loaded, offered
 from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors
 from hfa_support.files import MATRIX_FILES
-from hfa_support.matrices import checked_matrix
+from hfa_support.matrices import checked_matrix, shape_text
+from hfa_support.reporting.text import numbered
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -50,6 +52,7 @@ def critic_file(path: str | Path) -> CriticFile:
 
     - A file of arrays contains at least one of W (also `weights`), P and K (also `gains`).
     - An array without a name is W, P or K according to its shape.
+    - K of one input may be a vector (n,).
     - `policy_weights` (m, M), weights of all monomials up to a degree, is the policy in place of K.
     - In discrete time, H of a Q-function replaces W, and gives the P, K and L that are missing. L
       is the gain of the worst disturbance.
@@ -103,6 +106,7 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
     scales = file_scales(entries, game.names)
     if game.is_discrete and "H" in entries:
         stored = {name: numbers_in(name, entries[name]) for name in "HPKL" if name in entries}
+        stored["H"] = _in_order_of(game, stored["H"], words(entries, "H_signals"))
         parts = in_plant_units(stored, scales)
         return from_q_function(game, parts.pop("H"), parts)
     L = None
@@ -126,6 +130,23 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
         )
     critic = from_parts(game, parts, psi, policy_in(entries, game.names))
     return critic if L is None else replace(critic, L=L)
+
+
+def _in_order_of(game: Game, H: np.ndarray, signals: tuple[str, ...]) -> np.ndarray:
+    """Return H over (x, u) or (x, u, w), of a file that lists its signals or blocks, such as u, x.
+
+    signals: () for H in the order x, u, w
+    """
+    if not signals:
+        return H
+    own = {"x": game.names.states, "u": game.names.inputs, "w": numbered("w", game.E.shape[1])}
+    places = blocks_in_order("H_signals", signals, own)
+    if H.shape != (len(places),) * 2:
+        raise BadInputError(
+            f"H is {shape_text(H.shape)}, but H_signals lists {len(places)} signals; list each of "
+            "them once"
+        )
+    return H[np.ix_(places, places)]
 
 
 def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
@@ -266,13 +287,18 @@ def is_network(path: Path) -> bool:
 def entries_in(path: str | Path) -> dict[str, Any]:
     """Return name -> value for the entries of a critic file.
 
-    An entry with an alias as its name, such as `weights`, is returned under both names.
+    An entry with an alias as its name, such as `weights`, is returned under both names. Beside K, S
+    is the P of MATLAB's [K, S, e] = lqr(...), also if P are the poles.
 
     Raises BadInputError for an entry `dt` that is no sample time.
     """
     stored = read_arrays(path)
     with prefix_errors(path):
         sample_time(stored)
+    if {"K", "S"} <= stored.keys() and np.size(stored.get("P", ())) <= len(
+        np.atleast_2d(stored["S"])
+    ):
+        stored["P"] = stored["S"]
     return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
 
 
@@ -360,5 +386,7 @@ def single_parts(
                 f"{name} has shape {values.shape}; give W as a row or column, P and K as matrices"
             )
         flat = values.reshape(-1) if name == "W" else values
+        if name == "K":
+            flat = matrix_of_gain(values, len(plant.inputs) or None)
         parts[name] = checked_matrix(name, flat, LARGEST_CRITIC_ENTRY, DIMENSIONS[name])
     return in_plant_units(parts, file_scales(entries, plant), basis)

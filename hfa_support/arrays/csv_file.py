@@ -35,6 +35,39 @@ def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
     return _named(sides) | matrices
 
 
+#: First columns of the table of P and K that `hfa solve` and `hfa learn` write.
+_OF_ENTRIES = ["matrix", "row", "column", "value", "unit"]
+#: Unit of an entry of K: unit of the input, unit of the state.
+_UNIT_OF_GAIN = re.compile(r"\((.*)\)/\((.*)\)")
+
+
+def matrices_of_entries(path: Path) -> dict[str, Any] | None:
+    """Return the matrices of a table with a row for each entry, or None for another file.
+
+    The names and units of states and inputs are those of K.
+
+    Raises ValueError for a faulty file.
+    """
+    with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
+        header, *rows = [*csv.reader(stream)] or [[]]
+    if header[: len(_OF_ENTRIES)] != _OF_ENTRIES:
+        return None
+    found: dict[str, Any] = {}
+    for matrix in dict.fromkeys(row[0] for row in rows):
+        entries = {(row[1], row[2]): (float(row[3]), row[4]) for row in rows if row[0] == matrix}
+        inputs, states = (list(dict.fromkeys(each[axis] for each in entries)) for axis in (0, 1))
+        if len(entries) != len(inputs) * len(states):
+            raise ValueError(f"{matrix} lacks an entry; give a row for each")
+        found[matrix] = np.array([[entries[row, each][0] for each in states] for row in inputs])
+        units = {each: _UNIT_OF_GAIN.fullmatch(unit) for each, (_, unit) in entries.items()}
+        if matrix == "K":
+            found |= {"inputs": inputs, "states": states}
+        if matrix == "K" and all(units.values()):
+            found["input_units"] = [units[each, states[0]][1] for each in inputs]  # type: ignore[index]
+            found["state_units"] = [units[inputs[0], each][2] for each in states]  # type: ignore[index]
+    return found
+
+
 def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
     """Return the matrix in a .csv file, the names of its rows and the names of its columns."""
     # A first row without a number contains the names of the columns. A first column without a

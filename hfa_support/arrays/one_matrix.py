@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_support.arrays.csv_file import matrices_and_names
+from hfa_support.arrays.csv_file import matrices_and_names, matrices_of_entries
 from hfa_support.errors import BadInputError, file_faults
 from hfa_support.files import regular_file
 
@@ -23,12 +23,17 @@ def matrices(path: Path) -> dict[str, Any]:
 
     - a file named A: the result also contains the other matrices of the plant in the same folder
     - a .csv file: the result also contains the names and units of states and inputs in the file
+    - a .csv table of `hfa solve`: P and K
     - a .npy file that is not named after a matrix of a plant or critic: its matrix has the name
       `UNKNOWN`
 
     Raises BadInputError as `_matrix_files` does.
     """
     if path.suffix.lower() == ".csv":
+        with file_faults(path):
+            entries = matrices_of_entries(path)
+        if entries is not None:
+            return entries
         return matrices_and_names(_matrix_files(path))
     files = _matrix_files(path) if path.stem in (*PLANT, *CRITIC) else {UNKNOWN: path}
     arrays = {}

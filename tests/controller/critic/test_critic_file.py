@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy.io
 from game_files import stored
 from tolerances import FEW_ROUNDINGS
 
+import hfa
 from controller import basis, critic_in
 from hfa import BadInputError, Game
 from hfa.extend import Reading
@@ -181,3 +184,86 @@ def test_units_that_are_not_the_plants_are_refused(key: str, units: list[str], s
     game = replace(GAME, names=GAME.names._replace(**{key: ("N", "rad")}))
     with pytest.raises(BadInputError, match=f"^K.json: .*{says}.*"):
         critic_in(stored("K.json", K=I2, **{key: units}), game)
+
+
+ONE = Game([[0.0, 1.0], [2.0, -0.3]], [[0.0], [1.0]], Q=np.eye(2), R=[1.0])
+ONE = replace(
+    ONE,
+    names=ONE.names._replace(
+        states=("speed", "alpha"),
+        inputs=("push",),
+        state_units=("m/s", "rad"),
+        input_units=("N",),
+    ),
+)
+
+
+@pytest.mark.parametrize("poles", [{"e": [-1.0, -2.0]}, {"P": [[-1.0 + 1j], [-1.0 - 1j]]}, {}])
+def test_the_results_of_lqr_of_matlab_are_k_and_p(poles: dict[str, Any]) -> None:
+    """[K, S, e] and [K, S, P] = lqr(...): S is the value, also where P are the poles."""
+    exact = hfa.solve(ONE)
+    scipy.io.savemat("lqr.mat", {"K": exact.K, "S": exact.P, **poles})
+    assert hfa.verify(ONE, "lqr.mat").ok
+    scipy.io.savemat("lqr.mat", {"K": exact.K, "S": 2.0 * exact.P, **poles})
+    assert not hfa.verify(ONE, "lqr.mat").ok
+
+
+def test_a_gain_of_one_input_may_be_a_vector() -> None:
+    """In a file and as an array; with several inputs it is refused."""
+    np.savez("k.npz", K=[4.0, 3.0])
+    for found in (critic_in("k.npz", ONE), hfa.from_gain(ONE, [4.0, 3.0])):
+        assert found.K.tolist() == [[4.0, 3.0]]
+    with pytest.raises(BadInputError, match="dimensions of K is 1; give 2"):
+        critic_in("k.npz", GAME)
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars", "xarray"])
+def test_labels_of_frames_are_matched_by_name(library: str) -> None:
+    """Columns in another order are the same gain; other names are refused, numbers are an order."""
+    package = pytest.importorskip(library)
+
+    def frame(columns: list[Any]) -> Any:
+        if library == "pandas":
+            return package.DataFrame([[3.0, 4.0]], index=["push"], columns=columns)
+        if library == "polars":
+            return package.DataFrame(
+                {each: [value] for each, value in zip(columns, (3.0, 4.0), strict=True)}
+            )
+        return package.DataArray([[3.0, 4.0]], coords={"u": ["push"], "x": columns})
+
+    assert hfa.from_gain(ONE, frame(["alpha", "speed"])).K.tolist() == [[4.0, 3.0]]
+    with pytest.raises(BadInputError, match="K has the columns alpha, V; give speed, alpha"):
+        hfa.from_gain(ONE, frame(["alpha", "V"]))
+    if library != "polars":
+        assert hfa.from_gain(ONE, frame([0, 1])).K.tolist() == [[3.0, 4.0]]
+
+
+def test_h_is_read_in_the_order_that_its_file_lists() -> None:
+    """H over (u, x) is that over (x, u), by blocks and by names; other names are refused."""
+    H = (
+        np.diag([4.0, 3.0, 2.0, 5.0])
+        + 0.1
+        + np.diag([0.2, 0.0, 0.3], 1)
+        + np.diag([0.2, 0.0, 0.3], -1)
+    )
+    own = critic_in(stored("own.json", H=H), STEPS)
+    places = [2, 3, 0, 1]
+    names = [*STEPS.names.inputs, *STEPS.names.states] or ["u", "x"]
+    for signals in (["u", "x"], names):
+        turned = stored("turned.json", H=H[np.ix_(places, places)], H_signals=signals)
+        np.testing.assert_array_equal(critic_in(turned, STEPS).K, own.K)
+    with pytest.raises(BadInputError, match="H_signals lists u, z; give each of x, u, w"):
+        critic_in(stored("odd.json", H=H, H_signals=["u", "z"]), STEPS)
+
+
+def test_the_table_of_hfa_solve_is_read_back(tmp_path: Path) -> None:
+    """P and K of a .csv file, with names and units: PASS; in another unit K is converted."""
+    exact = hfa.solve(ONE)
+    exact.save("solved.csv")
+    assert hfa.verify(ONE, "solved.csv").ok
+    text = Path("solved.csv").read_text().replace("(m/s)", "(km/h)")
+    Path("other.csv").write_text(text)
+    assert critic_in("other.csv", ONE).K[0, 0] == pytest.approx(3.6 * exact.K[0, 0])
+    Path("other.csv").write_text(text.replace("P,alpha,speed", "P,alpha,alpha"))
+    with pytest.raises(BadInputError, match="P lacks an entry"):
+        critic_in("other.csv", ONE)
