@@ -84,7 +84,12 @@ class Assessment(Result, Reported):
     def findings(self) -> list[Finding]:
         """Findings over all trims, worst first: severity and text."""
         unmet = [Finding(Severity.FAILURE, text) for text in self.unmet]
-        return worst_first([*unmet, *findings_at_trims(self.points), *self._unfiltered()])
+        of_files = [
+            Finding(Severity.WARNING, note) for note in self.deployed.deployment.actor.notes
+        ]
+        return worst_first(
+            [*unmet, *findings_at_trims(self.points), *of_files, *self._unfiltered()]
+        )
 
     def _unfiltered(self) -> list[Finding]:
         """Return a list with the note that a filter of the deployment has no effect here."""

@@ -1,4 +1,6 @@
-"""Effects of the actions of a deployed gain."""
+"""Files of gains in deployments, and effects of the actions of a deployed gain."""
+
+import json
 
 import casadi as ca
 import numpy as np
@@ -7,7 +9,38 @@ from nominal import nominal_game
 from policy_cases import GTM, gtm_deployment, model_of
 
 import hfa
-from hfa import assess
+from hfa import BadInputError, assess
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ({"inputs": ["elevator", "throttle"], "dt": 0.02}, ""),
+        ({"states": ["alpha", "speed", "pitch_rate", "pitch"]}, "of the states alpha, speed"),
+        ({"inputs": ["throttle", "elevator"]}, "of the inputs throttle, elevator"),
+        ({"dt": 0.05}, "for dt = 0.05 s"),
+        ({"state_units": ["m/s", "deg", "rad/s", "rad"]}, "give scale = 0.0174533"),
+        ({"state_units": ["m/s", "rad", "rad/s", "rad"]}, ""),
+        ({"input_units": ["deg", "1"]}, 'give map = "trim'),
+        ({"input_units": ["rad", "1"]}, ""),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".npz", ".json"])
+def test_a_gain_is_of_its_states_inputs_units_and_sample_time(tmp_path, entries, said, suffix):
+    """A deployment that contradicts the file of its gain is refused, with the remedy."""
+    entries = {"K": 0.01 * np.ones((2, 4)), **entries}
+    path = tmp_path / f"K{suffix}"
+    if suffix == ".npz":
+        np.savez(path, **entries)
+    else:
+        path.write_text(json.dumps(entries | {"K": entries["K"].tolist()}))
+    deployment = gtm_deployment({"file": str(path)})
+    if not said:
+        assert assess(model_of(GTM), deployment, [45.0], samples=0).points
+        return
+    with pytest.raises(BadInputError) as caught:
+        assess(model_of(GTM), deployment, [45.0], samples=0)
+    assert said in str(caught.value)
 
 
 def test_effects_are_those_of_the_exact_gain_and_reversed_with_an_action():

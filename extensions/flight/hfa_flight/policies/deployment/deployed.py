@@ -12,6 +12,7 @@ all trims.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,6 +29,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.formulas import Formula, read_formula
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened
+from hfa_support.units import conversion
 from trim.point.operating_point import OperatingPoint
 
 #: Names in a map in addition to the names of the aircraft.
@@ -161,6 +163,7 @@ class Deployed:
                 o = _refuse_undefined("observation", entries, self.observe, at_trim, (0, 1))
                 a = action
                 if a is None:
+                    self._refuse_other_units()
                     a = np.array(self.act(np.tile(o, self.deployment.history))).ravel()
                 if not np.isfinite(a).all():
                     raise BadInputError(
@@ -169,6 +172,36 @@ class Deployed:
                     )
                 inputs = tuple(self.model.inputs)  # those without a map stay at the trim
                 _refuse_undefined("action", inputs, self.unlimited_inputs, (a, *at_trim), (0,))
+
+    def _refuse_other_units(self) -> None:
+        """Raise BadInputError if the file of a gain K has other units than the deployment.
+
+        The unit of an observation is that of its signal times the scale.
+        """
+        deployment = self.deployment
+        stated = deployment.actor.of_gain
+        observed = [entry.get("formula", name) for name, entry in deployment.observation.items()]
+        for name, entry, unit in zip(
+            observed, deployment.observation.values(), stated.get("state_units", ()), strict=False
+        ):
+            own = self.model.unit(name) if name in self.model.states else ""
+            expected = conversion(unit, own)
+            scale = float(entry.get("scale", 1.0))
+            if expected is not None and not math.isclose(scale, expected, rel_tol=1e-3):
+                raise BadInputError(
+                    f"K is a gain per {unit} of {name}, but the deployment file divides {name} in "
+                    f"{own} by {scale:g}; give scale = {expected:.6g}, or remove state_units from "
+                    "the file"
+                )
+        for (name, entry), unit in zip(
+            deployment.action.items(), stated.get("input_units", ()), strict=False
+        ):
+            factor = conversion(unit, self.model.unit(name))
+            if "map" not in entry and factor is not None and not math.isclose(factor, 1.0):
+                raise BadInputError(
+                    f"K is a gain of an action in {unit}, but {name} is in {self.model.unit(name)};"
+                    f' give map = "trim + {factor:.6g} * a"'
+                )
 
     @cached_property
     def observe(self) -> ca.Function:

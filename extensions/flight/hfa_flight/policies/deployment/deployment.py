@@ -258,9 +258,34 @@ class Deployment(Reported):
         """
         boxes = {name: entry.get("box") for name, entry in self.action.items()}
         try:
-            return read_actor(Wanted(self.policy, self.folder, self.width, boxes))
+            actor = read_actor(Wanted(self.policy, self.folder, self.width, boxes))
+            self._refuse_other_gain(actor.of_gain)
+            return actor
         except BadInputError as error:  # its missing settings are given in this file, not typed
             raise BadInputError(f"{self.origin}: {error}") from error
+
+    def _refuse_other_gain(self, stated: Mapping[str, Any]) -> None:
+        """Raise BadInputError if a gain is of other signals or of another sample time.
+
+        stated: what the file of the gain says about it, empty for other policies
+        """
+        observed = [entry.get("formula", name) for name, entry in self.observation.items()]
+        for key, table, listed in (
+            ("states", "observation", observed),
+            ("inputs", "action", [*self.action]),
+        ):
+            of_file = [*stated.get(key, ())]
+            if of_file and of_file != listed:
+                raise BadInputError(
+                    f"K is a gain of the {key} {', '.join(of_file)}, but [{table}] lists "
+                    f"{', '.join(listed)}; list them as the file does, or remove {key} from it"
+                )
+        dt = stated.get("dt")
+        if dt not in (None, True) and not math.isclose(float(dt), self.dt, rel_tol=1e-6):
+            raise BadInputError(
+                f"K is a gain for dt = {float(dt):g} s, but timing.dt is {self.dt:g} s; give "
+                "timing.dt of the file"
+            )
 
     @property
     def normalizer(self) -> Normalizer | None:

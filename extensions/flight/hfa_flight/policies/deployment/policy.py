@@ -21,7 +21,7 @@ from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.equilibrium import EquilibriumSearch
 from hfa_flight.policies.deployment.sampled_loop import chain_of
 from hfa_flight.policies.policy import Policy
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, warn
 from hfa_support.native.bound import BoundFunction
 from trim.point.operating_point import OperatingPoint
 
@@ -150,9 +150,9 @@ class DeployedPolicy(Policy):
 def flown_deployment(given: Deployment | Path, point: OperatingPoint) -> DeployedPolicy:
     """Return the policy of a deployment, or of the deployment file with this path, about a trim.
 
-    Raises the errors of `Deployment.load`,
-    and BadInputError if the deployment does not fit the aircraft or has a filter, or if an
-    observation, the policy or a map is not finite at the trim.
+    Warns of contradictions between the policy's files. Raises the errors of `Deployment.load`, and
+    BadInputError if the deployment does not fit the aircraft or has a filter, or if an observation,
+    the policy or a map is not finite at the trim.
     """
     deployed = Deployed(Deployment.of(given), point.model)
     if deployed.deployment.filter is not None:
@@ -161,6 +161,8 @@ def flown_deployment(given: Deployment | Path, point: OperatingPoint) -> Deploye
             "applies; remove [filter]"
         )
     deployed.refuse_undefined_at([point])
+    for note in deployed.deployment.actor.notes:
+        warn(note)
     name = "deployment" if isinstance(given, Deployment) else f"of {given}"
     return policy_about(deployed, point, name)
 
