@@ -6,7 +6,7 @@ import importlib.util
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -639,9 +639,15 @@ class _Declaration:
 
 def _density(altitude: Any, warmer: Any) -> Any:
     """Return the air density, slug/ft³, at altitudes in ft."""
-    rows = np.broadcast_arrays(np.atleast_2d(altitude), np.atleast_2d(warmer))
-    density = air_at(ca.DM(rows[0]), "english", ca.DM(rows[1])).density.full().ravel()
+    altitudes, deviations = np.broadcast_arrays(np.atleast_2d(altitude), np.atleast_2d(warmer))
+    density = _density_function()(altitudes, deviations).full().ravel()
     return float(density[0]) if density.size == 1 else density
+
+
+@cache
+def _density_function() -> ca.Function:
+    altitude, warmer = ca.SX.sym("altitude"), ca.SX.sym("warmer")
+    return ca.Function("density", [altitude, warmer], [air_at(altitude, "english", warmer).density])
 
 
 def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterator[str]:
