@@ -26,10 +26,7 @@ from hfa_flight.air.scenario import Scenario as Scenario
 from hfa_flight.air.turbulence import Turbulence as Turbulence
 from hfa_flight.judge.assess import assess as assess
 from hfa_flight.judge.assessment import Assessment as Assessment
-from hfa_flight.learn.environment import (
-    environment as environment,
-    vector_environment as vector_environment,
-)
+from hfa_flight.learn.environment import environment as environment
 from hfa_flight.plan.best_flight import BestFlight as BestFlight
 from hfa_flight.plan.keep_inside import keep_inside as keep_inside
 from hfa_flight.plan.optimize import optimize as optimize

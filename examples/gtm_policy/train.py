@@ -5,12 +5,13 @@
 Training takes minutes and requires `pip install ".[training]"`.
 """
 
+import copy
 import sys
 from pathlib import Path
 
 import numpy as np
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 import hfa
 
@@ -20,7 +21,8 @@ model = hfa.load_model(f"{HERE.parent}/gtm.py:GTM")
 speeds = np.arange(40.0, 57.0, 4.0)  # m/s
 trims = [hfa.trim(model, hold={"speed": speed}) for speed in speeds]
 deployment = hfa.Deployment.load(HERE / sys.argv[1])  # observations, actions, timing, cost
-flights = hfa.vector_environment(model, deployment, trims, count=32, seconds=8.0)
+env = hfa.environment(model, deployment, trims, seconds=8.0)
+flights = DummyVecEnv([lambda: copy.deepcopy(env)] * 32)
 normalized = VecNormalize(flights, gamma=0.98)
 ppo = PPO(
     "MlpPolicy",

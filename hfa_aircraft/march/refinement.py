@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, TypeVar
 
+from hfa_support.reporting.text import percent
+
 #: Relative change of the figures with half the step below which a simulation is resolved.
 RESOLVED = 1e-3
 #: Largest number of steps in place of one.
@@ -50,7 +52,9 @@ class IntegrationError(NamedTuple):
         if not self.figure:
             return f"No reported figure changes with {half}."
         if self.is_resolved:
-            return f"With {half}, figures change by at most {100.0 * self.change:.2g} %."
+            return (
+                f"With {half}, figures change by at most {percent(100.0 * self.change, up=True)}."
+            )
         by = "is another" if math.isinf(self.change) else f"changes by {100.0 * self.change:.2g} %"
         return f"Not resolved: with {half}, {self.figure} {by}."
 

@@ -15,7 +15,6 @@ from .air.turbulence import (
     scales_and_intensities as scales_and_intensities,
     turbulence_of as turbulence_of,
 )
-from .needs import lost_band as lost_band
 from .policies.deployment.deployed import Deployed as Deployed
 from .policies.policy import (
     GainPolicy as GainPolicy,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hfa.options.argument_types import number
 from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.reporting.text import percent
 
 #: Name of the requirement after --need, and its default: every flight.
 SHARE = "share"
@@ -42,20 +43,19 @@ def lost_band(lost: int, members: int) -> tuple[float, float]:
 
     The band is that of Clopper and Pearson (1934), one-sided if no flight or every one is lost.
     """
-    from scipy.special import betaincinv
+    from scipy.stats import binomtest
 
-    tail = 0.05 if lost in (0, members) else 0.025
-    low = betaincinv(lost, members - lost + 1, tail) if lost else 0.0
-    high = betaincinv(lost + 1, members - lost, 1.0 - tail) if lost < members else 1.0
+    side = {0: "less", members: "greater"}.get(lost, "two-sided")
+    low, high = binomtest(lost, members, alternative=side).proportion_ci(0.95)
     return float(low), float(high)
 
 
 def band_text(lost: int, members: int) -> str:
-    """Return the band of `lost_band` as text, such as "27.2 to 72.8 %, 95 %"."""
-    low, high = lost_band(lost, members)
+    """Return `lost_band` as text, such as "27.2 to 72.9 %, 95 %"; the end is rounded up."""
+    low, high = (100.0 * end for end in lost_band(lost, members))
     if not lost:
-        return f"fewer than {100.0 * high:.2g} % lost (95 %)"
-    return f"{100.0 * low:.3g} to {100.0 * high:.3g} %, 95 %"
+        return f"fewer than {percent(high, up=True)} lost (95 %)"
+    return f"{low:.3g} to {percent(high, 3, up=True)}, 95 %"
 
 
 def is_refuted(lost: int, flights: int, share: float) -> bool:

@@ -22,7 +22,6 @@ from hfa_flight import (
     Scenario,
     Uncertainty,
     flight_envelope,
-    lost_band,
     run_monte_carlo,
 )
 
@@ -408,14 +407,32 @@ def test_a_delay_changes_neither_noise_nor_filter(folder, delay):
     assert data["policy"]["filter"]["dt"] == 0.01
 
 
-def test_the_band_of_lost_flights_is_that_of_the_binomial():
-    """The tails beyond both ends have 2.5 %; without a lost flight one has 5 %."""
-    for lost, members in ((1, 20), (17, 100), (19, 20)):
-        low, high = lost_band(lost, members)
-        assert binom.sf(lost - 1, members, low) == pytest.approx(0.025)
-        assert binom.cdf(lost, members, high) == pytest.approx(0.025)
-    assert lost_band(0, 200) == (0.0, pytest.approx(1.0 - 0.05 ** (1 / 200)))
-    assert lost_band(200, 200) == (pytest.approx(0.05 ** (1 / 200)), 1.0)
+@pytest.mark.parametrize("lost", [0, 3, 5])
+def test_the_band_of_lost_flights_is_that_of_the_binomial(lost):
+    """The tails beyond both ends have 2.5 %; if no or every flight is lost, one has 5 %.
+
+    The printed upper end is rounded up.
+    """
+    model = hfa.Model(
+        "drift",
+        {"v": hfa.Signal(nominal=1.0, min=-1.0, max=1.0)},
+        {"f": hfa.Signal()},
+        lambda x, u, p, w: ({"v": u.f}, {}),
+        trim={"v": 0.0},
+    )
+    noisy = Scenario(0.1, uncertainty=Uncertainty(noise={"v": 1.0}))
+    flown = hfa.fly(model, hfa.trim(model), scenario=noisy, samples=5)
+    left = np.where(np.arange(5) < lost, 0, -1)
+    told = replace(flown, flown={**flown.flown, "left": left}).report()
+    low, high = told.data["lost_95"]
+    tail = 0.025 if 0 < lost < 5 else 0.05
+    if lost:
+        assert binom.sf(lost - 1, 5, low) == pytest.approx(tail)
+    if lost < 5:
+        assert binom.cdf(lost, 5, high) == pytest.approx(tail)
+    end = "%, 95 %" if lost else "% lost (95 %)"
+    printed = float(told.title.splitlines()[0].partition(f" {end}")[0].split()[-1])
+    assert 100.0 * high <= printed < 100.0 * high + 1.0
 
 
 def test_the_command_reports_flights_in_air():

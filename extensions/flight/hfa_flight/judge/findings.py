@@ -10,7 +10,7 @@ import numpy as np
 
 from hfa_flight.judge.assessed_point import AssessedPoint, scheduled_value
 from hfa_flight.judge.outcomes import Outcomes
-from hfa_support.reporting.text import beside_unit, short_number, shown_unit
+from hfa_support.reporting.text import beside_unit, percent, short_number, shown_unit
 
 #: Costs that differ by less, in percent of the optimum, are equal.
 _SAME_COST = 1e-6
@@ -207,11 +207,8 @@ def _linear_cost(point: AssessedPoint) -> _Found | None:
     worst = point.cost.worst
     if worst < _SAME_COST:
         text = "linear cost of the optimum"
-    elif worst < 100.0:
-        text = f"linear cost up to {worst:.2g} % above the optimum"
     else:
-        times = float(f"{1.0 + worst / 100.0:.2g}")
-        text = f"linear cost up to {short_number(times, '')}x the optimum"
+        text = f"linear cost up to {percent(worst, up=True)} above the optimum"
     return _Found(Severity.NOTE, text, worst)
 
 

@@ -1,4 +1,4 @@
-"""One episode of an aircraft as a gymnasium `Env`."""
+"""Episodes of an aircraft as a gymnasium `Env`."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ import numpy as np
 from gymnasium import spaces
 
 from hfa_aircraft.model import Model
-from hfa_flight.learn.episodes import Episodes
+from hfa_flight.learn.episode import Episode
 from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, refuse_unless_whole, shown
 from trim.point.operating_point import OperatingPoint
 
-_FIRST = np.array([0])
 _OPTIONS = ("state", "trim")
-_OBSERVED = np.dtype(np.float32)
 
 
 class AircraftEnvironment(gymnasium.Env):
@@ -25,65 +24,55 @@ class AircraftEnvironment(gymnasium.Env):
 
     `info` contains `X`, `U`, the index of the trim and, with varied parameters, their drawn values
     `parameters`. If the aircraft leaves its limits, `info["left"]` reports the reason and the time.
+
+    A copy (`copy.deepcopy`, pickle) continues at the same sample.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 1}  # noqa: RUF012
+    metadata = {"render_modes": []}  # noqa: RUF012
 
-    def __init__(self, episodes: Episodes, render_mode: str | None = None) -> None:
-        """Prepare the environment.
-
-        episodes: simulation of a single episode
-        render_mode: None or "rgb_array". Another mode raises BadInputError
-        """
-        self.episodes = episodes
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise BadInputError(f"render_mode is {shown(render_mode)}; give None or 'rgb_array'")
-        self.render_mode = render_mode
-        self.observation_space = observation_space(episodes.deployed.deployment.width)
-        self.action_space = action_space(episodes)
-        self._flown: list[tuple[np.ndarray, np.ndarray]] = []
+    def __init__(self, episode: Episode) -> None:
+        """Prepare the environment of the simulation `episode`."""
+        self.episode = episode
+        observed = len(episode.observation)
+        self.observation_space = spaces.Box(-np.inf, np.inf, (observed,), np.float32)
+        low, high = (limit.astype(np.float32) for limit in (episode.low, episode.high))
+        self.action_space = spaces.Box(low, high, dtype=np.float32)
         self._under_way = False
-        self._trim = 0
-        self._drawn: dict[str, float] = {}
-        self._X = episodes.states[0]
-        self._U = episodes.inputs[0]
-        self._frame = episodes.frames[0]
-        self._outcome = episodes.outcomes[0]
 
     @property
     def model(self) -> Model:
         """The aircraft."""
-        return self.episodes.deployed.model
+        return self.episode.deployed.model
 
     @property
     def dt(self) -> float:
         """Sample time, s."""
-        return self.episodes.deployed.deployment.dt
+        return self.episode.deployed.deployment.dt
 
     @property
     def deployment(self) -> Deployment:
         """Observations, actions, timing and cost of the environment, for the trained policy."""
-        return self.episodes.deployment
+        return self.episode.deployment
 
     @property
     def start_box(self) -> dict[str, float]:
         """Half-widths of the initial conditions about the trim of the present episode, by name."""
-        return self.episodes.start_box(self._trim)
+        return self.episode.start_box
 
     @property
     def point(self) -> OperatingPoint:
         """Trim of the present episode."""
-        return self.episodes.points[self._trim]
+        return self.episode.points[self.episode.owner]
 
     @property
     def state(self) -> dict[str, float]:
         """Present values of the aircraft's states, by name, in the units of the model."""
-        return dict(zip(self.model.states, self._X.tolist(), strict=True))
+        return dict(zip(self.model.states, self.episode.states.tolist(), strict=True))
 
     @property
     def seconds(self) -> float:
         """Longest duration of an episode, s."""
-        return self.episodes.samples * self.dt
+        return self.episode.samples * self.dt
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -94,7 +83,8 @@ class AircraftEnvironment(gymnasium.Env):
         states (n,), or some by name with the others at the trim. {"state": X, "trim": index} also
         selects the trim; the default is 0.
 
-        Raises BadInputError for other options, and for a wrong state or trim.
+        Raises BadInputError for other options, for a wrong state or trim, and for a state beyond
+        the limits.
         """
         super().reset(seed=seed)
         options = options or {}
@@ -104,22 +94,16 @@ class AircraftEnvironment(gymnasium.Env):
             raise BadInputError("options: trim requires an initial state; add a state")
         if options:
             number = self._trim_number(options.get("trim", 0))
-            starts = self._start(options["state"], self.episodes.points[number])[None]
-            owners = np.array([number])
-            observations = self.episodes.begin_at(_FIRST, owners, starts, self.np_random)
+            start = self._start(options["state"], self.episode.points[number])
+            self.episode.begin_at(number, start, self.np_random)
         else:
-            observations = self.episodes.begin(_FIRST, self.np_random)
+            self.episode.begin(self.np_random)
         self._under_way = True
-        self._trim = int(self.episodes.owners[0])
-        values = dict(zip(self.model.parameters, self.episodes.parameters[0], strict=True))
-        self._drawn = {name: float(values[name]) for name in self.episodes.varied}
-        info = self._info()
-        self._flown = [(info["X"], info["U"])]
-        return observations[0].astype(np.float32), info
+        return self._observation(), self._info()
 
     def _trim_number(self, number: Any) -> int:
         """Return a trim's index as an integer. Raises BadInputError if no trim has this index."""
-        count = len(self.episodes.points)
+        count = len(self.episode.points)
         refuse_unless_whole("options: trim", number, 0)
         if number >= count:
             raise BadInputError(
@@ -135,12 +119,15 @@ class AircraftEnvironment(gymnasium.Env):
                 refuse_unknown("options: state names the unknown state", name, self.model.states)
             given = [*{**point.states._asdict(), **given}.values()]
         states = numbers_in("options: state", given)
-        wanted = self.episodes.states.shape[1:]
+        wanted = point.x.shape
         if states.shape != wanted or not np.isfinite(states).all():
             raise BadInputError(
                 f"options: state is {shown(given)}; give {wanted[0]} finite "
                 "numbers, one for each state, or some by name"
             )
+        envelope = flight_envelope(self.model, point)
+        for sentence in envelope.broken(states, verb="is"):
+            raise BadInputError(f"options: state: {sentence}; give a state within the limits")
         return states
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -157,42 +144,20 @@ class AircraftEnvironment(gymnasium.Env):
         if not self._under_way:
             raise BadInputError("step: no episode is under way; call reset() first")
         if type(action) is not np.ndarray or action.dtype.kind != "f":
-            action = numbers_in("an action", action)
-        self.episodes.advance(action[None])
-        reward, lost, over = self._outcome.tolist()
+            action = numbers_in("the action", action)
+        reward, lost, over = self.episode.advance(action)
         self._under_way = not (lost or over)
         info = self._info()
-        if self.render_mode is not None:
-            self._flown.append((info["X"], info["U"]))
         if lost:
-            info["left"] = self.episodes.left(0)
-        return self._frame.astype(_OBSERVED), reward, lost > 0.0, over > 0.0, info
+            info["left"] = self.episode.left()
+        return self._observation(), reward, lost, over, info
 
-    def render(self) -> np.ndarray | None:
-        """Return the picture of the episode so far, (height, width, 3).
-
-        The result is None without a render_mode.
-        """
-        if self.render_mode is None:
-            return None
-        from hfa_flight.learn.environment import episode_picture
-
-        return episode_picture(self.episodes, self._trim, self._flown)
+    def _observation(self) -> np.ndarray:
+        return self.episode.observation.astype(np.float32)
 
     def _info(self) -> dict[str, Any]:
-        info: dict[str, Any] = {"X": self._X.copy(), "U": self._U.copy(), "trim": self._trim}
-        if self._drawn:
-            info["parameters"] = dict(self._drawn)
+        episode = self.episode
+        info: dict[str, Any] = {"X": episode.states, "U": episode.inputs, "trim": episode.owner}
+        if episode.varied:
+            info["parameters"] = episode.parameters
         return info
-
-
-def observation_space(observed: int) -> spaces.Box:
-    """Return the space of vectors of `observed` numbers without bounds."""
-    return spaces.Box(-np.inf, np.inf, (observed,), np.float32)
-
-
-def action_space(episodes: Episodes) -> spaces.Box:
-    """Return the Box of the actions."""
-    return spaces.Box(
-        episodes.low.astype(np.float32), episodes.high.astype(np.float32), dtype=np.float32
-    )

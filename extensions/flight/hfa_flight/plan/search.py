@@ -20,7 +20,6 @@ from hfa_flight.plan.collocation import (
 )
 from hfa_flight.plan.flights import Flights, SimulatedFlight
 from hfa_flight.plan.problem import MARGIN, FlightProblem
-from hfa_flight.plan.tracking import exponentials
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
 
@@ -242,10 +241,12 @@ class BestFlights:
 
         start: initial deviations z, (k,)
         """
+        from scipy.linalg import expm
+
         P = self.problem.P
         slowest = -float(np.linalg.eigvals(self._loop).real.max())
         step = _TAIL_STEP / slowest
-        (transition,) = exponentials(self._loop[None] * step)
+        transition = expm(self._loop * step)
         negligible = _FIRST_TAIL * float(start @ P @ start)
         count, z = 1, transition @ start
         while z @ P @ z > negligible and count < _TAIL_STEPS:
@@ -474,9 +475,10 @@ class BestFlights:
 
     def _linear_guess(self, start: np.ndarray) -> Guess:
         """Return as guess the linear loop without limits, with v clipped to its limits."""
+        from scipy.linalg import expm
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            z = exponentials(self._loop * times[:, None, None]) @ start
+            z = expm(self._loop * times[:, None, None]) @ start
             return z, np.clip(-z @ self.problem.K.T, *self.problem.input_limits)
 
         return guess

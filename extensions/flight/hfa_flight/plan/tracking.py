@@ -16,10 +16,6 @@ from hfa_flight.policies.policy import Measurements, Policy
 
 #: Largest growth exponent of the linear costate equations in one step of the Riccati recursion.
 _STEP = 6.0
-#: Terms of the exponential series of a matrix whose norm is at most _SMALL. They suffice up to
-#: rounding errors.
-_TERMS = 12
-_SMALL = 0.5
 #: Integration steps in a tick. z* and v* are given at the ends of each step.
 STEPS = 8
 
@@ -94,6 +90,8 @@ def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
     The final cost is z'Pz. In each interval, the equations are linearized at the middle of the
     interval.
     """
+    from scipy.linalg import expm
+
     A, B = _slopes(problem, proposal)
     S = B @ np.linalg.solve(problem.R, B.transpose(0, 2, 1))
     k = A.shape[1]
@@ -104,7 +102,7 @@ def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
     costate[:, k:, k:] = -A.transpose(0, 2, 1)
     fastest = np.abs(np.linalg.eigvals(costate)).max(axis=1)
     steps = np.maximum(1, np.ceil(proposal.lengths * fastest / _STEP)).astype(int)
-    back = exponentials(-costate * (proposal.lengths / steps)[:, None, None])
+    back = expm(-costate * (proposal.lengths / steps)[:, None, None])
     P = problem.P
     gains = np.empty((len(A), B.shape[2], k))
     for index in range(len(A) - 1, -1, -1):
@@ -114,20 +112,6 @@ def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
             P = 0.5 * (P + P.T)
         gains[index] = np.linalg.solve(problem.R, B[index].T @ P)
     return gains
-
-
-def exponentials(matrices: np.ndarray) -> np.ndarray:
-    """Return e^M of many small matrices, (N, n, n), by scaling, Taylor series and squaring."""
-    largest = np.abs(matrices).sum(axis=-1).max(initial=0.0)
-    halvings = max(0, int(np.ceil(np.log2(max(largest, 1e-300) / _SMALL))))
-    small = matrices * 0.5**halvings
-    unit = np.eye(matrices.shape[-1])
-    total = np.broadcast_to(unit, matrices.shape)
-    for term in range(_TERMS, 0, -1):
-        total = unit + small @ total / term
-    for _ in range(halvings):
-        total = total @ total
-    return total
 
 
 def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:

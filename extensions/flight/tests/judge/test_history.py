@@ -52,21 +52,6 @@ def test_spectral_radius_includes_past_states():
     np.testing.assert_allclose(assessed.equilibrium.K, -(oldest + older + last), atol=1e-12)
 
 
-def test_fly_and_environments_give_equal_flights():
-    """A flight of one second ends at the same state in `fly` and in an environment."""
-    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
-    deployment = stacked(0.03)
-    off = [2.0, 0.03, 0.1, -0.05]
-    initial = dict(zip(model.states, off, strict=True))
-    flown = hfa.fly(model, point, deployment, 1.0, initial=initial, predict=False).states[-1]
-    env = hfa.environment(model, deployment, [point])
-    observation, _ = env.reset(options={"state": np.add(point.states, off)})
-    np.testing.assert_allclose(observation[:4], observation[8:], rtol=1e-6)
-    for _ in range(50):
-        observation, *_, info = env.step(GAIN @ observation.astype(float))
-    np.testing.assert_allclose(info["X"], flown, rtol=1e-5)
-
-
 @pytest.mark.parametrize(
     ("history", "said"),
     [

@@ -66,9 +66,7 @@ def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim()
 
 
 def test_each_reset_draws_between_the_limits() -> None:
-    """Each reset draws another value between the limits, reproducibly by the seed, and each of five
-    simultaneous episodes, as those of a vector environment, its own.
-    """
+    """Each reset draws another value between the limits, reproducibly by the seed."""
     model = model_of(f"{ROOT}/examples/gtm.py:UNCERTAIN_GTM")
     env = environment(model, points=[45.0], vary={"lift_slope": (0.9, 1.1)})
     drawn = [env.reset(seed=3)[1]["parameters"]["lift_slope"]]
@@ -77,8 +75,3 @@ def test_each_reset_draws_between_the_limits() -> None:
     assert 1.08 < max(drawn) <= 1.1
     assert len(set(drawn)) == 60
     assert env.reset(seed=3)[1]["parameters"]["lift_slope"] == drawn[0]
-    one = env.episodes
-    five = type(one)(one.deployed, one.points, 5, vary={"lift_slope": (0.9, 1.1)})
-    five.begin(np.arange(5), np.random.default_rng(0))
-    column = list(one.deployed.model.parameters).index("lift_slope")
-    assert len(set(five.parameters[:, column])) == 5

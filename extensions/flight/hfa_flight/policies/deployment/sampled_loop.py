@@ -77,11 +77,11 @@ def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarra
 
     Φ = exp(A dt), and Γ = ∫ exp(A t) dt B over [0, dt].
     """
-    from scipy.linalg import expm
+    from scipy.signal import cont2discrete
 
-    n, m = B.shape
-    moved = expm(dt * np.vstack([np.hstack([A, B]), np.zeros((m, n + m))]))
-    return moved[:n, :n], moved[:n, n:]
+    nothing = np.zeros((0, len(A))), np.zeros((0, B.shape[1]))
+    Phi, Gamma, *_ = cont2discrete((A, B, *nothing), dt)
+    return Phi, Gamma
 
 
 def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:

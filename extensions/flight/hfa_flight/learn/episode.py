@@ -1,0 +1,412 @@
+"""Simulation of an episode of an aircraft, sample by sample."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Self
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.march.ending import all_finite, is_within
+from hfa_aircraft.march.march import saturated
+from hfa_aircraft.model import Model
+from hfa_flight.air.held_step import parts_of_a_sample
+from hfa_flight.air.turbulence import Turbulence
+from hfa_flight.judge.outcomes import refuse_edges
+from hfa_flight.judge.weights import cost_rate, cost_weights
+from hfa_flight.learn.start_boxes import surviving_boxes
+from hfa_flight.plan.initial_box import start_box
+from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.simulate.envelope import departure, flight_envelope
+from hfa_flight.simulate.sampled_flights import SampledFlight
+from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
+from hfa_support.native.bound import RowFunction
+from hfa_support.native.row_code import RowCode, row_code
+from trim.point.operating_point import OperatingPoint
+
+#: Cost of a sample whose cost is not a finite number.
+_DEAREST = 1e6
+#: Rows of an episode that a sample overwrites.
+_ROWS = ("_state", "_held", "_observed", "_outcome")
+#: Default duration of an episode, s.
+SECONDS = 20.0
+
+
+class Episode:
+    """Episodes of a deployment on its aircraft, one after the other, each about one of some trims.
+
+    The reward of a sample is -dt (x'Q x + u'R u). x are the deviations of states and outputs from
+    the trim at the sample, and u the inputs commanded at the sample minus the trim, also if they
+    act later because of a delay. Q and R are those of `cost_weights`. If an episode leaves the
+    limits, the cost of that sample is also counted for each remaining sample.
+
+    owner: index of the trim.
+
+    A pickled copy is in the same state; its code is compiled again.
+    """
+
+    def __init__(
+        self,
+        deployed: Deployed,
+        points: Sequence[OperatingPoint],
+        seconds: float = SECONDS,
+        turbulence: Turbulence | None = None,
+        vary: Mapping[str, tuple[float, float]] | None = None,
+    ) -> None:
+        """Prepare episodes of at most `seconds` about the trims `points`.
+
+        turbulence: drawn again for each episode
+        vary: parameter -> (lowest, highest), between which it is drawn for each episode. The trims
+            remain those of the unchanged aircraft
+
+        Raises BadInputError in these cases:
+        - `points` is empty.
+        - An action has no box.
+        - `seconds` is shorter than a sample or not finite.
+        - A trim is at the limit of a state.
+        - An observation or a map is not finite at a trim.
+        - The aircraft does not support the turbulence.
+        - A varied parameter is unknown, or its range is outside its limits.
+        """
+        self._arguments = deployed.deployment, deployed.model, points, seconds, turbulence, vary
+        self.varied = _ranges(deployed.model, vary or {})
+        deployed = replace(deployed, varies=bool(self.varied))
+        if not points:
+            raise BadInputError("no trim is given; give at least one operating point")
+        dt = deployed.deployment.dt
+        if not (is_finite(seconds) and seconds >= dt):
+            raise BadInputError(
+                f"the duration of an episode is {shown(seconds)} s; give at least the sample time, "
+                f"{dt:g} s"
+            )
+        self.deployed = deployed
+        self.points = tuple(points)
+        self.low, self.high = _box_of(deployed)
+        refuse_edges(points)
+        middle_of_box = 0.5 * self.low + 0.5 * self.high
+        deployed.refuse_undefined_at(points, middle_of_box)
+        self.samples = round(seconds / dt)
+        self._turbulence = turbulence
+        boxes = np.array([start_box(deployed.model, point) for point in points])
+        self._flight = SampledFlight(
+            deployed,
+            dt,
+            deployed.deployment.delay,
+            parts_of_a_sample(self.points, dt, [*boxes]),
+            commands_of=_moved_by_actions(deployed, self.low, self.high),
+            winds=() if turbulence is None else turbulence.air(self.points[0], dt, 1, 0).names,
+        )
+        nothing = np.clip(np.zeros(len(self.low)), self.low, self.high)
+        self._boxes = surviving_boxes(self._flight, self.points, boxes, nothing)
+        self._envelopes = [flight_envelope(deployed.model, point) for point in points]
+        self._trims = np.array([deployed.trim_vector(point) for point in points])
+        self._linear = deployed.model.state_places(deployed.model.linear)
+        self.owner = 0
+        self._winds_of_samples = np.zeros((self.samples, 0))
+        self._observe = row_code(self._observation(), one_row=True)
+        self._code = row_code(self._sample(), one_row=True)
+        self._allocate()
+
+    def _allocate(self) -> None:
+        """Allocate the row of the states and that of the held values, and name their parts.
+
+        The compiled code, bound to these rows, advances the episode by one sample in place.
+        """
+        # The row of the states contains state, memory, extremes, and the number of remaining
+        # samples. The row of the held values contains actions, trim, push, and the limits of the
+        # state. The trim ends with the parameters, the memory with the inputs, and the push with
+        # the winds.
+        flight = self._flight
+        model = self.deployed.model
+        n, m = len(model.states), len(model.inputs)
+        X, memory, *_ = flight.slices
+        actions, trim, push = flight.held_slices
+        self._state = np.zeros((1, sum(flight.sizes) + 1))
+        self._held = np.zeros((1, push.stop + 2 * n))
+        self._observed = np.zeros((1, self.deployed.observe.numel_out(0)))
+        self._outcome = np.zeros((1, 3))
+        self._X = self._state[0, X]
+        self._U = self._state[0, memory.stop - m : memory.stop]
+        self._action = self._held[0, actions]
+        self._parameters = self._held[0, trim][n + m :]
+        self._winds = self._held[0, push.stop - len(flight.winds) : push.stop]
+        names = list(model.parameters)
+        self._places_of_varied = [n + m + names.index(name) for name in self.varied]
+        tables = (self._state, self._outcome, self._observed)
+        self._fly = _bound(self._code, (self._state, self._held), tables)
+
+    def _present(self) -> dict[str, Any]:
+        """Return the values that change from sample to sample, by name."""
+        rows = {name: getattr(self, name).copy() for name in _ROWS}
+        return {**rows, "owner": self.owner, "_winds_of_samples": self._winds_of_samples}
+
+    def _continue(self, present: Mapping[str, Any]) -> None:
+        """Set the values that change from sample to sample."""
+        for name, value in present.items():
+            if name in _ROWS:
+                getattr(self, name)[:] = value
+            else:
+                setattr(self, name, value)
+
+    def __getstate__(self) -> tuple[Any, ...]:
+        """Return the arguments and the present values, without compiled code."""
+        return self._arguments, self._present()
+
+    def __setstate__(self, kept: tuple[Any, ...]) -> None:
+        """Prepare the same episodes, with the present values of another."""
+        (deployment, model, *others), present = kept
+        self.__init__(Deployed(deployment, model), *others)  # type: ignore[misc]
+        self._continue(present)
+
+    def __deepcopy__(self, _: Any) -> Self:
+        """Return a copy in the same state, which shares what does not change."""
+        copy = object.__new__(type(self))
+        copy.__dict__.update(self.__dict__)
+        copy._allocate()
+        copy._continue(self._present())
+        return copy
+
+    @property
+    def states(self) -> np.ndarray:
+        """States X of the aircraft, (n,)."""
+        return self._X.copy()
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """Inputs just before the sample, (m,)."""
+        return self._U.copy()
+
+    @property
+    def observation(self) -> np.ndarray:
+        """Observations of the sample, (k,)."""
+        return self._observed[0].copy()
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the varied parameters, by name."""
+        values = dict(zip(self.deployed.model.parameters, self._parameters.tolist(), strict=True))
+        return {name: values[name] for name in self.varied}
+
+    @property
+    def deployment(self) -> Deployment:
+        """The deployment with the weights of the reward as its cost."""
+        Q, R = cost_weights(self.deployed)
+        return self.deployed.deployment.changed(cost={"Q": dict(Q), "R": dict(R)})
+
+    @property
+    def start_box(self) -> dict[str, float]:
+        """Half-widths of the initial conditions about the trim, by name of a linear state."""
+        box = self._boxes[self.owner].tolist()
+        return dict(zip(self.deployed.model.linear, box, strict=True))
+
+    @property
+    def envelope(self) -> Limits:
+        """Limits of the states about the trim."""
+        return self._envelopes[self.owner]
+
+    def begin(self, random: np.random.Generator) -> None:
+        """Begin an episode at a random initial condition about a random trim."""
+        owner = int(random.integers(len(self.points)))
+        share = random.uniform(-1.0, 1.0, len(self._linear))
+        start = self.points[owner].x
+        start[self._linear] += share * self._boxes[owner]
+        self.begin_at(owner, start, random)
+
+    def begin_at(self, owner: int, start: np.ndarray, random: np.random.Generator) -> None:
+        """Begin an episode at an initial state.
+
+        owner: index of the trim
+        start: initial state, (n,)
+        random: draws the turbulence and the varied parameters
+        """
+        dt = self.deployed.deployment.dt
+        trim = self._trims[owner].copy()
+        if self._turbulence is not None:
+            seed = int(random.integers(2**63))
+            values = self._turbulence.air(self.points[owner], dt, self.samples, seed).values
+            # During a sample, a disturbance is constant: the mean of its values at both ends.
+            self._winds_of_samples = 0.5 * (values[:-1] + values[1:])
+        if self.varied:
+            lowest, highest = np.array(list(self.varied.values())).T
+            trim[self._places_of_varied] = random.uniform(lowest, highest)
+        self.owner = owner
+        begun = self._flight.start(start[None], trim[None])
+        self._state[:] = np.append(begun, self.samples)
+        actions, _, push = self._flight.held_sizes
+        limits = (self.envelope.least, self.envelope.most)
+        self._held[:] = np.concatenate([np.zeros(actions), trim, np.zeros(push), *limits])
+        self._observed[:] = np.asarray(self._observe(begun, trim[None])[0])
+
+    def advance(self, action: np.ndarray) -> tuple[float, bool, bool]:
+        """Advance by one sample; return the reward, and whether the aircraft left or time is over.
+
+        The aircraft also counts as outside its limits if the next state is not a number.
+
+        action: (m,), clipped to the box
+
+        Raises BadInputError if the action has another shape or contains NaN.
+        """
+        wanted = self._action.shape
+        if action.shape != wanted or any(map(math.isnan, action.tolist())):
+            raise BadInputError(
+                f"the action is {shown(action.tolist())}; give {wanted[0]} numbers without NaN"
+            )
+        self._action[:] = action
+        if self._turbulence is not None:
+            self._winds[:] = self._winds_of_samples[self._done]
+        self._fly()
+        reward, lost, over = self._outcome[0].tolist()
+        return reward, lost > 0.0, over > 0.0
+
+    @property
+    def _done(self) -> int:
+        """Number of elapsed samples."""
+        return self.samples - int(self._state[0, -1])
+
+    def left(self) -> str:
+        """Return the reason and the time at which the episode was terminated, as text.
+
+        The reason is the violated limit or the value that is not a number.
+        """
+        time = self._done * self.deployed.deployment.dt
+        lowest, highest = self._flight.extremes(self._state[0, :-1])
+        beyond = np.where(lowest < self.envelope.least, lowest, highest)
+        if not self.envelope.within(beyond).all():
+            return _departure_at(self.envelope, beyond, time)
+        after = self._next_states()
+        if np.isfinite(after).all():
+            return f"the command is not a number at {time:.4g} s"
+        return _departure_at(self.envelope, after, time)
+
+    def _next_states(self) -> np.ndarray:
+        """Return the states after a further sample, (n,), which may be no numbers.
+
+        An episode keeps its states if the next are no numbers, so these are computed again.
+        """
+        held = self._held[0, : sum(self._flight.held_sizes)]
+        after = np.array(self._flight.tick()(self._state[0, :-1], held)).ravel()
+        return after[: len(self._X)]
+
+    def _sample(self) -> ca.Function:
+        """Return the CasADi Function that advances one episode by a sample."""
+        flight = self._flight
+        flown, of_flight = sum(flight.sizes), sum(flight.held_sizes)
+        n, m = len(flight.deployed.model.states), len(flight.deployed.model.inputs)
+        state = ca.MX.sym("state", flown + 1)
+        held = ca.MX.sym("held", of_flight + 2 * n)
+        now, left = ca.vertsplit(state, [0, flown, flown + 1])
+        flying, limits = ca.vertsplit(held, [0, of_flight, of_flight + 2 * n])
+        actions, trim, _ = (flying[part] for part in flight.held_slices)
+        memory = flight.slices[1]
+        inputs = slice(memory.stop - m, memory.stop)
+        X, before = now[:n], now[inputs]
+        assert flight.commands_of is not None  # set by the constructor
+        U = flight.commands_of(actions, X, before, trim)
+        cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
+        after = flight.tick()(now, flying)
+        kept, left, outcome = _outcome(flown, n)(now, after, cost, left, limits)
+        o = self.deployed.observe(kept[:n], kept[inputs], trim)
+        return ca.Function("episode", [state, held], [ca.vertcat(kept, left), outcome, o])
+
+    def _observation(self) -> ca.Function:
+        """Return the CasADi Function (state of a flight, trim) -> observations."""
+        n, m = len(self.deployed.model.states), len(self.deployed.model.inputs)
+        state = ca.MX.sym("state", sum(self._flight.sizes))
+        trim = ca.MX.sym("trim", self._flight.held_sizes[1])
+        end = self._flight.slices[1].stop
+        seen = self.deployed.observe(state[:n], state[end - m : end], trim)
+        return ca.Function("observation", [state, trim], [seen])
+
+
+def _ranges(
+    model: Model, vary: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Return parameter -> (lowest, highest) of its draws."""
+    ranges = {}
+    for name, ends in vary.items():
+        refuse_unknown("vary names the unknown parameter", name, tuple(model.parameters))
+        lowest, highest = pair_of(f"vary[{name!r}]", ends)
+        if not -math.inf < lowest <= highest < math.inf:
+            raise BadInputError(
+                f"vary[{name!r}] is {shown(ends)}; give (lowest, highest), two finite numbers in "
+                "ascending order"
+            )
+        for value in (lowest, highest):
+            model.with_parameters(**{name: value})
+        ranges[name] = (lowest, highest)
+    return ranges
+
+
+def _departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
+    """Return which limit is violated by states (n,) outside the envelope, and when."""
+    left = departure(envelope, np.array([time]), states[None], moving_air=False)
+    assert left is not None  # the states are outside
+    return left.cause()
+
+
+def _outcome(size: int, n: int) -> ca.Function:
+    """Return the function (before, after, cost, left, limits) -> (kept state, left, outcome)."""
+    # - before, after: state before and after the sample
+    # - cost: cost of the sample, replaced by `_DEAREST` if not finite
+    # - left: number of remaining samples, before including and after excluding this one
+    # - limits: lowest X and highest X, for the extremes at the end of a state
+    # - accepted state: `after` if all its entries are finite, else `before`
+    # - outcome: reward, whether the aircraft left the limits, whether no samples remain
+    # An entry of `after` that is not finite counts as leaving the limits. The reward is -cost. If
+    # the aircraft leaves the limits, the cost of the sample is also counted for each later sample.
+    before, after = ca.SX.sym("before", size), ca.SX.sym("after", size)
+    cost, left = ca.SX.sym("cost"), ca.SX.sym("left")
+    limits = ca.SX.sym("limits", 2 * n)
+    numbers = all_finite(after)
+    kept = ca.if_else(numbers, after, before)
+    lowest, highest = kept[size - 2 * n : size - n], kept[size - n :]
+    inside = (is_within(each, limits[:n], limits[n:]) for each in (lowest, highest))
+    lost = ca.logic_not(ca.logic_and(numbers, ca.logic_and(*inside)))
+    later = ca.fmax(left - 1.0, 0.0)
+    paid = ca.if_else(all_finite(cost), cost, _DEAREST)
+    reward = -paid * ca.if_else(lost, 1.0 + later, 1.0)
+    outcome = ca.vertcat(reward, lost, later <= 0.0)
+    return ca.Function("outcome", [before, after, cost, left, limits], [kept, later, outcome])
+
+
+def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and highest action, (m,) each."""
+    low, high = deployed.deployment.box
+    for name, lowest, highest in zip(deployed.commanded, low, high, strict=True):
+        if not (np.isfinite(lowest) and np.isfinite(highest)):
+            raise BadInputError(
+                f"{deployed.deployment.origin}: action.{name} has no box, which a learning "
+                "environment requires; give box = [lowest, highest]"
+            )
+    return low, high
+
+
+def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> ca.Function:
+    """Return the function (action, X, U before, trim) -> U of actions limited to the box."""
+    arguments = deployed.symbols()
+    action = ca.SX.sym("a", len(low))
+    within = saturated(action, ca.DM(low), ca.DM(high))
+    commanded = deployed.inputs(within, *arguments)
+    return ca.Function("moves", [action, *arguments], [ca.densify(commanded)])
+
+
+def _bound(
+    code: RowCode | RowFunction, tables: Sequence[np.ndarray], results: Sequence[np.ndarray]
+) -> Callable[[], Any]:
+    """Return a function without arguments that evaluates all rows of the tables into `results`.
+
+    A result may be one of the tables.
+    """
+    if isinstance(code, RowCode):
+        return code.bound(tables, results)
+
+    def evaluate() -> None:
+        for result, values in zip(results, code(*tables), strict=True):
+            result[:] = values
+
+    return evaluate
