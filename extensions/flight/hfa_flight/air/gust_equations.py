@@ -154,6 +154,50 @@ def in_gusts(model: Model) -> Model:
     )
 
 
+def relative_to_crossing_air(
+    model: Model, values: Mapping[str, Any], winds: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return state -> value relative to the air across the path, of the speed and the flow angles.
+
+    The air across the path are the updraft and the gust to the right, in level axes. Air along the
+    path is left out. The result is empty if the model has no speed, alpha and pitch as states, or
+    no such wind.
+
+    values: state -> value over the ground, as number or expression, of all states
+    winds: disturbance of `in_gusts(model)` -> value
+    """
+    states = _states(model)
+    if not {"speed", "alpha", "pitch"} <= set(states):
+        return {}
+    across = {name: winds[ADDED[name]] for name in ("v", "w") if ADDED[name] in winds}
+    if "beta" not in states:
+        across.pop("v", None)
+    if not across:
+        return {}
+    unit = model.unit(states["speed"][0])
+    signals = in_gusts(model).disturbances
+    air = [0.0, 0.0, 0.0]
+    for name, wind in across.items():
+        factor = conversion(signals[ADDED[name]].unit, unit) or 1.0
+        air["uvw".index(name)] = _SIGN.get(name, 1.0) * factor * wind
+    at = {name: values[state] * size for name, (state, size) in states.items()}
+    velocity = at["speed"] * wind_axes(at["alpha"], at.get("beta", 0.0))[:, 0]
+    to_ground = rotation(at.get("roll", 0.0), at["pitch"], 0.0)
+    in_air = velocity - ca.mtimes(to_ground.T, ca.vertcat(*air))
+    relative = _flow(in_air)
+    return {states[name][0]: relative[name] / states[name][1] for name in relative if name in at}
+
+
+def _flow(velocity: Any) -> dict[str, Any]:
+    """Return the speed and the flow angles of a velocity in body axes, (3,)."""
+    speed = ca.norm_2(velocity)
+    return {
+        "speed": speed,
+        "alpha": ca.atan2(velocity[2], velocity[0]),
+        "beta": ca.asin(velocity[1] / speed),
+    }
+
+
 @dataclass(frozen=True)
 class _InGusts:
     """Equations (x, u, p, w) -> (rates by state, outputs by name) of a model in gusts."""
@@ -183,9 +227,7 @@ class _InGusts:
         rates = ca.vertcat(*(states.get(name, 0.0) for name in _RATES.values()))
         rates_in_air = rates + ca.vertcat(gust["p"], gust["q"], gust["r"])
         relative = {
-            "speed": ca.norm_2(in_air),
-            "alpha": ca.atan2(in_air[2], in_air[0]),
-            "beta": ca.asin(in_air[1] / ca.norm_2(in_air)),
+            **_flow(in_air),
             **dict(zip(_RATES.values(), ca.vertsplit(rates_in_air), strict=True)),
         }
         seen = {name: relative.get(name, value) for name, value in states.items()}

@@ -18,6 +18,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.actuators import ActuatorBank
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.export.filter_c import filter_sample
+from hfa_flight.policies.estimate import memory_size
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
@@ -123,7 +124,7 @@ def _sampled(policy: FilteredPolicy, states: int, winds: int, v: ca.SX) -> Sampl
     """Return the sampled policy of a loop with some numbers of states and winds."""
     sensors = policy.filter.sensors
     y, w = ca.SX.sym("y", states), ca.SX.sym("w", winds)
-    memory = ca.SX.sym("memory", len(policy.filter.Phi) + 2)
+    memory = ca.SX.sym("memory", memory_size(policy.filter))
     measured = y[policy.point.model.state_places(sensors)] + v[: len(sensors)]
     results = filter_sample(policy).call([memory, measured])
     function = ca.Function("sample", [y, ca.vertcat(w, v), memory], results)

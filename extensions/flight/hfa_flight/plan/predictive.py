@@ -112,6 +112,10 @@ class Predictive(SampledPolicy):
         w = None if winds is None else self._values(winds)
         return self.problem.inputs_of(self.controller(z, w))
 
+    def of_estimate(self, t: float, X: np.ndarray) -> np.ndarray:
+        """Return the inputs U (m,) from an estimate of all states, which is used as it is."""
+        return self.problem.inputs_of(self.controller(self.problem.followed_of(X), np.zeros(0)))
+
     def _values(self, winds: Mapping[str, float]) -> np.ndarray:
         """Return the winds in the order of the plans."""
         for name in winds:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Self, cast
+from typing import Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -15,11 +15,19 @@ import numpy as np
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.delay import acting_commands, in_samples
-from hfa_flight.air.held_step import held_step, parts_of_a_sample
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
 from hfa_flight.policies.deployment.sampled_loop import held
+from hfa_flight.policies.estimate import (
+    extended_step,
+    memory_size,
+    propagated,
+    seen_from_air,
+    unpacked,
+    updated,
+    winds_in,
+)
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
 from hfa_flight.policies.sampled_policy import SampledPolicy
@@ -28,36 +36,37 @@ from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.results import plain
 from trim.point.operating_point import OperatingPoint
 
-#: A sample is not used if an innovation is beyond this number of its standard deviations.
-IMPOSSIBLE = 8.0
-#: After this number of such samples in a row, the estimate begins anew at the measured values.
-LOST = 10
-#: Function (number of the sample, deviations of all states, winds) -> deviations of the inputs.
-_Law = Callable[[int, np.ndarray, Mapping[str, float]], np.ndarray]
+#: Function (number of the sample, deviations of all states) -> deviations of the inputs.
+_Law = Callable[[int, np.ndarray], np.ndarray]
 
 
 @dataclass
 class _Memory:
     """Memory of one flight.
 
-    predicted: predicted states of the filter at the next sample, (n,)
+    estimate: predicted states of the filter at the next sample, their covariance and counts
     waiting: commands that may act yet, the oldest first
-    samples, unused: numbers of samples, and of samples that were not used
-    missed: number of samples in a row with an impossible innovation
+    samples, unused: numbers of samples, and of samples of which a value was not used
     law: the policy behind the filter, or None before the first sample
     """
 
-    predicted: np.ndarray
+    estimate: np.ndarray
     waiting: list[np.ndarray]
     samples: int = 0
     unused: int = 0
-    missed: int = 0
     law: _Law | None = None
 
 
+class _Moved(NamedTuple):
+    """States of the filter after some seconds, (n,), and their slopes by those before, (n, n)."""
+
+    x: np.ndarray
+    Phi: np.ndarray
+
+
 class _Part(NamedTuple):
-    """Models of a part of a sample with held inputs: x⁺ = Φ x + Γ u, and the nonlinear one of a law
-    that plans, (X, U, [0; winds], p) -> (X⁺, extremes).
+    """Models of a part of a sample with held inputs: x⁺ = Φ x + Γ u, and (x, u) -> (x⁺, slopes) of
+    an extended filter, or None.
     """
 
     Phi: np.ndarray
@@ -65,16 +74,51 @@ class _Part(NamedTuple):
     nonlinear: BoundFunction | None
 
 
+class _Functions(NamedTuple):
+    """Functions of a filter: (memory, y) -> (memory, whether a value is left out), (memory, x, Φ)
+    -> memory of the next sample, and x -> linear states as seen from the air across the path.
+    """
+
+    updated: BoundFunction
+    propagated: BoundFunction
+    seen: BoundFunction
+
+
+def _functions_of(known: KalmanFilter, is_extended: bool) -> _Functions:
+    """Return the functions of a filter."""
+    n, k = len(known.Phi), len(known.states)
+    memory, y = ca.SX.sym("memory", memory_size(known)), ca.SX.sym("y", len(known.sensors))
+    x, Phi = ca.SX.sym("x", n), ca.SX.sym("Phi", n, n)
+    before = unpacked(known, memory)
+    now = updated(known, before, y, is_extended=is_extended)
+    results = {
+        "updated": ([memory, y], [now.estimate.packed(), now.is_left_out]),
+        "propagated": ([memory, x, Phi], [propagated(known, before, x, Phi).packed()]),
+        "seen": ([x], [seen_from_air(known, x[:k], winds_in(known, x))]),
+    }
+    made = (
+        BoundFunction(ca.Function(name, given, [ca.densify(each) for each in found], {"cse": True}))
+        for name, (given, found) in results.items()
+    )
+    return _Functions(*made)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class FilteredPolicy(SampledPolicy):
     """Policy U = sat(law(x̂)) of the estimate x̂ of a Kalman filter.
 
-    A sample that is not finite, or with an innovation beyond 8 standard deviations, is not used
-    and counted. If the first sample, or ten in a row, are impossible, the estimate begins at the
-    measured values. With a delay the law acts on the state predicted over the commands under way;
-    a deployment with a delay of its own acts on the estimate of its sample. The linear model
-    predicts the states, or the nonlinear one for a law that plans on it. Such a law may receive
-    the winds of the filter too.
+    A measured value that is not finite, or with an innovation beyond 8 standard deviations, is left
+    out, and the covariance is carried on: gain and gate follow the values that are there. If one is
+    impossible at the first sample, or most are at the end of ten such samples in a row, the
+    estimate begins at the measured values. With a delay the law acts on the state predicted over
+    the commands under way; a deployment with a delay of its own acts on the estimate of its sample.
+
+    A fast gain on the ground speed is unstable in an updraft w, which adds w²/2V to it. Therefore a
+    measured speed is taken without what the predicted wind across the path adds to it.
+
+    Behind a law that plans, the filter is extended: the nonlinear model predicts, with slopes at
+    the estimate. Such a law sees speed and flow angles relative to the air across the path, in
+    which the equations are those of still air.
 
     filter: the filter
     law: the policy behind it
@@ -101,7 +145,7 @@ class FilteredPolicy(SampledPolicy):
         law.refuse_other_sizes(known.point)
         own = own_sample_time(law, known.dt)
         if isinstance(law, SampledPolicy):
-            law = replace(law.in_air(known.winds), tick=known.dt)
+            law = replace(law, tick=known.dt)
         if not math.isclose(own, known.dt, rel_tol=1e-6):
             raise BadInputError(
                 f"the filter has samples of {known.dt:g} s, the policy {law.name} of {own:g} s; "
@@ -123,7 +167,12 @@ class FilteredPolicy(SampledPolicy):
     def _new(self) -> _Memory:
         late = in_samples(self.delay, self.dt).whole
         still = [np.zeros(len(self.point.u)) for _ in range(late + 1)]
-        return _Memory(np.zeros(len(self.filter.Phi)), still)
+        return _Memory(np.zeros(memory_size(self.filter)), still)
+
+    @property
+    def is_extended(self) -> bool:
+        """Whether the nonlinear model predicts the states, for a law that plans on it."""
+        return isinstance(self.law, SampledPolicy) and self.law.plans
 
     def __call__(self, t: float, y: Any) -> np.ndarray:
         """Return the inputs U (m,) from the measured values of one sample, absolute.
@@ -153,17 +202,18 @@ class FilteredPolicy(SampledPolicy):
         """Linear state -> predicted value at the next sample, absolute."""
         return {
             name: float(getattr(self.point.states, name) + value)
-            for name, value in zip(self.filter.states, self._memory.predicted, strict=False)
+            for name, value in zip(self.filter.states, self._memory.estimate, strict=False)
         }
 
     @property
     def unused(self) -> int:
-        """Number of samples of the last flight that were not used."""
+        """Number of samples of the last flight of which a value was not used."""
         return self._memory.unused
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,)."""
         memory = self._new()
+        memory.law = _law_of(self.law, self.point, self.dt)
         object.__setattr__(self, "_memory", memory)
         rows = self.point.model.state_places(self.filter.sensors)
         return self._held_between_samples(lambda _, measured: self._next(memory, measured[rows]))
@@ -175,60 +225,60 @@ class FilteredPolicy(SampledPolicy):
         """
         if memory.law is None:
             memory.law = _law_of(self.law, self.point, self.dt)
-        known = self.filter
+        known, n, k = self.filter, len(self.filter.Phi), len(self.filter.states)
         still = np.zeros(len(self.point.u))
-        updated = self._updated(memory, y)
-        ahead = self._predicted(updated, [*memory.waiting, still], self.ahead)
+        updated, is_left_out = self._functions.updated.at(memory.estimate, y)
+        ahead = self._predicted(updated[:n], [*memory.waiting, still], self.ahead).x
+        if self.is_extended:
+            (ahead,) = self._functions.seen.at(ahead)
         x = np.zeros(len(self.point.x))
-        x[self.point.model.state_places(known.states)] = ahead[: len(known.states)]
+        x[self.point.model.state_places(known.states)] = ahead[:k]
         limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
-        command = memory.law(memory.samples, x, known.winds_at(ahead)) + self.point.u
+        command = memory.law(memory.samples, x) + self.point.u
         u = np.clip(command, limits.lowest, limits.highest) - self.point.u
         memory.waiting.append(u)
-        memory.predicted = self._predicted(updated, memory.waiting, self.dt)
+        later = self._predicted(updated[:n], memory.waiting, self.dt)
+        (memory.estimate,) = self._functions.propagated.at(updated, later.x, later.Phi.ravel("F"))
         memory.waiting.pop(0)
         memory.samples += 1
+        memory.unused += bool(is_left_out[0])
         return np.asarray(u)
 
-    def _predicted(self, x: np.ndarray, commands: list[np.ndarray], seconds: float) -> np.ndarray:
-        """Return the states of the filter some seconds after a sample, (n,).
+    def _predicted(self, x: np.ndarray, commands: list[np.ndarray], seconds: float) -> _Moved:
+        """Return the states of the filter some seconds after a sample.
 
         x: states of the filter at the sample, (n,)
         commands: the commands of the samples until this one, the latest last, (m,) each
         """
+        moved = _Moved(x, np.eye(len(x)))
         for since, duration in acting_commands(self.delay, self.dt, seconds):
-            x = self._moved(x, commands[-1 - since], duration)
-        return x
+            part = self._moved(moved.x, commands[-1 - since], duration)
+            moved = _Moved(part.x, part.Phi @ moved.Phi)
+        return moved
 
-    def _moved(self, x: np.ndarray, u: np.ndarray, seconds: float) -> np.ndarray:
-        """Return the states of the filter after some seconds, at most a sample, (n,).
+    def _moved(self, x: np.ndarray, u: np.ndarray, seconds: float) -> _Moved:
+        """Return the states of the filter after some seconds, at most a sample.
 
         x: states of the filter, (n,)
         u: deviations of the acting inputs from the trim, (m,)
         """
-        known, k = self.filter, len(self.filter.states)
         part = self._part(seconds)
-        after: np.ndarray = part.Phi @ x + part.Gamma @ u
-        if part.nonlinear is not None:
-            point, rows = self.point, self.point.model.state_places(known.states)
-            X, push = point.x, np.append(np.zeros(k), [*known.winds_at(x).values()])
-            X[rows] += x[:k]
-            moved, _ = part.nonlinear.at(X, point.u + u, push, point.model.p)
-            if np.isfinite(moved).all():
-                after[:k] = (moved - point.x)[rows]
-        return after
+        linear = _Moved(part.Phi @ x + part.Gamma @ u, part.Phi)
+        if part.nonlinear is None:
+            return linear
+        after, slopes = part.nonlinear.at(x, u)
+        extended = _Moved(after, slopes.reshape(len(x), -1, order="F"))
+        return extended if all(np.isfinite(each).all() for each in extended) else linear
 
     def _part(self, seconds: float) -> _Part:
         """Return the models of some seconds with held inputs, at most a sample."""
         key = round(seconds / self.dt, 6)
         if key not in self._parts:
-            known, nonlinear = self.filter, None
+            known = self.filter
             matrices = (known.Phi, known.Gamma) if key == 1.0 else held(known.A, known.B, seconds)
-            if isinstance(self.law, SampledPolicy) and self.law.plans:
-                steps = parts_of_a_sample([self.point], seconds)
-                nonlinear = BoundFunction(
-                    held_step(self.point.model, seconds, steps, self.filter.winds)
-                )
+            nonlinear = None
+            if self.is_extended:
+                nonlinear = BoundFunction(extended_step(known, matrices[0], seconds))
             self._parts[key] = _Part(*matrices, nonlinear)
         return self._parts[key]
 
@@ -236,6 +286,10 @@ class FilteredPolicy(SampledPolicy):
     def _parts(self) -> dict[float, _Part]:
         """Share of a sample -> its models."""
         return {}
+
+    @cached_property
+    def _functions(self) -> _Functions:
+        return _functions_of(self.filter, self.is_extended)
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
         """Return the policy and the scenario with ticks that divide samples and delays.
@@ -255,25 +309,6 @@ class FilteredPolicy(SampledPolicy):
             return policy, scenario
         law, _ = self.law.in_scenario(replace(scenario, delay=0.0))
         return replace(policy, law=replace(law, tick=self.dt)), scenario
-
-    def _updated(self, memory: _Memory, y: np.ndarray) -> np.ndarray:
-        """Return the states of the filter with the sample y, (n,)."""
-        known = self.filter
-        innovation = y - known.C @ memory.predicted
-        if not np.isfinite(innovation).all():
-            memory.unused += 1
-            return memory.predicted
-        if (np.abs(innovation) <= IMPOSSIBLE * known.innovation).all():
-            memory.missed = 0
-            return np.asarray(memory.predicted + known.L @ innovation)
-        memory.missed += 1
-        if memory.samples and memory.missed < LOST:
-            memory.unused += 1
-            return memory.predicted
-        memory.missed = 0
-        begun = known.C.T @ y
-        begun[len(known.states) :] = memory.predicted[len(known.states) :]
-        return np.asarray(begun)
 
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop near the trim, 1/s, or None without a linear law.
@@ -295,14 +330,17 @@ class FilteredPolicy(SampledPolicy):
         """Return the filter, and the number of samples that were not used."""
         lines = [self.filter.text()]
         if self.unused:
-            lines.append(f"{self.unused} of {self._memory.samples} samples were not used.")
+            lines.append(
+                f"Of {self.unused} of {self._memory.samples} samples a value was not used."
+            )
         return (*lines, *self.law.notes())
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields, without functions that are made at the next sample."""
         memory = replace(self._memory, law=None, waiting=[*self._memory.waiting])
         fields = {**self.__dict__, "_memory": memory}
-        fields.pop("_parts", None)
+        for made in ("_parts", "_functions"):
+            fields.pop(made, None)
         return fields
 
 
@@ -317,20 +355,20 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
     """Return the law of the estimate: a sampler of the policy, or its expression."""
     if isinstance(policy, DeployedPolicy):
         commanded = policy.commander()
-        return lambda _, x, __: commanded(x)
+        return lambda _, x: commanded(x)
+    if isinstance(policy, SampledPolicy) and policy.plans:
+        policy.sampler()  # makes the first plan, before the flight
+        return lambda sample, x: policy.of_estimate(sample * dt, point.x + x) - point.u
     sampler = policy.sampler()
-    if isinstance(policy, SampledPolicy) and policy.winds:
-        trim, inputs, planned = point.x, point.u, cast(Any, policy)
-        return lambda sample, x, winds: planned(sample * dt, trim + x, winds) - inputs
     if sampler is not None:
-        return lambda sample, x, _: sampler(sample, x)
+        return sampler
     rows = point.model.state_places(point.model.linear)
     t, z = ca.SX.sym("t"), ca.SX.sym("z", len(rows))
     held = ca.SX.sym("held", policy.held.shape[1])
     command = command_of(policy, t, z, held)
     function = BoundFunction(ca.Function("law", [t, z, held], [ca.densify(command)]))
 
-    def law(sample: int, x: np.ndarray, _: Mapping[str, float]) -> np.ndarray:
+    def law(sample: int, x: np.ndarray) -> np.ndarray:
         (u,) = function.at(sample * dt, x[rows], policy.held_inputs(sample, sample * dt))
         return np.array(u)
 

@@ -53,14 +53,9 @@ class SampledPolicy(Policy):
         """
         raise NotImplementedError
 
-    @property
-    def winds(self) -> tuple[str, ...]:
-        """Names of the winds that `__call__` takes as a third argument, name -> value."""
-        return ()
-
-    def in_air(self, winds: tuple[str, ...]) -> Self:
-        """Return the policy that takes some winds, if it plans with them."""
-        return self
+    def of_estimate(self, t: float, X: np.ndarray) -> np.ndarray:
+        """Return the inputs U (m,) from an estimate of all states, which is used as it is."""
+        return self(t, X)
 
     def reset(self) -> None:
         """Forget the samples of an earlier flight."""

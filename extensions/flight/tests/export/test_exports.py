@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import zipfile
 from collections import namedtuple
 from pathlib import Path
@@ -176,20 +177,24 @@ def test_an_fmu_behind_a_filter_simulates_the_flight(folder: Path) -> None:
 
 
 def test_an_exported_filter_equals_the_policy_behind_it(folder: Path) -> None:
-    """Random samples, impossible ones, and some that are no numbers: commands equal to rounding."""
+    """Random samples, impossible values, and some that are no numbers: equal to rounding."""
     exported(*FILTER, "-o", "c")
     compiled(folder / "c", "-shared", "-fPIC", "hfa_filter.c", "-o", "library.so")
     linear = model_at(10.0, "published")
     policy = hfa.filter(linear, NOISE, "moderate:40000").policy(exact_gain(10.0))
     trim = np.array([linear.point[name] for name in policy.filter.sensors])
     random = np.random.default_rng(1)
-    memory, u = np.zeros(len(policy.filter.Phi) + 2), np.zeros(5)
+    header = Path("c/hfa_filter.h").read_text("utf-8")
+    size = re.search(r"FILTER_MEMORY (\d+)", header)
+    memory, u = np.zeros(int(size[1])), np.zeros(5)
     for number in range(60):
         y = trim + policy.filter.innovation * random.uniform(-1.0, 1.0, 4)
         if number in (0, 20, 21) or 30 <= number < 45:
             y[1] += 20.0 * policy.filter.innovation[1]
         if number in (5, 33):
             y[number % 4] = math.nan
+        if 50 <= number < 55:
+            y[:] = math.nan
         called(folder / "c", "hfa_filter", memory, y, u)
-        np.testing.assert_allclose(u, policy(0.01 * number, y), rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(u, policy(0.01 * number, y), rtol=1e-12, atol=1e-12)
     assert policy.unused > 0

@@ -1,0 +1,206 @@
+"""Estimate of a Kalman filter over one sample, as CasADi expressions.
+
+Flights, exported C and FMUs evaluate these expressions. The covariance P is carried through the
+samples, so that gain and gate follow the values that a sample has.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_flight.air.gust_equations import relative_to_crossing_air
+from hfa_flight.air.held_step import held_step, parts_of_a_sample
+from hfa_flight.air.names import state_of
+from hfa_flight.policies.kalman import KalmanFilter
+
+#: A value is impossible if its innovation is beyond this number of its standard deviations.
+IMPOSSIBLE = 8.0
+#: After this number of samples in a row with impossible values, the estimate begins anew if most
+#: of them are impossible.
+LOST = 10
+#: Variance of a predicted state, in that of the stationary filter, above which the prediction
+#: stands still: of the next estimate it is a millionth, and rounding of P another 1e-10.
+_UNKNOWN = 1e6
+
+
+class Estimate(NamedTuple):
+    """Estimate of the states of a filter.
+
+    x: deviations from the trim, (n,)
+    P: covariance of their errors, (n, n)
+    missed: number of samples in a row with impossible values, (1,)
+    is_begun: 1 once a sample was taken, (1,)
+    """
+
+    x: ca.SX
+    P: ca.SX
+    missed: ca.SX
+    is_begun: ca.SX
+
+    def packed(self) -> ca.SX:
+        """Return the memory of the filter, (memory_size,)."""
+        rows, columns = np.tril_indices(self.x.numel())
+        entries = [self.P[i, j] for i, j in zip(rows.tolist(), columns.tolist(), strict=True)]
+        return ca.vertcat(self.x, self.missed, self.is_begun, *entries)
+
+
+def memory_size(known: KalmanFilter) -> int:
+    """Return the number of entries of the memory: x, two counts, and the lower triangle of P."""
+    n = len(known.Phi)
+    return n + 2 + n * (n + 1) // 2
+
+
+def unpacked(known: KalmanFilter, memory: ca.SX) -> Estimate:
+    """Return the estimate in a memory, with the stationary P before the first sample."""
+    n = len(known.Phi)
+    x, missed, is_begun, triangle = ca.vertsplit(memory, [0, n, n + 1, n + 2, memory.numel()])
+    P = ca.SX(n, n)
+    pairs = zip(*(each.tolist() for each in np.tril_indices(n)), strict=True)
+    for place, (i, j) in enumerate(pairs):
+        P[i, j] = P[j, i] = ca.if_else(is_begun, triangle[place], float(known.P[i, j]))
+    return Estimate(x, P, missed, is_begun)
+
+
+class Updated(NamedTuple):
+    """Estimate at a sample, and 1 if a value of the sample was not used."""
+
+    estimate: Estimate
+    is_left_out: ca.SX
+
+
+def updated(
+    known: KalmanFilter, before: Estimate, y: ca.SX, *, is_extended: bool = False
+) -> Updated:
+    """Return the estimate with the measured deviations y, (p,).
+
+    A value that is not finite or impossible is left out. The estimate begins at the finite values
+    if one is impossible at the first sample, or most are at the end of LOST such samples in a row.
+    For the linear model, a measured speed is taken without what the predicted wind across the path
+    adds to it.
+
+    is_extended: whether the nonlinear model predicts the states
+    """
+    rows = [known.states.index(name) for name in known.sensors]
+    noise = np.diag(known.R)
+    is_finite, is_used, is_impossible = [], [], []
+    for place, row in enumerate(rows):
+        deviation = ca.sqrt(before.P[row, row] + float(noise[place]))
+        away = ca.fabs(y[place] - before.x[row])
+        finite = away <= ca.DM(1e300)
+        used = away <= IMPOSSIBLE * deviation
+        is_finite.append(finite)
+        is_used.append(used)
+        is_impossible.append(ca.logic_and(finite, ca.logic_not(used)))
+    seen = y
+    if not is_extended:
+        states = ca.SX(before.x[: len(known.states)])
+        for place, (row, used) in enumerate(zip(rows, is_used, strict=True)):
+            states[row] = ca.if_else(used, y[place], states[row])
+        seen = y - _added_speed(known, states, winds_in(known, before.x))[rows]
+    x, P = before.x, before.P
+    for place, (row, used) in enumerate(zip(rows, is_used, strict=True)):
+        gain = ca.if_else(used, 1.0 / (P[row, row] + float(noise[place])), 0.0) * P[:, row]
+        x = x + gain * ca.if_else(used, seen[place] - x[row], 0.0)
+        P = P - ca.mtimes(gain, P[row, :])
+    impossible, finite = sum(is_impossible, ca.SX(0)), sum(is_finite, ca.SX(0))
+    missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(finite > 0, 0, before.missed))
+    is_lost = ca.logic_and(missed >= LOST, 2 * impossible > finite)
+    begins = ca.logic_and(impossible > 0, ca.logic_or(ca.logic_not(before.is_begun), is_lost))
+    new_x, new_P = _at_values(before, rows, seen, noise, is_finite)
+    estimate = Estimate(
+        ca.if_else(begins, new_x, x),
+        ca.if_else(begins, new_P, P),
+        ca.if_else(begins, 0, missed),
+        ca.SX(1),
+    )
+    left_out = ca.if_else(begins, 0, sum(is_used) < len(rows))
+    return Updated(estimate, left_out)
+
+
+def _at_values(
+    before: Estimate, rows: list[int], y: ca.SX, noise: np.ndarray, is_finite: list[ca.SX]
+) -> tuple[ca.SX, ca.SX]:
+    """Return x and P of an estimate that begins at the finite values."""
+    x, P = ca.SX(before.x), ca.SX(before.P)
+    for place, (row, finite) in enumerate(zip(rows, is_finite, strict=True)):
+        x[row] = ca.if_else(finite, y[place], x[row])
+        for other in range(x.numel()):
+            P[row, other] = P[other, row] = ca.if_else(finite, 0.0, P[row, other])
+        P[row, row] = ca.if_else(finite, float(noise[place]), P[row, row])
+    return x, P
+
+
+def winds_in(known: KalmanFilter, x: ca.SX) -> ca.SX:
+    """Return the winds of some states (n,), within 4 standard deviations, (w,)."""
+    winds = ca.mtimes(ca.DM(known.W), x[len(known.states) :])
+    return ca.fmin(ca.fmax(winds, -ca.DM(known.strongest)), ca.DM(known.strongest))
+
+
+def seen_from_air(known: KalmanFilter, z: ca.SX, winds: ca.SX) -> ca.SX:
+    """Return deviations of linear states with speed and flow angles relative to the air across the
+    path, (k,).
+
+    z: deviations over the ground, (k,)
+    winds: (w,)
+    """
+    model, trim = known.point.model, known.point.states._asdict()
+    values = {name: ca.SX(value) for name, value in trim.items()}
+    deviations = dict(zip(known.states, ca.vertsplit(z), strict=True))
+    values |= {name: trim[name] + each for name, each in deviations.items()}
+    named = dict(zip(known.winds, ca.vertsplit(winds), strict=True)) if known.winds else {}
+    relative = relative_to_crossing_air(model, values, named)
+    seen = {name: relative[name] - trim[name] for name in relative if name in deviations}
+    every: list[ca.SX] = [*(deviations | seen).values()]
+    return ca.vertcat(*every)
+
+
+def _added_speed(known: KalmanFilter, z: ca.SX, winds: ca.SX) -> ca.SX:
+    """Return what winds across the path add to the measured values of the speed alone, (k,).
+
+    It is the part that the linear model does not know: w²/2V in level flight.
+    """
+    symbols = ca.SX.sym("z", len(known.states)), ca.SX.sym("w", len(known.winds))
+    speed = state_of(known.point.model, "speed")
+    of_speed = ca.DM([float(name == speed) for name in known.states])
+    added = of_speed * (symbols[0] - seen_from_air(known, *symbols))
+    slopes = ca.Function("slopes", [*symbols], [ca.jacobian(added, symbols[1])])
+    at_trim = slopes(*(np.zeros(each.numel()) for each in symbols))
+    beyond = added - ca.mtimes(at_trim, symbols[1])
+    return ca.Function("added", [*symbols], [beyond])(z, winds)
+
+
+def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX | ca.DM) -> Estimate:
+    """Return the estimate that is predicted for the next sample.
+
+    x: predicted states, (n,)
+    Phi: their derivatives by the states of the estimate, (n, n)
+    """
+    P = ca.mtimes(ca.mtimes(Phi, now.P), Phi.T) + known.Q
+    is_known = ca.SX(1)
+    for place, variance in enumerate(np.diag(known.P).tolist()):
+        is_known = ca.logic_and(is_known, P[place, place] <= _UNKNOWN * variance)
+    return now._replace(x=ca.if_else(is_known, x, now.x), P=ca.if_else(is_known, P, now.P))
+
+
+def extended_step(known: KalmanFilter, Phi: np.ndarray, seconds: float) -> ca.Function:
+    """Return (x, u) -> (x after some seconds, slopes by x (n, n)) of the nonlinear aircraft in the
+    winds of x, with held inputs.
+
+    Phi: linear model of these seconds, which moves the states of the air
+    """
+    point, n, k = known.point, len(known.Phi), len(known.states)
+    model = point.model
+    steps = parts_of_a_sample([point], seconds)
+    moved = held_step(model, seconds, steps, known.winds)
+    x, u = ca.MX.sym("x", n), ca.MX.sym("u", len(model.inputs))
+    chosen = ca.DM(np.eye(len(point.x))[:, model.state_places(known.states)])
+    z, of_air = ca.vertsplit(x, [0, k, n]) if n > k else (x, ca.MX(0, 1))
+    limit = ca.DM(known.strongest)
+    winds = ca.fmin(ca.fmax(ca.mtimes(ca.DM(known.W), of_air), -limit), limit)
+    push = ca.vertcat(ca.DM.zeros(k), winds)
+    X, _ = moved(point.x + ca.mtimes(chosen, z), point.u + u, push, model.p)
+    after = ca.vertcat(ca.mtimes(chosen.T, X - point.x), ca.mtimes(ca.DM(Phi[k:, k:]), of_air))
+    return ca.Function("extended", [x, u], [after, ca.densify(ca.jacobian(after, x))])
