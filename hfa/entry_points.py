@@ -79,7 +79,7 @@ COMMANDS = {
         "model",
         "compare both printed pairs (A, B) entry by entry",
         "hfa.commands.regenerate:regenerate",
-        example="hfa regenerate --all",
+        example="hfa regenerate",
     ),
     "solve": CommandEntry(
         "critic",

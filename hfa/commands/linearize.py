@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class LinearizeRequest(Request, TrimOptions):
     """Options of `hfa linearize`."""
 
-    aircraft: str | None = option(aircraft_help, "FILE.py:NAME", names="--model --aircraft")
+    aircraft: str | None = option(aircraft_help, "FILE.py:NAME", former=("--model",))
     picture: Path | None = picture_option("Bode plots from each input to each output")
     states: tuple[str, ...] | None = option(
         "states of the model, in order; default: those of its linear model", "a,b,...", some_of()
@@ -38,13 +38,6 @@ class LinearizeRequest(Request, TrimOptions):
         some_of(),
         rare=True,
     )
-    residualize: tuple[str, ...] = option(
-        "states replaced by their steady state; other omitted states stay at the trim",
-        "a,b,...",
-        some_of(),
-        default=(),
-        rare=True,
-    )
     bode: bool = option("add transmission zeros and transfer functions")
 
 
@@ -55,14 +48,11 @@ def linearize(request: LinearizeRequest, given: GivenTrim) -> Outcome:
     point = trimmed(given)
     name_of = given.model.about.name_of
     states = request.states and tuple(map(name_of, request.states))
-    residualized = tuple(map(name_of, request.residualize))
-    kept = (*(states or given.model.linear), *residualized)
     linear = point.linearize(
         states=states,
         inputs=request.inputs and tuple(map(name_of, request.inputs)),
         outputs=request.outputs and tuple(map(name_of, request.outputs)),
-        residualize=residualized,
-        disturbances=direct_disturbances(point, kept),
+        disturbances=direct_disturbances(point, states or given.model.linear),
     )
     report = linear_model_report(linear, transfer_functions=request.bode)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from hfa.options.command import Outcome, Request, command
-from hfa.options.option import option
 from hfa.options.plants import AircraftOptions, aircraft_source, loaded_model
 from hfa_aircraft.model import Model
 from hfa_model.variants import variant_named
@@ -17,7 +16,6 @@ class RegenerateRequest(Request, AircraftOptions):
 
     aircraft: None = None
     units: None = None
-    all: bool = option("print every entry, the matrices and the spectra")
 
 
 @command(RegenerateRequest, loaded_model)
@@ -31,14 +29,11 @@ def regenerate(request: RegenerateRequest, model: Model) -> Outcome:
 
     variant_named(request.dynamics or "published")  # the unsteady equations have no printed pair
     regeneration = regenerate_all(model)
-    printed = None
-    if not request.all:
-        summary = regeneration.summary()
-        rest = "Every entry, both spectra and the matrices: --all, or -o FILE"
-        printed = replace(summary, parts=(*summary.parts, rest))
+    summary = regeneration.summary()
+    rest = "Every entry, both spectra and the matrices: -o FILE.html, or --json"
     return Outcome(
         report=regeneration.report(),
         ok=regeneration.ok,
         source=aircraft_source(request, model),
-        printed=printed,
+        printed=replace(summary, parts=(*summary.parts, rest)),
     )

@@ -86,7 +86,7 @@ def test_an_entry_dt_that_is_no_sample_time_is_refused(dt: object) -> None:
     own = ("--model", "right.npz")
     commands = [
         ("solve", "--model", "plant.npz"),
-        ("linearize", "--model", "plant.npz"),
+        ("linearize", "--aircraft", "plant.npz"),
         ("verify", *own, "--weights", "gain.npz"),
     ]
     if importlib.util.find_spec("hfa_flight"):

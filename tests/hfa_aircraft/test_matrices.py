@@ -90,8 +90,8 @@ def test_the_margins_of_a_gain_are_those_of_python_control() -> None:
 
 
 def test_modes_of_given_matrices_are_printed(folder: Path) -> None:
-    """`hfa linearize --model FILE` reports the eigenvalues of A, which may be alone in the file."""
+    """`hfa linearize --aircraft FILE` reports the eigenvalues of A, which may be alone in the file."""
     Path("plant.json").write_text('{"A": [[0.0, 1.0], [-2.0, -0.3]]}')
-    (mode,) = cli.answer("linearize", "--model", "plant.json")["modes"]
+    (mode,) = cli.answer("linearize", "--aircraft", "plant.json")["modes"]
     assert mode["frequency"] == pytest.approx(2.0**0.5)
     assert mode["damping"] == pytest.approx(0.15 / 2.0**0.5)

@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from trim.linear.kinks import linearization_at
 from trim.linear.linear_model import LinearModel
-from trim.linear.reduction import omitted_positions, positions, reduction_note
+from trim.linear.reduction import positions, reduction_note
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
@@ -25,7 +25,6 @@ def linearize(
     inputs: Sequence[str] | None = None,
     outputs: tuple[str, ...] | None = None,
     disturbances: tuple[str, ...] | None = None,
-    residualize: Sequence[str] = (),
 ) -> LinearModel:
     """Return the linear model at an operating point, exact to rounding.
 
@@ -38,8 +37,8 @@ def linearize(
     point: operating point of the model
     full: whether all states are kept; by default only the model's linear states, for the flexible
         aircraft the paper's six (Section 2.2)
-    states, inputs, residualize: as in `LinearModel.select`, of all states of the model; a note
-        names the states that are then omitted (`LinearModel.reduction`)
+    states, inputs: as in `LinearModel.select`, of all states of the model; a note names the states
+        that are then omitted (`LinearModel.reduction`)
     outputs: names of outputs or states; by default the states of the linear model
     disturbances: names; by default the first disturbance if `outputs` are given, otherwise none
 
@@ -52,15 +51,14 @@ def linearize(
     (6, 6)
     """
     point._refuse_other(model)
-    if states or inputs or residualize:
+    if states or inputs:
         positions("state", states or (), tuple(model.states))
-        omitted_positions(states or (), residualize, tuple(model.states))
-        kept = states or [name for name in model.linear if name not in residualize]
+        kept = states or model.linear
         shown = outputs or tuple(kept)
         whole = linearize(model, point, full=True, outputs=shown, disturbances=disturbances or ())
-        linear = whole.select(kept, inputs, residualize=residualize)
+        linear = whole.select(kept, inputs)
         declared = whole.select(model.linear)
-        note = reduction_note(linear.matrices, declared.matrices, tuple(residualize))
+        note = reduction_note(linear.matrices, declared.matrices)
         return replace(linear, reduction=note)
     every_state = tuple(model.states)
     states = every_state if full else model.linear
@@ -96,7 +94,7 @@ def direct_disturbances(point: OperatingPoint, kept: Sequence[str]) -> tuple[str
 
     Lags are omitted states that a trim balances, other than an altitude.
 
-    kept: names of the states of the linear model, with those that are residualized
+    kept: names of the states of the linear model
     """
     model = point.model
     disturbances = tuple(model.disturbances)

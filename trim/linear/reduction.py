@@ -174,32 +174,23 @@ def _reduced(
     )
 
 
-def reduction_note(kept: Matrices, whole: Matrices, residualized: tuple[str, ...] = ()) -> str:
-    """Return a note on the states that a reduced system omits, and on the change of the
-    eigenvalues.
-
-    The note is "" if all states are kept.
+def reduction_note(kept: Matrices, whole: Matrices) -> str:
+    """Return a note on the states that a reduced system leaves out, and on the change of the
+    eigenvalues, or "" if all states are kept.
 
     kept: the reduced system
     whole: the system with all states
-    residualized: omitted states that follow the other states without delay
     """
-    truncated = tuple(name for name in whole.states if name not in (*kept.states, *residualized))
-    clauses = []
-    for names, how in (
-        (truncated, "left out (truncated)"),
-        (residualized, "residualized (always in its steady state)"),
-    ):
-        if names:
-            clauses.append(f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}")
-    if not clauses:
+    truncated = [name for name in whole.states if name not in kept.states]
+    if not truncated:
         return ""
     eigenvalues = spectrum(whole.A).values
     percent = 100.0 * max(_distance(value, eigenvalues) for value in spectrum(kept.A).values)
-    advice = "" if residualized else " (residualize keeps the steady effect of states)"
+    verb = "is" if len(truncated) == 1 else "are"
     return (
-        f"{'; '.join(clauses)}; the eigenvalues differ by up to {percent:.2g} %"
-        f" from the eigenvalues with all {len(whole.states)} states{advice}"
+        f"{', '.join(truncated)} {verb} left out (truncated); the eigenvalues differ by up to "
+        f"{percent:.2g} % from the eigenvalues with all {len(whole.states)} states "
+        "(select(residualize=...) keeps the steady effect of states)"
     )
 
 

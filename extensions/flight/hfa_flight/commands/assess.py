@@ -73,7 +73,7 @@ class AssessRequest(Request, SeveralTrims):
 
     moved = _MOVED
     units: None = None
-    aircraft: str | None = option(aircraft_help, "FILE.py:NAME", names="--model --aircraft")
+    aircraft: str | None = option(aircraft_help, "FILE.py:NAME", former=("--model",))
     file: Path | None = option(
         "deployment file (observations, actions and timing of a policy), or, with "
         "--sample-time, file with a gain K",

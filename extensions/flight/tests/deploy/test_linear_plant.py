@@ -38,7 +38,7 @@ def assessed(tmp_path, capsys):
         np.savez(tmp_path / "K.npz", K=K)
         (tmp_path / "deployment.toml").write_text(DEPLOYMENT)
         deployment, model = str(tmp_path / "deployment.toml"), str(tmp_path / "plant.npz")
-        code = main(["assess", deployment, "--model", model, "--samples", "2", *words])
+        code = main(["assess", deployment, "--aircraft", model, "--samples", "2", *words])
         return code, *capsys.readouterr()
 
     return run
@@ -67,7 +67,7 @@ def test_a_gain_alone_is_assessed(folder):
     turning = 4.4482216152605 * 0.3048
     np.savez("units.npz", K=[[np.radians(4.24) / turning, 2.8 / turning]], **units)
     Path("deployment.toml").write_text(DEPLOYMENT)
-    words = ("--model", "plant.npz", "--samples", "0", "--json")
+    words = ("--aircraft", "plant.npz", "--samples", "0", "--json")
     radii = []
     for named in (("K.npz", *SAMPLED), ("deployment.toml",), ("units.npz", *SAMPLED)):
         told = json.loads(hfa("assess", *named, *words).out)
@@ -87,11 +87,11 @@ def test_a_gain_alone_is_assessed(folder):
         ("K.npz", "add --sample-time"),
         ("policy.onnx", "a network requires a deployment file"),
         ("deployment.toml --sample-time 0.05", "--sample-time applies only to"),
-        ("deployment.toml --model steps.npz", "the plant is in discrete time"),
-        ("deployment.toml --model nan.npz", "A[0][0] is nan"),
-        ("deployment.toml --model A.npz", "unknown input 'u1'"),
-        ("K.npz --sample-time 0.05 --model Q.npz", "Q.npz: Q is 3 x 3; give 2 x 2"),
-        ("K.npz --sample-time 0.05 --model N.npz", "N.npz has cross weights N"),
+        ("deployment.toml --aircraft steps.npz", "the plant is in discrete time"),
+        ("deployment.toml --aircraft nan.npz", "A[0][0] is nan"),
+        ("deployment.toml --aircraft A.npz", "unknown input 'u1'"),
+        ("K.npz --sample-time 0.05 --aircraft Q.npz", "Q.npz: Q is 3 x 3; give 2 x 2"),
+        ("K.npz --sample-time 0.05 --aircraft N.npz", "N.npz has cross weights N"),
     ],
 )
 def test_what_is_no_policy_on_a_linear_plant_is_refused(folder, words, said):
@@ -111,7 +111,7 @@ def test_what_is_no_policy_on_a_linear_plant_is_refused(folder, words, said):
     Path("policy.onnx").touch()
     Path("deployment.toml").write_text(DEPLOYMENT)
     given = words.split()
-    model = [] if "--model" in given else ["--model", "plant.npz"]
+    model = [] if "--aircraft" in given else ["--aircraft", "plant.npz"]
     assert_refused(hfa("assess", *given, *model), 2, said)
 
 
