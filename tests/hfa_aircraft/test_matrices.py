@@ -95,3 +95,10 @@ def test_modes_of_given_matrices_are_printed(folder: Path) -> None:
     (mode,) = cli.answer("linearize", "--aircraft", "plant.json")["modes"]
     assert mode["frequency"] == pytest.approx(2.0**0.5)
     assert mode["damping"] == pytest.approx(0.15 / 2.0**0.5)
+
+
+@pytest.mark.parametrize("command", ["linearize", "assess K.npz"])
+def test_a_plant_is_an_aircraft_of_these_commands(command: str, folder: Path) -> None:
+    """The word --model of before is refused with the one that took its place."""
+    result = cli.hfa(*command.split(), "--model", "plant.json")
+    cli.assert_refused(result, 2, "--model is called --aircraft now")
