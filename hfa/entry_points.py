@@ -79,7 +79,7 @@ COMMANDS = {
         "model",
         "compare both printed pairs (A, B) entry by entry",
         "hfa.commands.regenerate:regenerate",
-        example="hfa regenerate",
+        example="hfa regenerate -o pairs.html",
     ),
     "solve": CommandEntry(
         "critic",

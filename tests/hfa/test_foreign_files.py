@@ -90,7 +90,7 @@ def test_an_entry_dt_that_is_no_sample_time_is_refused(dt: object) -> None:
         ("verify", *own, "--weights", "gain.npz"),
     ]
     if importlib.util.find_spec("hfa_flight"):
-        commands.append(("assess", "gain.npz", *own, "--sample-time", "0.1"))
+        commands.append(("assess", "gain.npz", "--aircraft", "right.npz", "--sample-time", "0.1"))
     for words in commands:
         result = hfa(*words)
         assert (result.code, result.out) == (BAD_INPUT, "")
