@@ -76,9 +76,8 @@ def test_labelled_matrices_are_put_in_order() -> None:
     assert game.R.tolist() == [[3.0]]
     with pytest.raises(BadInputError, match="Q has the labels q, w; label each of q, v once"):
         hfa.game(linear, pandas.DataFrame(np.eye(2), ["q", "w"], ["q", "w"]), [1.0])
-    gain = pandas.DataFrame([[1.0, 2.0]], ["f"], ["q", "v"])
-    with pytest.raises(BadInputError, match=r"give K\.to_numpy\(\) in the order"):
-        hfa.from_gain(game, gain)
+    gain = pandas.DataFrame([[2.0, 1.0]], ["f"], ["v", "q"])
+    assert hfa.from_gain(game, gain).K.tolist() == [[1.0, 2.0]]
 
 
 def test_the_margins_of_a_gain_are_those_of_python_control() -> None:
