@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,11 +15,12 @@ from controller.riccati.balls import (
     Balls,
     DoubleBalls,
     ball_matrix,
+    bits,
     midpoints,
     part,
     precision,
 )
-from controller.riccati.equation import Matrix, scaled_balls
+from controller.riccati.equation import Equation, Matrix, Units, equation_of, scaled_balls
 from controller.riccati.proof import (
     NotProvedError,
     Stabilizing,
@@ -29,18 +31,29 @@ from controller.riccati.proof import (
 from controller.riccati.proposal import (
     FailedError,
     Proposal,
+    corrected_in_bits,
+    first_units,
     in_doubles,
     loop_units,
     lyapunov_in_bits,
     of_control_loop,
     proposal_in_bits,
 )
+from controller.riccati.rationals import is_semidefinite
+from controller.riccati.refusal import why_never, why_never_at, why_no_value
+from hfa_support.errors import NoSolutionError
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
 #: Bits of the attempts of a proof.
 ATTEMPTS = (BITS, 2 * BITS, 4 * BITS, 8 * BITS)
+#: Relative raise of the diagonals of weights that are semidefinite only up to rounding, twice the
+#: rounding that `Game` accepts.
+RAISED = 2e-12
+#: Largest number of states for which an eigenvalue on the boundary of stability is decided in
+#: rationals, which takes a second.
+MOST_STATES = 16
 #: Relative radius of an enclosure whose midpoints are right to the last digit of doubles.
 DIGITS = 2.0**-56
 
@@ -51,10 +64,13 @@ class Enclosure:
 
     proved: ball of the stabilizing solution
     bits: of the proof
+    is_raised: whether the weights are semidefinite only up to rounding, so that raised weights
+        prove that there is a value
     """
 
-    proved: Stabilizing[Balls] | Stabilizing[DoubleBalls]
+    proved: Stabilizing[Any]
     bits: int
+    is_raised: bool = False
 
     @cached_property
     def P(self) -> arb_mat:
@@ -88,46 +104,156 @@ class Enclosure:
             return scaled_balls(-gains, units.disturbances, -units.states)
 
 
+class UndecidedError(NoSolutionError):
+    """Raised if neither a value nor that there is none is proved with 1024 bits."""
+
+
 def enclosed(game: Game, delta: float | None = None) -> Enclosure:
     """Return the proved enclosure of the value and the policies of a game.
 
     delta: in place of that of the game
 
-    Raises NotProvedError if no proposal with up to 1024 bits proves them.
+    Raises NoSolutionError with a proved reason if the game has no value, and UndecidedError if
+    neither is proved.
     """
-    delta = game.delta if delta is None else delta
-    reason = ""
+    outcome = decided(game, game.delta if delta is None else delta)
+    if isinstance(outcome, str):
+        raise NoSolutionError(outcome)
+    return outcome
+
+
+def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str:
+    """Return the enclosure of the solution of a game, or the reason, proved, why it has no value.
+
+    Weights that are positive semidefinite only up to rounding have a value if P > 0, or else if
+    the weights raised by `RAISED` have one.
+
+    digits: whether P and K must be right to the last digit of doubles
+
+    Raises UndecidedError.
+    """
+    if has_exact_weights(game):
+        return _decided(game, delta, digits=digits)
+    with suppress(FailedError, NotProvedError), precision(BITS):
+        proposal = in_doubles(game, delta)
+        found = stabilizing(proposal.equation, proposal.X, proposal.Y, DoubleBalls)
+        prove_value(found)
+        if found.P.is_positive_definite() and not (digits and uncertain(found, zeros=False)):
+            return Enclosure(found, BITS)
+    outcome = _decided(raised(game), delta, digits=digits)
+    if isinstance(outcome, str):
+        return outcome
+    with suppress(UndecidedError):
+        given = _decided(game, delta, digits=digits)
+        if isinstance(given, Enclosure):
+            return replace(given, is_raised=True)
+    return replace(outcome, is_raised=True)
+
+
+def _decided(game: Game, delta: float, *, digits: bool) -> Enclosure | str:
+    """Return the enclosure of a game with semidefinite weights, or why it has no value."""
+    proposal = None
     with precision(BITS):
         try:
             proposal = in_doubles(game, delta)
-            fast = _value(proposal, DoubleBalls)
-            if uncertainty(fast, zeros=False) < DIGITS:
-                return Enclosure(fast, BITS)
-        except (FailedError, NotProvedError) as failure:
-            reason = str(failure)
+        except FailedError:
+            equation = _equation(game, first_units(game, delta), delta)
+            if reason := why_no_value(equation, None, in_bits=False):
+                return reason
+        else:
+            outcome = _outcome(proposal, DoubleBalls, digits=digits, in_bits=False)
+            if outcome is not None:
+                return outcome
+    if reason := why_never(game):
+        return reason
     for attempt in ATTEMPTS:
         with precision(attempt):
+            if proposal is not None and attempt <= 2 * BITS:
+                with suppress(FailedError):
+                    corrected = corrected_in_bits(proposal)
+                    outcome = _outcome(corrected, Balls, digits=digits, in_bits=False)
+                    if outcome is not None:
+                        return outcome
             try:
-                found = _value(proposal_in_bits(game, delta), Balls)
-                if uncertainty(found, zeros=attempt > BITS) < DIGITS:
-                    return Enclosure(found, attempt)
-                reason = "the digits of K"
-            except (FailedError, NotProvedError) as failure:
-                reason = str(failure)
-    raise NotProvedError(reason)
+                in_bits = proposal_in_bits(game, delta)
+            except FailedError:
+                equation = _equation(game, first_units(game, delta), delta)
+                if reason := why_no_value(equation, None, in_bits=True):
+                    return reason
+            else:
+                outcome = _outcome(in_bits, Balls, digits=digits, in_bits=True)
+                if outcome is not None:
+                    return outcome
+        is_time = attempt == 2 * BITS and len(game.A) <= MOST_STATES
+        if is_time and (reason := why_never_at(game, delta)):
+            return reason
+    raise UndecidedError(
+        f"neither a value nor that there is none is proved with {ATTEMPTS[-1]} bits: the game is on"
+        " a boundary; change delta or the weights slightly"
+    )
 
 
-def _value(proposal: Proposal, arithmetic: type[Matrix]) -> Stabilizing[Matrix]:
-    """Return the ball of the stabilizing solution, which is proved to be the value.
-
-    Raises FailedError or NotProvedError.
-    """
-    found = stabilizing(proposal.equation, proposal.X, proposal.Y, arithmetic)
+def _outcome(
+    proposal: Proposal, arithmetic: type[Matrix], *, digits: bool, in_bits: bool
+) -> Enclosure | str | None:
+    """Return what a proposal proves: an enclosure, a reason why there is no value, or None."""
+    found = None
     try:
-        prove_value(found)
-    except NotProvedError:
-        prove_value(found, of_control_loop(found))
-    return found
+        found = stabilizing(proposal.equation, proposal.X, proposal.Y, arithmetic)
+        try:
+            prove_value(found)
+        except NotProvedError:
+            if reason := why_no_value(proposal.equation, found, in_bits=in_bits):
+                return reason
+            prove_value(found, of_control_loop(found))
+    except (FailedError, NotProvedError):
+        return why_no_value(proposal.equation, found, in_bits=in_bits) or None
+    if digits and uncertain(found, zeros=bits() > BITS):
+        return None
+    return Enclosure(found, bits())
+
+
+def _equation(game: Game, units: Units, delta: float) -> Equation[Balls]:
+    return equation_of(game, units, Balls, delta)
+
+
+def has_exact_weights(game: Game) -> bool:
+    """Return whether [[Q, N], [N', R]] is positive semidefinite, exactly."""
+    if game.N.any():
+        return is_exactly_semidefinite(game.weights)
+    return is_exactly_semidefinite(game.Q) and (
+        not game.is_discrete or is_exactly_semidefinite(game.R)
+    )
+
+
+def is_exactly_semidefinite(matrix: np.ndarray) -> bool:
+    """Return whether the symmetric part of a matrix of doubles is positive semidefinite.
+
+    Decided by its diagonal, by balls, or in rationals if its least eigenvalue is 0.
+    """
+    diagonal = np.diag(matrix)
+    if not matrix[~np.eye(len(matrix), dtype=bool)].any():
+        return bool((diagonal >= 0.0).all())
+    weighed = diagonal != 0.0
+    if (diagonal < 0.0).any() or matrix[~weighed].any() or matrix[:, ~weighed].any():
+        return is_semidefinite(matrix)
+    part_with_weight = matrix[np.ix_(weighed, weighed)]
+    if np.array_equal(part_with_weight, part_with_weight.T):
+        exact = DoubleBalls.of(part_with_weight)
+        if exact.is_positive_definite():
+            return True
+    return is_semidefinite(matrix)
+
+
+def raised(game: Game) -> Game:
+    """Return the game with the diagonals of Q and R raised by the factor 1 + `RAISED`."""
+    Q, R = ((each + each.T) / 2.0 + RAISED * np.diag(np.diag(each)) for each in (game.Q, game.R))
+    return replace(game, Q=Q, R=R)
+
+
+def uncertain(found: Stabilizing[Matrix], *, zeros: bool) -> bool:
+    """Return whether a digit of P or K is not proved (`uncertainty`)."""
+    return not uncertainty(found, zeros=zeros) < DIGITS
 
 
 def uncertainty(found: Stabilizing[Matrix], *, zeros: bool) -> arb:

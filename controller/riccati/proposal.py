@@ -77,14 +77,14 @@ def in_doubles(game: Game, delta: float) -> Proposal:
 
 def _in_doubles(game: Game, delta: float) -> Proposal:
     units = first_units(game, delta)
-    X = _stabilizing(equation_of(game, units, DoubleBalls, delta))
+    X = stabilizing_in_doubles(equation_of(game, units, DoubleBalls, delta))
     for _ in range(2):
         further = units_of(game, units, X, delta)
         steps = further.states - units.states
         units, X = further, np.ldexp(X, np.add.outer(steps, steps))
         if np.abs(steps).max() <= NEAR:
             break
-        X = _stabilizing(equation_of(game, units, DoubleBalls, delta))
+        X = stabilizing_in_doubles(equation_of(game, units, DoubleBalls, delta))
     equation = equation_of(game, units, Balls, delta)
     exact, size = ball_matrix(X), np.abs(X).max()
     for _ in range(CORRECTIONS):
@@ -104,16 +104,29 @@ def lyapunov_of(F: np.ndarray, *, is_discrete: bool) -> Lyapunov:
     return Lyapunov.of_steps(F) if is_discrete else Lyapunov(F)
 
 
-def _stabilizing(equation: Equation[DoubleBalls]) -> np.ndarray:
+def stabilizing_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
     """Return the stabilizing X, (n, n), by LAPACK."""
     if isinstance(equation, StepEquation):
-        X = by_doubling(equation)
+        try:
+            X = by_doubling(equation)
+        except np.linalg.LinAlgError:  # R is singular
+            X = by_deflation(equation)
     else:
         assert isinstance(equation, ContinuousEquation)
         X = by_schur_form(equation)
     if not np.isfinite(X).all():
         raise FailedError("the proposal is not finite")
     return X
+
+
+def loop_in_doubles(equation: Equation[DoubleBalls], X: np.ndarray) -> np.ndarray:
+    """Return the loop of both players at X, (n, n)."""
+    gains = X  # not used in continuous time
+    if isinstance(equation, StepEquation):
+        G, A = equation.G.midpoint, equation.A.midpoint
+        right = G.T @ X @ A + midpoints(equation.C).T
+        gains = np.linalg.solve(midpoints(equation.W) + G.T @ X @ G, right)
+    return equation.loop(DoubleBalls.of(X), DoubleBalls.of(gains)).midpoint
 
 
 def by_schur_form(equation: ContinuousEquation[DoubleBalls]) -> np.ndarray:
@@ -159,6 +172,25 @@ def by_doubling(equation: StepEquation[DoubleBalls]) -> np.ndarray:
         if not np.abs(growth).max() > 1e-14 * np.abs(H).max():
             return H
     raise FailedError("the doublings do not converge")
+
+
+def by_deflation(equation: StepEquation[DoubleBalls]) -> np.ndarray:
+    """Return X of the stable subspace of the pencil, (n, n), also if R is singular.
+
+    Source: Van Dooren, SIAM Journal on Scientific and Statistical Computing 2 (1981), 121-135.
+    """
+    from scipy.linalg import ordqz
+
+    n = equation.n
+    pencil = equation.with_arithmetic(Balls)
+    assert isinstance(pencil, StepEquation)
+    L, M = map(midpoints, pencil.pencil())
+    _, _, above, below, _, basis = ordqz(L, M, sort="iuc", output="real")
+    stable = int((np.abs(above) < np.abs(below)).sum())
+    if stable != n:
+        raise FailedError(f"the pencil has {stable} stable eigenvalues instead of {n}")
+    X = np.linalg.solve(basis[:n, :n].T, basis[n : 2 * n, :n].T)
+    return (X + X.T) / 2.0
 
 
 def first_units(game: Game, delta: float) -> Units:
@@ -331,6 +363,32 @@ def proposal_in_bits(game: Game, delta: float) -> Proposal:
         if all(map(np.array_equal, units, further)):
             return first
         return in_bits(equation_of(game, further, Balls, delta))
+
+
+def corrected_in_bits(proposal: Proposal) -> Proposal:
+    """Return a proposal of LAPACK, corrected by residuals as long as they shrink.
+
+    Raises FailedError.
+    """
+    equation, X, _ = proposal
+    with np.errstate(all="ignore"):
+        try:
+            gains, residual = equation.gains_and_residual(X)
+            F = equation.loop(Balls(X), Balls(gains)).matrix.mid()
+            solver = lyapunov_of(midpoints(F), is_discrete=equation.is_discrete)
+            before = None
+            for _ in range(NEWTON_STEPS):
+                size = norm(residual.mid())
+                if before is not None and not size < 0.5 * before:
+                    break
+                before = size
+                X = (X + ball_matrix(solver.solve(-midpoints(residual))[0])).mid()
+                gains, residual = equation.gains_and_residual(X)
+        except (np.linalg.LinAlgError, ValueError, ZeroDivisionError) as failure:
+            raise FailedError(str(failure)) from None
+    F = equation.loop(Balls(X), Balls(gains)).matrix.mid()
+    Y = lyapunov_in_bits(F, identity(equation.n), is_discrete=equation.is_discrete)
+    return Proposal(equation, X, Y)
 
 
 def in_bits(equation: Equation[Balls]) -> Proposal:
