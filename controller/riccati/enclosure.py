@@ -31,7 +31,7 @@ from controller.riccati.proof import (
 from controller.riccati.proposal import (
     FailedError,
     Proposal,
-    corrected_in_bits,
+    corrected,
     first_units,
     in_doubles,
     loop_units,
@@ -71,6 +71,11 @@ class Enclosure:
     proved: Stabilizing[Any]
     bits: int
     is_raised: bool = False
+
+    @property
+    def game(self) -> Game:
+        """The game, with its exact entries."""
+        return self.proved.equation.game
 
     @cached_property
     def P(self) -> arb_mat:
@@ -147,7 +152,23 @@ def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str
         given = _decided(game, delta, digits=digits)
         if isinstance(given, Enclosure):
             return replace(given, is_raised=True)
+    again = _decided(raised(game, 2.0 * RAISED), delta, digits=digits)
+    if isinstance(again, str) or not _have_same_gains(outcome, again):
+        return (
+            "[[Q, N], [N', R]] is positive semidefinite only up to rounding, and its rounding"
+            " decides on K: an undamped mode has no cost; give each undamped mode weight in Q"
+        )
     return replace(outcome, is_raised=True)
+
+
+def _have_same_gains(first: Enclosure, second: Enclosure) -> bool:
+    """Return whether the gains of two enclosures move the plant alike, within 1 %."""
+    A, B = first.game.A, first.game.B
+    pushed = [B @ midpoints(each.K) for each in (first, second)]
+    units = np.exp2(first.proved.equation.units.states.astype(float))
+    sizes, other, plant = (each / units[:, None] * units for each in (*pushed, A))
+    size = max(float(np.abs(sizes).max()), 1e-10 * float(np.abs(plant).max()))
+    return float(np.abs(sizes - other).max()) <= 0.01 * size
 
 
 def _decided(game: Game, delta: float, *, digits: bool) -> Enclosure | str:
@@ -170,8 +191,7 @@ def _decided(game: Game, delta: float, *, digits: bool) -> Enclosure | str:
         with precision(attempt):
             if proposal is not None and attempt <= 2 * BITS:
                 with suppress(FailedError):
-                    corrected = corrected_in_bits(proposal)
-                    outcome = _outcome(corrected, Balls, digits=digits, in_bits=False)
+                    outcome = _outcome(corrected(proposal), Balls, digits=digits, in_bits=False)
                     if outcome is not None:
                         return outcome
             try:
@@ -191,6 +211,32 @@ def _decided(game: Game, delta: float, *, digits: bool) -> Enclosure | str:
         f"neither a value nor that there is none is proved with {ATTEMPTS[-1]} bits: the game is on"
         " a boundary; change delta or the weights slightly"
     )
+
+
+def enclosed_in_bits(game: Game, attempt: int) -> Enclosure:
+    """Return the proved enclosure of a game with a number of bits.
+
+    Raises FailedError or NotProvedError.
+    """
+    with precision(attempt):
+        try:
+            proposal = corrected(in_doubles(game, game.delta))
+            return Enclosure(_value(proposal, Balls), attempt)
+        except (FailedError, NotProvedError):
+            return Enclosure(_value(proposal_in_bits(game, game.delta), Balls), attempt)
+
+
+def _value(proposal: Proposal, arithmetic: type[Matrix]) -> Stabilizing[Matrix]:
+    """Return the ball of the stabilizing solution, which is proved to be the value.
+
+    Raises FailedError or NotProvedError.
+    """
+    found = stabilizing(proposal.equation, proposal.X, proposal.Y, arithmetic)
+    try:
+        prove_value(found)
+    except NotProvedError:
+        prove_value(found, of_control_loop(found))
+    return found
 
 
 def _outcome(
@@ -245,9 +291,9 @@ def is_exactly_semidefinite(matrix: np.ndarray) -> bool:
     return is_semidefinite(matrix)
 
 
-def raised(game: Game) -> Game:
-    """Return the game with the diagonals of Q and R raised by the factor 1 + `RAISED`."""
-    Q, R = ((each + each.T) / 2.0 + RAISED * np.diag(np.diag(each)) for each in (game.Q, game.R))
+def raised(game: Game, share: float = RAISED) -> Game:
+    """Return the game with the diagonals of Q and R raised by a share of them."""
+    Q, R = ((each + each.T) / 2.0 + share * np.diag(np.diag(each)) for each in (game.Q, game.R))
     return replace(game, Q=Q, R=R)
 
 

@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.game.zero_sum import Game
 from controller.riccati.balancing import hamiltonian, norms, spectrum
 from controller.riccati.bilinear import System, in_continuous_time
+from hfa_support.arguments import ArrayLike
 from hfa_support.errors import NoSolutionError
-from hfa_support.matrices import spectral_radius
+from hfa_support.matrices import balanced, spectral_radius
 
 TOLERANCE = 1e-9
 #: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not affect
@@ -191,6 +193,26 @@ def _largest_gain(matrices: np.ndarray) -> float:
     gain = largest_of(scaled[[first]])
     bounds[first] = 0.0
     return size * max(gain, largest_of(scaled[bounds > gain]))
+
+
+def bounded_real_gain(game: Game, K: ArrayLike) -> float:
+    """Return the L2 gain sup ‖y‖₂/‖d‖₂ of the closed loop with u = -K z, ‖y‖² = ∫ z'Qz + 2z'Nu +
+    u'Ru.
+
+    In discrete time, signals are weighted by α^(k/2), as their squares are in the cost. The result
+    is inf if the loop is not stable.
+
+    K: (m, n)
+
+    Raises BadInputError if K is not a real m x n matrix, and NoSolutionError as `loop_gain` does.
+    """
+    K = game.checked_gain(K)
+    root = math.sqrt(game.discount)
+    loop, units = balanced(root * (game.A - game.B @ K))
+    outputs = scaled_root(game.weights).T @ np.vstack([np.eye(len(loop)), -K]) * units
+    E = root * game.E / units[:, None]
+    system = System(loop, E, outputs, np.zeros((len(outputs), E.shape[1])))
+    return loop_gain(system, is_discrete=game.is_discrete).high
 
 
 def scaled_root(M: np.ndarray) -> np.ndarray:

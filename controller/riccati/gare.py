@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -10,37 +11,40 @@ import numpy as np
 
 from controller.game.q_function import q_function
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import spectrum, stability
-from controller.riccati.certificate import Certificate, Certified, certified_solution, form_of
-from controller.riccati.form import Form
-from controller.riccati.loop_margins import LoopMargin, loop_margins, named_margins
-from controller.riccati.margins import DiskMargin, disk_margin
-from controller.riccati.meaning import bounded_real_gain, meaning_checks
-from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of, why_refused
+from controller.riccati.balancing import spectrum
+from controller.riccati.balls import ball_matrix, identity, midpoints, precision
+from controller.riccati.bilinear import System
+from controller.riccati.certificate import Certificate, certificate_of
+from controller.riccati.enclosure import Enclosure, decided, lyapunov_enclosure
+from controller.riccati.frequency_response import loop_gain
+from controller.riccati.level import Level, levelled
+from controller.riccati.loop_margins import LoopMargin, named_margins, single_margin
+from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of, loop_of
+from controller.riccati.refusal import ModeError, why_never
+from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_aircraft.names import PlantNames
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
-from hfa_support.progress import Progress
-from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots, without_empty
 
 if TYPE_CHECKING:
     import control
+    from flint import arb_mat
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Result, Reported):
     """Value z'P z of a game, its policies u = -K z and d = L z, and its certificate.
 
-    The smallest delta and the margins are computed when they are first used.
+    All follows from the enclosure. The smallest delta and the margins are computed when they are
+    first used.
 
+    game: the game
+    enclosure: balls of P, K and L, proved
+    certificate: what is proved, in words
     P: (n, n), of the value z'P z
     K: (m, n), of the policy u = -K z
-    disturbance_gain: L, (k, n), of the worst disturbance d = L z
-    game: the game
-    certified: P in the coordinates in which the game was solved, with the tests that it passed
-    meaning: checks of the cost and the L2 gain of the policies, () if they were not made
 
     The eigenvalues of a game in discrete time are those of a step. With a discount, the optimal
     policy may not stabilize the plant (`is_stable`).
@@ -54,22 +58,21 @@ class Solution(Result, Reported):
 
     schema = "hfa.game-solution/1"
 
+    game: Game
+    enclosure: Enclosure
+    certificate: Certificate
     P: Matrix
     K: Matrix
-    disturbance_gain: Matrix
-    game: Game
-    certified: Certified
-    meaning: tuple[Check, ...] = ()
+
+    @cached_property
+    def disturbance_gain(self) -> Matrix:
+        """L of the worst disturbance d = L z, (k, n)."""
+        return _rounded(self.enclosure.L)
 
     @property
     def L(self) -> Matrix:
         """Gain L of the worst disturbance d = L z, (k, n), as `disturbance_gain`."""
         return self.disturbance_gain
-
-    @property
-    def certificate(self) -> Certificate:
-        """The tests that P passed."""
-        return self.certified.certificate
 
     @property
     def delta(self) -> float:
@@ -92,9 +95,21 @@ class Solution(Result, Reported):
         return q_function(self.game, self.P) if self.game.is_discrete else None
 
     @property
-    def price(self) -> np.ndarray:
-        """Weight of u - u* in the cost above V*: R, in discrete time R + α B'P B, (m, m)."""
-        return self.game.price(self.P)
+    def excess_weight(self) -> np.ndarray:
+        """Weight of u + K z in the cost above V*: R, in discrete time R + α B'P B, (m, m)."""
+        return self.game.excess_weight(self.P)
+
+    price = excess_weight  # until verification uses the new name
+
+    @property
+    def certified(self) -> Any:  # until verification uses the enclosure
+        """P in the coordinates of the solver in doubles."""
+        from types import SimpleNamespace
+
+        from controller.riccati.certificate import form_of
+
+        form = form_of(self.game)
+        return SimpleNamespace(form=form, X=form.of_value(self.P))
 
     @property
     def names(self) -> PlantNames:
@@ -102,20 +117,28 @@ class Solution(Result, Reported):
         return self.game.names
 
     @cached_property
+    def level(self) -> Level:
+        """Loops of the solution in states in which its value is nearly y'y."""
+        return levelled(self.enclosure)
+
+    @cached_property
     def l2_gain(self) -> float:
         """L2 gain of the closed loop with u = -K z, from d to the cost (`bounded_real_gain`)."""
-        return bounded_real_gain(self.game, self.K)
+        root = math.sqrt(self.game.discount)
+        outputs, E = self.level.outputs, root * self.level.disturbances
+        through = np.zeros((len(outputs), E.shape[1]))
+        system = System(root * self.level.loop, E, outputs, through)
+        return loop_gain(system, is_discrete=self.game.is_discrete).high
 
     @cached_property
     def closed_loop_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K, the loop without disturbance, (n,), 1/s."""
-        return spectrum(self.game.A - self.game.B @ self.K)
+        return spectrum(self.level.loop)
 
     @cached_property
     def worst_case_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K + E L, the loop under the worst disturbance, (n,), 1/s."""
-        worst = self.game.E @ self.disturbance_gain - self.game.B @ self.K
-        return spectrum(self.game.A + worst)
+        return spectrum(self.level.worst_loop)
 
     @property
     def closed_loop(self) -> control.StateSpace:
@@ -138,32 +161,56 @@ class Solution(Result, Reported):
         """Return the eigenvalues of A - B K, (n,) complex, 1/s."""
         return self.closed_loop_eigenvalues
 
-    @property
+    @cached_property
     def is_stable(self) -> bool:
-        """True if A - B K is stable."""
+        """True if A - B K is proved stable. With a discount, it may not be."""
+        if self.game.discount == 1.0:
+            return True  # as the certificate states
+        return self.stabilizes(self.K)
+
+    def stabilizes(self, K: np.ndarray, *, is_discounted: bool = False) -> bool:
+        """Return whether u = -K z is proved to stabilize the plant.
+
+        K: (m, n)
+        is_discounted: whether √α (A - B K) is asked about, on which the cost depends
+        """
+        from flint import arb
+
         game = self.game
-        loop = game.A - game.B @ self.K
-        return stability(loop, is_discrete=game.is_discrete).is_stable
+        with precision(self.enclosure.bits):
+            loop = ball_matrix(game.A) - ball_matrix(game.B) * ball_matrix(K)
+            if is_discounted:
+                loop = loop * arb(game.discount).sqrt()
+            one = identity(len(game.A))
+            return lyapunov_enclosure(loop, one, is_discrete=game.is_discrete) is not None
 
     @cached_property
-    def smallest(self) -> DeltaMin:
-        """Bounds of the smallest delta that has a solution."""
-        return smallest_delta_of(form_of(self.game))
+    def delta_min_bounds(self) -> DeltaMin:
+        """Proved bounds of the smallest delta that has a solution."""
+        return minimum_delta(self.game)
 
     @property
     def delta_min(self) -> float:
-        """Smallest delta found to have a solution, an upper bound of the exact delta_min."""
-        return self.smallest.value
+        """Smallest delta proved to have a solution, at most 1e-6 above the exact one."""
+        return self.delta_min_bounds.value
 
     @property
     def delta_margin(self) -> float:
         """Ratio delta / delta_min, or inf if delta_min is 0."""
-        return self.smallest.margin(self.delta)
+        return self.delta_min_bounds.margin(self.delta)
+
+    @cached_property
+    def _loop_at_inputs(self) -> ClosedLoop:
+        """M = S - I/2 at all inputs of the closed loop."""
+        level = self.level
+        return loop_of(level.loop, level.inputs, -level.rows(self.enclosure.K), self.game)
 
     @cached_property
     def loops(self) -> tuple[LoopMargin, ...]:
         """Margins at each input, with the loops of the other inputs closed; () if not stable."""
-        return loop_margins(self.game, self.K) if self.is_stable else ()
+        if not self.is_stable:
+            return ()
+        return tuple(single_margin(self._loop_at_inputs, i) for i in range(len(self.K)))
 
     @property
     def loop_margins(self) -> dict[str, dict[str, float]] | None:
@@ -173,7 +220,7 @@ class Solution(Result, Reported):
     @cached_property
     def disk_margin(self) -> DiskMargin | None:
         """Disk margin for all inputs together, or None without stability."""
-        return disk_margin(self.game, self.K) if self.is_stable else None
+        return disk_of(self._loop_at_inputs) if self.is_stable else None
 
     def cost(self, z: ArrayLike) -> float:
         """Return z'P z, the value of the game from the initial state z, (n,).
@@ -200,7 +247,6 @@ class Solution(Result, Reported):
             "certificate": self.certificate,
             "closed_loop_eigenvalues": self.closed_loop_eigenvalues,
             "worst_case_eigenvalues": self.worst_case_eigenvalues,
-            "meaning": self.meaning,
             "delta": self.delta,
             "delta_min": self.delta_min,
             "delta_margin": self.delta_margin,
@@ -219,8 +265,8 @@ class Solution(Result, Reported):
         return controller.solution_report(self)
 
 
-def solve(game: Game, progress: Progress | None = None) -> Solution:
-    """Return the exact solution of a game, certified and confirmed (paper Section 3.1).
+def solve(game: Game) -> Solution:
+    """Return the exact solution of a game, proved (paper Section 3.1).
 
     A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹ B' - δ⁻²E E'
 
@@ -230,65 +276,53 @@ def solve(game: Game, progress: Progress | None = None) -> Solution:
 
     With cross weights N, A is replaced by A - B R⁻¹N', Q by Q - N R⁻¹N', and K is R⁻¹(B'P + N').
 
-    The certificate is a set of tests of P. The cost and the L2 gain of the policies confirm it. All
-    tests are made in balanced units. The verdict therefore does not depend on the user's units.
+    The entries of the game are exact numbers. P, K and L are enclosed in ball arithmetic, with as
+    many bits as prove each of their digits, and with proofs that both loops are stable and that P
+    is the value. The result does not depend on the user's units.
 
     game: the game
-    progress: called by the search for delta_min, which runs only if there is no solution
 
-    Raises NoSolutionError if there is no certified solution, or if the cost or L2 gain of its
-    policies contradicts the certificate. The message names the mode for which no delta has a
-    solution, or the failed test and delta_min.
+    Raises NoSolutionError if the game has no value, with the reason that is proved and delta_min;
+    ModeError, if no delta has a value because of one mode; UndecidedError, if the game is exactly
+    on a boundary; NoSolutionError, if K changes by more than 1 % where the entries of the game
+    change in their last digit.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
 
     >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
     >>> solution = hfa.solve(game)
     >>> solution.K.round(4).tolist(), round(solution.delta_min, 4)
     ([[3.0972]], 1.0)
     """
-    form = form_of(game)
-    solved = certified(form, progress)
-    meaning = meaning_checks(solved.form, solved.X)
-    for check in meaning:
-        if not check.ok:
-            unconfirmed = f"certified, but not confirmed: {check.name}: {check.reason}"
-            advice = smallest_delta_of(form, progress).advice(game.delta)
-            raise NoSolutionError(f"{unconfirmed}; {advice}")
-    return solution_of(solved, game, meaning)
+    enclosure = decided(game, game.delta)
+    if isinstance(enclosure, str):
+        if enclosure == why_never(game):
+            raise ModeError(enclosure)
+        if math.isinf(game.delta):
+            raise NoSolutionError(enclosure)
+        advice = minimum_delta(game).advice(game.delta)
+        raise NoSolutionError(f"no value of the game: {enclosure}; {advice}")
+    certificate = certificate_of(enclosure)
+    if doubt := certificate.last_digits.doubt:
+        raise NoSolutionError(f"{doubt}; {minimum_delta(game).advice(game.delta)}")
+    return Solution(game, enclosure, certificate, _value(enclosure), _rounded(enclosure.K))
 
 
-def unconfirmed_solution(game: Game) -> Solution:
-    """Return the certified solution of a game without the checks of its cost and L2 gain.
-
-    For searches and sweeps that solve many games. The arguments and errors are those of `solve`.
-    """
-    return solution_of(certified(form_of(game)), game)
-
-
-def certified(form: Form, progress: Progress | None = None) -> Certified:
-    """Return the certified solution of a game.
-
-    form: form of the game
-    progress: called by the search for delta_min, which runs only if there is no solution
-
-    Raises NoSolutionError if there is no certified solution. The message contains the failed test
-    and delta_min, or the reason why no delta has a solution.
-    """
-    try:
-        return certified_solution(form)
-    except NoSolutionError as failure:
-        raise NoSolutionError(why_refused(form, str(failure), progress)) from failure
-
-
-def solution_of(certified: Certified, game: Game, meaning: tuple[Check, ...] = ()) -> Solution:
-    """Return the solution of a game in the user's coordinates.
-
-    certified: certified solution of the game
-    game: the game as the user gave it
-    meaning: checks of the cost and the L2 gain, () if they were not made
-    """
-    P = certified.form.value(certified.X)
-    K, L = certified.form.policies(certified.X)
+def _value(enclosure: Enclosure) -> np.ndarray:
+    """Return P as a read-only array, (n, n), 0 where its ball contains 0."""
+    found = enclosure.proved
+    states = found.equation.units.states
+    spread = np.array([float(each) for each in found.spread])
+    X = midpoints(found.X)
+    X[np.abs(X) <= np.outer(spread, spread)] = 0.0
+    P = np.ldexp(X, -np.add.outer(states, states))
     P.setflags(write=False)
-    return Solution(P, K, L, game, certified, meaning)
+    return P
+
+
+def _rounded(matrix: arb_mat) -> np.ndarray:
+    """Return the midpoints of balls as a read-only array, 0 where a ball contains 0."""
+    entries = [0.0 if entry.contains(0) else float(entry) for entry in matrix.entries()]
+    rounded = np.reshape(entries, (matrix.nrows(), matrix.ncols()))
+    rounded.setflags(write=False)
+    return rounded

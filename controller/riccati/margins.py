@@ -190,11 +190,22 @@ def loop_at_inputs(game: Game, K: np.ndarray) -> ClosedLoop:
     stable.
     """
     K = game.checked_gain(K)
-    closed = game.A - game.B @ K
+    return loop_of(game.A - game.B @ K, game.B, -K, game)
+
+
+def loop_of(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray, game: Game) -> ClosedLoop:
+    """Return M = I/2 + leaves (s I - closed)⁻¹ enters of a loop of a game, in any states.
+
+    closed: (n, n)
+    enters: (n, m)
+    leaves: (m, n)
+
+    Raises NoSolutionError if a pole is not stable.
+    """
     if not game.is_discrete:
-        return closed_at(closed, game.B, -K)
+        return closed_at(closed, enters, leaves)
     dt = 1.0 if game.dt is True else float(game.dt or 0.0)
-    return closed_steps(System(closed, game.B, -K, 0.5 * np.eye(len(K))), dt)
+    return closed_steps(System(closed, enters, leaves, 0.5 * np.eye(len(leaves))), dt)
 
 
 def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:

@@ -200,14 +200,14 @@ def first_units(game: Game, delta: float) -> Units:
     """
     entries = np.concatenate([each.ravel() for each in (game.A, game.B, game.E, game.Q, game.R)])
     exponents = np.frexp(entries[entries != 0.0])[1]
-    units = users_units(game)
-    if np.abs(exponents).max(initial=0) > MODERATE:
-        weighed = np.where(np.diag(game.R) > 0.0, np.diag(game.R), 1.0)
-        S = (game.B / weighed) @ game.B.T + game.E @ game.E.T / delta**2
-        H = np.concatenate([np.concatenate([game.A, S], 1), np.concatenate([game.Q, game.A.T], 1)])
-        of_states, of_costates = np.split(np.log2(balanced(H)[1]), 2)
-        units = units._replace(states=np.round(0.5 * (of_states - of_costates)).astype(int))
-    return units
+    if np.abs(exponents).max(initial=0) <= MODERATE:
+        return users_units(game)
+    price = _prices(game, game.B, game.Q)
+    S = (game.B / np.where(price > 0.0, price, 1.0)) @ game.B.T + game.E @ game.E.T / delta**2
+    H = np.concatenate([np.concatenate([game.A, S], 1), np.concatenate([game.Q, game.A.T], 1)])
+    of_states, of_costates = np.split(np.log2(balanced(H)[1]), 2)
+    states = np.round(0.5 * (of_states - of_costates)).astype(int)
+    return Units(states, -_half_exponents(price), disturbance_units(game, delta))
 
 
 def units_of(game: Game, units: Units, X: np.ndarray, delta: float) -> Units:
@@ -217,20 +217,24 @@ def units_of(game: Game, units: Units, X: np.ndarray, delta: float) -> Units:
     X: (n, n)
     """
     states = units.states - _half_exponents(np.diag(X))
+    steps = states - units.states
     B = np.ldexp(game.B, -states[:, None])
+    price = _prices(game, B, np.ldexp(X, np.add.outer(steps, steps)))
+    return Units(states, -_half_exponents(price), disturbance_units(game, delta))
+
+
+def _prices(game: Game, B: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Return the diagonal of R, in discrete time of R + α B'X B, (m,)."""
     price = np.diag(game.R).astype(float)
     if game.is_discrete:
-        price = price + game.discount * np.einsum(
-            "ij,ij->j", B, np.ldexp(X, _steps(states - units.states)) @ B
-        )
-    disturbances = np.zeros_like(units.disturbances)
-    if game.is_discrete and math.isfinite(delta):
-        disturbances -= math.frexp(delta)[1]
-    return Units(states, -_half_exponents(price), disturbances)
+        price = price + game.discount * np.einsum("ij,ij->j", B, X @ B)
+    return price
 
 
-def _steps(steps: np.ndarray) -> np.ndarray:
-    return np.add.outer(steps, steps)
+def disturbance_units(game: Game, delta: float) -> np.ndarray:
+    """Return units of the disturbances, (k,) integers, in which δ is nearly 1 in discrete time."""
+    exponent = math.frexp(delta)[1] if game.is_discrete and math.isfinite(delta) else 0
+    return np.full(game.E.shape[1], -exponent)
 
 
 def _half_exponents(values: np.ndarray) -> np.ndarray:
@@ -365,7 +369,7 @@ def proposal_in_bits(game: Game, delta: float) -> Proposal:
         return in_bits(equation_of(game, further, Balls, delta))
 
 
-def corrected_in_bits(proposal: Proposal) -> Proposal:
+def corrected(proposal: Proposal) -> Proposal:
     """Return a proposal of LAPACK, corrected by residuals as long as they shrink.
 
     Raises FailedError.

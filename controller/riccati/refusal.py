@@ -25,12 +25,19 @@ from controller.riccati.rationals import (
     unreachable_modes,
     unstable_root,
 )
+from hfa_support.errors import NoSolutionError
 
 if TYPE_CHECKING:
     from flint import acb, arb_mat, fmpz_poly
 
 #: An eigenvalue whose real part is below this fraction of its size may be on the axis.
 MAYBE_ON_AXIS = 1e-4
+
+
+class ModeError(NoSolutionError):
+    """Raised if a mode that no input reaches, or an undamped mode without cost, is the reason why
+    no delta has a solution.
+    """
 
 
 def why_no_value(
@@ -73,7 +80,9 @@ def _between_eigenvalues(equation: Equation[Balls], *, in_bits: bool) -> list[fl
     values = _eigenvalues_in_bits(equation) if in_bits else _eigenvalues(equation)
     values = values[np.isfinite(values)]
     if equation.is_discrete:  # the axis of (z - 1) / (z + 1)
-        values = (values - 1.0) / (values + 1.0)
+        with np.errstate(all="ignore"):
+            values = (values - 1.0) / (values + 1.0)
+        values = values[np.isfinite(values)]
     near = np.abs(values.real) <= MAYBE_ON_AXIS * np.abs(values)
     frequencies = np.unique(np.abs(values.imag[near]))
     if equation.is_discrete:

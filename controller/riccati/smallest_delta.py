@@ -1,50 +1,56 @@
-"""Smallest delta for which a game has a value, and reasons why no delta has one."""
+"""Smallest delta for which a game has a value, between a proved no and a proved yes."""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
-from controller.game.zero_sum import Game
-from controller.riccati.certificate import certified_solution, form_of
-from controller.riccati.form import Answer, Form
-from controller.riccati.frequency_response import loop_gain
-from controller.riccati.meaning import closed_loop
-from hfa_support.errors import NoSolutionError
-from hfa_support.progress import Progress
+import numpy as np
 
-#: Relative accuracy of delta_min.
+from controller.game.zero_sum import Game
+from controller.riccati.balls import BITS, DoubleBalls, midpoints, precision
+from controller.riccati.enclosure import Enclosure, UndecidedError, decided
+from controller.riccati.equation import Equation, equation_of
+from controller.riccati.proposal import (
+    FailedError,
+    disturbance_units,
+    loop_in_doubles,
+    lyapunov_of,
+    stabilizing_in_doubles,
+)
+from controller.riccati.rationals import costs_nothing
+from controller.riccati.refusal import ModeError, why_never
+from hfa_support.errors import NoSolutionError
+from hfa_support.matrices import LARGEST
+
+#: Largest relative difference of the bounds of delta_min.
 TOLERANCE = 1e-6
-#: The search is made in states in which the eigenvalues of the X without disturbance, the smallest
-#: X of all, are between this and its inverse.
-LEVEL = 4.0
-#: Largest and smallest δ of the search, as multiples of the first one.
-MOST = 1e12
-LEAST = 1e-12
-#: Relative distances from the smallest δ at which a clearly positive excess is searched for,
-CLEAR_STEPS = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
-#: and the excess that is clearly positive, because it is not rounding.
-ROUNDED = 2e-12
-#: If delta exceeds delta_min by a smaller fraction, the poor conditioning of P may be the reason
-#: why a test fails.
+#: Factor of 1/δ² of the first proofs beside the estimate,
+BESIDE = 1.0 + 0.75 * TOLERANCE
+#: and of bounds in doubles that are near enough.
+SAME = 1.0 - 0.1 * TOLERANCE
+#: The square of a decay below this fraction of that without disturbance may be 0 in doubles.
+ON_AXIS = 1e-13
+#: Relative change of an estimate that is then left to the proofs.
+SETTLED = 0.05 * TOLERANCE
+#: Smallest delta of a game.
+LEAST = LARGEST**-0.5
+#: Largest number of estimates in doubles; six are usual.
+MOST_ESTIMATES = 40
+#: Magnitude of a negative eigenvalue of P, relative to the P without disturbance, in doubles.
+INDEFINITE = 1e-2
+#: If delta exceeds delta_min by a smaller fraction, a larger one is advised.
 CLOSE = 0.01
 
 
-class ModeError(NoSolutionError):
-    """Raised if a mode that no input reaches, or an undamped mode without cost, is the reason why
-    no delta has a solution.
-    """
-
-
 class DeltaMin(NamedTuple):
-    """Bounds of delta_min = inf{δ : a solution exists}: refused < delta_min <= value.
+    """Proved bounds of delta_min = inf{δ : a value exists}: refused <= delta_min <= value.
 
-    value / refused is at most 1 + 1e-6, or more if rounding hides the minimum (`uncertain`). Both
-    are 0 if the disturbance does not affect the cost.
+    value / refused is at most 1 + 1e-6. Both are 0 if the disturbance costs nothing.
 
-    value: smallest delta found to have a solution
-    refused: largest delta below `value` shown to have no solution, or 0 if there is none
+    value: a delta with a value
+    refused: a delta without a value
     """
 
     value: float
@@ -57,14 +63,6 @@ class DeltaMin(NamedTuple):
         """
         return delta / self.value if self.value > 0.0 else math.inf
 
-    @property
-    def uncertain(self) -> bool:
-        """True if rounding leaves delta_min uncertain by more than the tolerance of the search.
-
-        The result is also True if delta_min is not 0 and no delta was shown to have no solution.
-        """
-        return self.value > self.refused * (1.0 + 2.0 * TOLERANCE)
-
     def advice(self, delta: float) -> str:
         """Return a clause for an error message that compares a delta with delta_min.
 
@@ -73,10 +71,8 @@ class DeltaMin(NamedTuple):
         """
         what = "; choose a larger delta"
         excess = self.margin(delta) - 1.0
-        if self.refused < delta < self.value:  # a value may or may not exist
-            verb = "rounding leaves" if self.uncertain else "lies"
-            between = f"between {self.refused:.9g} and {self.value:.9g}"
-            where = f"too close to delta_min, which {verb} {between}"
+        if self.refused < delta < self.value:
+            where = f"at delta_min, which is between {self.refused:.9g} and {self.value:.9g}"
         elif delta < self.value:
             where = f"below delta_min = {self.value:.7g}"
         elif excess < CLOSE:
@@ -88,122 +84,199 @@ class DeltaMin(NamedTuple):
 
 
 def minimum_delta(game: Game) -> DeltaMin:
-    """Return bounds of the smallest δ for which a game has a value.
+    """Return proved bounds of the smallest δ for which a game has a value, at most 1e-6 apart.
 
-    The bounds differ by 1e-6 relative, or by more if rounding hides the minimum.
-
-    The delta of the game itself does not affect the result.
-
-    Raises NoSolutionError if no δ has a solution. The message names the responsible mode if one is
-    found.
-
-    >>> import hfa
-    >>> from controller import minimum_delta
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
-    >>> round(minimum_delta(game).value, 4)
-    1.0
-    """
-    return smallest_delta_of(form_of(game))
-
-
-def smallest_delta_of(form: Form, progress: Progress | None = None) -> DeltaMin:
-    """Return bounds of the smallest δ for which a game has a value, by bisection of log δ on
-    `existence`.
-
-    The search begins at twice the L2 gain of the policy without disturbance, which is at least
-    delta_min. Both bounds are 0 if the disturbance does not affect the cost.
-
-    form: form of the game
-    progress: called during the search, or None
+    At the upper bound, a value is proved, and at the lower one, that there is none. The delta of
+    the game itself does not affect the result.
 
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorems 4.11 and 3.7.
 
-    Raises NoSolutionError if no δ has a solution, and ModeError if a mode is the reason.
+    Raises NoSolutionError if no δ has a value. The message names the responsible mode.
+
+    >>> import hfa
+    >>> from controller import minimum_delta
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
+    >>> round(minimum_delta(game).value, 4)
+    1.0
     """
-    try:
-        lqr = certified_solution(form.with_delta(math.inf).balanced())
-    except NoSolutionError as failure:
-        if cause := form.obstacle():
-            raise ModeError(cause) from failure
-        raise NoSolutionError(
-            f"the problem without disturbance (delta = inf) is not certified: {failure}"
-        ) from failure
-    K, _ = lqr.form.gains(lqr.X)
-    bound = loop_gain(closed_loop(lqr.form, K), is_discrete=form.is_discrete).high
-    if bound == 0.0:
+    undisturbed = decided(game, math.inf, digits=False)
+    if isinstance(undisturbed, str):
+        raise (ModeError if undisturbed == why_never(game) else NoSolutionError)(undisturbed)
+    if costs_nothing(game):
         return DeltaMin(0.0, 0.0)
-    turn = lqr.form.levelling(lqr.X, LEVEL)
-    level = lqr.form.turned(turn) if turn else lqr.form
-    return _smallest_delta(lambda delta: level.with_delta(delta).existence(), 2.0 * bound, progress)
+    search = _Search(game, undisturbed)
+    return _bracket(search, _estimate(search))
 
 
-def _smallest_delta(
-    existence_at: Callable[[float], Answer], begin: float, progress: Progress | None
-) -> DeltaMin:
-    """Return bounds of the smallest δ with a solution, by bisection of log δ.
+class _Left(NamedTuple):
+    """Numbers that fall to 0 as 1/δ² grows to 1/delta_min², nearly linearly near it.
 
-    existence_at: function δ -> existence. The set of δ with a solution is an interval (δ_min, inf].
-    begin: a δ that should have a solution
-
-    Raises NoSolutionError if no δ up to `MOST` times `begin` has a solution.
+    square: 1/δ²
+    numbers: the square of the decay of the slowest motion, the inverse of the growth of P, and in
+        discrete time the price of the disturbance
     """
-    high = begin
-    while not (accepted := existence_at(high)).exists:
-        high *= 4.0
-        if high > begin * MOST:
-            raise NoSolutionError(
-                f"the game has no solution for any delta up to {high / 4.0:.4g}: {accepted.reason};"
-                " check the scaling of A, B, E, Q and R"
-            )
-    low = high / 4.0
-    while (found := existence_at(low)).exists:
-        accepted = found
-        high, low = low, low / 4.0
-        if low < begin * LEAST:
-            return DeltaMin(0.0, 0.0)
-    while high > low * (1.0 + TOLERANCE):
-        middle = math.sqrt(low * high)
-        found = existence_at(middle)
-        if found.exists:
-            high, accepted = middle, found
+
+    square: float
+    numbers: np.ndarray
+
+
+class _Secant:
+    """The last two values on the way to delta_min, and where their numbers reach 0.
+
+    high: smallest 1/δ² known to have no value
+    """
+
+    def __init__(self, first: _Left) -> None:
+        self.before: _Left | None = None
+        self.low = first
+        self.high = math.inf
+
+    def add(self, found: _Left) -> None:
+        """Add a value nearer to delta_min."""
+        self.before, self.low = self.low, found
+
+    def zero(self) -> float:
+        """Return the 1/δ² at which the line through the last two values has its first 0."""
+        if self.before is None:
+            return math.inf
+        with np.errstate(all="ignore"):
+            fall = (self.before.numbers - self.low.numbers) / (self.low.square - self.before.square)
+            ahead = self.low.numbers / fall
+        ahead = ahead[np.isfinite(ahead) & (ahead > 0.0) & (fall > 0.0)]
+        return self.low.square + float(ahead.min(initial=math.inf))
+
+
+def _estimate(search: _Search) -> float:
+    """Return an estimate of 1/delta_min² in doubles, by secants, each nine tenths of the way."""
+    first = search.in_doubles(0.0)
+    secant = _Secant(first)
+    square, guess = search.first_square(), math.inf
+    for _ in range(MOST_ESTIMATES):
+        found = search.in_doubles(square)
+        is_value = bool((found.numbers > ON_AXIS * first.numbers).all())
+        if is_value:
+            secant.add(found)
+            last, guess = guess, secant.zero()
+            if abs(guess - last) <= SETTLED * guess:
+                break
         else:
-            low = middle
-        if progress is not None:
-            progress(min(1.0, TOLERANCE / math.log(high / low)), 1.0)
-    if accepted.excess < 0.0:
-        high = _zero_of_excess(existence_at, high)
-    return DeltaMin(high, low)
-
-
-def _zero_of_excess(existence_at: Callable[[float], Answer], smallest: float) -> float:
-    """Return the δ >= smallest above which the excess is positive, by bisection of log δ.
-
-    The sign of the excess is more accurate than the rounding that `existence_at` permits, unless it
-    is rounding at every δ, as in a game whose P is singular. Then `smallest` is returned.
-    """
-    low = smallest
-    clear = (smallest * (1.0 + step) for step in CLEAR_STEPS)
-    high = next((delta for delta in clear if existence_at(delta).excess > ROUNDED), smallest)
-    while high > low * (1.0 + TOLERANCE):
-        middle = math.sqrt(low * high)
-        if existence_at(middle).excess < 0.0:
-            low = middle
+            secant.high = square
+        low, high = secant.low.square, secant.high
+        if not low < high * SAME:
+            break
+        if is_value and guess < high:
+            square = low + 0.9 * (guess - low)
+        elif math.isinf(high):
+            square = 8.0 * square
         else:
-            high = middle
-    return high
+            square = 0.5 * (low + min(high, guess))
+        if not 0.0 < square < LEAST**-2:
+            break
+    return guess if guess < secant.high else math.sqrt(square * secant.low.square) or square
 
 
-def why_refused(form: Form, failure: str, progress: Progress | None = None) -> str:
-    """Return the reason why a game has no certified solution, and what to change, as one sentence.
+def _bracket(search: _Search, guess: float) -> DeltaMin:
+    """Return proved bounds about an estimate of 1/delta_min².
 
-    form: form of the game
-    failure: text of the failed test of the certificate
-    progress: called by the search for delta_min, or None
-
-    Raises NoSolutionError if no delta has a solution.
+    Raises UndecidedError.
     """
-    smallest = smallest_delta_of(form, progress)
-    verdict = f"not certified: {failure}"
-    if form.delta <= smallest.refused:
-        verdict = f"no value of the game: {form.existence().reason or failure}"
-    return f"{verdict}; {smallest.advice(form.delta)}"
+    secant = _Secant(search.in_doubles(0.0))
+    square, step, value, refused = guess / BESIDE, BESIDE, math.inf, 0.0
+    for count in itertools.count(1):
+        delta = square**-0.5
+        outcome = search.proved(delta)
+        if isinstance(outcome, str):
+            refused, secant.high = delta, square
+            square = secant.zero() / BESIDE
+        else:
+            value = delta
+            secant.add(outcome)
+            square = secant.zero() * BESIDE if count > 1 else guess * BESIDE
+        if value <= refused * (1.0 + TOLERANCE):
+            break
+        if value <= LEAST * BESIDE:
+            return DeltaMin(value, 0.0)
+        low, high = secant.low.square, secant.high
+        step *= step
+        if math.isinf(high):
+            square = min(max(square, low * step), LEAST**-2)
+        elif count % 3 == 0 or not low / SAME < square < high * SAME:
+            square = math.sqrt(low * high) if 0.1 * high < low else 0.3 * high
+    return DeltaMin(value, refused)
+
+
+class _Search:
+    """Values of one game at many δ, in exact units in which P without disturbance is near 1."""
+
+    def __init__(self, game: Game, undisturbed: Enclosure) -> None:
+        self.game = game
+        self.units = undisturbed.proved.equation.units
+        self.P = midpoints(undisturbed.proved.X)
+        values, vectors = np.linalg.eigh(self.P)
+        least = max(float(values[-1]), 0.0) * np.finfo(float).eps ** 0.75 or 1.0
+        self.to_level = vectors / np.sqrt(np.maximum(values, least))
+
+    def equation(self, square: float) -> Equation[DoubleBalls]:
+        """Return the equation at 1/δ²."""
+        delta = math.inf if square == 0.0 else square**-0.5
+        units = self.units._replace(disturbances=disturbance_units(self.game, delta))
+        return equation_of(self.game, units, DoubleBalls, delta)
+
+    def first_square(self) -> float:
+        """Return the 1/δ² at which P has grown by half its size, to the first order."""
+        with precision(BITS):
+            equation = self.equation(0.0)
+            try:
+                F, E = loop_in_doubles(equation, self.P), equation.E.midpoint
+                push = F.T @ self.P @ E if equation.is_discrete else self.P @ E
+                lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
+                growth, _ = lyapunov.solve(-push @ push.T)
+                rate = float(np.linalg.eigvalsh(self.to_level.T @ growth @ self.to_level)[-1])
+            except (np.linalg.LinAlgError, ValueError):
+                rate = math.nan
+        return 0.5 / rate if rate > 0.0 else 1.0
+
+    def in_doubles(self, square: float) -> _Left:
+        """Return the numbers at 1/δ², nan if doubles find no value."""
+        with precision(BITS), np.errstate(all="ignore"):
+            try:
+                equation = self.equation(square)
+                return self.left(square, stabilizing_in_doubles(equation), equation)
+            except (np.linalg.LinAlgError, ValueError, FailedError):
+                return _Left(square, np.full(1, np.nan))
+
+    def proved(self, delta: float) -> _Left | str:
+        """Return the numbers at a δ that is proved to have a value, or why it has none.
+
+        A δ at which neither is proved is exactly on a boundary: the next one is taken.
+
+        Raises UndecidedError if that does not help.
+        """
+        try:
+            outcome = decided(self.game, delta, digits=False)
+        except UndecidedError:
+            outcome = decided(self.game, np.nextafter(delta, 0.0), digits=False)
+        if isinstance(outcome, str):
+            return outcome
+        steps = self.units.states - outcome.proved.equation.units.states
+        square = delta**-2
+        with precision(BITS), np.errstate(all="ignore"):
+            X = np.ldexp(midpoints(outcome.proved.X), np.add.outer(steps, steps))
+            try:
+                found = self.left(square, X, self.equation(square))
+            except (np.linalg.LinAlgError, ValueError):
+                return _Left(square, np.full(1, np.nan))
+        return found._replace(numbers=np.where(found.numbers > 0.0, found.numbers, np.nan))
+
+    def left(self, square: float, X: np.ndarray, equation: Equation[DoubleBalls]) -> _Left:
+        """Return the numbers of the stabilizing solution X at 1/δ²."""
+        values = np.linalg.eigvals(loop_in_doubles(equation, X))
+        sizes = np.linalg.eigvalsh(self.to_level.T @ X @ self.to_level)
+        decay = 1.0 - np.abs(values).max() if equation.is_discrete else -values.real.max()
+        # Beyond its growth to infinity, P has large negative eigenvalues.
+        growth = 1.0 / sizes[-1] if sizes[0] > -INDEFINITE else -1.0
+        numbers = [math.copysign(decay**2, decay), growth]
+        if equation.is_discrete:
+            E = equation.E.midpoint * np.exp2(-equation.units.disturbances.astype(float))
+            numbers.append(1.0 - square * float(np.linalg.eigvalsh(E.T @ X @ E)[-1]))
+        return _Left(square, np.array(numbers))

@@ -103,7 +103,7 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
     (named,) = given.games
     reference = reference_of(request.reference, named)
     with named.asking_for_time():
-        solution = gare.solve(named.game, ProgressLine("solve"))
+        solution = gare.solve(named.game)
         report = solution.report()
     figure = None
     if request.order is not None and named.linear is not None:
@@ -164,7 +164,7 @@ def _table_report(
         "disk margin, all inputs",
     )
     title = (
-        f"Gain table over {by} for {model.title}: {len(rows)} exact solutions, certified,"
+        f"Gain table over {by} for {model.title}: {len(rows)} exact solutions, proved,"
         f" {rows[0][0]} to {rows[-1][0]}"
     )
     data = {

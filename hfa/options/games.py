@@ -16,7 +16,7 @@ from controller.game.linear_game import game as game_of
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names
-from controller.riccati.smallest_delta import ModeError
+from controller.riccati.refusal import ModeError
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import input_file, listed_numbers, number
 from hfa.options.option import option, refuse
@@ -290,10 +290,10 @@ class NamedGame(Result):
 
 def _is_solvable_in_steps(game: Game) -> bool:
     """Return whether the game x⁺ = A x + B u has a solution."""
-    from controller.riccati.gare import unconfirmed_solution
+    from controller.riccati.gare import solve
 
     try:
-        unconfirmed_solution(replace(game, dt=True))
+        solve(replace(game, dt=True))
     except NoSolutionError:
         return False
     return True

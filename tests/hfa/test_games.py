@@ -24,7 +24,7 @@ from hfa_model import INPUTS, LINEAR_STATES
 def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None:
     """`hfa solve` reports P, K and the smallest delta of `hfa.solve`, with names and units."""
     data = answer("solve", "--dihedral", degrees, "--dynamics", dynamics)
-    assert set(data) >= {"schema", "meaning", "disk_margin"} | LABELS
+    assert set(data) >= {"schema", "certificate", "disk_margin"} | LABELS
     exact = solve(game_at(float(degrees), dynamics))
     for name in ("P", "K", "delta_min"):
         np.testing.assert_allclose(data[name], getattr(exact, name), rtol=1e-9, err_msg=name)

@@ -12,7 +12,7 @@ from controller.critic.critic_file import critic_in, part_by_shape
 from controller.critic.reading import Reading
 from controller.critic.training_run import TrainingRun
 from controller.game.zero_sum import Game
-from controller.riccati.gare import Solution, unconfirmed_solution
+from controller.riccati.gare import Solution, solve
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import (
     BadInputError,
@@ -104,7 +104,7 @@ def verify(
     refuse_unless_positive("limit", limit)
     refuse_unless_whole("flights", flights, 0)
     given = _critic(game, critic, linear)
-    exact = unconfirmed_solution(game)
+    exact = solve(game)
     if taylor and (linear is None or given.is_quadratic):
         missing = "linear=LINEAR of an aircraft" if linear is None else "a network"
         raise BadInputError(f"verify: taylor requires {missing}")

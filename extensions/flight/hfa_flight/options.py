@@ -248,10 +248,10 @@ def policy_of_law(
 
 def exact_policy(game: Game) -> GainPolicy:
     """Return the exact gain of a game as a policy."""
-    from controller.riccati.gare import unconfirmed_solution
+    from controller.riccati.gare import solve
     from hfa_flight.policies.policy import GainPolicy
 
-    return GainPolicy(EXACT, unconfirmed_solution(game).K)
+    return GainPolicy(EXACT, solve(game).K)
 
 
 def noted_game(weights: Mapping[str, Any], linear: LinearModel) -> Game:

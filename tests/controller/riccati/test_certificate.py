@@ -1,57 +1,17 @@
-"""The certificate of a solution, which refuses each planted wrong solution for the right reason."""
+"""What a certificate states, and games on the boundary of those that have a value."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from exact_riccati import exact_solution
 from game_samples import failed_names
-from planted_critics import other_root
 
-from controller.riccati.certificate import Certificate, agreement
-from controller.riccati.normal_form import NormalForm
 from hfa import Game, NoSolutionError, from_gain, from_value, solve, verify
 from verification import relative_error
 
 I2 = np.eye(2)
 EPS = np.finfo(float).eps
-
-
-def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
-    """Return the certificate of a given P, with the checks of `carefully_certified`.
-
-    second_P: result of the second derivation
-    """
-    form = NormalForm.of(game)
-    X, second_X = form.of_value(P), form.of_value(second_P)
-    return Certificate((*form.axis_checks(), *form.checks(X), agreement(X, second_X)))
-
-
-@pytest.mark.parametrize(
-    ("change", "factor", "failed"),
-    [
-        (lambda game, _: other_root(game), None, "game_loop_abscissa"),
-        (lambda _, P: P * (1.0 + 1e-8), 1.0, "residual"),
-        (lambda _, P: -P, 1.0, "positive_semidefinite"),
-        (lambda _, P: np.full_like(P, np.nan), 1.0, "residual"),
-        (lambda _, P: P, 1.0 + 1e-7, "second_derivation"),
-        (lambda _, P: P, np.nan, "second_derivation"),
-    ],
-)
-def test_a_wrong_solution_is_refused(
-    game: Game,
-    change: Callable[[Game, np.ndarray], np.ndarray],
-    factor: float | None,
-    failed: str,
-) -> None:
-    """Each wrong P, and each second P that differs, fails the check that it violates."""
-    P = change(game, solve(game).P)
-    second = P if factor is None else factor * solve(game).P
-    names = failed_names(_certify(game, P, second).checks)
-    assert failed in names
-    assert "residual" not in names or failed != "game_loop_abscissa"  # a root has no residual
 
 
 def test_a_hamiltonian_on_the_axis_is_detected() -> None:
@@ -62,10 +22,9 @@ def test_a_hamiltonian_on_the_axis_is_detected() -> None:
     Q = rotation @ np.diag([1.0, 1.0, 1.0]) @ rotation.T
     hidden = Game(A, np.zeros((3, 1)), np.eye(3), (Q + Q.T) / 2.0, [[1.0]], 1.0)
     for game in (critical, hidden):
-        assert "hamiltonian_axis_distance" in failed_names(NormalForm.of(game).axis_checks())
         with pytest.raises(NoSolutionError, match="delta_min"):
             solve(game)
-        assert solve(game.with_delta(1.01)).certificate.ok
+        assert solve(game.with_delta(1.01)).certificate.bits >= 128
 
 
 def test_without_cost_the_value_is_the_stabilizing_one() -> None:
@@ -95,5 +54,5 @@ def test_the_change_of_the_gain_is_that_of_changed_last_digits() -> None:
         A_signs, B_signs = (rng.choice([-1.0, 1.0], size=matrix.shape) for matrix in (A, B))
         changed = Game(A * (1.0 + EPS * A_signs), B * (1.0 + EPS * B_signs), Q=I2, R=[1.0])
         changes.append(relative_error(B @ exact_solution(changed)[1], B @ K))
-    stated = {check.name: check.value for check in solve(game).certificate.checks}["gain_change"]
+    stated = solve(game).certificate.gain_change
     assert 0.5 < stated / max(changes) < 2.0

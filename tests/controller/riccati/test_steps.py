@@ -53,8 +53,6 @@ def test_the_value_is_that_of_a_saddle_point(changes: dict) -> None:
     np.testing.assert_allclose(
         across * game.worst_case_loop(solution.P), across * loop, rtol=1e-6, atol=1e-6
     )
-    names = {check.name for check in (*solution.certificate.checks, *solution.meaning)}
-    assert {"cost_lyapunov", "l2_gain", "gain_change", "second_derivation"} <= names
 
 
 @pytest.mark.parametrize(
@@ -77,20 +75,21 @@ def test_regulators_with_a_closed_form(A: list, B: list, Q: list, R: list, P: li
 
 @pytest.mark.parametrize("share", [0.75, 1.0])  # products without rounding
 def test_two_inputs_that_only_act_together_need_a_weight(share: float) -> None:
-    """With R = 0, many u = -K x are equally good, R = 1e-15 decides between them, 1e-16 does not."""
+    """With R = 0, many u = -K x are equally good; any R > 0 decides between them."""
     A, push, both = (
         [[0.9, 0.2], [0.1, 0.7]],
         np.array([[0.125], [0.75]]),
         np.array([[1.0], [share]]),
     )
-    game = Game(A, push @ both.T, Q=np.eye(2), R=1e-15 * np.eye(2), dt=True)
-    # The cheapest inputs of a push are proportional to their shares of it.
-    one = Game(A, push, Q=np.eye(2), R=[[1e-15 / (1.0 + share**2)]], dt=True)
-    shared = both / (1.0 + share**2) @ hfa.solve(one).K
-    np.testing.assert_allclose(hfa.solve(game).K, shared, rtol=1e-12)
-    for least in (1e-16, 0.0):
-        with pytest.raises(NoSolutionError, match="not certified"):
-            hfa.solve(replace(game, R=least * np.eye(2)))
+    for R in (1e-15, 1e-30):
+        game = Game(A, push @ both.T, Q=np.eye(2), R=R * np.eye(2), dt=True)
+        # The cheapest inputs of a push are proportional to their shares of it.
+        one = Game(A, push, Q=np.eye(2), R=[[R / (1.0 + share**2)]], dt=True)
+        shared = both / (1.0 + share**2) @ hfa.solve(one).K
+        np.testing.assert_allclose(hfa.solve(game).K, shared, rtol=1e-14)
+    for R, reason in ((1e-40, "they do not determine K"), (0.0, "is singular for every P")):
+        with pytest.raises(NoSolutionError, match=reason):
+            hfa.solve(replace(game, R=R * np.eye(2)))
 
 
 def test_gain_and_margins_of_a_scalar_loop() -> None:

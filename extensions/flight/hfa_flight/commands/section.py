@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from controller.riccati.gare import unconfirmed_solution
+from controller.riccati.gare import solve
 from hfa.options.games import NamedGame
 from hfa.options.output import ProgressLine
 from hfa_flight.plan.initial_box import drawn_starts
@@ -52,7 +52,7 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     search = BestFlights(problem, count)
     loops = [search.flights.of("this critic, saturated", verdicts[0].critic)]
     if np.isfinite(game.delta):
-        exact = unconfirmed_solution(game).K
+        exact = solve(game).K
         loops.append(search.flights.of("exact game policy, saturated", exact))
     starts = drawn_starts(problem, count, _SEED)
     table = starts_table(search, starts, loops, ProgressLine("flights"))

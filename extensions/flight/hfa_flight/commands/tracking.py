@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.gare import unconfirmed_solution
+from controller.riccati.gare import solve
 from controller.tracking import Tracking, tracked
 from hfa_aircraft.waveform import Waveform, stacked
 from hfa_flight.policies.policy import GainPolicy, Policy
@@ -32,7 +32,7 @@ def tracking_of(
             "gain K, as `hfa solve -o FILE` writes without --order, or a law"
         )
     commands = stacked(reference, linear.states)
-    P = unconfirmed_solution(game).P
+    P = solve(game).P
     return tracked(linear, game, P, policy.gain, commands)
 
 

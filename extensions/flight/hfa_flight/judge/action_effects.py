@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.riccati.gare import unconfirmed_solution
+from controller.riccati.gare import solve
 from hfa_flight.judge.cost_above_optimum import lqr_at
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.equilibrium import Equilibrium
@@ -37,7 +37,7 @@ def action_effects(deployed: Deployed, linearized: Equilibrium) -> list[ActionEf
     if this problem has no solution.
     """
     try:
-        exact = unconfirmed_solution(lqr_at(deployed, linearized)).K
+        exact = solve(lqr_at(deployed, linearized)).K
     except NoSolutionError:
         return []
     gain = linearized.K if linearized.gain is None else linearized.gain

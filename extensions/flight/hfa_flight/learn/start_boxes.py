@@ -40,14 +40,14 @@ def sample_time(model: Model, points: Sequence[OperatingPoint]) -> float:
     LQR does not need a shorter one.
     """
     from controller.game.linear_game import game
-    from controller.riccati.gare import unconfirmed_solution
+    from controller.riccati.gare import solve
 
     fastest = 0.0
     for point in points:
         linear = linearize(model, point)
         fastest = max(fastest, spectral_radius(linear.A))
         try:
-            K = unconfirmed_solution(game(linear, delta=np.inf)).K
+            K = solve(game(linear, delta=np.inf)).K
         except NoSolutionError:
             continue
         fastest = max(fastest, spectral_radius(linear.A - linear.B @ K))

@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.game.linear_game import game
 from controller.game.weights import default_weight, matrix_text
-from controller.riccati.gare import unconfirmed_solution
+from controller.riccati.gare import solve
 from hfa_aircraft.layout import components
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
@@ -349,7 +349,7 @@ def flight_problem(
         linear = linear.select(inputs=tuple(inputs))
     lqr = game(linear, Q, R, np.inf)
     lqr.refuse_cross_weights("the cost of these flights")
-    solution = unconfirmed_solution(lqr)
+    solution = solve(lqr)
     envelope = flight_envelope(model, point, limits)
     return FlightProblem(linear, lqr.Q, lqr.R, solution.P, solution.K, envelope)
 

@@ -459,13 +459,13 @@ class Flight(StatesAndInputs, Result, Reported):
     def _optimum(self) -> np.ndarray | None:
         """P of the linear optimum, (k, k), or None without weights or an optimum."""
         from controller.game.linear_game import game
-        from controller.riccati.gare import unconfirmed_solution
+        from controller.riccati.gare import solve
 
         cost = self.loop.cost
         if cost is None:
             return None
         try:
-            return unconfirmed_solution(game(self.point.linearize(), cost.Q, cost.R, np.inf)).P
+            return solve(game(self.point.linearize(), cost.Q, cost.R, np.inf)).P
         except NoSolutionError:
             return None
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.linear_game import game
-from controller.riccati.gare import unconfirmed_solution
+from controller.riccati.gare import solve
 from hfa_aircraft.model import Model
 from hfa_prove.check.trims import SteadyFlight
 from hfa_prove.statements.flight import Flight, in_model_unit, unknowns_of
@@ -152,5 +152,5 @@ def exact_gains(family: Family, breakpoints: np.ndarray, **changes: Any) -> Gain
     for breakpoint in breakpoints.tolist():
         point = family.point(breakpoint)
         linear = linearize(point.model, point)
-        gains.append(np.asarray(unconfirmed_solution(game(linear, **changes)).K, dtype=float))
+        gains.append(np.asarray(solve(game(linear, **changes)).K, dtype=float))
     return Gains(breakpoints, np.array(gains))
