@@ -32,7 +32,6 @@ EXPORTS: dict[str, Callable[[Any], Any]] = {
     "linear model to pandas": lambda point: point.linearize().to_pandas(),
     "modes to pandas": lambda point: point.modes.to_pandas(),
     "flight to pandas": lambda point: hfa.fly(point.model, point, None, duration=0.01).to_pandas(),
-    "flight to xarray": lambda point: hfa.fly(point.model, point, None, duration=0.01).to_xarray(),
 }
 
 

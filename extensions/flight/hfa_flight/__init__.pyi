@@ -2,10 +2,7 @@
 
 from hfa_aircraft.waveform import Harmonic as Harmonic, Waveform as Waveform
 
-from .air.actuators import (
-    ActuatorBank as ActuatorBank,
-    ActuatorFault as ActuatorFault,
-)
+from .air.actuators import ActuatorBank as ActuatorBank
 from .air.gust_equations import in_gusts as in_gusts
 from .air.gusts import OneMinusCosine as OneMinusCosine
 from .air.scenario import Scenario as Scenario, Uncertainty as Uncertainty

@@ -56,7 +56,7 @@ _DURATION = 20.0
 _SAMPLE = 0.01
 #: Forms of values in the help of options.
 _GUST = "LENGTH:PEAK[:BEGIN]"
-_ACTUATORS = "LAG:RATE[:ORDER]"
+_ACTUATORS = "LAG:RATE"
 #: What a file of --policy contains, as messages name it.
 _GAIN = "a gain or critic"
 _NETWORK = "a network"
@@ -109,8 +109,8 @@ def numbers(
 
 def actuators_option() -> Any:
     """Return the option --actuators."""
-    about = "add actuators with lag (s), rate limit (deg/s) and order 1 (default) or 2"
-    kind = numbers(_ACTUATORS, 3, otherwise=(1.0,))
+    about = "add actuators of first order with lag (s) and rate limit (deg/s)"
+    kind = numbers(_ACTUATORS, 2)
     return option(about, _ACTUATORS, kind, rare=True)
 
 
@@ -508,13 +508,13 @@ def actuators_of(model: Model, typed: tuple[float, ...] | None) -> ActuatorBank 
 
     The rate limit applies to the surfaces. These are the inputs in rad or deg.
 
-    typed: lag in s, rate limit in deg/s, order
+    typed: lag in s, rate limit in deg/s
 
     Raises BadInputError if a number is out of range.
     """
     if typed is None:
         return None
-    lag, degrees_per_second, order = typed
+    lag, degrees_per_second = typed
     if degrees_per_second <= 0:
         raise BadInputError(
             f"the rate limit of --actuators is {degrees_per_second:g} deg/s; give a positive "
@@ -528,4 +528,4 @@ def actuators_of(model: Model, typed: tuple[float, ...] | None) -> ActuatorBank 
     highest = values(*limits.highest.tolist())
     fastest = values(*(rates.get(signal.unit, math.inf) for signal in inputs.values()))
     lags = values(*[lag] * len(inputs))
-    return ActuatorBank(lags, lowest, highest, fastest, order=int(order))
+    return ActuatorBank(lags, lowest, highest, fastest)

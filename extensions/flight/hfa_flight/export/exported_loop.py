@@ -223,16 +223,13 @@ def exported_loop(
 
 
 def _actuator_channels(model: Model, actuators: ActuatorBank | None) -> list[Channel]:
-    """Return the channels of the actuator positions, and for order 2 of the actuator rates."""
-    channels = []
-    order = 0 if actuators is None else actuators.order
-    if order >= 1:
-        for name, signal in model.inputs.items():
-            channels.append(Channel(f"{name}_actuator", signal.unit, size=signal.nominal))
-    if order == 2:
-        for name, signal in model.inputs.items():
-            channels.append(Channel(f"{name}_actuator_rate", None, size=signal.nominal))
-    return channels
+    """Return the channels of the actuator positions."""
+    if actuators is None:
+        return []
+    return [
+        Channel(f"{name}_actuator", signal.unit, size=signal.nominal)
+        for name, signal in model.inputs.items()
+    ]
 
 
 def _channels(

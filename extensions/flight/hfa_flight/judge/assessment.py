@@ -130,7 +130,6 @@ class Assessment(Result, Reported):
             "deployment_file": self.deployed.deployment.origin,
             "dt": self.deployed.deployment.dt,
             "delay": self.deployed.deployment.delay,
-            "history": self.deployed.deployment.history,
             "network": self.deployed.deployment.actor.chain,
             "commanded": self.deployed.commanded,
             "states": self.deployed.model.linear,

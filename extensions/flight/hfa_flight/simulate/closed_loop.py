@@ -212,7 +212,6 @@ class HeldParts(NamedTuple):
     Held inputs are constant during a tick. A part that the flight does not use has size 0.
 
     parameters: parameters of the plant that differ between flights
-    actuators: frequency, damping and effectiveness of each actuator, (3 m,), if faults change them
     policy: inputs that the policy holds, such as a gain
     noise: (k,), noise of the measured states
     gust: held inputs of the gust (`Gust.held_inputs`)
@@ -222,7 +221,6 @@ class HeldParts(NamedTuple):
     """
 
     parameters: Any
-    actuators: Any
     policy: Any
     noise: Any
     gust: Any
@@ -276,17 +274,16 @@ class ClosedLoop:
         actuators = self.scenario.actuators
         return StateParts(
             plant=self.plant.chosen.shape[1],
-            actuators=0 if actuators is None else actuators.size,
+            actuators=0 if actuators is None else len(actuators.inputs),
             cost=0 if self.cost is None else 1,
         )
 
     @cached_property
     def held_sizes(self) -> HeldParts:
-        """Numbers of held inputs for the plant, the actuators and the other parts."""
+        """Numbers of held inputs for the plant and the other parts."""
         scenario = self.scenario
         return HeldParts(
             parameters=self.plant.parameters_size,
-            actuators=0 if scenario.actuators is None else scenario.actuators.held_size,
             policy=self.policy.held.shape[1],
             noise=0 if scenario.samples is None else len(self.plant.chosen),
             gust=0 if scenario.gust is None else scenario.gust.held_size,
@@ -322,8 +319,8 @@ class ClosedLoop:
         else:
             actuators = scenario.actuators
             reachable = actuators.reachable(arriving, plant.point.u)
-            u = actuators.position(state.actuators, plant.point.u)
-            actuators_rate = actuators.states_rate(state.actuators, reachable, inputs.actuators)
+            u = state.actuators
+            actuators_rate = actuators.rates(state.actuators, reachable)
         disturbance = scenario.disturbance or zero(len(plant.chosen))
         plant_rate = plant.rate(state.plant, u, disturbance.at(t), winds, inputs.parameters)
         error = ca.mtimes(ca.DM(plant.chosen), state.plant) - reference
@@ -361,7 +358,7 @@ class ClosedLoop:
     @cached_property
     def breaks(self) -> np.ndarray:
         """Times at which a command, a reference or a fault steps, s, increasing."""
-        sources = (self.policy, self.scenario.reference, self.scenario.actuators)
+        sources = (self.policy, self.scenario.reference)
         times = [getattr(source, "breaks", ()) for source in sources]
         return np.unique(np.concatenate([np.zeros(0), *times]))
 
@@ -426,7 +423,7 @@ class ClosedLoop:
 
     @cached_property
     def held_slices(self) -> HeldParts:
-        """Slices of the vector `held` for the plant, the actuators and the other parts."""
+        """Slices of the vector `held` for the plant and the other parts."""
         offsets = _offsets(self.held_sizes)
         return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
 
@@ -446,8 +443,6 @@ class ClosedLoop:
         held[parts.policy] = self.policy.held_inputs(tick, time)
         if sizes.begin:
             held[parts.begin] = time + SAME_TIME
-        if sizes.actuators and scenario.actuators is not None:
-            held[parts.actuators] = scenario.actuators.held_inputs(time)
         sample = tick // scenario.ticks_per_sample
         if scenario.samples is not None:
             held[parts.noise] = scenario.samples[sample]

@@ -58,7 +58,6 @@ from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
-    imported,
     numbers_in,
     refuse_unknown,
     refuse_unless_positive,
@@ -67,7 +66,7 @@ from hfa_support.errors import (
 from hfa_support.matrices import quadratic_forms
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import verdict_text
-from hfa_support.reporting.figure import new_figure, pyplot_figure
+from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.named import with_names
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Part, Report, Reported
@@ -75,11 +74,8 @@ from hfa_support.reporting.results import Result, plain, without_empty
 from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
-from trim.tables import draw_curves
 
 if TYPE_CHECKING:
-    import pandas
-    import xarray
     from matplotlib.figure import Figure
 
 #: Note on a flight that remains at trim.
@@ -535,25 +531,11 @@ class Flight(StatesAndInputs, Result, Reported):
             lines += self.loop.scenario.gust.left_out(self.model)
         return "\n".join(lines)
 
-    def plot(self, *names: str) -> np.ndarray:
-        """Draw states and inputs over time in a new pyplot figure and return its Axes.
-
-        names: variables to be drawn, such as plot("alpha", "pitch"). By default, all states that
-            move and all inputs
-        """
-        if names:
-            across = ("time", self.model.time_unit, self.time)
-            return draw_curves(self.model, across, {name: self[name] for name in names})
-        return np.array(self._drawn_in(pyplot_figure(10.0, 8.0), self.title()).axes)
-
     def figure(self, title: str = "") -> Figure:
         """Return a new figure of the states and inputs over time.
 
         title: heading, by default that of the report
         """
-        return self._drawn_in(new_figure(10.0, 8.0), title or self.title())
-
-    def _drawn_in(self, figure: Figure, title: str) -> Figure:
         model, flown, times = self.model, self.flight, self.time
         values = signals_of(model, self.states, self.inputs)
         reference = {
@@ -570,34 +552,7 @@ class Flight(StatesAndInputs, Result, Reported):
             states, inputs = self.predicted.states + self.point.x, self.predicted.inputs
             linear = signals_of(model, states, inputs + self.point.u)
             curves.append(Curve("linear", "C1--", self.predicted.times, linear))
-        return flight_figure(figure, self.envelope, curves, title)
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return a `pandas.DataFrame` of states and inputs, absolute, indexed by time in s."""
-        pandas = imported("pandas", "data frames require")
-        columns = [*self.model.states, *self.model.inputs]
-        index = pandas.Index(self.time, name="time")
-        return pandas.DataFrame(np.hstack([self.states, self.inputs]), index, columns)
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return an `xarray.Dataset` of states and inputs, absolute, over time, with units.
-
-        A linear prediction is included as NAME_linear for each state.
-        """
-        xarray = imported("xarray", "labelled arrays require")
-        model = self.model
-        columns = dict(zip(model.states, self.states.T, strict=True))
-        columns |= dict(zip(model.inputs, self.inputs.T, strict=True))
-        if self.predicted is not None:
-            predicted = self.predicted.states + self.point.x
-            for name, column in zip(model.states, predicted.T, strict=True):
-                columns[f"{name}_linear"] = column
-        variables = {
-            name: ("time", column, {"units": model.unit(name.removesuffix("_linear"))})
-            for name, column in columns.items()
-        }
-        time = ("time", self.time, {"units": model.time_unit})
-        return xarray.Dataset(variables, {"time": time}, {"model": model.title})
+        return flight_figure(new_figure(10.0, 8.0), self.envelope, curves, title or self.title())
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

@@ -1,8 +1,8 @@
 """Simulation of many flights of a deployed policy, sampled and held as deployed.
 
-The state of a flight is [X; memory; past; extremes]. The memory contains the commands
-u_{k-1} ... u_{k-d-1} that act now or later. The past contains earlier observations that the policy
-uses. The extremes are the lowest and the highest X of the integration steps of the last sample.
+The state of a flight is [X; memory; extremes]. The memory contains the commands
+u_{k-1} ... u_{k-d-1} that act now or later. The extremes are the lowest and the highest X of the
+integration steps of the last sample.
 
 During a sample, [raw; trim; push] is held: the outputs of the network, the trim (X0; U0; p), and
 the rates added to those of the linear states, followed by the disturbances of the aircraft.
@@ -85,22 +85,16 @@ class SampledFlight:
         return in_samples(self.delay, self.dt)
 
     @cached_property
-    def has_past(self) -> bool:
-        """True if the state contains earlier observations, which the deployment's policy uses."""
-        return self.commands_of is None and self.deployed.past > 0
-
-    @cached_property
     def sizes(self) -> tuple[int, ...]:
-        """Numbers of entries of the parts of the state: X, memory, past, extremes."""
+        """Numbers of entries of the parts of the state: X, memory, extremes."""
         model = self.deployed.model
         n = len(model.states)
-        past = self.deployed.past if self.has_past else 0
         memory = len(model.inputs) * (self.late.whole + 1)
-        return n, memory, past, 2 * n
+        return n, memory, 2 * n
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
-        """Slices of the parts of the state: X, memory, past, extremes."""
+        """Slices of the parts of the state: X, memory, extremes."""
         return _slices(self.sizes)
 
     @cached_property
@@ -132,7 +126,7 @@ class SampledFlight:
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         state, held = ca.MX.sym("state", sum(self.sizes)), ca.MX.sym("held", sum(self.held_sizes))
-        X, memory, past, _ = _parts(state, self.sizes)
+        X, memory, _ = _parts(state, self.sizes)
         raw, trim, push = _parts(held, self.held_sizes)
         before = memory[-m:]
         commands_of = commands(self.deployed) if self.commands_of is None else self.commands_of
@@ -148,9 +142,7 @@ class SampledFlight:
         else:
             after, extremes = step_late(X, acting, push, p)
         still_to_act, _ = ca.vertsplit(memory, [0, m * whole, m * (whole + 1)])
-        if self.has_past:
-            past = ca.vertcat(past, self.deployed.observe(X, before, trim))[-past.numel() :]
-        later = ca.densify(ca.vertcat(after, U, still_to_act, past, extremes))
+        later = ca.densify(ca.vertcat(after, U, still_to_act, extremes))
         return ca.Function("tick", [state, held], [later])
 
     def _step(self, seconds: float) -> ca.Function:
@@ -162,16 +154,15 @@ class SampledFlight:
         """Return the function (state, trim) -> inputs of the policy's network."""
         state = ca.MX.sym("state", sum(self.sizes))
         trim = ca.MX.sym("trim", self.held_sizes[1])
-        X, memory, past, _ = _parts(state, self.sizes)
+        X, memory, _ = _parts(state, self.sizes)
         observed = self.deployed.observe(X, memory[-len(self.deployed.model.inputs) :], trim)
-        frames = ca.vertcat(past, observed)
-        seen = self.deployed.normalized(frames)[1]
+        seen = self.deployed.normalized(observed)[1]
         return ca.Function("entering", [state, trim], [ca.densify(seen)])
 
     def start(self, states: np.ndarray, trims: np.ndarray) -> np.ndarray:
-        """Return the initial states [X; memory; past; extremes] of flights.
+        """Return the initial states [X; memory; extremes] of flights.
 
-        The inputs have their trim values, and earlier observations equal the first.
+        The inputs have their trim values.
 
         states: X, (N, n)
         trims: (X0; U0; p) of each flight's trim
@@ -180,11 +171,7 @@ class SampledFlight:
         n, m = len(model.states), len(model.inputs)
         inputs = trims[:, n : n + m]
         memory = np.tile(inputs, (1, self.late.whole + 1))
-        past = np.zeros((len(states), 0))
-        if self.has_past:
-            observed = RowFunction(self.deployed.observe)(states, inputs, trims)[0]
-            past = np.tile(observed, (1, self.deployed.deployment.history - 1))
-        return np.hstack([states, memory, past, states, states])
+        return np.hstack([states, memory, states, states])
 
     def stays(self, states: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
         """Return whether the extremes of samples are within limits (..., n), (...)."""

@@ -83,26 +83,24 @@ def test_exported_c_equals_the_deployment_file(name, tmp_path, capsys):
 
 
 @needs_compiler
-def test_exported_c_uses_earlier_observations(tmp_path):
-    """u = U0 + K o of the observations of three samples, the oldest first; delay in the header."""
-    gain = np.arange(24.0).reshape(2, 12) / 10.0
+def test_exported_c_has_the_gain_and_the_delay(tmp_path):
+    """u = U0 + K o within the limits of the inputs; sample time and delay in the header."""
+    gain = np.arange(8.0).reshape(2, 4) / 10.0
     np.savez(tmp_path / "gain.npz", K=-gain)
-    (tmp_path / "three.toml").write_text(
+    (tmp_path / "gain.toml").write_text(
         "[policy]\nfile = 'gain.npz'\n"
         "[observation]\nspeed = {}\nalpha = {}\npitch_rate = {}\npitch = {}\n"
         "[action]\nelevator = {box = [-99, 99]}\nthrottle = {box = [-99, 99]}\n"
-        "[timing]\ndt = 0.02\ndelay = 0.03\nhistory = 3\n"
+        "[timing]\ndt = 0.02\ndelay = 0.03\n"
     )
     point = trims("ppo_gtm")[1]
-    assert exported("ppo_gtm", point, tmp_path / "c", tmp_path / "three.toml") == 0
+    assert exported("ppo_gtm", point, tmp_path / "c", tmp_path / "gain.toml") == 0
     header = (tmp_path / "c" / "deployed_policy.h").read_text()
     assert "POLICY_DT 0.02\n#define POLICY_DELAY 0.03\n" in header
-    past, observed = np.arange(8) / 500.0, np.zeros(4)
     inputs = np.array(point.inputs)
-    u = compiled(tmp_path / "c")(np.array(point.states) + 0.001, inputs, past, observed)
-    np.testing.assert_allclose(observed, 0.001, rtol=1e-9)
+    u = compiled(tmp_path / "c")(np.array(point.states) + 0.001, inputs)
     lowest, highest = np.transpose([(s.min, s.max) for s in point.model.inputs.values()])
-    expected = np.clip(inputs + gain @ [*past, *observed], lowest, highest)
+    expected = np.clip(inputs + gain @ np.full(4, 0.001), lowest, highest)
     np.testing.assert_allclose(u, expected, rtol=1e-9)
 
 

@@ -88,7 +88,7 @@ def test_a_saved_deployment_is_the_same_policy(name: str, tmp_path: Path) -> Non
     again = toolchain.Deployment.load(tmp_path / "again.toml")
     for table in ("observation", "action", "timing", "cost"):
         assert getattr(again, table) == getattr(stored, table)
-    o = np.linspace(-0.4, 0.5, stored.width)
+    o = np.linspace(-0.4, 0.5, len(stored.observation))
     for one, other in zip(again.box, stored.box, strict=True):
         np.testing.assert_array_equal(one, other)
     assert (again.normalizer is None) == (stored.normalizer is None)

@@ -54,8 +54,6 @@ def _critic(path: str | Path, deployment: Deployment, game: Game, reading: Readi
     deployed = Deployed(deployment, linear.point.model)
     _refuse_other_inputs(deployed, game)
     by_flights = f"type hfa assess {path}, with the same aircraft and trim, to judge it as deployed"
-    if deployment.history > 1:
-        raise BadInputError(f"the policy uses {deployment.history} samples; {by_flights}")
     if deployed.observe.jac_sparsity(0, 1).nnz():
         raise BadInputError(f"an observation depends on the inputs; {by_flights}")
     deployed.refuse_undefined_at([linear.point])

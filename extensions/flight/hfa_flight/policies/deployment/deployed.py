@@ -4,10 +4,9 @@ Each function of X also has the argument `trim` = (X0; U0; p). One compiled func
 all trims.
 
     observe(X, U, trim) -> o        observations of a sample; U is the input just before the sample
-    act(o) -> a                     action for the observations of all samples, the oldest first
+    act(o) -> a                     action for the observations
     inputs(a, X, U, trim) -> U      inputs of the aircraft, within its limits
-    sampled(X, U, trim, past) -> (U, past)   the three functions at a sample, with a history
-    command(X, U, trim) -> U        the three functions, with all earlier observations equal to o
+    command(X, U, trim) -> U        the three functions
 """
 
 from __future__ import annotations
@@ -164,7 +163,7 @@ class Deployed:
                 a = action
                 if a is None:
                     self._refuse_other_units()
-                    a = np.array(self.act(np.tile(o, self.deployment.history))).ravel()
+                    a = np.array(self.act(o)).ravel()
                 if not np.isfinite(a).all():
                     raise BadInputError(
                         "the output of policy.file is not finite at the trim; check the weights "
@@ -225,7 +224,7 @@ class Deployed:
         Without a normalizer, both results are o.
         """
         normalizer = self.deployment.normalizer
-        o = ca.SX.sym("o", self.deployment.width)
+        o = ca.SX.sym("o", len(self.deployment.observation))
         if normalizer is None:
             return ca.Function("normalized", [o], [o, o])
         parts = (normalizer.before_clip(o), normalizer.of(o))
@@ -244,7 +243,7 @@ class Deployed:
     def stages(self) -> ca.Function:
         """Function o -> (normalized observations without the clip, network's output, action)."""
         network = self.deployment.actor.function
-        o = symbols_for([network], self.deployment.width)
+        o = symbols_for([network], len(self.deployment.observation))
         normal, seen = self.normalized(o)
         raw = ca.densify(ca.vec(network(seen)))
         return ca.Function("stages", [o], [normal, raw, self.action(raw)])
@@ -252,7 +251,7 @@ class Deployed:
     @cached_property
     def act(self) -> ca.Function:
         """Function o -> a, the action (m,) in the units of the box, or nan if o contains nan."""
-        o = symbols_for([self.stages], self.deployment.width)
+        o = symbols_for([self.stages], len(self.deployment.observation))
         a = _unless_nan(ca.sum1(o), self.stages(o)[2])
         return ca.Function("act", [o], [ca.densify(a)])
 
@@ -291,34 +290,11 @@ class Deployed:
         within = _unless_nan(unlimited, saturated(unlimited, ca.DM(low), ca.DM(high)))
         return ca.Function("inputs", [a, X, U, trim], [ca.densify(within)])
 
-    @property
-    def past(self) -> int:
-        """Number of entries of `past`, the observations of all earlier samples of the history."""
-        return self.deployment.width - len(self.deployment.observation)
-
-    @cached_property
-    def sampled(self) -> ca.Function:
-        """Function (X, U, trim, past) -> (commanded U, past of the next sample).
-
-        past: observations of the earlier samples in the history, the oldest first.
-        """
-        kind = type(symbols_for([self.act], 1))
-        X, U, trim = self.symbols(kind)
-        past = kind.sym("past", self.past)
-        frames = ca.vertcat(past, self.observe(X, U, trim))
-        commanded = self.inputs(self.act(frames), X, U, trim)
-        later = frames[frames.numel() - self.past :]
-        results = [ca.densify(part) for part in (commanded, later)]
-        return ca.Function("sampled", [X, U, trim, past], results)
-
     @cached_property
     def command(self) -> ca.Function:
-        """Function (X, U, trim) -> commanded U.
-
-        The observations are equal in all samples of the history.
-        """
+        """Function (X, U, trim) -> commanded U. The argument U is the input before the sample."""
         X, U, trim = self.symbols(type(symbols_for([self.act], 1)))
-        a = self.act(ca.repmat(self.observe(X, U, trim), self.deployment.history))
+        a = self.act(self.observe(X, U, trim))
         return ca.Function("command", [X, U, trim], [ca.densify(self.inputs(a, X, U, trim))])
 
     @cached_property

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 #: Largest delay that is assessed, in samples.
 MOST_SAMPLES = 100
-#: Largest number of samples that a policy may use.
-MOST_FRAMES = 100
 #: Permitted sample times, s. A flight of minutes then has at most a million samples.
 _SAMPLE = Number(1e-4, 10.0)
 _FROM_0 = Number(0.0)
@@ -47,7 +45,7 @@ _ENTRIES: dict[Any, Any] = {
     "policy": _POLICY,
     "observation*": {str: _OBSERVED},
     "action*": {str: _ACTED},
-    "timing*": {"dt*": _SAMPLE, "delay": _FROM_0, "history": Number(1, MOST_FRAMES)},
+    "timing*": {"dt*": _SAMPLE, "delay": _FROM_0},
     "cost": {"Q*": {str: _FROM_0}, "R*": {str: POSITIVE}},
     "filter": {"noise*": {str: POSITIVE}, "turbulence": str},
 }
@@ -73,9 +71,8 @@ class Deployment(Reported):
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
         network's inputs. An observation is (value - about) / scale.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
-    timing: dt, delay and history. dt is the sample time, s. delay is the time from a sample until
-        its action moves the input, s. history is the number of samples whose observations the
-        policy uses, the oldest first, by default 1.
+    timing: dt and delay. dt is the sample time, s. delay is the time from a sample until its action
+        moves the input, s.
     cost: Q of states or outputs, R of inputs, or None if unknown.
     filter: Kalman filter before the policy, as in `hfa.filter`, or None: noise of each measured
         state, in its unit, and turbulence, such as "moderate:40000".
@@ -220,9 +217,6 @@ class Deployment(Reported):
                 )
 
     def _check_timing(self) -> None:
-        history = self.timing.get("history", 1)
-        if history != int(history):
-            raise BadInputError(f"timing.history is {history:g}; give a whole number of samples")
         if self.delay > MOST_SAMPLES * self.dt:
             raise BadInputError(
                 f"timing.delay is {self.delay:g} s; give at most "
@@ -239,16 +233,6 @@ class Deployment(Reported):
         """Time from a sample until the command computed from it acts, s."""
         return float(self.timing.get("delay", 0.0))
 
-    @property
-    def history(self) -> int:
-        """Number of samples whose observations are inputs of the policy."""
-        return int(self.timing.get("history", 1))
-
-    @property
-    def width(self) -> int:
-        """Number of inputs of the policy: observations times samples of the history."""
-        return self.history * len(self.observation)
-
     @cached_property
     def actor(self) -> Actor:
         """Network of the policy.
@@ -258,7 +242,7 @@ class Deployment(Reported):
         """
         boxes = {name: entry.get("box") for name, entry in self.action.items()}
         try:
-            actor = read_actor(Wanted(self.policy, self.folder, self.width, boxes))
+            actor = read_actor(Wanted(self.policy, self.folder, len(self.observation), boxes))
             self._refuse_other_gain(actor.of_gain)
             return actor
         except BadInputError as error:  # its missing settings are given in this file, not typed
@@ -302,15 +286,14 @@ class Deployment(Reported):
         return action.low, action.high
 
     def save(self, path: str | Path) -> None:
-        """Write the deployment file .toml, or a data file as all results do.
+        """Write the deployment file .toml.
 
         Paths of the policy's files become relative to the folder of the deployment file.
 
-        Raises BadInputError if the policy is a function and not a file.
+        Raises BadInputError for another suffix, and if the policy is a function and not a file.
         """
         if Path(path).suffix.lower() != ".toml":
-            super().save(path)
-            return
+            raise BadInputError(f"{path}: a deployment file is TOML; give a file .toml")
         policy = dict(self.policy)
         if not isinstance(policy.get("file"), (str, Path)):
             raise BadInputError(

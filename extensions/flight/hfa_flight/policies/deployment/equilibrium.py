@@ -6,7 +6,6 @@ The equilibrium (X, U) satisfies f(X, U) = f(X0, U0) in the linear states and U 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,23 +22,6 @@ _MOST_HALVES = 30
 _STEADY = 1e-9
 
 
-class Frames(NamedTuple):
-    """Derivatives of a policy with respect to the observations of several samples.
-
-    K: (m', k), -∂u/∂x, with x the linear states at the present sample.
-    K_inputs: (m', m'), ∂u/∂u_before, with u_before the inputs just before that sample.
-    past: (m', p), derivatives of u with respect to the earlier observations, the oldest first.
-    C: (observations, k), slopes of an observation with respect to the linear states.
-    D: (observations, m'), slopes of an observation with respect to the commanded inputs.
-    """
-
-    K: np.ndarray
-    K_inputs: np.ndarray
-    past: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-
-
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
     """Equilibrium of the sampled loop and its linearization.
@@ -48,13 +30,12 @@ class Equilibrium:
 
     states: X, (n,). States outside the linear model have their trim values.
     inputs: U, (m,).
-    K: (m', k), -∂u/∂x, summed over all samples of the history.
+    K: (m', k), -∂u/∂x.
     K_inputs: (m', m'), ∂u/∂u_before, with respect to the previous inputs.
     A: (k, k), of the aircraft.
     B: (k, m'), of the aircraft.
     clips: descriptions of saturated actions and inputs.
     clipped_observations: names of the observations that the normalizer clips.
-    frames: derivatives with respect to each sample of the history, or None for a single sample.
     """
 
     states: np.ndarray
@@ -65,7 +46,6 @@ class Equilibrium:
     B: np.ndarray
     clips: tuple[str, ...] = ()
     clipped_observations: tuple[str, ...] = ()
-    frames: Frames | None = None
 
     @property
     def gain(self) -> Matrix | None:
@@ -176,34 +156,8 @@ class EquilibriumSearch:
             K_inputs=by_inputs,
             A=plant.A[np.ix_(self.rows, self.rows)],
             B=plant.B[np.ix_(self.rows, self.columns)],
-            frames=self._frames(X, U) if self.deployed.past else None,
             clips=self._clips(X, U),
             clipped_observations=self._clipped_observations(X, U),
-        )
-
-    def _observed_slopes(self, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the slopes C and D of the observations at X and U, as defined in `Frames`."""
-        observe = self.deployed.observe
-        slopes = observe.jacobian()(X, U, self.trim, observe(X, U, self.trim))
-        by_states, by_inputs = (np.nan_to_num(np.array(part)) for part in slopes[:2])
-        return by_states[:, self.rows], by_inputs[:, self.columns]
-
-    def _frames(self, X: np.ndarray, U: np.ndarray) -> Frames:
-        """Return the derivatives of the policy by the observations of each sample, at X and U."""
-        o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
-        past = np.tile(o, self.deployed.deployment.history - 1)
-        sampled = self.deployed.sampled
-        at = (X, U, self.trim, past)
-        slopes = sampled.jacobian()(*at, *sampled(*at))
-        of_commands = [np.array(part)[self.columns] for part in slopes[: len(at)]]
-        by_states, by_inputs, _, by_past = of_commands  # in the order of `at`
-        C, D = self._observed_slopes(X, U)
-        return Frames(
-            K=-by_states[:, self.rows],
-            K_inputs=by_inputs[:, self.columns],
-            past=by_past,
-            C=C,
-            D=D,
         )
 
     def _clips(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
@@ -231,14 +185,13 @@ class EquilibriumSearch:
         if normalizer is None:
             return ()
         normal = np.array(self.deployed.stages(self._observed(X, U))[0]).ravel()
-        names = [*self.deployed.deployment.observation] * self.deployed.deployment.history
+        names = [*self.deployed.deployment.observation]
         clipped = np.flatnonzero(np.abs(normal) >= normalizer.clip).tolist()
         return tuple(dict.fromkeys(names[number] for number in clipped))
 
     def _observed(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
-        """Return the inputs of the policy if X and U are constant over the whole history."""
-        o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
-        return np.tile(o, self.deployed.deployment.history)
+        """Return the inputs of the policy at X and U."""
+        return np.array(self.deployed.observe(X, U, self.trim)).ravel()
 
 
 def _finite_norm(values: np.ndarray) -> float:

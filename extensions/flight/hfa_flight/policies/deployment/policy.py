@@ -95,15 +95,11 @@ class DeployedPolicy(Policy):
         states = self.point.x
         inputs = self.point.u
         under_way = [inputs] * (in_samples(deployment.delay, deployment.dt).whole + 1)
-        past: list[np.ndarray] = []
-        sampled = BoundFunction(self.deployed.sampled)
+        commanded = BoundFunction(self.deployed.command)
 
         def command(measured: np.ndarray) -> np.ndarray:
             at = (states + measured, under_way.pop(0), trim)  # the input just before the sample
-            if not past:
-                first = np.array(self.deployed.observe(*at)).ravel()
-                past.append(np.tile(first, deployment.history - 1))
-            U, past[0] = sampled.at(*at, past[0])
+            (U,) = commanded.at(*at)
             under_way.append(np.array(U))
             return np.asarray(U - inputs)
 
@@ -172,7 +168,7 @@ def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> Deploy
 
     name: name of the policy in reports
     """
-    text = deployed.sampled.serialize()
+    text = deployed.command.serialize()
     identity = {"deployment": hashlib.sha256(text.encode()).hexdigest()}
     held = np.zeros((1, len(point.model.inputs)))
     return DeployedPolicy(name, deployed, point, held=held, identity=identity)

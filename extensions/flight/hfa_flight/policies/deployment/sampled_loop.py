@@ -6,8 +6,7 @@ s = (x_k; u_{k-1}; ...; u_{k-d-1}), and
     x_{k+1} = Φ x_k + Γ_late u_{k-d} + Γ_early u_{k-d-1},    u_k = -K x_k + K_inputs u_{k-d-1}.
 
 Γ_early acts during the first f dt of a sample and Γ_late during the remainder. u_{k-d-1} is the
-input just before the sample. For a policy that uses several samples, s also contains the earlier
-observations o = C x + D u. Source: Franklin, Powell and Workman, Digital Control of Dynamic
+input just before the sample. Source: Franklin, Powell and Workman, Digital Control of Dynamic
 Systems, Section 4.3.
 """
 
@@ -92,10 +91,8 @@ def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
     whole, early_time = in_samples(delay, dt)
     n, m = equilibrium.B.shape
     blocks = whole + 1
-    past = n + blocks * m
-    frames = equilibrium.frames
-    size = past + (0 if frames is None else frames.past.shape[1])
-    before = slice(past - m, past)
+    size = n + blocks * m
+    before = slice(size - m, size)
     Phi, Gamma = held(equilibrium.A, equilibrium.B, dt)
     late = Gamma
     early = np.zeros_like(Gamma)
@@ -116,16 +113,8 @@ def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
         begin = n + block * m
         F[begin : begin + m, begin - m : begin] = np.eye(m)
     start = np.eye(size, n)
-    slopes = equilibrium if frames is None else frames
-    C[:, :n] = -slopes.K
-    C[:, before] += slopes.K_inputs
-    if frames is not None:
-        count = len(frames.C)
-        C[:, past:] = frames.past
-        F[past : size - count, past + count :] = np.eye(size - count - past)
-        F[size - count :, :n] = frames.C
-        F[size - count :, before] = frames.D
-        start[past:] = np.tile(frames.C, ((size - past) // count, 1))
+    C[:, :n] = -equilibrium.K
+    C[:, before] += equilibrium.K_inputs
     delayed = C if whole == 0 else np.eye(size)[n + (whole - 1) * m : n + whole * m]
     acting = [(early_time, np.eye(size)[before]), (dt - early_time, delayed)]
     parts = tuple(part for part in acting if part[0] > 0.0)
