@@ -101,4 +101,4 @@ class ActuatorBank:
         reachable: c, (m,)
         """
         fastest = np.array(self.rate, dtype=float)
-        return saturated((reachable - positions) / np.array(self.lag), -fastest, fastest)
+        return saturated((reachable - positions) * (1.0 / np.array(self.lag)), -fastest, fastest)

@@ -103,7 +103,9 @@ def test_the_deployment_of_an_environment_is_saved_with_a_policy(tmp_path: Path)
     made = toolchain.environment(model, points=trims("ppo_gtm")[:1]).unwrapped.deployment
     with pytest.raises(BadInputError, match=r'changed\(policy=\{"file": "ppo.zip"\}\)'):
         made.save(tmp_path / "none.toml")
-    assert not (tmp_path / "none.toml").exists()
+    with pytest.raises(BadInputError, match=r"x\.json: a deployment file is TOML"):
+        made.save(tmp_path / "x.json")
+    assert not [*tmp_path.iterdir()]
     files = {"file": FOLDER / "ppo_gtm.zip", "normalizer": FOLDER / "ppo_gtm.pkl"}
     made.changed(policy=files).save(tmp_path / "ppo.toml")
     saved = toolchain.Deployment.load(tmp_path / "ppo.toml")
