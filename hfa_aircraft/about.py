@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,8 @@ class About:
     subject: short name in the first lines of reports, or "" for the title
     notes: sentences for every report
     doubts: sentences on data that are probably wrong, below the first line of reports of trims
+    doubts_about: function of the parameters, name -> value in the declared units, that returns more
+        such sentences; None for none
     aliases: name in another program -> name in the model
     names_schedule: whether options and data contain the name of the scheduling variable
         (--dihedral, dihedral_deg) instead of --at and scheduled
@@ -41,6 +43,7 @@ class About:
     subject: str = ""
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    doubts_about: Callable[[Mapping[str, float]], Iterable[str]] | None = None
     aliases: Mapping[str, str] = field(default_factory=dict)
     names_schedule: bool = False
     equations: str = ""
@@ -70,6 +73,7 @@ class Domain:
         highest), if they differ from min and max. x and p have fields by name.
     check: function of a state x, with fields by name, that raises BadInputError outside the domain
     reference: state or output -> its value at the condition of the derivatives of a linear table
+    by_speed: entries of this table that state an effect of the speed near that of `reference`
     flown: function (X, U, p) of the states (N, n), inputs (N, m) and parameters of a flight -> why
         the equations are not valid in it, or ""
     """
@@ -78,6 +82,7 @@ class Domain:
     envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]] | None = None
     check: Callable[[Any], None] | None = None
     reference: Mapping[str, float] = field(default_factory=dict)
+    by_speed: tuple[str, ...] = ()
     flown: Callable[[Any, Any, Any], str] | None = None
 
     def limits_about(self, x: Any, p: Any) -> Mapping[str, tuple[float, float]]:

@@ -535,6 +535,18 @@ class Model(Reported):
         return with_unit(value, self.unit(name))
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on data of the model, with its parameters as they are, that are probably
+        wrong.
+        """
+        native = self.native
+        about = native.about
+        if about.doubts_about is None:
+            return about.doubts
+        values = dict(zip(native.parameters, native.p.tolist(), strict=True))
+        return (*about.doubts, *about.doubts_about(values))
+
+    @property
     def native(self) -> Model:
         """The model in its declared units: the original of a converted model, or the model."""
         return self.source.native or self

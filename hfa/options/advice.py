@@ -38,7 +38,7 @@ def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
     of the nearest point.
     """
     error = explained(failure, given.model, given.condition)
-    doubts = [f"check: {doubt}" for doubt in given.model.about.doubts]
+    doubts = [f"check: {doubt}" for doubt in given.model.doubts]
     advice = "" if error is not failure else _advice(given, failure)  # the aircraft explains it
     said = "; ".join(filter(None, (str(error), *doubts, advice)))
     advised = TrimError(said, error.attempt, error.required)

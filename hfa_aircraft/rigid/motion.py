@@ -115,11 +115,11 @@ def inertia_doubt(inertia: Any) -> str:
     """
     least, middle, most = np.linalg.eigvalsh(np.asarray(inertia, dtype=float).reshape(3, 3))
     if least <= 0.0:
-        return f"the inertias have the principal moment {least:.4g}; no body has it"
+        return "a principal moment of inertia is not positive; no body has these inertias"
     if most > (least + middle) * (1.0 + _ROUNDING):
         return (
-            f"the inertias have the principal moment {most:.4g}, above the sum {least + middle:.4g}"
-            " of the others; no rigid body has them"
+            f"a principal moment of inertia is {most / (least + middle):.4g} times the sum of the "
+            "others; no rigid body has these inertias"
         )
     return ""
 

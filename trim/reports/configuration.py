@@ -66,7 +66,7 @@ def configuration_of(trimmed: Trimmed) -> dict[str, tuple[Any, str]]:
 
 def configuration_rows(trimmed: Trimmed) -> tuple[list[Row | Lacking], list[str]]:
     """Return the rows of the configuration at a trim with what is unknown of an aircraft, and a
-    sentence if no rigid body has the inertias and the model does not say so.
+    sentence on inertias of no rigid body that the first lines do not contain.
 
     Parameters that are not as the model was loaded follow.
     """
@@ -90,9 +90,21 @@ def configuration_rows(trimmed: Trimmed) -> tuple[list[Row | Lacking], list[str]
         others = [label for label in missing if not label.startswith("c.g.")]
         missing = others if has_center else ["c.g.", *others]
         rows += [Lacking(label, "") for label in missing]
+    doubt = inertias_doubt(trimmed)
+    is_said = doubt in trimmed.model.doubts or holds_inertias(trimmed)
+    return rows, [doubt] if doubt and not is_said else []
+
+
+def holds_inertias(trimmed: Trimmed) -> bool:
+    """Return whether the inertias are parameters, which `--hold` sets."""
+    return {"Ixx", "Iyy", "Izz"} <= {*trimmed.model.parameters}
+
+
+def inertias_doubt(trimmed: Trimmed) -> str:
+    """Return a sentence if no rigid body has the inertias, or ""."""
+    found = configuration_of(trimmed)
     if not {"Ixx", "Iyy", "Izz"} <= {*found}:
-        return rows, []
+        return ""
     xx, yy, zz = (found[name][0] for name in ("Ixx", "Iyy", "Izz"))
     xz = found["Ixz"][0] if "Ixz" in found else 0.0
-    doubt = inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
-    return rows, [doubt] if doubt and doubt not in trimmed.model.about.doubts else []
+    return inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])

@@ -9,7 +9,6 @@ from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
-from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import (
     ROUNDING,
@@ -21,25 +20,16 @@ from hfa_support.reporting.text import (
     wrapped,
 )
 from trim.linear.modes import Mode
-from trim.point.condition import release
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import trim
 from trim.point.status import BALANCE
-from trim.reports.configuration import configuration_of
+from trim.reports.doubts import doubts_of
 from trim.reports.trimmed import Trimmed
 
 #: Growth of a mode relative to the fastest mode that rounding and the tolerance of a trim cause.
 _NEUTRAL = 1e-8
 #: Smaller flight-path angles and turn rates, rad and rad/s, are those of level, straight flight.
 _LEVEL = 1e-7
-#: Largest usual angle of attack, deg, and least negative drag that is doubted, per lift.
-_STEEPEST = 60.0
-_NEGATIVE = 1e-6
-#: Outputs that are 0 without air.
-_OF_AIR = ("density", "dynamic_pressure", "keas", "kcas")
-#: Smaller speeds, per nominal speed, are none of a flight.
-_STANDING = 1e-2
 #: Names of inputs and parameters that belong to one of several engines.
 _ENGINE = re.compile(r"(throttle|thrust|power|engine)_?(?P<number>\d+|left|right)")
 #: Largest numbers of imposed values and of modes in first lines.
@@ -66,7 +56,7 @@ def first_line(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str
     if modes is not None:
         lines.append(_unstable([*modes], model.time_unit))
     lines += uniqueness_lines(trimmed.given)
-    lines += [f"Check: {doubt}" for doubt in (*model.about.doubts, *doubts_at(trimmed))]
+    lines += [f"Check: {doubt}" for doubt in doubts_of(trimmed)]
     return wrapped("\n".join(lines), WIDTH)
 
 
@@ -109,82 +99,6 @@ def subject(model: Model) -> str:
     """Return the name of an aircraft and of its equations: "HFA (published)"."""
     name, equations = model.subject, model.about.equations
     return f"{name} ({equations})" if equations and equations not in name else name
-
-
-def doubts_at(trimmed: Trimmed) -> Iterator[str]:
-    """Yield sentences on values that data in wrong units or with wrong signs cause: alpha, drag,
-    directional stability.
-    """
-    model, roles = trimmed.given.model, trimmed.roles
-    if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _STEEPEST:
-        yield _steep(trimmed)
-    speed = roles.get("speed", "")
-    if speed and abs(trimmed.given[speed]) < _STANDING * model.states[speed].nominal:
-        yield f"the speed is {_number(model, speed, trimmed.given[speed])}, no flight; hold a speed"
-    if {"drag", "lift"} <= {*model.outputs}:
-        drag, lift = trimmed["drag"], trimmed["lift"]
-        if drag < -_NEGATIVE * abs(lift):
-            yield f"the drag is {_number(model, 'drag', drag)}, below 0; check signs and units"
-    is_known = {"beta", "r", "speed"} <= {*roles} and trimmed.given.ok and not trimmed.fault
-    if is_known and _yaw_stiffness(trimmed) < 0.0:
-        yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
-
-
-def _steep(trimmed: Trimmed) -> str:
-    """Return a sentence on an alpha at which nothing flies: what is 0 without air, the cause in a
-    table, and the options of a flight.
-    """
-    point, model = trimmed.given, trimmed.given.model
-    without_air = [
-        name
-        for name in _OF_AIR
-        if name in model.outputs and abs(point[name]) < ROUNDING * model.outputs[name].nominal
-    ]
-    words = [_named(point, trimmed.roles["alpha"])]
-    words += [f"{name} {_number(model, name, 0.0)}" for name in without_air]
-    doubt = f"{', '.join(words)}: {'no' if without_air else 'hardly a'} flight"
-    if model.about.equations == "derivatives":
-        return f"{doubt}; the data may have degrees without a unit"
-    options = _flight_options(trimmed) if point.ok else ""
-    return f"{doubt}; a flight: {options}" if options else doubt
-
-
-def _flight_options(trimmed: Trimmed) -> str:
-    """Return the options that hold speed and altitude at the start values of the model and free its
-    inputs, or "" if they lead to no trim, or to one that is as steep.
-    """
-    model, condition = trimmed.given.model, trimmed.given.posed.condition
-    alpha, speed = trimmed.roles["alpha"], trimmed.roles.get("speed", "")
-    taken = {*condition.imposed}
-    if not taken.isdisjoint(model.airspeeds):
-        taken.add(speed)
-    motion = [name for name in (speed, "altitude") if name in model.states and name not in taken]
-    hold = {name: model.states[name].start for name in motion}
-    is_default = {name: condition.imposed.get(name) == value for name, value in model.trim.items()}
-    free = [name for name in model.inputs if is_default.get(name)]
-    try:
-        flown = trim(model, release(condition, hold=hold, free=free))
-    except (BadInputError, NoSolutionError):
-        return ""
-    if not hold or abs(math.degrees(flown.coherent[alpha])) > _STEEPEST:
-        return ""
-    held = [f"--hold {name}={shown_value(hold[name], model.unit(name))}" for name in hold]
-    return " ".join([*held, *(f"--free {name}" for name in free)])
-
-
-def _yaw_stiffness(trimmed: Trimmed) -> float:
-    """Return ∂N/∂β / Izz, the yawing moment about the body's z-axis by sideslip, 1/s².
-
-    Without angular rates, N = Izz dr/dt - Ixz dp/dt. An unknown Ixz is 0.
-    """
-    roles, states = trimmed.roles, trimmed.slopes.states
-    by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
-    stiffness = float(by_sideslip[states.index(roles["r"])])
-    known = configuration_of(trimmed)
-    if "p" in roles and {"Izz", "Ixz"} <= {*known}:
-        coupling = known["Ixz"][0] / known["Izz"][0]
-        stiffness -= coupling * float(by_sideslip[states.index(roles["p"])])
-    return stiffness
 
 
 def _unstable(modes: Sequence[Mode], time: str) -> str:

@@ -16,6 +16,7 @@ from trim.linear.modes import modes_table
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
 from trim.reports.configuration import configuration_rows
+from trim.reports.doubts import doubts_of
 from trim.reports.first_lines import (
     condition_words,
     control_lines,
@@ -119,7 +120,7 @@ def report_of(
     } | without_empty(
         dihedral_deg=point.dihedral_deg,
         scheduled=point.scheduled,
-        doubts=point.model.about.doubts,
+        doubts=doubts_of(trimmed),
         stalled=stalls,
     )
     head = {

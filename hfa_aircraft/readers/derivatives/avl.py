@@ -42,7 +42,17 @@ _REFERENCE = ("Xref", "Yref", "Zref")
 _STRAIGHT = ("Beta", "pb/2V", "qc/2V", "rb/2V")
 _KNOWN = re.compile(
     "|".join(
-        ("[SCB]ref", *_REFERENCE, "Alpha", "Mach", *_STRAIGHT, "CDvis", "e", *_TOTALS.values())
+        (
+            "[SCB]ref",
+            *_REFERENCE,
+            "Alpha",
+            "Mach",
+            *_STRAIGHT,
+            "CDvis",
+            "e",
+            "Xnp",
+            *_TOTALS.values(),
+        )
     )
     + r"|C[LDYlmn](?:[abpqr]|d(?:\d+|\*))"
 )
@@ -51,6 +61,9 @@ _PRINTED_ZERO = 5e-6
 _DERIVATIVE_ZERO = 5e-7
 #: Relative accuracy of the reference point, which AVL prints with five digits.
 _REFERENCE_TOLERANCE = 1e-4
+#: Distance of the neutral point, in Cref, from that of the derivatives, which rounding does not
+#: cause: derivatives have six digits, lengths five.
+_NEUTRAL_POINT = 1e-3
 #: Difference of the factors sqrt(1 - M²) of AVL and of the flight condition that needs no note.
 _COMPRESSIBILITY = 0.05
 _AGAIN = "write the file again with ST in AVL's menu OPER"
@@ -119,6 +132,20 @@ class StabilityFile:
             yield (
                 f"{self.path} is for Mach {self.value('Mach'):g}, and the flight condition has Mach"
                 f" {mach:.3g}"
+            )
+
+    def doubts(self) -> Iterator[str]:
+        """Yield a sentence if the neutral point is not where the derivatives put it.
+
+        Xnp = Xref - Cref Cma / CLa.
+        """
+        if not {"Xnp", "Cref", "CLa", "Cma"} <= {*self.values} or not self.value("CLa"):
+            return
+        expected = self.value("Xref") - self.value("Cref") * self.value("Cma") / self.value("CLa")
+        if abs(self.value("Xnp") - expected) > _NEUTRAL_POINT * self.value("Cref"):
+            yield (
+                f"Xnp is {self.value('Xnp'):.4g}, and Cma / CLa put the neutral point at "
+                f"{expected:.4g}; a line of the file was changed"
             )
 
 

@@ -3,14 +3,117 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
 
-from hfa_aircraft.readers.derivatives.names import LARGEST_LIFT
+from hfa_aircraft.readers.derivatives.names import INDUCED, LARGEST_LIFT
 from hfa_aircraft.readers.derivatives.table import Table
-from hfa_aircraft.rigid.aircraft import GRAVITY
 from hfa_aircraft.rigid.atmosphere import air_at
 from hfa_aircraft.rigid.motion import inertia_doubt
 
+#: Value of an entry that may be missing (nan), in the units of the table.
+_Values = Callable[[str], float]
+
+
+class _Usual(NamedTuple):
+    """A dimensionless number of an aircraft with the range that real aircraft keep.
+
+    number: its value from the entries; nan if it is unknown
+    least, most: the range
+    says: sentence on a value outside
+    """
+
+    number: Callable[[_Values], float]
+    least: float
+    most: float
+    says: str
+
+
+def _radius(moment: str) -> Callable[[_Values], float]:
+    """Return the radius of gyration by a moment of inertia, in spans, as a function of entries."""
+    return lambda of: math.sqrt(max(of(moment), 0.0) / of("mass")) / of("span")
+
+
+_INERTIAS = "check the inertias and the mass, and their units (1 slug = 32.17 lb)"
+_PER_DEGREE = "it may be given per deg (a factor of 57.3)"
+_RATES = (
+    'a weak damping; derivatives of rates are per rad, with per = "deg" too: multiply those per '
+    "deg by 57.3"
+)
+#: Aspect ratios are those from lifting bodies to human-powered aircraft. A mean chord is area /
+#: span for a rectangular wing, and 1.33 times as long for a delta. Wings of small aspect ratio have
+#: a slope of the lift of about 1, thin airfoils of 2 pi. Radii of gyration are a half of those of
+#: fighters to three times those of transports. A yawing moment of inertia is nearly the sum of the
+#: others for a flat body.
+_RANGES = (
+    _Usual(
+        lambda of: of("span") ** 2 / of("wing_area"), 0.5, 60.0,
+        "span^2 / wing_area, the aspect ratio, is {:.3g}; check wing_area, span and chord",
+    ),
+    _Usual(
+        lambda of: of("chord") * of("span") / of("wing_area"), 0.7, 2.0,
+        "chord is {:.3g} times wing_area / span; check these entries and their units",
+    ),
+    _Usual(_radius("Ixx"), 0.03, 0.35, f"sqrt(Ixx / mass) is {{:.3g}} spans; {_INERTIAS}"),
+    _Usual(_radius("Iyy"), 0.01, 0.9, f"sqrt(Iyy / mass) is {{:.3g}} spans; {_INERTIAS}"),
+    _Usual(_radius("Izz"), 0.04, 1.0, f"sqrt(Izz / mass) is {{:.3g}} spans; {_INERTIAS}"),
+    _Usual(
+        lambda of: of("Izz") / of("Ixx"), 1.0, math.inf,
+        "Izz is {:.3g} times Ixx, and usually larger; they may be exchanged",
+    ),
+    _Usual(
+        lambda of: of("Izz") / (of("Ixx") + of("Iyy")), 0.6, math.inf,
+        "Izz is {:.3g} times Ixx + Iyy, usually nearly as large; check their units",
+    ),
+    _Usual(lambda of: of("CD_0"), -math.inf, 1.0, "CD_0 is {:.4g}; a count of drag is 0.0001"),
+    _Usual(
+        lambda of: of("CD_0") + (0.0 if math.isnan(of(INDUCED)) else of(INDUCED)) * of("CL_0") ** 2,
+        0.0, math.inf,
+        "the drag coefficient at the condition of the derivatives is {:.4g}, below 0",
+    ),
+    _Usual(
+        lambda of: abs(of("CL_alpha")), 0.3, math.inf,
+        f"CL_alpha is {{:.3g}} per rad, usual are 1 to 7; {_PER_DEGREE}",
+    ),
+    _Usual(
+        lambda of: abs(of("CL_alpha")), 0.0, 20.0,
+        "CL_alpha is {:.3g} per rad, usual are 1 to 7; it may be given per rad (a factor of 57.3)",
+    ),
+    _Usual(
+        lambda of: -of("Cm_alpha") / of("CL_alpha") if 0.3 <= abs(of("CL_alpha")) <= 20.0 else 0.0,
+        -3.0, 3.0,
+        "Cm_alpha is that of a static margin of {:.2g} chords; it may be given per rad (a factor "
+        "of 57.3)",
+    ),
+    _Usual(
+        lambda of: max(abs(of("CY_beta")) / 3.0, abs(of("Cl_beta")), abs(of("Cn_beta"))), 0.01,
+        math.inf,
+        "CY_beta, Cl_beta and Cn_beta are at most {:.2g} per rad; they may be given per deg (a "
+        "factor of 57.3)",
+    ),
+    _Usual(
+        lambda of: -of("Cl_p") if of("Cl_p") < 0.0 else math.nan, 0.03, math.inf,
+        f"Cl_p is -{{:.3g}}, {_RATES}",
+    ),
+    _Usual(
+        lambda of: -of("Cm_q") if of("Cm_q") < 0.0 else math.nan, 0.3, math.inf,
+        f"Cm_q is -{{:.3g}}, {_RATES}",
+    ),
+)  # fmt: skip
+#: Derivative -> its usual sign, and what the other one means.
+_SIGNS = {
+    "Cm_alpha": (-1.0, "the aircraft is statically unstable, or the sign is wrong"),
+    "Cm_q": (-1.0, "pitching is not damped, or the sign is wrong"),
+    "Cl_p": (-1.0, "rolling is not damped, or the sign is wrong"),
+    "Cn_r": (-1.0, "yawing is not damped, or the sign is wrong"),
+    "CY_beta": (-1.0, "the side force increases the sideslip, or the sign is wrong"),
+    "Cm_elevator": (-1.0, "a positive deflection usually pitches down; check the sign"),
+}
+#: The same of controls whose signs are free in files of AVL.
+_SIGNS_OF_CONTROLS = {
+    "Cn_rudder": (-1.0, "a positive deflection usually yaws left; check the sign"),
+    "Cl_aileron": (1.0, "a positive deflection usually rolls right; check the sign"),
+}
 #: Largest usual angle of attack, rad.
 _STEEPEST = math.radians(60.0)
 #: Largest usual lift coefficient without flaps, for tables without CL_max.
@@ -19,101 +122,41 @@ _LARGEST_LIFT = 2.0
 _RATIO = 8.0
 #: Largest usual angle between the stated alpha and that of level flight without controls, rad.
 _OFF_ALPHA = math.radians(2.0)
-#: Usual slopes of the lift, 1/rad. Wings of small aspect ratio have about 1, thin airfoils 2 pi.
-_LIFT_SLOPES = (0.3, 20.0)
-#: Least usual sizes of the damping of rolling and pitching, per rad of p b/2V and q c/2V.
-_DAMPING = {"Cl_p": 0.03, "Cm_q": 0.3}
-#: Usual ratios of the mean chord and area / span: 1 for a rectangular wing, 1.33 for a delta.
-_CHORDS = (0.7, 2.0)
-#: Largest usual drag coefficient without lift.
-_MOST_DRAG = 1.0
-#: Largest usual ratio of Cm_alpha and CL_alpha, chords.
-_STATIC_MARGIN = 3.0
 
 
-def doubts_about(table: Table) -> Iterator[str]:
-    """Yield a sentence for each entry that is probably a mistake. None is refused."""
+def doubts_about(table: Table, parameters: Mapping[str, float]) -> Iterator[str]:
+    """Yield a sentence for each entry that is probably a mistake. None is refused.
+
+    parameters: the parameters of the model, which may differ from the table, name -> value
+    """
+    values = {**table.values, **table.derivatives, **parameters}
+
+    def of(name: str) -> float:
+        return values.get(name, math.nan)
+
+    yield from table.doubts
     yield from _of_angles(table)
-    yield from _of_inertias(table)
-    yield from _of_drag(table)
-    yield from _of_chord(table)
-    yield from _of_surfaces(table)
-    yield from _of_lift_slope(table)
-    yield from _of_static_stability(table)
-    yield from _of_damping(table)
-
-
-def _of_surfaces(table: Table) -> Iterator[str]:
-    """Yield a sentence for surfaces without an effect, and for each of an unusual sign."""
-    derivatives = table.derivatives
-    idle = [name for name in table.surfaces if not _moves(name, derivatives)]
+    if doubt := _of_inertias(of):
+        yield doubt
+    for usual in _RANGES:
+        number = usual.number(of)
+        if number < usual.least or number > usual.most:
+            yield usual.says.format(number)
+    signs = _SIGNS if table.center is not None else {**_SIGNS, **_SIGNS_OF_CONTROLS}
+    for name, (sign, meaning) in signs.items():
+        if sign * of(name) < 0.0:
+            yield f"{name} is {of(name):.3g}, {'above' if sign < 0.0 else 'below'} 0: {meaning}"
+    if not values.get("Cm_q"):
+        yield "Cm_q is 0: the pitch rate is not damped, or the entry is missing"
+    idle = [name for name in table.surfaces if not _moves(name, values)]
     if idle:
         yield f"no derivative of {', '.join(idle)} is given: no effect on the aircraft"
-    signs = {"Cm_elevator": "pitches down"}
-    if table.center is None:  # AVL files have signs of their own
-        signs["Cn_rudder"] = "yaws left"
-    for name, meaning in signs.items():
-        if derivatives.get(name, 0.0) > 0.0:
-            yield (
-                f"{name} is {derivatives[name]:.3g}, above 0; a positive deflection usually "
-                f"{meaning}; check the sign"
-            )
+    yield from _of_weight(table, of)
 
 
-def _of_lift_slope(table: Table) -> Iterator[str]:
-    """Yield a sentence if the lift slope is unusual, otherwise those on weight and static margin,
-    which depend on it.
-    """
-    derivatives = table.derivatives
-    slope = derivatives["CL_alpha"]
-    least, most = _LIFT_SLOPES
-    if not least <= abs(slope) <= most:
-        other = "per deg" if abs(slope) < least else "per rad"
-        yield (
-            f"CL_alpha is {slope:.3g} per rad, usual are 1 to 7; it may be given {other} "
-            f"(a factor of {180.0 / math.pi:.1f})"
-        )
-    else:
-        yield from _of_weight(table)
-        margin = -derivatives["Cm_alpha"] / slope
-        if abs(margin) > _STATIC_MARGIN:
-            yield (
-                f"Cm_alpha is {derivatives['Cm_alpha']:.3g} per rad, a static margin of "
-                f"{margin:.2g} chords; it may be given per rad (a factor of {180.0 / math.pi:.1f})"
-            )
-
-
-def _of_static_stability(table: Table) -> Iterator[str]:
-    """Yield a sentence if the pitching moment increases with alpha."""
-    slope = table.derivatives["Cm_alpha"]
-    if slope > 0.0:
-        yield (
-            f"Cm_alpha is {slope:.3g}, above 0: the aircraft is statically unstable, or the sign "
-            "is wrong"
-        )
-
-
-def _of_damping(table: Table) -> Iterator[str]:
-    """Yield a sentence for each rate that is not damped, or only weakly."""
-    derivatives = table.derivatives
-    if derivatives.get("Cm_q", 0.0) == 0.0:
-        yield "Cm_q is 0: the pitch rate is not damped, or the entry is missing"
-    for name, least in _DAMPING.items():
-        if 0.0 < -derivatives.get(name, 0.0) < least:
-            yield (
-                f"{name} is {derivatives[name]:.3g}, a weak damping; derivatives of rates are per "
-                'rad, with per = "deg" too: multiply those per deg by 57.3'
-            )
-    if derivatives.get("Cl_p", 0.0) > 0.0:
-        yield (
-            f"Cl_p is {derivatives['Cl_p']:.3g}, above 0: rolling is not damped, or the sign is "
-            "wrong"
-        )
-
-
-def _moves(surface: str, derivatives: Mapping[str, float]) -> bool:
+def _moves(surface: str, values: Mapping[str, float]) -> bool:
     """Return whether a derivative with respect to a control surface is not 0."""
-    return any(name.endswith(f"_{surface}") and value for name, value in derivatives.items())
+    return any(name.endswith(f"_{surface}") and value for name, value in values.items())
 
 
 def _of_angles(table: Table) -> Iterator[str]:
@@ -132,66 +175,41 @@ def _of_angles(table: Table) -> Iterator[str]:
             )
 
 
-def _of_inertias(table: Table) -> Iterator[str]:
-    """Yield a sentence if no rigid body has the inertias."""
-    names = ("Ixx", "Iyy", "Izz", "Ixz")
-    xx, yy, zz, xz = (table.values.get(name, 0.0) for name in names)
-    doubt = inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
-    if doubt:
-        yield doubt
+def _of_inertias(of: _Values) -> str:
+    """Return a sentence if no rigid body has the inertias, or ""."""
+    xx, yy, zz, xz = (of(name) for name in ("Ixx", "Iyy", "Izz", "Ixz"))
+    xz = 0.0 if math.isnan(xz) else xz
+    return inertia_doubt([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
 
 
-def _of_drag(table: Table) -> Iterator[str]:
-    """Yield a sentence if the drag at the condition of the derivatives is negative."""
-    induced = table.derivatives.get("CD_CL2", 0.0)
-    drag = table.derivatives["CD_0"] + induced * table.derivatives["CL_0"] ** 2
-    if drag < 0.0:
-        yield f"the drag coefficient at the condition of the derivatives is {drag:.4g}, below 0"
-    if table.derivatives["CD_0"] > _MOST_DRAG:
-        yield f"CD_0 is {table.derivatives['CD_0']:.4g}; a count of drag is 0.0001"
-
-
-def _of_chord(table: Table) -> Iterator[str]:
-    """Yield a sentence if the mean chord is not about the area divided by the span."""
-    chord, mean = table.values["chord"], table.values["wing_area"] / table.values["span"]
-    least, most = _CHORDS
-    if not least <= chord / mean <= most:
-        yield (
-            f"chord is {chord:.4g} {table.unit('chord')}, wing_area / span is {mean:.4g}; check "
-            "these entries and their units"
-        )
-
-
-def _of_weight(table: Table) -> Iterator[str]:
+def _of_weight(table: Table, of: _Values) -> Iterator[str]:
     """Yield a sentence if the lift at the stated condition is far above the weight, if the largest
     lift is below it, or if level flight at this condition has another alpha.
     """
-    values = table.values
-    air = air_at(values.get("altitude", 0.0), table.system)
-    pressure = 0.5 * float(air.density) * values["speed"] ** 2
-    weight = values["mass"] * GRAVITY[table.system]
-    carried = pressure * values["wing_area"] / weight
-    coefficient = table.derivatives["CL_0"]
-    largest = values.get(LARGEST_LIFT) or max(coefficient, _LARGEST_LIFT)
+    air = air_at(table.values.get("altitude", 0.0), table.system)
+    pressure = 0.5 * float(air.density) * of("speed") ** 2
+    carried = pressure * of("wing_area") / (of("mass") * of("gravity"))
+    coefficient = of("CL_0")
+    largest = table.values.get(LARGEST_LIFT) or max(coefficient, _LARGEST_LIFT)
     share, which = carried * coefficient, "lift"
     if share <= _RATIO:
         share, which = carried * largest, f"largest lift (CL {largest:.3g})"
         if share >= 1.0:
-            yield from _of_alpha(table, 1.0 / carried - coefficient)
+            yield from _of_alpha(of, 1.0 / carried - coefficient)
             return
     yield (
-        f"the {which} at {values['speed']:.4g} {table.unit('speed')} carries {share:.2g} times "
+        f"the {which} at {of('speed'):.4g} {table.unit('speed')} carries {share:.2g} times "
         "the weight; check the unit of the mass (1 slug = 32.17 lb)"
     )
 
 
-def _of_alpha(table: Table, missing: float) -> Iterator[str]:
+def _of_alpha(of: _Values, missing: float) -> Iterator[str]:
     """Yield a sentence if the lift coefficient that is missing at the stated alpha changes alpha
-    too much. A table without alpha has no doubt.
+    too much. A table without alpha has no doubt, nor one whose slope of the lift is doubted.
     """
-    stated = table.values.get("alpha", math.nan)
-    off = missing / table.derivatives["CL_alpha"]
-    if math.isfinite(stated) and abs(off) > _OFF_ALPHA:
+    stated, slope = of("alpha"), of("CL_alpha")
+    off = missing / slope if slope else 0.0
+    if math.isfinite(stated) and abs(off) > _OFF_ALPHA and 0.3 <= abs(slope) <= 20.0:
         yield (
             f"level flight at the condition of the derivatives is at alpha "
             f"{math.degrees(stated + off):.3g} deg, the table has {math.degrees(stated):.3g} deg; "

@@ -153,11 +153,11 @@ def _model(table: Table) -> Model:
         source=table.source,
         about=About(
             notes=table.notes,
-            doubts=tuple(doubts_about(table)),
+            doubts_about=partial(doubts_about, table),
             equations="derivatives" if table.center is None else "AVL",
             configuration=partial(_configuration, table),
         ),
-        domain=Domain(reference=_reference(table)),
+        domain=Domain(reference=_reference(table), by_speed=_by_speed(table)),
     )
 
 
@@ -169,6 +169,13 @@ def _reference(table: Table) -> dict[str, float]:
     mach = speed / sound if table.mach is None else table.mach
     alpha = table.values.get("alpha", 0.0)
     return {"alpha": alpha, "speed": speed, "altitude": altitude, "mach": mach}
+
+
+def _by_speed(table: Table) -> tuple[str, ...]:
+    """Return the entries that state an effect of the speed."""
+    slopes = [name for name, meaning in table.meanings.items() if meaning.argument == "u"]
+    slopes = [name for name in slopes if table.derivatives[name]]
+    return (*slopes, *(["thrust_slope"] if table.values.get("thrust_slope") else []))
 
 
 def _configuration(table: Table, x: Any, u: Any, p: Any) -> dict[str, tuple[float | str, str]]:

@@ -78,6 +78,7 @@ class Table:
     center: center of gravity in the axes of a stability file and unit of length, or None.
     mach: Mach number of a stability file, or None.
     words: flap and gear in the words of the table, name -> text.
+    doubts: sentences on a stability file that contradicts itself.
     """
 
     name: str
@@ -93,6 +94,7 @@ class Table:
     center: tuple[tuple[float, ...], str] | None = None
     mach: float | None = None
     words: Mapping[str, str] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
 
     def unit(self, name: str) -> str:
         """Return the unit of an entry that is not a derivative, in the table's system of units."""
@@ -153,7 +155,8 @@ def _table(
             f"{TAIL_ARM} is not required: derivatives of AVL are moved exactly; remove {TAIL_ARM}"
         )
     center = (file.reference_point, length)
-    return replace(table, notes=notes, center=center, mach=file.value("Mach"))
+    doubts = tuple(file.doubts())
+    return replace(table, notes=notes, center=center, mach=file.value("Mach"), doubts=doubts)
 
 
 def table_of(values: Mapping[str, Any]) -> Table:

@@ -1,0 +1,257 @@
+"""Doubts about a trim: what data in wrong units, with wrong signs or with contradictions cause."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from hfa_aircraft.model import Model, altitudes
+from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.text import ROUNDING, digits_with_unit, shown_value
+from hfa_support.units import STANDARD_GRAVITY, conversion
+from trim.point.condition import release
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import trim
+from trim.reports.configuration import configuration_of, holds_inertias, inertias_doubt
+from trim.reports.trimmed import Trimmed
+
+#: Largest usual angle of attack, deg, and least negative drag that is doubted, per lift.
+_STEEPEST = 60.0
+_NEGATIVE = 1e-6
+#: Outputs that are 0 without air.
+_OF_AIR = ("density", "dynamic_pressure", "keas", "kcas")
+#: Smaller speeds, per nominal speed, are none of a flight.
+_STANDING = 1e-2
+#: Largest change of the speed, as a share, over which derivatives with respect to it are believed.
+_NEAR_SPEED = 0.1
+
+
+class _Identity(NamedTuple):
+    """Comparison of two ways to compute a figure of a trim, with the range in which they agree.
+
+    compared: a ratio or another number without a size, or a temperature; nan if a figure is unknown
+    least, most: the range
+    says: sentence on a number outside
+    """
+
+    compared: Callable[[Trimmed], float]
+    least: float
+    most: float
+    says: str
+
+
+def doubts_of(trimmed: Trimmed) -> list[str]:
+    """Return sentences on data and on values of the trim that are probably wrong."""
+    doubts = [*trimmed.given.model.doubts, *doubts_at(trimmed)]
+    if holds_inertias(trimmed) and (doubt := inertias_doubt(trimmed)):
+        doubts.append(doubt)
+    return [*dict.fromkeys(doubts)]
+
+
+def doubts_at(trimmed: Trimmed) -> Iterator[str]:
+    """Yield sentences on values that data in wrong units or with wrong signs cause: alpha, drag,
+    directional stability, figures that contradict each other.
+    """
+    model, roles = trimmed.given.model, trimmed.roles
+    if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _STEEPEST:
+        yield _steep(trimmed)
+    speed = roles.get("speed", "")
+    if speed and abs(trimmed.given[speed]) < _STANDING * model.states[speed].nominal:
+        yield f"the speed is {_number(model, speed, trimmed.given[speed])}, no flight; hold a speed"
+    if {"drag", "lift"} <= {*model.outputs}:
+        drag, lift = trimmed["drag"], trimmed["lift"]
+        if drag < -_NEGATIVE * abs(lift):
+            yield f"the drag is {_number(model, 'drag', drag)}, below 0; check signs and units"
+    yield from _off_the_condition(trimmed)
+    for identity in _IDENTITIES if trimmed.given.ok else ():
+        number = identity.compared(trimmed)
+        if number < identity.least or number > identity.most:
+            yield identity.says.format(number)
+    is_known = {"beta", "r", "speed"} <= {*roles} and trimmed.given.ok and not trimmed.fault
+    if is_known and _yaw_stiffness(trimmed) < 0.0:
+        yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
+
+
+def _steep(trimmed: Trimmed) -> str:
+    """Return a sentence on an alpha at which nothing flies: what is 0 without air, the cause in a
+    table, and the options of a flight.
+    """
+    point, model = trimmed.given, trimmed.given.model
+    without_air = [
+        name
+        for name in _OF_AIR
+        if name in model.outputs and abs(point[name]) < ROUNDING * model.outputs[name].nominal
+    ]
+    words = [_named(point, trimmed.roles["alpha"])]
+    words += [f"{name} {_number(model, name, 0.0)}" for name in without_air]
+    doubt = f"{', '.join(words)}: {'no' if without_air else 'hardly a'} flight"
+    if model.about.equations == "derivatives":
+        return f"{doubt}; the data may have degrees without a unit"
+    options = _flight_options(trimmed) if point.ok else ""
+    return f"{doubt}; a flight: {options}" if options else doubt
+
+
+def _flight_options(trimmed: Trimmed) -> str:
+    """Return the options that hold speed and altitude at the start values of the model and free its
+    inputs, or "" if they lead to no trim, or to one that is as steep.
+    """
+    model, condition = trimmed.given.model, trimmed.given.posed.condition
+    alpha, speed = trimmed.roles["alpha"], trimmed.roles.get("speed", "")
+    taken = {*condition.imposed}
+    if not taken.isdisjoint(model.airspeeds):
+        taken.add(speed)
+    motion = [name for name in (speed, "altitude") if name in model.states and name not in taken]
+    hold = {name: model.states[name].start for name in motion}
+    is_default = {name: condition.imposed.get(name) == value for name, value in model.trim.items()}
+    free = [name for name in model.inputs if is_default.get(name)]
+    try:
+        flown = trim(model, release(condition, hold=hold, free=free))
+    except (BadInputError, NoSolutionError):
+        return ""
+    if not hold or abs(math.degrees(flown.coherent[alpha])) > _STEEPEST:
+        return ""
+    held = [f"--hold {name}={shown_value(hold[name], model.unit(name))}" for name in hold]
+    return " ".join([*held, *(f"--free {name}" for name in free)])
+
+
+def _yaw_stiffness(trimmed: Trimmed) -> float:
+    """Return ∂N/∂β / Izz, the yawing moment about the body's z-axis by sideslip, 1/s².
+
+    Without angular rates, N = Izz dr/dt - Ixz dp/dt. An unknown Ixz is 0.
+    """
+    roles, states = trimmed.roles, trimmed.slopes.states
+    by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
+    stiffness = float(by_sideslip[states.index(roles["r"])])
+    known = configuration_of(trimmed)
+    if "p" in roles and {"Izz", "Ixz"} <= {*known}:
+        coupling = known["Ixz"][0] / known["Izz"][0]
+        stiffness -= coupling * float(by_sideslip[states.index(roles["p"])])
+    return stiffness
+
+
+def _off_the_condition(trimmed: Trimmed) -> Iterator[str]:
+    """Yield a sentence if the speed is far from that of derivatives with respect to the speed."""
+    domain, speed = trimmed.given.model.domain, trimmed.roles.get("speed", "")
+    if not domain.by_speed or speed not in domain.reference:
+        return
+    stated, here = domain.reference[speed], trimmed.given[speed]
+    if abs(here - stated) > _NEAR_SPEED * stated:
+        yield (
+            f"{', '.join(domain.by_speed)} are for {_number(trimmed.given.model, speed, stated)}, "
+            f"{100.0 * abs(here / stated - 1.0):.0f} % off: forces and thrust are uncertain here"
+        )
+
+
+def _si(trimmed: Trimmed, name: str, unit: str) -> float:
+    """Return a value of the trim in a unit; nan if it is unknown or has another quantity."""
+    if name not in trimmed.values:
+        return math.nan
+    return trimmed[name] * (conversion(trimmed.unit(name), unit) or math.nan)
+
+
+def _of_configuration(trimmed: Trimmed, name: str, unit: str) -> float:
+    """Return an entry of the configuration in a unit, or nan."""
+    value, stated = configuration_of(trimmed).get(name, (math.nan, ""))
+    return math.nan if isinstance(value, str) else value * (conversion(stated, unit) or math.nan)
+
+
+def _speed(trimmed: Trimmed) -> float:
+    """Return the true airspeed, m/s, or nan."""
+    return _si(trimmed, trimmed.roles.get("speed", ""), "m/s") or math.nan
+
+
+def _lift_of_weight(trimmed: Trimmed) -> float:
+    """Return the lift without what the thrust may carry, relative to that of the load factor."""
+    lift, weight = _si(trimmed, "lift", "N"), _si(trimmed, "weight", "N")
+    carried = _si(trimmed, "load_factor", "1") * weight
+    thrust = _si(trimmed, trimmed.thrust_name, "N")
+    if math.isnan(thrust):
+        thrust = weight
+    return 1.0 + math.copysign(max(0.0, abs(lift - carried) - abs(thrust)), lift - carried) / weight
+
+
+def _weight_of_mass(trimmed: Trimmed) -> float:
+    """Return the weight relative to mass times gravity, of the model if it has one."""
+    model = trimmed.given.model
+    gravity = STANDARD_GRAVITY
+    if "gravity" in model.parameters:
+        factor = conversion(model.unit("gravity"), "m/s^2") or math.nan
+        gravity = model.parameters["gravity"].start * factor
+    return _si(trimmed, "weight", "N") / (_of_configuration(trimmed, "mass", "kg") * gravity)
+
+
+def _density(trimmed: Trimmed) -> float:
+    """Return the density of dynamic pressure and speed, relative to standard air there, or at sea
+    level for a model without an altitude.
+    """
+    names = altitudes(trimmed.model)
+    altitude = _si(trimmed, names[0], "m") if names else 0.0
+    density = 2.0 * _si(trimmed, "dynamic_pressure", "N/m^2") / _speed(trimmed) ** 2
+    return density / float(air_at(altitude, "si").density)
+
+
+def _temperature(trimmed: Trimmed) -> float:
+    """Return the temperature of speed and Mach number, K."""
+    mach = _si(trimmed, "mach", "1") or math.nan
+    return (_speed(trimmed) / mach) ** 2 / (HEAT_RATIO * GAS_CONSTANT)
+
+
+def _neutral_points_apart(trimmed: Trimmed) -> float:
+    """Return the difference of the static margin of the rates and that of the outputs, chords."""
+    alpha, q = (trimmed.roles.get(role, "") for role in ("alpha", "q"))
+    if trimmed.fault or not alpha or not q:
+        return math.nan
+    slopes = trimmed.slopes
+    if not {"pitching_moment", "lift"} <= {*slopes.outputs}:
+        return math.nan
+    place = slopes.states.index(alpha)
+    moment, lift = (
+        float(slopes.outputs[name].by_states[place])
+        * (conversion(trimmed.unit(name), unit) or math.nan)
+        for name, unit in (("pitching_moment", "N m"), ("lift", "N"))
+    )
+    inertia = _of_configuration(trimmed, "Iyy", "kg m^2")
+    angular = inertia * float(slopes.A[slopes.states.index(q), place])
+    arm = lift * _si(trimmed, "reference_chord", "m")
+    return (moment - angular) / arm if arm else math.nan
+
+
+#: A thrust carries a part of the weight. Gravity changes by 1 % with latitude and height. Hot and
+#: cold air differ from the standard by less than a factor 1.3, feet and meters by more. Air has 185
+#: to 330 K. Thrust and the lag of the downwash are in the rates alone.
+_IDENTITIES = (
+    _Identity(
+        _lift_of_weight, 0.8, 1.2,
+        "lift and thrust do not carry the weight at this load factor (a ratio of {:.3g}); check "
+        "the outputs lift, weight and load_factor",
+    ),
+    _Identity(
+        _weight_of_mass, 0.97, 1.03,
+        "the weight is {:.3g} times mass and gravity; check them and their units",
+    ),
+    _Identity(
+        _density, 0.5, 2.0,
+        "dynamic pressure and speed are those of {:.3g} times the standard density; check them and "
+        "their units",
+    ),
+    _Identity(
+        _temperature, 150.0, 350.0,
+        "Mach number and speed are those of air of {:.3g} K; check them and their units",
+    ),
+    _Identity(
+        _neutral_points_apart, -0.2, 0.2,
+        "the static margins of the rate of the pitch rate and of the output pitching_moment are "
+        "{:.3g} chords apart; check the output's sign and unit, and Iyy",
+    ),
+)  # fmt: skip
+
+
+def _named(point: OperatingPoint, name: str) -> str:
+    return f"{name} {_number(point.model, name, point[name])}"
+
+
+def _number(model: Model, name: str, value: float) -> str:
+    """Return a value with its unit as text, "40,000 ft"."""
+    return digits_with_unit(value, model.unit(name), 5)
