@@ -13,7 +13,8 @@ from hfa_aircraft.model import Model
 #: Tolerance beyond a limit, as a fraction of (nominal size + |limit|). It covers the rounding of a
 #: trim, whose equations balance to 1e-10 of their scales.
 SLACK = 1e-9
-#: Distance from a limit below which a value is at the limit, as a fraction of the same quantity.
+#: Distance from a limit below which a value is at the limit, as a fraction of the same quantity. An
+#: interior-point search stops up to 1e-8 from an active limit, and sheets print six digits.
 NEAR = 1e-6
 
 

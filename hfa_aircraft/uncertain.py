@@ -47,7 +47,7 @@ class ParameterSpread:
         return [model.with_parameters(**dict(zip(self.values, row, strict=True))) for row in rows]
 
 
-#: Size of a negative eigenvalue of correlations that is rounding.
+#: Size of a negative eigenvalue of correlations that is rounding, in files with eight digits.
 _ROUNDING = 1e-8
 _ADVICE = "give the file that `hfa identify -o FILE.toml` writes"
 

@@ -122,6 +122,7 @@ def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:
     above = " ".join(words[name] for name, power in powers.items() if power > 0) or "1"
     below = " ".join(words[name] for name, power in powers.items() if power < 0)
     found = f"{above}/{below}" if below else above
+    # Equal units differ by roundings of at most a dozen factors, others by 1e-4 and more.
     return unit if math.isclose(conversion(unit, found) or 1.0, 1.0, rel_tol=1e-12) else found
 
 

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-#: Smaller numbers are rounding errors and are shown as 0.
+#: Smaller numbers are rounding errors and are shown as 0: models and files have units in which
+#: quantities are of size 1e-8 to 1e4, whose roundings are below 1e4 eps = 2e-12.
 ROUNDING = 1e-12
 #: Range of the largest entry for which a matrix is shown with four decimals.
 _LEAST = 0.1

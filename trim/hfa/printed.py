@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.limits import SLACK
 from hfa_aircraft.model import Model
 from hfa_model.choice import aircraft
 from hfa_model.declaration import Equations
@@ -78,7 +79,9 @@ class EntryRow(Result):
 
     @property
     def is_zero(self) -> bool:
-        """True if the entry is printed as 0 and its computed magnitude is below 1e-6 half units."""
+        """True if the entry is printed as 0 and its computed magnitude is below 1e-6 half units,
+        which only rounding is.
+        """
         return self.printed == 0.0 and abs(self.half_units) < 1e-6
 
     @property
@@ -166,7 +169,7 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
     for published in published_models():
         paper = level_flight(published.dihedral).imposed
         if all(
-            abs(point.values[name] - value) <= 1e-9 * (1 + abs(value))
+            abs(point.values[name] - value) <= SLACK * (1.0 + abs(value))
             for name, value in paper.items()
         ):
             return published
