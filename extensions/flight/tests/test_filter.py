@@ -25,6 +25,7 @@ from hfa_flight import (
     run_monte_carlo,
 )
 from hfa_flight.policies.sampled_policy import SampledPolicy
+from hfa_flight.samples.flights_in_air import flights_in_air
 
 DEG = np.pi / 180.0
 #: A sample's noise as in ordinary sensors: ft/s, rad, rad/s.
@@ -498,6 +499,50 @@ def test_a_delay_changes_neither_noise_nor_filter(folder, delay):
     assert data["policy"]["filter"]["dt"] == 0.01
 
 
+@pytest.mark.parametrize("angle", [5.0, 15.0])
+def test_margins_of_a_filters_loop_are_where_it_is_unstable(angle):
+    """An own map of a sample, with a factor on one input or late commands, is stable on the one
+    side of each margin and unstable on the other.
+    """
+    linear = hfa.trim(hfa.aircraft(), dihedral=angle * DEG).linearize()
+    K = np.array(hfa.solve(hfa.paper.published_game(linear)).K)
+    known = hfa.filter(linear, NOISE, AIR)
+    found = known.margins(K)
+    gain = np.hstack([K, np.zeros((5, 3))])
+    kept = np.eye(9) - known.L @ known.C
+    both = np.zeros((14, 14))
+    both[:9] = np.hstack([known.A, known.B])
+
+    def radius(factors, delay=0.0):
+        whole, rest = divmod(delay, 0.01)
+        whole = int(whole)
+        early, late = expm(both * rest)[:9], expm(both * (0.01 - rest))[:9]
+
+        def after(state):
+            x, past, predicted = state[:9], state[9:-9].reshape(whole + 1, 5), state[-9:]
+            estimate = kept @ predicted + known.L @ known.C @ x
+            u = -gain @ estimate
+            commands = np.vstack([u * factors, past])  # the latest first
+            for part, age in ((early, whole + 1), (late, whole)):
+                x = part @ np.concatenate([x, commands[age]])
+            predicted = known.Phi @ estimate + known.Gamma @ u
+            return np.concatenate([x, commands[: whole + 1].ravel(), predicted])
+
+        columns = [after(each) for each in np.eye(18 + 5 * (whole + 1))]
+        return np.abs(np.linalg.eigvals(np.array(columns).T)).max()
+
+    for share, is_stable in ((0.99, True), (1.01, False)):
+        for margin in (found.gain_low, found.gain_high):
+            more = share * (margin - 1.0)
+            assert (max(radius(1.0 + more * each) for each in np.eye(5)) < 1.0) == is_stable
+        assert (radius(np.ones(5), share * found.unknown_delay) < 1.0) == is_stable
+    alone = np.linalg.eigvals((known.Phi - known.Gamma @ gain) @ kept)
+    assert found.compensator_radius == pytest.approx(np.abs(alone).max(), rel=1e-9)
+    assert known.policy(K).margins.delay == found.delay
+    with pytest.raises(BadInputError, match="spectral radius"):
+        known.margins(-K)
+
+
 @pytest.mark.parametrize("lost", [0, 3, 5])
 def test_the_band_of_lost_flights_is_that_of_the_binomial(lost):
     """The tails beyond both ends have 2.5 %; if no or every flight is lost, one has 5 %.
@@ -544,6 +589,22 @@ def test_the_command_reports_flights_in_air():
         for more in ((), ("--samples", "1"))
     )
     assert alone["final"]["speed"] == pytest.approx(many["final"]["speed"][0], rel=1e-9)
+
+
+def test_a_pass_says_which_rms_is_far_above_its_prediction(point, linear, gain):
+    """A filter of still air in light turbulence: no flight is lost, and all states move."""
+    found = {}
+    for air in ("light:20000", None):
+        plan = flights(point, hfa.filter(linear, NOISE, air).policy(gain), 2, 2.0, "light")
+        report = flights_in_air(plan).report()
+        ratio = report.data["rms"]["pitch_rate"] / report.data["linear_rms"]["pitch_rate"]
+        found[air] = report.title, ratio, report.data["rms_far_above"]
+    assert all(title.startswith("PASS") for title, *_ in found.values())
+    title, ratio, named = found[None]
+    assert named["pitch_rate"]["linear"] == pytest.approx(ratio) > 3.0
+    assert f"pitch_rate {ratio:.2g} times the linear prediction" in title
+    assert "rms" not in found["light:20000"][0]
+    assert found["light:20000"][2] == {}
 
 
 @pytest.mark.parametrize(

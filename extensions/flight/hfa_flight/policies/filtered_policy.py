@@ -28,6 +28,7 @@ from hfa_flight.policies.estimate import (
     updated,
     winds_in,
 )
+from hfa_flight.policies.filter_margins import FilterMargins
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import Measurements, OpenLoop, Policy
 from hfa_flight.policies.sampled_policy import SampledPolicy
@@ -321,14 +322,25 @@ class FilteredPolicy(SampledPolicy):
         of_samples = np.linalg.eigvals(self.filter.loop(gain).F)
         return np.log(of_samples[of_samples != 0.0].astype(complex)) / self.dt
 
+    @cached_property
+    def margins(self) -> FilterMargins | None:
+        """Margins of the linear loop, or None for a law without a constant gain or with a delay."""
+        gain = self.law.gain
+        return None if gain is None or self.delay else self.filter.margins(gain)
+
+    def texts(self) -> list[str]:
+        """Return sentences on the filter and on its loop."""
+        margins = self.margins
+        return [self.filter.text(), *([] if margins is None else [margins.text()])]
+
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: those of its law, and the filter."""
         found = {**self.law.data(model), "law": self.name, "filter": plain(self.filter)}
-        return {**found, "unused_samples": self.unused}
+        return {**found, "margins": self.margins, "unused_samples": self.unused}
 
     def notes(self) -> tuple[str, ...]:
         """Return the filter, and the number of samples that were not used."""
-        lines = [self.filter.text()]
+        lines = self.texts()
         if self.unused:
             lines.append(
                 f"Of {self.unused} of {self._memory.samples} samples a value was not used."

@@ -25,6 +25,8 @@ from hfa_support.reporting.text import Table, short_number, shown_unit
 _QUANTILES = (0.05, 0.5, 0.95, 1.0)
 #: Note if all members are the same flight.
 _ALIKE = "all flights are the same; give parameter errors, noise or turbulence"
+#: Ratio of an rms to what is expected above which the first line names it.
+_FAR = 3.0
 #: Note if flights with noise leave the envelope under a policy without a filter.
 _UNFILTERED = (
     "the policy acts on noisy measurements; --filter (Python: hfa.filter) estimates states"
@@ -53,9 +55,11 @@ def member_report(
         f"{plan.scenario.duration:g} s, seed {plan.seed}, {where}"
     )
     advice = [] if is_limited(plan.envelope) else [GIVE_LIMIT]
-    title = "\n".join([_verdict(plan, found), planned, *advice])
     if uncontrolled is not None and isinstance(plan.policy, FilteredPolicy):
         found |= _compared(plan, plan.policy, flown, uncontrolled)
+    title = "\n".join(
+        [_verdict(plan, found) + _far_text(found.get("rms_far_above", {})), planned, *advice]
+    )
     rows = _rows(found)
     parts: list[Part] = [Group("flights", rows)] if rows else []
     if "drawn" in found:
@@ -70,7 +74,7 @@ def member_report(
     if gust is not None and gust.text(plan.model):
         parts += [gust.text(plan.model), *gust.left_out(plan.model)]
     if isinstance(plan.policy, FilteredPolicy):
-        parts.append(plan.policy.filter.text())
+        parts += plan.policy.texts()
     notes = [_ALIKE] if _alike(plan) and plan.members > 1 else []
     is_unfiltered = not isinstance(plan.policy, (FilteredPolicy, OpenLoop))
     if plan.scenario.uncertainty.noise and is_unfiltered and found["first_left"] is not None:
@@ -99,6 +103,39 @@ def _verdict(plan: MonteCarlo, found: Mapping[str, Any]) -> str:
     left = {name: count for name, count in found["left"].items() if count}
     by = f" by {next(iter(left)) if len(left) == 1 else _listed(left)}" if left else ""
     return f"{line}; {lost} lost{by}" + (f" ({band})" if band else "")
+
+
+def _far_text(found: Mapping[str, Mapping[str, float]]) -> str:
+    """Return which rms of a state is far above its prediction or that of no control, or "".
+
+    found: as returned by `_far_above`
+    """
+    names = {"linear": "the linear prediction", "no_control": "that without control"}
+    text = ""
+    for of, name in names.items():
+        far = [(ratios[of], state) for state, ratios in found.items() if of in ratios]
+        if far:
+            each = ", ".join(f"{state} {ratio:.2g}" for ratio, state in sorted(far, reverse=True))
+            text += f"; rms {each} times {name}"
+    return text
+
+
+def _far_above(model: Model, entries: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Return state -> ratios of its rms to its linear prediction and to that of no control, those
+    above `_FAR`.
+
+    Flights without control that left the envelope have no rms to compare with.
+    """
+    others = {"linear": entries.get("linear_rms", {})}
+    if not entries["uncontrolled_lost"]:
+        others["no_control"] = entries["uncontrolled_rms"]
+    far = {}
+    for name in model.linear:
+        value = entries["rms"][name]
+        ratios = {of: value / rms[name] for of, rms in others.items() if rms.get(name)}
+        if above := {of: ratio for of, ratio in ratios.items() if ratio > _FAR}:
+            far[name] = above
+    return far
 
 
 def _alike(plan: MonteCarlo) -> bool:
@@ -132,13 +169,14 @@ def _compared(
             zip(plan.model.inputs, flown["at_limit"].mean(axis=0).tolist(), strict=True)
         ),
         "filter": plain(policy.filter),
+        "margins": policy.margins,
     }
     gain = policy.law.gain
     if gain is not None:
         samples = round(plan.scenario.duration / policy.dt)
         linear = policy.filter.loop(gain).rms(samples).tolist()
         entries["linear_rms"] = dict(zip(names, linear, strict=True))
-    return entries
+    return entries | {"rms_far_above": _far_above(plan.model, entries)}
 
 
 def _pooled(flown: Flown) -> list[float]:

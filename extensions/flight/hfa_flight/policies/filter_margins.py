@@ -1,0 +1,142 @@
+"""How far a gain behind a Kalman filter tolerates changes of the aircraft: its linear loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from hfa_flight.air.delay import in_samples
+from hfa_flight.policies.deployment.sampled_loop import Chain, held, margins
+from hfa_support.errors import BadInputError
+from hfa_support.matrices import spectral_radius
+from hfa_support.reporting.results import Result
+
+if TYPE_CHECKING:
+    from hfa_flight.policies.kalman import KalmanFilter
+
+#: Longest unknown delay that is searched, in samples, and parts of a sample of the search.
+_MOST_SAMPLES = 30
+_PARTS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class FilterMargins(Result):
+    """Margins of the linear loop of a gain behind a filter, at the commands of the inputs.
+
+    compensator_radius: spectral radius of filter and gain alone, from the measured values to the
+        commands. Above 1 they are unstable without the aircraft.
+    radius: spectral radius of the loop.
+    gain_low, gain_high: factors on one input between which the loop is stable, the closest to 1 of
+        all inputs; the other inputs are unchanged.
+    phase: smallest phase margin of an input, deg.
+    delay: smallest delay margin of an input, s.
+    unknown_delay: largest delay of all inputs that the filter does not know, s; None if none
+        up to 30 samples is unstable.
+    """
+
+    compensator_radius: float
+    radius: float
+    gain_low: float
+    gain_high: float
+    phase: float
+    delay: float
+    unknown_delay: float | None
+
+    def text(self) -> str:
+        """Return the margins as a sentence."""
+        alone = "un" * (self.compensator_radius >= 1.0)
+        late = f"none to {_MOST_SAMPLES} samples"
+        if self.unknown_delay is not None:
+            late = f"{1e3 * self.unknown_delay:.3g} ms"
+        return (
+            f"Linear loop of the gain behind the filter: gain margin {self.gain_low:.3g} to "
+            f"{self.gain_high:.3g}, phase {self.phase:.3g} deg, delay "
+            f"{1e3 * self.delay:.3g} ms, the smallest of all inputs. A delay of all inputs that "
+            f"the filter does not know makes it unstable from {late} on. Filter and gain alone are "
+            f"{alone}stable (spectral radius {self.compensator_radius:.4g})."
+        )
+
+
+def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
+    """Return the margins of the loop of a gain u = -K x̂ behind a filter.
+
+    K: (m, k)
+
+    Raises BadInputError for a gain with which the loop is not stable.
+    """
+    n, k = len(known.Phi), len(known.states)
+    gain = np.hstack([K, np.zeros((len(K), n - k))])
+    moved = known.Phi - known.Gamma @ gain
+    kept = np.eye(n) - known.L @ known.C
+    loop = _delayed(known, gain, 0.0)
+    if not loop.radius < 1.0:
+        raise BadInputError(
+            f"the loop of the gain and the filter has the spectral radius {loop.radius:.6g}; give "
+            "a gain with which it is stable"
+        )
+    inputs = margins(loop).inputs
+    return FilterMargins(
+        compensator_radius=spectral_radius(moved @ kept),
+        radius=loop.radius,
+        gain_low=max(each.gain_low for each in inputs),
+        gain_high=min(each.gain_high for each in inputs),
+        phase=min(each.phase for each in inputs),
+        delay=min(each.delay for each in inputs),
+        unknown_delay=_unknown_delay(known, gain),
+    )
+
+
+def _delayed(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
+    """Return the loop in which all inputs are late, and the filter does not know.
+
+    Its states are those of aircraft and air, the commands under way, the latest first, and those of
+    the filter. G enters at the commands.
+
+    gain: -û / x̂, (m, n)
+    delay: s
+    """
+    Phi, Gamma, L, C = known.Phi, known.Gamma, known.L, known.C
+    (n, m), (whole, rest) = Gamma.shape, in_samples(delay, known.dt)
+    early, late = np.zeros_like(Gamma), Gamma
+    if rest:
+        after, late = held(known.A, known.B, known.dt - rest)
+        early = after @ held(known.A, known.B, rest)[1]
+    count = (whole + (rest > 0.0)) * m
+    size = n + count + n
+    F, G, command = np.zeros((size, size)), np.zeros((size, m)), np.zeros((m, size))
+    filtered = slice(n + count, size)
+    command[:, :n] = -gain @ L @ C
+    command[:, filtered] = -gain @ (np.eye(n) - L @ C)
+    F[:n, :n] = Phi
+    for samples, part in ((whole, late), (whole + 1, early)):  # age of the command that acts
+        if samples:
+            if part.any():
+                begin = n + (samples - 1) * m
+                F[:n, begin : begin + m] += part
+        else:
+            G[:n] += part
+    if count:
+        G[n : n + m] = np.eye(m)
+        F[n + m : n + count, n : n + count - m] = np.eye(count - m)
+    moved = Phi - Gamma @ gain
+    F[filtered, :n] = moved @ L @ C
+    F[filtered, filtered] = moved @ (np.eye(n) - L @ C)
+    return Chain(F, G, command, n, known.dt, np.eye(size, n))
+
+
+def _unknown_delay(known: KalmanFilter, gain: np.ndarray) -> float | None:
+    """Return the smallest delay of all inputs, unknown to the filter, that is unstable, s."""
+
+    def excess(delay: float) -> Any:
+        return _delayed(known, gain, delay).radius - 1.0
+
+    before = 0.0
+    for part in range(1, _MOST_SAMPLES * _PARTS + 1):
+        delay = part * known.dt / _PARTS
+        if excess(delay) >= 0.0:
+            return float(brentq(excess, before, delay, xtol=1e-6 * known.dt))
+        before = delay
+    return None
