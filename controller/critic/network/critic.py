@@ -14,18 +14,11 @@ from controller.critic.critic import Critic, from_functions, from_weights
 from controller.critic.features import basis_of
 from controller.critic.network.network_file import OUTPUTS, Asked, NetworkFile, network_in
 from controller.critic.network.q_function import policy_of
-from controller.critic.network.stated import Stated
 from controller.critic.reading import Reading
 from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened
-
-#: What `hfa verify` requires of a policy whose observations are not the states.
-_DEPLOYMENT = (
-    "state its observations in a deployment file (docs/policy.md) and give that file, "
-    "--weights FILE.toml"
-)
 
 
 def from_network(
@@ -72,13 +65,14 @@ def from_network(
         )
     psi = basis_of(basis, n, game.names.states)
     count = psi.size if isinstance(psi, Basis) else psi.numel_out(0)
-    stored = network_in(source, Asked(n, network, activation, count, m))
+    stored = network_in(
+        source, Asked(n, network, activation, count, m, (1, n, m, 1 + m), of_states=True)
+    )
     named, where = type(source).__name__, type(source).__name__
     if isinstance(source, (str, Path)):
         named, where = Path(source).name, str(source)
     origin = f"network {named}: {stored.chain}"
     with prefix_errors(where):
-        _refuse_normalizer(stored.stated)
         if stored.on_basis is not None:
             return _on_basis(game, stored, psi, scales, network, origin)
         return _of_states(game, stored, scales, origin)
@@ -97,20 +91,6 @@ def critic_of_network(path: str | Path, game: Game, reading: Reading) -> Critic:
             activation=reading.activation,
             scale=reading.scale,
             basis=reading.psi(game),
-        )
-
-
-def _refuse_normalizer(stated: Stated) -> None:
-    """Raise BadInputError if the policy of a file acts on normalized observations."""
-    if stated.normalizer is not None:
-        raise BadInputError(
-            f"the file normalizes {stated.normalizer.mean.size} observations of its training, "
-            f"which are not the deviations of the states; {_DEPLOYMENT}"
-        )
-    if stated.is_normalized:
-        raise BadInputError(
-            "the policy was trained behind a VecNormalize, which the zip file does not contain; "
-            f'{_DEPLOYMENT}, with normalizer = "vecnormalize.pkl" in its [policy]'
         )
 
 

@@ -9,7 +9,7 @@ Any other tensor may act on the network, and is refused.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -34,7 +34,12 @@ def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
 
 
 def layers_of(
-    tensors: Tensors, kind: str, part: str, is_ordered: bool, check: Callable[[list[Layer]], None]
+    tensors: Tensors,
+    kind: str,
+    part: str,
+    is_ordered: bool,
+    check: Callable[[list[Layer]], None],
+    sizes: Collection[int] = (),
 ) -> list[Layer]:
     """Return the layers of a network in order of evaluation.
 
@@ -43,6 +48,7 @@ def layers_of(
         not one network, those of the critic for "V", and the others otherwise
     is_ordered: whether the tensors are in the order of evaluation. Otherwise layers are numbered
     check: raises BadInputError if layers are not a network that can be judged
+    sizes: numbers of outputs of a selection that is proposed, () for any
 
     Raises BadInputError, with a selection that is accepted, if the layers are not one network.
     """
@@ -51,6 +57,7 @@ def layers_of(
     layers = {name: array for name, array in tensors.items() if not is_deviation(name)}
 
     def selected(words: str) -> list[Layer]:
+        """Return the layers that words select."""
         chosen = {name: each for name, each in layers.items() if not words or has_word(name, words)}
         return checked(chosen, words)
 
@@ -76,8 +83,10 @@ def layers_of(
                 pass
         for words in _selections(layers, kind):
             try:
-                selected(words)
+                gives = selected(words)[-1].outputs
             except BadInputError:
+                continue
+            if sizes and gives not in sizes:
                 continue
             raise _with_selection(error, layers, f"{kind}={words}" if kind else words) from error
         raise
@@ -104,10 +113,23 @@ def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
 
     heads = [name.partition(".")[0] for name in names]
     yield from sorted(dict.fromkeys([*names, *heads]), key=rank)
-    yield from (f"{body}+{head}" for body in names for head in names if body != head)
-    yield from (
-        "+".join(names[first:last]) for first, last in combinations(range(len(names) + 1), 2)
-    )
+    for first, last in combinations(range(len(names) + 1), 2):
+        yield "+".join(names[first:last])
+    for body, head in combinations(range(len(names)), 2):
+        if not any(_is_hidden(tensors, names[body], each) for each in names[body + 1 : head]):
+            yield f"{names[body]}+{names[head]}"
+
+
+def _is_hidden(tensors: Tensors, body: str, name: str) -> bool:
+    """Return whether a network of no critic takes what `body` gives: it may follow `body`."""
+    weights = {root: [] for root in (body, name)}  # type: dict[str, list[np.ndarray]]
+    for tensor, array in tensors.items():
+        for root, found in weights.items():
+            if array.ndim == 2 and has_word(tensor, root):
+                found.append(array)
+    if _is_of_critic(name) or not all(weights.values()):
+        return False
+    return weights[name][0].shape[1] == len(weights[body][-1])
 
 
 def _chain(tensors: Tensors, part: str, is_ordered: bool) -> list[Layer]:

@@ -45,6 +45,12 @@ OUTPUTS = ("V", "gradient", "policy", "V+policy")
 #: Suffixes of the files of networks.
 SUFFIXES = (".onnx", ".pkl", ".pt", ".pth", ".cleanrl_model", ".safetensors", ".zip")
 
+#: What `hfa verify` requires of a policy whose observations are not the states.
+_DEPLOYMENT = (
+    "state its observations in a deployment file (docs/policy.md) and give that file, "
+    "--weights FILE.toml"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class NetworkFile:
@@ -80,6 +86,8 @@ class Asked(NamedTuple):
         follows after a comma. None for that of the file
     basis_size: size of the basis. A single layer with this number of inputs acts on the basis
     inputs: number of inputs of the plant. They follow the states in a Q
+    sizes: numbers of outputs that the caller can use, () for any
+    of_states: whether the inputs are states, before which no normalizer acts
     """
 
     states: int
@@ -87,6 +95,8 @@ class Asked(NamedTuple):
     activation: str | None = None
     basis_size: int = 0
     inputs: int = 0
+    sizes: tuple[int, ...] = ()
+    of_states: bool = False
 
 
 class _Contents(NamedTuple):
@@ -173,6 +183,8 @@ def _contents(stored: Any, *, is_ordered: bool) -> _Contents:
 def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> NetworkFile:
     """Return the requested networks of linear layers among tensors."""
     stated = contents.stated
+    if asked.of_states:
+        _refuse_normalizer(stated)
     tensors, precision = checked_tensors(without_training(contents.tensors))
     if stated.network:
         by_default = {kind: part for kind, part in parts.items() if not part}
@@ -198,7 +210,7 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
             refuse_others(others, layers[0].inputs, layers[-1].outputs)
 
     chosen = {
-        kind: layers_of(tensors, kind, part, contents.is_ordered, check)
+        kind: layers_of(tensors, kind, part, contents.is_ordered, check, asked.sizes)
         for kind, part in parts.items()
     }
     on_basis = _layer_on_basis(chosen, asked)
@@ -220,6 +232,20 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         names = shortened(", ".join(roots(unread)), 200)
         stated = stated._replace(notes=(*stated.notes, f"not used: {names}"))
     return NetworkFile(functions, "; ".join(chains), precision, stated, rows=rows)
+
+
+def _refuse_normalizer(stated: Stated) -> None:
+    """Raise BadInputError if the policy of a file acts on normalized observations."""
+    if stated.normalizer is not None:
+        raise BadInputError(
+            f"the file normalizes {stated.normalizer.mean.size} observations of its training, "
+            f"which are not the deviations of the states; {_DEPLOYMENT}"
+        )
+    if stated.is_normalized:
+        raise BadInputError(
+            "the policy was trained behind a VecNormalize, which the zip file does not contain; "
+            f'{_DEPLOYMENT}, with normalizer = "vecnormalize.pkl" in its [policy]'
+        )
 
 
 def _layer(tensor: str) -> str:
@@ -285,7 +311,8 @@ def _with_activations(
     elif activation is None and len(layers) > 1:
         raise BadInputError(
             'a state dict does not contain the activation; give activation="tanh" (or '
-            f"{', '.join(name for name in ACTIVATIONS if name != 'tanh')})",
+            f"{', '.join(name for name in ACTIVATIONS if name != 'tanh')}), and that of the output "
+            'after a comma, as in "relu,tanh"',
             ("--set", "activation=tanh"),
         )
     hidden = [layer._replace(activation=between) for layer in layers[:-1]]

@@ -168,7 +168,7 @@ def test_normalizers_of_checkpoints_are_refused_or_absent() -> None:
     assert read(path, activation="tanh").u(OBSERVED) == pytest.approx(u, rel=1e-9)
     seen = {f"obs_norm_state_dict.{name}": np.ones((1, 3)) for name in ("_mean", "_var", "_std")}
     said = "normalizes 3 observations of its training"
-    assert said in refusal(torch_file("normal.pt", rsl_rl | seen), activation="tanh")
+    assert said in refusal(torch_file("normal.pt", rsl_rl | seen))
     root = "model.a2c_network."
     names = [f"{root}{name}" for name in ("actor_mlp.0", "actor_mlp.2", "mu")]
     games = chain(*names) | chain(f"{root}value", widths=(4, 1)) | {f"{root}sigma": np.zeros(2)}
@@ -176,7 +176,7 @@ def test_normalizers_of_checkpoints_are_refused_or_absent() -> None:
     u = output_of(games, tuple(names), np.tanh)
     assert read(path, activation="Tanh").u(OBSERVED) == pytest.approx(u, rel=1e-9)
     games |= {f"model.running_mean_std.running_{name}": np.ones(3) for name in ("mean", "var")}
-    assert said in refusal(torch_file("normal.pth", games), activation="tanh")
+    assert said in refusal(torch_file("normal.pth", games))
 
 
 @pytest.mark.parametrize("kind", ["float16", "bfloat16"])
@@ -209,6 +209,8 @@ ASKED = {
     "policy and value": chain("net.pi.0", "net.pi.2", "net.pi.4")
     | chain("net.vf.0", "net.vf.2", "net.vf.4", widths=CRITIC),
     "twins": chain("fc1", "fc2", "fc_mu") | chain("q_fc1", "q_fc2", "q_out", widths=(5, 6, 6, 1)),
+    "twin Q functions": chain("linear1", "linear2", "linear3", widths=(3, 6, 6, 2))
+    | chain("linear4", "linear5", "linear6", widths=(3, 6, 6, 2)),
     "shared": chain("trunk.0", "trunk.2", widths=(3, 5, 4))
     | chain("actor", widths=(4, 2))
     | chain("critic", widths=(4, 1)),
@@ -217,12 +219,14 @@ ASKED = {
 
 @pytest.mark.parametrize("name", ASKED)
 def test_each_example_of_a_refusal_is_accepted(name: str) -> None:
-    """The words that a refusal proposes lead, one after the other, to a policy."""
+    """The words that a refusal proposes lead, one after the other, to a policy of all layers."""
     path = torch_file("asked.pt", ASKED[name])
     typed: dict[str, str] = {}
     for _ in range(4):
         try:
-            assert read(path, **typed).u(OBSERVED).shape == (len(OBSERVED), 2)
+            policy = read(path, **typed)
+            assert policy.u(OBSERVED).shape == (len(OBSERVED), 2)
+            assert policy.origin.count("tanh") == 2
             return
         except BadInputError as error:
             refused = error

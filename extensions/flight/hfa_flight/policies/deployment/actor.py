@@ -101,8 +101,8 @@ def _read(path: Path, wanted: Wanted) -> tuple[NetworkFile, dict[str, Any]]:
     if path.suffix.lower() in MATRIX_FILES and not is_network(path):
         return _gain(path)
     asked = f"policy={wanted.policy.get('network', '')}"
-    asked_of = Asked(wanted.observations, asked, wanted.policy.get("activation"))
-    return network_in(path, asked_of), {}
+    activation, sizes = wanted.policy.get("activation"), (len(wanted.boxes),)
+    return network_in(path, Asked(wanted.observations, asked, activation, sizes=sizes)), {}
 
 
 def _gain(path: Path) -> tuple[NetworkFile, dict[str, Any]]:
