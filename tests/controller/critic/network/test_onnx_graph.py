@@ -279,3 +279,41 @@ def test_metadata_of_a_file_are_named_as_not_applied() -> None:
     critic = read("scaled.onnx")
     assert critic.stated.notes == ("not used: metadata action_scale",)
     assert float(critic.value(np.ones(6))) == 21.0
+
+
+def several_outputs(names: tuple[str, ...]) -> str:
+    """Write a graph with outputs of 2, 1 and 1 entries with these names, and return its path."""
+    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
+    sizes = dict(zip(names, (2, 1, 1), strict=True))
+    constants = {f"W{size}": np.full((6, size), 0.5, "float32") for size in (1, 2)}
+    model = onnx.load(onnx_file("several.onnx", [], constants))
+    for name, size in sizes.items():
+        model.graph.node.append(onnx.helper.make_node("MatMul", ["x", f"W{size}"], [name]))
+    del model.graph.output[:]
+    model.graph.output.extend(
+        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, size])
+        for name, size in sizes.items()
+    )
+    onnx.save(model, "several.onnx")
+    return "several.onnx"
+
+
+def test_outputs_are_told_by_their_names_or_named_in_the_refusal() -> None:
+    """actions and values are u and V, log_prob is not used; other names are proposed, and accepted."""
+    critic = read(several_outputs(("actions", "values", "log_prob")), inputs=2)
+    assert critic.u(np.ones(6)).tolist() == [3.0, 3.0]
+    assert critic.value is not None
+    assert float(critic.value(np.ones(6))) == 3.0
+    assert critic.stated.notes == ("not used: log_prob",)
+    path = several_outputs(("left", "middle", "right"))
+    assert 'network="policy=left"' in refusal(path, inputs=2)
+    assert read(path, inputs=2, network="policy=left").u(np.ones(6)).tolist() == [3.0, 3.0]
+
+
+def test_a_graph_in_half_precision_is_evaluated_in_double() -> None:
+    weights = RNG.normal(size=(6, 5)).astype("float16")
+    nodes = [("MatMul", "x W", "m"), ("Cast", "m", "y", {"to": 10})]
+    critic = read(onnx_file("half.onnx", nodes, {"W": weights}, 5), network="policy=")
+    x = np.linspace(-1.0, 1.0, 6)
+    assert critic.u(x) == pytest.approx(x @ weights.astype(float), rel=1e-12)
+    assert critic.precision == "float16"
