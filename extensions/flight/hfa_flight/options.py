@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.critic.critic_file import entries_in, is_network
 from hfa.options.argument_types import (
     among,
     each_of,
@@ -24,7 +23,7 @@ from hfa.options.argument_types import (
 from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
 from hfa.options.games import WeightOptions, given_weights, weighted_game
 from hfa.options.option import is_given, option, options_of, refuse
-from hfa.options.trims import GivenTrim, TrimOptions
+from hfa.options.trims import TrimOptions
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import constant
@@ -33,7 +32,7 @@ from hfa_flight.air.gusts import Gust, OneMinusCosine
 from hfa_flight.air.names import gust_speed
 from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, typed_turbulence
-from hfa_flight.policies.laws import LAWS, PREDICTIVE
+from hfa_flight.policies.laws import DEPLOYMENT, GAIN, LAWS, NETWORK, PREDICTIVE, TABLE
 from hfa_flight.simulate.envelope import control_limits
 from hfa_support.errors import BadInputError, choice_of, shortened, warn
 from trim.linear.linear_model import LinearModel
@@ -43,8 +42,8 @@ from trim.point.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
     from hfa_flight.air.signals import CommandSteps
-    from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
-    from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
+    from hfa_flight.policies.policy import GainPolicy, Policy
+    from trim.point.condition import TrimCondition
 
 #: Name of the law without a policy, with which commands are steps of inputs; name of the game's
 #: exact policy.
@@ -57,11 +56,6 @@ _SAMPLE = 0.01
 #: Forms of values in the help of options.
 _GUST = "LENGTH:PEAK[:BEGIN]"
 _ACTUATORS = "LAG:RATE"
-#: What a file of --policy contains, as messages name it.
-_GAIN = "a gain or critic"
-_NETWORK = "a network"
-TABLE = "a gain table"
-DEPLOYMENT = "a deployment"
 _OF_THE_GAME = ("delta", "Q", "R")
 _OF_PLANS = ("horizon", "margin")
 _OF_FILES = ("basis", "network", "set")
@@ -70,8 +64,8 @@ _UNUSED: Mapping[str, tuple[str, ...]] = {
     NONE: (*_OF_THE_GAME, *_OF_FILES),
     EXACT: _OF_FILES,
     **dict.fromkeys(LAWS, ("command", "reference", *_OF_FILES)),
-    _GAIN: ("delta", "Q", "network", "set"),
-    _NETWORK: ("delta", "Q"),
+    GAIN: ("delta", "Q", "network", "set"),
+    NETWORK: ("delta", "Q"),
     TABLE: ("reference", "keep_inside", "filter", *_OF_THE_GAME, *_OF_FILES),
     DEPLOYMENT: ("command", "reference", *_OF_THE_GAME, *_OF_FILES),
 }
@@ -138,13 +132,9 @@ def _word_or_file(words: tuple[str, ...], text: str) -> str | Path:
 
 def kind_of(policy: str | Path) -> str:
     """Return the kind of a policy of --policy: its word, or what its file contains."""
-    if isinstance(policy, str):
-        return policy
-    if policy.suffix.lower() == ".toml":
-        return DEPLOYMENT
-    if is_network(policy):
-        return _NETWORK
-    return TABLE if np.ndim(entries_in(policy).get("K", 0.0)) == 3 else _GAIN
+    from hfa_flight.policies.policy_file import kind_of_file
+
+    return policy if isinstance(policy, str) else kind_of_file(policy)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -275,35 +265,24 @@ def behind_a_filter(policy: Policy, scenario: Scenario, point: OperatingPoint) -
     return filter(point.linearize(), noise, scenario.uncertainty.turbulence, dt).policy(policy)
 
 
-def policy_about(request: PolicyOptions, linear: LinearModel) -> GainPolicy | FunctionPolicy:
-    """Return the policy about a trim that the options specify.
+def policy_about(
+    request: PolicyOptions,
+    linear: LinearModel,
+    condition: Callable[[float], TrimCondition] | None = None,
+    commands: CommandSteps | None = None,
+) -> Policy:
+    """Return the policy about a trim that the options specify, from a file or computed exactly.
 
-    The policy is read from a file or computed exactly. A nonlinear policy, such as a network, is
-    saturated at the control limits of the model.
+    condition: function from the scheduling variable to the trim condition of a gain table
+    commands: steps that a gain table follows
     """
-    from controller.critic.critic_file import critic_in
-    from hfa_flight.policies.policy import GainPolicy, function_policy
+    from hfa_flight.policies.policy_file import policy_of_file
 
     path, weights = request.flown, given_weights(request)
     if not isinstance(path, Path):
         return exact_policy(noted_game(weights, linear))
-    game = weighted_game(weights, linear).game
-    critic = critic_in(path, game, reading_of(request))
-    if not critic.has_linear_policy:
-        return function_policy(f"critic of {path}", critic.policy, linear.point)
-    kind = "gain" if critic.slope_gain is None else "weights"
-    return GainPolicy(f"{kind} of {path}", critic.K)
-
-
-def gain_table(
-    path: Path, given: GivenTrim, point: OperatingPoint, commands: CommandSteps | None = None
-) -> ScheduledGainPolicy:
-    """Return the policy of the gain table in a file, which follows commands (`scheduled_gains`)."""
-    from hfa_flight.policies.scheduled_gains import scheduled_gains
-    from hfa_flight.schedule.gain_schedule import load_gain_schedule
-
-    schedule = load_gain_schedule(path, given.model)
-    return scheduled_gains(f"gains of {path}", schedule, point, given.common.at, commands)
+    game = weighted_game(weights, linear).game if request.kind in (GAIN, NETWORK) else None
+    return policy_of_file(path, linear.point, game, reading_of(request), condition, commands)
 
 
 def turbulence_option() -> Any:

@@ -21,13 +21,11 @@ from hfa_flight.export.c_text import write_texts
 from hfa_flight.options import (
     DEPLOYMENT,
     EXACT,
-    TABLE,
     PolicyOptions,
     actuators_of,
     actuators_option,
     at_held_altitude,
     check_policy,
-    gain_table,
     noise_of,
     noise_option,
     noted_linear_model,
@@ -42,8 +40,7 @@ from hfa_support.reporting.text import Table
 
 if TYPE_CHECKING:
     from hfa_flight.policies.filtered_policy import FilteredPolicy
-    from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
-    from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
+    from hfa_flight.policies.policy import Policy
     from trim.linear.linear_model import LinearModel
     from trim.point.operating_point import OperatingPoint
 
@@ -188,10 +185,10 @@ def _write_fmu(
     linear = noted_linear_model(model, point)
     steering = None
     if request.filter:
-        policy = _policy(request, given, linear)
+        policy = policy_about(request, linear, given.common.at)
         steering = behind_a_filter(model, _filtered(request, given, linear, policy))
     elif request.policy is not None:
-        steering = following_a_reference(model, _policy(request, given, linear))
+        steering = following_a_reference(model, policy_about(request, linear, given.common.at))
     loop = exported_loop(model, point, steering, actuators)
     write_fmu(loop, target, provenance(request, given.source))
     return [target]
@@ -206,7 +203,7 @@ def _write_source(
 
     origin = _origin(request, given)
     linear = noted_linear_model(given.model, point)
-    policy = _policy(request, given, linear)
+    policy = policy_about(request, linear, given.common.at)
     texts = c_model_texts(linear, policy, origin)
     if request.filter:
         texts |= c_filter_texts(_filtered(request, given, linear, policy), origin)
@@ -222,15 +219,6 @@ def _filtered(
     noise = noise_of(request.noise, given.model)
     air = at_held_altitude(request.turbulence, given.hold)
     return filter(linear, noise, air).policy(policy)
-
-
-def _policy(
-    request: ExportRequest, given: GivenTrim, linear: LinearModel
-) -> GainPolicy | FunctionPolicy | ScheduledGainPolicy:
-    """Return the policy that the options specify: a gain table, a file, or the exact policy."""
-    if isinstance(request.flown, Path) and request.kind == TABLE:
-        return gain_table(request.flown, given, linear.point)
-    return policy_about(request, linear)
 
 
 def _show_written(

@@ -33,7 +33,6 @@ from hfa_flight.options import (
     behind_a_filter,
     check_policy,
     envelope_of,
-    gain_table,
     noted_game,
     noted_linear_model,
     policy_about,
@@ -279,22 +278,19 @@ def _steering(
     limits: state -> limits of --envelope
     """
     from hfa_flight.commands.tracking import tracking_of
-    from hfa_flight.policies.filtered_policy import behind_own_filter
     from hfa_flight.policies.given import command_steps
     from hfa_flight.policies.policy import GainPolicy, open_loop
 
     model = given.model
     steps = command_steps(commands)
     flown = request.flown
-    if isinstance(flown, Path) and request.kind == DEPLOYMENT:
-        return behind_own_filter(flown, point), None, None
-    if isinstance(flown, Path) and request.kind == TABLE:
-        return gain_table(flown, given, point, steps), None, None
     if flown == NONE:
         if request.policy is None:
             warn(f"no --policy is given: no policy acts (--policy {NONE})")
         return open_loop(steps, tuple(model.inputs)), None, None
     linear = noted_linear_model(model, point)
+    if request.kind in (DEPLOYMENT, TABLE):
+        return policy_about(request, linear, given.common.at, steps), None, None
     if request.kind in LAWS:
         planned = policy_of_law(
             request.kind,

@@ -24,16 +24,14 @@ from hfa.options.output import ProgressLine
 from hfa.options.trims import GivenTrim, TrimInput, TrimOptions, trim_input
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
-    DEPLOYMENT,
     EXACT,
     NONE,
-    TABLE,
     exact_policy,
     kind_of,
     policy_of_law,
     policy_option,
 )
-from hfa_flight.policies.laws import LAWS
+from hfa_flight.policies.laws import DEPLOYMENT, LAWS, TABLE
 from hfa_support.errors import BadInputError
 from trim.linear.linearize import linearize
 
@@ -128,19 +126,16 @@ def _policy(
     given: str | Path, game: Game, point: OperatingPoint, limits: Mapping[str, Any]
 ) -> tuple[str, Any]:
     """Return the name of a policy of --policy, and the policy."""
-    from controller.critic.critic_file import critic_in
-    from hfa_flight.schedule.gain_schedule import load_gain_schedule
+    from hfa_flight.policies.policy_file import policy_of_file
 
     kind = kind_of(given)
     if not isinstance(given, Path):
         if kind == EXACT:
             return _EXACT, exact_policy(game)
         return kind, None if kind == NONE else policy_of_law(kind, game, point, limits)
-    if kind == DEPLOYMENT:
-        return f"policy of {given}", given
-    if kind == TABLE:
-        return f"gains of {given}", load_gain_schedule(given, point.model)
-    return f"critic of {given}", critic_in(given, game)
+    policy = policy_of_file(given, point, game)
+    named = {DEPLOYMENT: "policy", TABLE: "gains"}.get(kind, "critic")
+    return f"{named} of {given}", policy
 
 
 def _refuse_contradictions(request: OptimizeRequest) -> None:

@@ -23,7 +23,7 @@ from hfa_flight.export.c_text import (
     positions,
     units_of,
 )
-from hfa_flight.policies.policy import FunctionPolicy, GainPolicy
+from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
 from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
 from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
@@ -70,7 +70,7 @@ class _PolicyInC(NamedTuple):
 
 def c_model_texts(
     linear: LinearModel,
-    policy: GainPolicy | FunctionPolicy | ScheduledGainPolicy | None,
+    policy: Policy | None,
     origin: str,
 ) -> dict[str, str]:
     """Return the C source of an aircraft as file name -> text.
@@ -78,7 +78,7 @@ def c_model_texts(
     The files are a header, a source file and, if a policy is given, an example 100 Hz loop.
 
     linear: linear model at a trim
-    policy: policy about that trim, or None
+    policy: gain, function or gain table about that trim, or None
     origin: provenance, for a comment
 
     Raises BadInputError if the equations cannot be expressed in C.
@@ -130,18 +130,17 @@ def c_model_texts(
     return texts
 
 
-def _policy_in_c(
-    linear: LinearModel, policy: GainPolicy | FunctionPolicy | ScheduledGainPolicy | None
-) -> _PolicyInC:
+def _policy_in_c(linear: LinearModel, policy: Policy | None) -> _PolicyInC:
     """Return the source of a policy, or of u = u0 without one."""
     no_gain = np.zeros(linear.B.T.shape)
     of_gain = "u = u0 - K z: the policy at x. Nothing is limited."
     if isinstance(policy, FunctionPolicy):
         formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."
         return _PolicyInC(no_gain, formula, _CALLED, {}, "\n" + _policy_function(policy))
-    if not isinstance(policy, ScheduledGainPolicy):
+    if policy is None or isinstance(policy, GainPolicy):
         K = no_gain if policy is None else policy.K
         return _PolicyInC(K, of_gain, _LINEAR, {}, "")
+    assert isinstance(policy, ScheduledGainPolicy)  # of a file without a sample time
     model, schedule = linear.point.model, policy.schedule
     K = schedule.table.at(linear.point.values[model.schedule])
     if len(schedule.breakpoints) == 1:

@@ -17,16 +17,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.critic.critic_file import (
-    entries_in,
-    gain_in,
-    is_network,
-    policy_in,
-    read_critic,
-    refuse_other_step,
-)
 from controller.expansion.expansion import Expansion
-from controller.game.linear_game import names_of_linear
 from controller.riccati.gare import Solution
 from controller.tracking import Tracking
 from hfa_flight.air.scenario import Scenario
@@ -40,10 +31,11 @@ from hfa_flight.policies.policy import (
     function_policy,
     open_loop,
 )
+from hfa_flight.policies.policy_file import policy_of_file
 from hfa_flight.policies.sampled_policy import SampledPolicy
 from hfa_flight.policies.scheduled_gains import scheduled_gains
 from hfa_flight.schedule.gain_schedule import GainSchedule
-from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown, shown
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
 
@@ -69,7 +61,7 @@ def policy_and_scenario(
     """
     inputs = tuple(point.model.inputs)
     if isinstance(given, (str, Path)):
-        given = _policy_of_file(Path(given), point)
+        given = policy_of_file(Path(given), point)
     if isinstance(given, Policy):
         return given.in_scenario(scenario)
     if given is None:
@@ -100,21 +92,6 @@ def policy_and_scenario(
         return GainPolicy("gain", numbers_in("policy", given)), scenario
     except BadInputError as error:
         raise BadInputError(f"policy is {shown(given)}; {_FORMS}") from error
-
-
-def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
-    """Return the deployment in a .toml file, or the critic in any other file."""
-    if path.suffix.lower() == ".toml":
-        return Deployment.load(path)
-    entries = {} if is_network(path) else entries_in(path)
-    if "K" not in entries:
-        return read_critic(path)
-    plant = names_of_linear(point.linearize())
-    with prefix_errors(path):
-        refuse_other_step(entries, None)
-        K = gain_in(entries, plant)
-        policy = policy_in(entries, plant)
-    return Critic(K, network={} if policy is None else {"policy": policy})
 
 
 def command_steps(given: Mapping[str, Any]) -> CommandSteps:

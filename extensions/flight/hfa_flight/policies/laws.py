@@ -6,3 +6,8 @@ from __future__ import annotations
 PREDICTIVE = "predictive"
 #: Names of all laws.
 LAWS = (PREDICTIVE, "state-dependent")
+#: Kinds of files that contain a policy.
+GAIN = "a gain or critic"
+NETWORK = "a network"
+TABLE = "a gain table"
+DEPLOYMENT = "a deployment"
