@@ -4,7 +4,8 @@ Critics are compared with the exact solution. The public names are listed in the
 module.
 """
 
-from hfa_support.public_names import public_names
+from hfa_support.public_names import public_names, refuse_hidden
 from hfa_support.version import VERSION as __version__  # noqa: F401
 
+refuse_hidden(__file__, ("controller", "trim", "verification"))
 __getattr__, __dir__ = public_names(__name__, __file__)

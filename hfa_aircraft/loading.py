@@ -16,7 +16,7 @@ from hfa_aircraft.parameter_file import ParameterFile
 from hfa_aircraft.python_file import model_of_python
 from hfa_support.entry_points import AIRCRAFT, loaded, offered
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, shown
-from hfa_support.files import read_toml, regular_file
+from hfa_support.files import read_toml, regular_file, resolved
 
 #: Suffixes of the data files that the project reads.
 DATA_FILES = (".csv", ".json", ".mat", ".npz", ".st", ".toml")
@@ -135,7 +135,7 @@ def _of_parameter_file(path: str, changed_by: tuple[str, ...]) -> Model:
             f"executes none; give --aircraft {base} --parameters {path}"
         )
     files = (*changed_by, path)
-    is_circle = Path(base).resolve() in [Path(each).resolve() for each in files]
+    is_circle = resolved(base) in map(resolved, files)
     if is_circle or len(files) == _MOST_FILES:
         named = files if is_circle else (files[0], "...", files[-1])
         names = " -> ".join((*named, base))

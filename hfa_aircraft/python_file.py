@@ -13,7 +13,7 @@ from typing import Any
 from hfa_aircraft.local_sources import OWN_PACKAGES, fingerprint, hash_of_sources, local_file
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shown
-from hfa_support.files import regular_file
+from hfa_support.files import regular_file, resolved
 
 
 def model_of_python(text: str) -> tuple[Model, str]:
@@ -60,7 +60,7 @@ def _executed(file: str) -> types.ModuleType:
     module = types.ModuleType(f"aircraft_{Path(file).stem}")
     module.__file__ = file  # the module finds its data files with it
     sys.modules[module.__name__] = module  # dataclasses look up their module there
-    with _imports_from(Path(file).resolve().parent):
+    with _imports_from(resolved(file).parent):
         exec(compile(content, file, "exec"), module.__dict__)
     return module
 

@@ -112,6 +112,11 @@ def regular_file(path: str | Path) -> Path:
     return file
 
 
+def resolved(path: str | Path) -> Path:
+    """Return the absolute path without links, also of a link to itself, which cannot be read."""
+    return Path(os.path.realpath(path))
+
+
 def read_json(path: str | Path) -> Any:
     """Return the content of a JSON file.
 

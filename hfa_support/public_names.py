@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -12,7 +12,22 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
+from hfa_support.files import resolved
 from hfa_support.public_arguments import checked
+
+
+def refuse_hidden(file: str, packages: Iterable[str]) -> None:
+    """Raise ImportError if another file or folder hides a package beside the one of `file`.
+
+    A script's own trim.py or controller.py is found before the installed package of this name.
+    """
+    installed = resolved(file).parent.parent
+    for name in packages:
+        spec = find_spec(name)
+        if spec is not None and spec.origin and resolved(spec.origin).parent.parent != installed:
+            raise ImportError(
+                f"{spec.origin} hides the package {name} that hfa imports; rename this file"
+            )
 
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:

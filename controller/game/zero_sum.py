@@ -424,7 +424,8 @@ def _with_diagonal(name: str, weights: Any) -> Any:
     if isinstance(weights, np.ndarray):
         is_row = weights.ndim == 1
     else:
-        is_row = isinstance(weights, (list, tuple)) and np.ndim(weights[:1]) == 1
+        is_list = isinstance(weights, (list, tuple))
+        is_row = is_list and not any(isinstance(each, (list, tuple)) for each in weights[:1])
     if isinstance(weights, (int, float, np.number)):
         raise BadInputError(
             f"{name} is the number {shown(weights)}; give a matrix, or its diagonal"

@@ -2,7 +2,10 @@
 
 import ast
 import re
+import subprocess
+import sys
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -73,3 +76,16 @@ def test_a_state_space_gives_the_game_of_its_linear_model() -> None:
     games = [hfa.game(plant, np.ones(6), np.ones(5)) for plant in (linear, linear.to_control())]
     np.testing.assert_array_equal(games[1].A, games[0].A)
     assert games[1].names.states == games[0].names.states
+
+
+@pytest.mark.parametrize("name", ["trim", "controller"])
+def test_a_file_that_hides_a_package_is_named(name: str, tmp_path: Path) -> None:
+    """A user's own trim.py beside his script is named in one line that says to rename it."""
+    own = tmp_path / f"{name}.py"
+    own.write_text("x = 1\n")
+    (tmp_path / "script.py").write_text("import hfa\n")
+    words = [sys.executable, "script.py"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last == f"ImportError: {own} hides the package {name} that hfa imports; rename this file"

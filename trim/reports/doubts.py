@@ -58,7 +58,9 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
     if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _STEEPEST:
         yield _steep(trimmed)
     speed = roles.get("speed", "")
-    if speed and abs(trimmed.given[speed]) < _STANDING * model.states[speed].nominal:
+    is_aircraft = "alpha" in roles or "lift" in model.outputs
+    is_still = speed and abs(trimmed.given[speed]) < _STANDING * model.states[speed].nominal
+    if is_aircraft and is_still:
         yield f"the speed is {_number(model, speed, trimmed.given[speed])}, no flight; hold a speed"
     if {"drag", "lift"} <= {*model.outputs}:
         drag, lift = trimmed["drag"], trimmed["lift"]

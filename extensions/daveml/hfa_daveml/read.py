@@ -38,6 +38,7 @@ from hfa_daveml.check_cases import refuse_wrong
 from hfa_daveml.document import Document, Variable, read_document
 from hfa_daveml.functions import Expressions
 from hfa_support.errors import BadInputError, shortened
+from hfa_support.files import regular_file
 
 _GRAVITY = GRAVITY["english"]
 #: Angle of attack, rad, at which the lift equals the weight at the default speed.
@@ -64,7 +65,7 @@ def read_model(text: str) -> Model:
     """
     paths = text.split("+")
     try:
-        contents = [Path(path).read_bytes() for path in paths]
+        contents = [regular_file(path).read_bytes() for path in paths]
         documents = [read_document(path) for path in paths]
     except OSError as error:
         raise BadInputError(

@@ -5,6 +5,7 @@ from a table of derivatives.
 from __future__ import annotations
 
 import math
+import os
 import re
 from pathlib import Path
 
@@ -245,6 +246,18 @@ def test_a_missing_and_a_repeated_definition_are_refused(tmp_path: Path) -> None
         hfa.load_model(f"{other}+{UAV}")
     with pytest.raises(BadInputError, match=r"none.dml cannot be read"):
         hfa.load_model(f"{UAV}+{tmp_path}/none.dml")
+
+
+@pytest.mark.parametrize("kind", ["link", "fifo", "device"])
+def test_a_path_that_is_no_file_is_refused(kind: str, tmp_path: Path) -> None:
+    """A link to itself, and files whose reading never ends, are refused before they are read."""
+    path = tmp_path / "aircraft.dml"
+    if kind == "fifo":
+        os.mkfifo(path)
+    else:
+        path.symlink_to(path if kind == "link" else "/dev/zero")
+    with pytest.raises(BadInputError, match="cannot be read"):
+        hfa.load_model(str(path))
 
 
 def test_an_ungridded_table_is_refused(tmp_path: Path) -> None:

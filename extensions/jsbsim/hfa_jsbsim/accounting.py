@@ -9,6 +9,8 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator
+from copy import copy
+from dataclasses import replace
 from functools import lru_cache
 from itertools import groupby
 from pathlib import Path
@@ -45,6 +47,8 @@ _NOTED = {
     "propulsion/tank/external-flow-rate-pps": "without effect, as tank contents are constant",
     "simulation/integrator/": "without effect, as the motion is never stopped",
 }
+#: Why a file that sets a read-only property has no effect.
+_COMPUTED = "without effect, as JSBSim computes it"
 #: Statements of notes.
 _OF_FILTERS = "?filters=states after the aircraft's name makes these states"
 _NEVER = "these are omitted, also with ?filters=states"
@@ -68,7 +72,7 @@ def account(parts: Parts, equations: Equations) -> list[Note]:
     _refuse_readers(equations)
     for unset, where in reached.unset.items():
         notes.append(Note("these properties are never set and are 0", unset, where))
-    for name in constant_commands(equations):
+    for name in constant_commands(parts, equations):
         notes.append(Note(_CONSTANT, shortened(name), equations.declared[name]))
     for component, what, is_never in reached.left_out.values():
         name = shortened(component.attributes.get("name", ""))
@@ -85,19 +89,27 @@ def account(parts: Parts, equations: Equations) -> list[Note]:
     return notes
 
 
-def constant_commands(equations: Equations) -> list[str]:
-    """Return the commands that a <property> of the files declares and that nothing sets.
+def constant_commands(parts: Parts, equations: Equations) -> list[str]:
+    """Return the commands that a <property> of the files declares, that nothing sets, and on which
+    a force depends.
 
     Programs around JSBSim set such commands, for example an autopilot.
     """
     reached = equations.properties
-    return [
+    names = [
         name
         for name in equations.declared
         if name in reached.asked
         and reached.writer(name) is None
         and re.search("cmd|command", name.rsplit("/", 1)[-1])
     ]
+    if not names:
+        return []
+    with_inputs = copy(parts)
+    with_inputs.choices = replace(parts.choices, inputs=(*parts.choices.inputs, *names))
+    tried = Equations(with_inputs)
+    moving = tried.used_inputs()
+    return [name for name in names if tried.chosen[name] in moving]
 
 
 @lru_cache
@@ -205,10 +217,11 @@ def _of_writers(equations: Equations) -> list[Note]:
         mine = [writer for writer in writers if writer.element is not None]
         if not rights or not mine:
             continue
-        if rights == "R":
+        if rights == "R" and name in properties.asked:
             raise _refusal(mine[-1], f"{shortened(name)} is a read-only JSBSim property")
         plain = without_numbers(name)
         reason = next((why for prefix, why in _NOTED.items() if plain.startswith(prefix)), "")
+        reason = _COMPUTED if rights == "R" else reason
         if reason:
             notes.append(Note(f"set {reason}", shortened(name), mine[-1].where, MOTION))
             continue

@@ -148,6 +148,18 @@ class Equations:
             self.notes.append(air_loads.hysteresis)
         self.notes += self.properties.notes
 
+    def used(self) -> set[int]:
+        """Return the hashes of the symbols on which rates or outputs depend."""
+        every = ca.vertcat(*self.rates.values(), *self.outputs.values())
+        return {symbol.element_hash() for symbol in ca.symvar(every)}
+
+    def used_inputs(self) -> dict[str, PilotInput]:
+        """Return the inputs on which rates or outputs depend, by name."""
+        used = self.used()
+        return {
+            name: each for name, each in self.inputs.items() if each.symbol.element_hash() in used
+        }
+
     def _declare_symbols(self) -> None:
         """Declare a symbol for each state, input, parameter and gust, and for the time."""
         names = [*STATES, *_engine_states(self.parts)]
@@ -367,7 +379,9 @@ class Equations:
             for element in section.all("property"):
                 self._define_property(element, overrides=element.file != section.file)
             for part in named(section):
-                self._define_function(part, number)
+                of_engine = part.attributes["name"] in jets.OF_ENGINES
+                if not (of_engine and section.name == "propulsion"):  # engines come below
+                    self._define_function(part, number)
 
     def _define_property(self, element: Element, overrides: bool) -> None:
         """Set the property of a <property> element."""
@@ -408,6 +422,8 @@ class Equations:
         # The copy of the property named by `copyto` is not supported. Reading it raises
         # BadInputError.
         name = "-".join(element.attributes["name"].split(" "))
+        if number is not None and name in jets.OF_ENGINES:
+            name = f"propulsion/engine[#]/{name}"
         copy = element.attributes.get("copyto")
         if copy:
 

@@ -39,6 +39,11 @@ _LAGS = {"turbine_engine": "spool", "piston_engine": "manifold", "turboprop_engi
 _SLOWEST_GEAR = 0.001
 #: Horsepower, ft lb/s.
 HP = 550.0
+#: Functions in engine files that JSBSim names propulsion/engine[NUMBER]/NAME.
+OF_ENGINES = (
+    *("IdleThrust", "MilThrust", "AugThrust", "Injection", "EnginePowerVC"),
+    *("N1SpoolUp", "N1SpoolDown", "N2SpoolUp", "N2SpoolDown"),
+)
 KINDS = ("turbine_engine", "rocket_engine", "piston_engine", "turboprop_engine", "electric_engine")
 THRUSTERS = ("propeller", "direct", "nozzle")
 

@@ -84,12 +84,14 @@ def piston_power(
     fuel_flow = air_flow * fuel_share * 2.2046 * 3600.0
     indicated: Any = fuel_flow / _consumption(file, around, breathing)
     indicated = indicated * _mixture_efficiency(engine, around, fuel_share)
-    indicated = indicated - engine.value_of("static-friction", 1.5, "HP")
+    own_friction = engine.value_of("static-friction", 1.5, "HP")
+    static_friction = own_property(file, around, "friction-hp", own_friction)
+    indicated = indicated - static_friction
     friction: Any = -engine.value_of("dynamic-fmep", 18400.0, "PA") * piston_speed * FOOT
     friction = friction - engine.value_of("static-fmep", 46500.0, "PA")
     pumping = (throttled - ambient) * efficiency
     runs = running(file, around)
-    indicated = ca.if_else(runs, indicated, -engine.value_of("static-friction", 1.5, "HP"))
+    indicated = ca.if_else(runs, indicated, -static_friction)
     # Without ignition the engine is dragged by the propeller.
     friction = ca.if_else(runs, friction, 0.0)
     cycles = engine.value_of("cycles", 4.0)

@@ -32,6 +32,7 @@ from hfa_jsbsim.reasons import explain, of_files
 from hfa_jsbsim.surfaces import PilotInput
 from hfa_jsbsim.xml_file import Folders
 from hfa_support.errors import BadInputError, advice, choice_of, shortened
+from hfa_support.files import resolved
 
 #: Outputs that are surface positions: name -> property, in rad.
 _POSITIONS = {
@@ -141,8 +142,8 @@ def _find(text: str) -> tuple[Path, Folders]:
     if text.startswith("jsbsim:"):
         path = _in_data(text.removeprefix("jsbsim:"), root)
     else:
-        path = Path(text).resolve()
-    data = None if root is None else root.resolve()
+        path = resolved(text)
+    data = None if root is None else resolved(root)
     shared = [path.parent.parent.parent]
     if data is not None and data not in shared:
         shared.append(data)
@@ -162,7 +163,7 @@ def _in_data(name: str, root: Path | None) -> Path:
         raise BadInputError(
             f"JSBSim has no aircraft {shortened(name)!r}; {choice_of(name, folders)}"
         )
-    return (root / "aircraft" / name / f"{name}.xml").resolve()
+    return resolved(root / "aircraft" / name / f"{name}.xml")
 
 
 def data_folder() -> Path | None:
@@ -193,13 +194,8 @@ class _Declaration:
     def __init__(self, parts: Parts, equations: Equations) -> None:
         self.parts = parts
         self.equations = equations
-        every = ca.vertcat(*equations.rates.values(), *equations.outputs.values())
-        used = {symbol.element_hash() for symbol in ca.symvar(every)}
-        self.inputs = {
-            name: pilot_input
-            for name, pilot_input in equations.inputs.items()
-            if pilot_input.symbol.element_hash() in used
-        }
+        used = equations.used()
+        self.inputs = equations.used_inputs()
         self._refuse_chosen()
         self.parameters = {
             name: symbol
@@ -263,7 +259,10 @@ class _Declaration:
                 ),
                 begin=self._beginning(),
                 explain=partial(
-                    explain, self.parts, (*self.inputs,), constant_commands(self.equations)
+                    explain,
+                    self.parts,
+                    (*self.inputs,),
+                    constant_commands(self.parts, self.equations),
                 ),
             ),
         )

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hfa_support.errors import BadInputError, file_faults, shortened
-from hfa_support.files import regular_file
+from hfa_support.files import regular_file, resolved
 
 #: Largest depth of nested elements in an aircraft file.
 _DEEPEST = 100
@@ -368,8 +368,8 @@ class Folders:
             own_folders += [self.aircraft / "Systems", self.aircraft / "systems"]
         folders = [*own_folders, *(folder / kind for folder in self.shared)]
         for folder in folders:
-            path = (folder / relative).resolve()
-            if not path.is_relative_to(folder.resolve()):
+            path = resolved(folder / relative)
+            if not path.is_relative_to(resolved(folder)):
                 raise element.error(
                     f"the file {shortened(name)} is outside the aircraft's folders; move the "
                     "file into a folder of the aircraft"

@@ -15,6 +15,9 @@ QUICK = {
     "airframe: external force, frame LOCAL": "agrees",
     "control: integrator of a rate": "noted",
     "airframe: propeller, Mach": "agrees",
+    "airframe: two turbines with functions of one name": "agrees",
+    "airframe: piston, friction set by a component": "agrees",
+    "airframe: piston, oil pressure set by a component": "agrees",
     "control: kinematic, falling detents": "refused",
     "functions: value nan": "refused",
 }

@@ -1,12 +1,23 @@
 """Content of files that is supported, and content that is refused with file and line."""
 
+import os
 import re
 
 import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
 from constructs.jet import slope
-from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, with_elevator, written
+from small_aircraft import (
+    CONTROL,
+    LIFT,
+    METRICS,
+    PITCH,
+    REST,
+    force,
+    glider,
+    with_elevator,
+    written,
+)
 
 from hfa import BadInputError, load_model, trim
 
@@ -329,3 +340,34 @@ def test_the_sign_of_the_inertia_product_is_read(tmp_path):
     inertia[0, 1] = inertia[1, 0] = -100.0
     expected = np.linalg.solve(inertia, moments)
     assert [rates[1]["roll_rate"], rates[1]["yaw_rate"]] == pytest.approx(expected.tolist())
+
+
+def test_advice_on_inputs_leads_to_a_model(tmp_path):
+    """The list of ?inputs= in a note has only commands that move a force, and is accepted."""
+    damper = (
+        '<channel name="damper"> <pure_gain name="idle"> <input>fcs/dead-cmd</input>'
+        " <gain>0</gain> <output>fcs/idle</output> </pure_gain> <summer name='live'>"
+        " <input>fcs/idle</input> <input>fcs/live-cmd</input> <output>fcs/live</output> </summer>"
+        " </channel>"
+    )
+    declared = "<property>fcs/dead-cmd</property><property>fcs/live-cmd</property>"
+    control = CONTROL.replace("<channel", f"{declared}{damper}<channel", 1)
+    pitch = force(
+        "PITCH", slope(-1.0, "fcs/live"), slope(-1.0, "aero/alpha-rad"), length="cbarw-ft"
+    )
+    path = written(tmp_path, glider(LIFT + REST.replace(PITCH, pitch), control=control))
+    (note,) = [note for note in load_model(path).about.notes if "?inputs=" in note]
+    assert "fcs/live-cmd" in note
+    assert "fcs/dead-cmd" not in note
+    assert "live_cmd" in load_model(f"{path}?inputs=fcs/live-cmd").inputs
+
+
+@pytest.mark.parametrize("kind", ["link", "fifo"])
+def test_a_path_that_is_no_file_is_refused(kind, tmp_path):
+    """A link to itself, and a FIFO, whose reading never ends, are refused in one line."""
+    path = tmp_path / "glider.xml"
+    if kind == "link":
+        path.symlink_to(path)
+    else:
+        os.mkfifo(path)
+    assert_refused(run("trim", "--aircraft", str(path)), 2, "cannot be read")

@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 import math
+import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -43,7 +44,7 @@ from hfa_aircraft.readers.derivatives.names import (
 from hfa_aircraft.rigid.aircraft import GRAVITY
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, air_at
 from hfa_support.errors import BadInputError, advice, file_faults, shown
-from hfa_support.files import read_toml, regular_file
+from hfa_support.files import read_toml, regular_file, resolved
 from hfa_support.units import FOOT, SYSTEMS
 
 #: Text entries: name -> permitted values, or None if any text is permitted.
@@ -132,7 +133,7 @@ def _stability_file(
         if not isinstance(entry.value, str):
             raise entry.error(f"{AVL} is {shown(entry.value)}; give the name of a stability file")
         path = str(folder / entry.value)
-        if given and Path(given).resolve() != Path(path).resolve():
+        if given and resolved(given) != resolved(path):
             raise BadInputError(f"{where} names {path}, not {given}; correct {AVL}")
     if not path:
         return None
@@ -369,6 +370,13 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT, *others)
     if name in known:
         return entry.error(f"{name} has a single value; give the lower and the upper limit")
+    if flow5 := re.fullmatch(r"(C[XYZlmn])([uabqpr])", name):
+        coefficient, letter = flow5.groups()
+        meant = f"{coefficient}_{ {'a': 'alpha', 'b': 'beta'}.get(letter, letter) }"
+        advised = f"write {meant}"
+        if meant not in known:
+            advised = "give lift and drag, in stability axes CL = -CZ and CD = -CX"
+        return entry.error(f"{name} is flow5's name of {meant}; {advised}")
     alike = [each for each in known if each[:2] == name[:2]]  # CL is lift, Cl is roll
     if near := advice(name, alike) or advice(name, known):
         return entry.error(f"unknown entry {shown(name)}{near}")

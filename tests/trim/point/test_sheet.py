@@ -615,12 +615,21 @@ def test_the_anticipation_parameter_is_that_by_hand(name: str) -> None:
     assert found["CAP"] == pytest.approx(found["short period frequency"] ** 2 / by_alpha, rel=1e-5)
 
 
-@pytest.mark.parametrize(("speed", "doubted"), [(0.2, True), (5.0, False)])
-def test_a_standing_aircraft_is_doubted(speed: float, doubted: bool) -> None:
-    """A trim at less than a hundredth of the nominal speed is no flight, and its first lines say so."""
-    states, inputs = {"speed": hfa.Signal("m/s", nominal=50.0)}, {"thrust": hfa.Signal("N")}
+@pytest.mark.parametrize(
+    ("speed", "output", "doubted"),
+    [(0.2, "lift", True), (5.0, "lift", False), (0.2, "extension", False)],
+)
+def test_a_standing_aircraft_is_doubted(speed: float, output: str, doubted: bool) -> None:
+    """A trim at less than a hundredth of the nominal speed is no flight, and its first lines say so,
+    of a model with the outputs of an aircraft.
+    """
     model = hfa.Model(
-        "car", states, inputs, lambda x, u, p, w: ({"speed": u.thrust}, {}), trim={"speed": speed}
+        "car",
+        {"speed": hfa.Signal("m/s", nominal=50.0)},
+        {"thrust": hfa.Signal("N")},
+        lambda x, u, p, w: ({"speed": u.thrust}, {output: u.thrust}),
+        outputs={output: hfa.Signal("N")},
+        trim={"speed": speed},
     )
     assert ("no flight" in hfa.trim(model).report().title) == doubted
 

@@ -268,6 +268,19 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "piston, lag of the manifold": driven(
         "", _ONE, f"{_PISTON} <man-press-lag> 0.2 </man-press-lag>"
     ),
+    "two turbines with functions of one name": {
+        "propulsion": (
+            '<engine> <turbine_engine> <milthrust unit="LBS"> 900 </milthrust> <function'
+            ' name="IdleThrust"> <v>0.2</v> </function> <function name="MilThrust"> <v>0.7</v>'
+            " </function> </turbine_engine> <feed>0</feed> <thruster> <location"
+            ' unit="IN"> <x> 20 </x> <y> -9 </y> <z> 0 </z> </location> <direct/> </thruster>'
+            " </engine>"
+        )
+    },
+    "piston, friction set by a component": driven("", _ONE, _PISTON)
+    | writing("propulsion/engine[0]/friction-hp", 3.0),
+    "piston, oil pressure set by a component": driven("", _ONE, _PISTON)
+    | writing("propulsion/engine[0]/oil-pressure-psi", 9.0),
     "piston, starter": driven("", _ONE, f"{_PISTON} <starter-torque> 40 </starter-torque>"),
     "piston, bore": driven("", _ONE, f"{_PISTON} <bore> 5 </bore> <cylinders> 4 </cylinders>"),
     "piston, consumption": driven("", _ONE, f"{_PISTON} <bsfc> 0.5 </bsfc>"),
