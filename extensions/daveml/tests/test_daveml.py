@@ -2,12 +2,9 @@
 from a table of derivatives.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import re
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -32,7 +29,7 @@ _ONE = """<DAVEfunc><variableDef name="x" varID="x" units="nd"><isInput/></varia
 <variableDef name="y" varID="y" units="nd">{}</variableDef>{}</DAVEfunc>"""
 
 
-def changed(folder: Path, old: str, new: str) -> str:
+def changed(folder, old, new):
     """Return the path of a copy of the example file with one replacement.
 
     old: text in the example, which must occur
@@ -44,21 +41,21 @@ def changed(folder: Path, old: str, new: str) -> str:
     return str(path)
 
 
-def formula(text: str, x: float, folder: Path) -> float:
+def formula(text, x, folder):
     """Return the value at x of a MathML formula in a DAVE-ML file."""
     path = folder / "one.dml"
     path.write_text(_ONE.format(f"<calculation><math>{text}</math></calculation>", ""))
     return float(ca.evalf(value_of(read_document(str(path)), "y", {"x": x})))
 
 
-def test_the_example_passes_its_check_cases() -> None:
+def test_the_example_passes_its_check_cases():
     """The example passes its check cases and has twelve outputs."""
     outputs = checked_outputs(read_document(str(UAV)))
     assert [output.ok for output in outputs] == [True] * 12
 
 
 @pytest.mark.parametrize("wrong", ["-0.36", "3.45", "0.5"])
-def test_a_wrong_number_is_refused_by_the_check_cases(wrong: str, tmp_path: Path) -> None:
+def test_a_wrong_number_is_refused_by_the_check_cases(wrong, tmp_path):
     """A file with a changed coefficient, table value or input of a check case is refused."""
     old = {
         "-0.36": "<cn>-0.36</cn>",
@@ -72,7 +69,7 @@ def test_a_wrong_number_is_refused_by_the_check_cases(wrong: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("off", [1.0, -1.0])
-def test_a_printed_output_that_is_off_is_refused(off: float, tmp_path: Path) -> None:
+def test_a_printed_output_that_is_off_is_refused(off, tmp_path):
     """An output of a check case above or below the computed one is refused."""
     head, mark, outputs = TEXT.partition("<checkOutputs>")
     printed = re.search(r"<signalValue>([^<]+)", outputs)[1]
@@ -83,13 +80,13 @@ def test_a_printed_output_that_is_off_is_refused(off: float, tmp_path: Path) -> 
         hfa.load_model(str(path))
 
 
-def test_spellings_of_a_unit_are_equal(tmp_path: Path) -> None:
+def test_spellings_of_a_unit_are_equal(tmp_path):
     """A check case in m/s is accepted for a variable in m_s."""
     path = changed(tmp_path, "<signalValue>35.0", "<signalUnits>m/s</signalUnits><signalValue>35.0")
     assert [output.ok for output in checked_outputs(read_document(path))] == [True] * 12
 
 
-def test_the_dml_aircraft_equals_the_toml_aircraft() -> None:
+def test_the_dml_aircraft_equals_the_toml_aircraft():
     """Trim, A and B of examples/uav.dml equal those of examples/uav.toml, which is in SI units."""
     table = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
     file = hfa.load_model(str(UAV))
@@ -110,7 +107,7 @@ def test_the_dml_aircraft_equals_the_toml_aircraft() -> None:
     np.testing.assert_allclose(of_file.B[:, order], B, rtol=1e-8, atol=1e-9)
 
 
-def with_definitions(folder: Path, name: str, renamed: dict[str, str], text: str) -> str:
+def with_definitions(folder, name, renamed, text):
     """Return the path of a copy of the example in which variables are renamed and others added."""
     content = TEXT
     for old, new in renamed.items():
@@ -127,7 +124,7 @@ STATE = [120.0, 0.06, 0.05, 0.1, 0.2, -0.1, 0.3, 0.2, 0.1, 500.0]
 INPUTS = [0.02, -0.03, 0.01, 5.0]
 
 
-def test_a_center_of_gravity_and_a_thrust_have_their_moments(tmp_path: Path) -> None:
+def test_a_center_of_gravity_and_a_thrust_have_their_moments(tmp_path):
     """The air force has a moment about the center of gravity, -c × F; thrust moments are added."""
     offset = np.array([0.3, -0.2, 0.1])
     moment = np.array([1.0, 2.0, -3.0])
@@ -175,14 +172,14 @@ def test_a_center_of_gravity_and_a_thrust_have_their_moments(tmp_path: Path) -> 
     )
 
 
-def test_forces_in_body_axes_give_the_aircraft_of_lift_and_drag(tmp_path: Path) -> None:
+def test_forces_in_body_axes_give_the_aircraft_of_lift_and_drag(tmp_path):
     """C_X = C_L sin α - C_D cos α and C_Z = -C_L cos α - C_D sin α give the same motion."""
 
-    def product(factor: str, function: str) -> str:
+    def product(factor, function):
         angle = f"<apply><{function}/><ci>alpha_rad</ci></apply>"
         return f"<apply><times/><cn>-1</cn><ci>{factor}</ci>{angle}</apply>"
 
-    def coefficient(axis: str, operation: str) -> str:
+    def coefficient(axis, operation):
         body = f"<calculation><math><apply><{operation}</apply></math></calculation><isOutput/>"
         name = f"aeroBodyForceCoefficient_{axis}"
         return f'<variableDef name="{name}" varID="C{axis}" units="nd">{body}</variableDef>'
@@ -200,7 +197,7 @@ def test_forces_in_body_axes_give_the_aircraft_of_lift_and_drag(tmp_path: Path) 
         hfa.load_model(with_definitions(tmp_path, "none.dml", renamed, z))
 
 
-def test_a_moved_input_has_its_initial_value_and_a_constant_is_a_parameter(tmp_path: Path) -> None:
+def test_a_moved_input_has_its_initial_value_and_a_constant_is_a_parameter(tmp_path):
     """A deflection with an initial value is an input, another variable with one a parameter."""
     old = '<variableDef name="elevatorDeflection" varID="de" units="deg"'
     fuel = '<variableDef name="fuel" varID="f" units="kg" initialValue="2"><isInput/></variableDef>'
@@ -217,7 +214,7 @@ def test_a_moved_input_has_its_initial_value_and_a_constant_is_a_parameter(tmp_p
     assert model.states["beta"].assumed
 
 
-def test_an_output_of_one_file_is_an_input_of_another(tmp_path: Path) -> None:
+def test_an_output_of_one_file_is_an_input_of_another(tmp_path):
     """The mass computed from the wing area of the other file, in ft², gives the same trim."""
     definition = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
     slug_per_ft2 = 13.5 / 14.59390294 / (0.55 / _FOOT**2)
@@ -233,7 +230,7 @@ def test_an_output_of_one_file_is_an_input_of_another(tmp_path: Path) -> None:
     np.testing.assert_allclose(points[0].states, points[1].states, rtol=1e-8)
 
 
-def test_a_missing_and_a_repeated_definition_are_refused(tmp_path: Path) -> None:
+def test_a_missing_and_a_repeated_definition_are_refused(tmp_path):
     """A missing or unreadable file for the mass, and a mass in two files, are refused."""
     mass = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
     alone = tmp_path / "aero.dml"
@@ -249,7 +246,7 @@ def test_a_missing_and_a_repeated_definition_are_refused(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("kind", ["link", "fifo", "device"])
-def test_a_path_that_is_no_file_is_refused(kind: str, tmp_path: Path) -> None:
+def test_a_path_that_is_no_file_is_refused(kind, tmp_path):
     """A link to itself, and files whose reading never ends, are refused before they are read."""
     path = tmp_path / "aircraft.dml"
     if kind == "fifo":
@@ -260,7 +257,7 @@ def test_a_path_that_is_no_file_is_refused(kind: str, tmp_path: Path) -> None:
         hfa.load_model(str(path))
 
 
-def test_an_ungridded_table_is_refused(tmp_path: Path) -> None:
+def test_an_ungridded_table_is_refused(tmp_path):
     """A table of scattered points is not supported."""
     path = tmp_path / "points.dml"
     points = "<dataPoint>0, 1</dataPoint><dataPoint>1, 2</dataPoint>"
@@ -276,7 +273,7 @@ def test_an_ungridded_table_is_refused(tmp_path: Path) -> None:
 
 
 #: Operator -> its value for x = 0.3, or for x and -1, or for x, -1 and 2.
-OPERATORS: dict[str, float] = {
+OPERATORS = {
     **{name: function(0.3) for name, function in (
         ("abs", abs), ("floor", np.floor), ("ceiling", np.ceil), ("exp", np.exp), ("ln", np.log),
         ("log", np.log10), ("sin", np.sin), ("cos", np.cos), ("tan", np.tan),
@@ -307,7 +304,7 @@ OPERATORS: dict[str, float] = {
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
-def test_operators_have_the_values_of_numpy(operator: str, tmp_path: Path) -> None:
+def test_operators_have_the_values_of_numpy(operator, tmp_path):
     """Each operator of a formula has its value, with the arguments in their order."""
     name, _, others = operator.partition(" ")
     element = name if name.startswith("<") else f"<{name}/>"
@@ -335,7 +332,7 @@ def test_operators_have_the_values_of_numpy(operator: str, tmp_path: Path) -> No
         ),
     ],
 )
-def test_formulas_have_their_analytical_values(text: str, expected: float, tmp_path: Path) -> None:
+def test_formulas_have_their_analytical_values(text, expected, tmp_path):
     """Constants, numbers and the first piece that applies have their analytical values."""
     assert formula(text, 0.3, tmp_path) == pytest.approx(expected, rel=1e-14)
 
@@ -376,7 +373,7 @@ def test_formulas_have_their_analytical_values(text: str, expected: float, tmp_p
         ),
     ],
 )
-def test_unsupported_definitions_are_refused(body: str, message: str, tmp_path: Path) -> None:
+def test_unsupported_definitions_are_refused(body, message, tmp_path):
     """Unknown operators, undefined variables, missing or circular definitions, uncertainties and
     values that are not finite are refused.
     """
@@ -434,17 +431,17 @@ def test_unsupported_definitions_are_refused(body: str, message: str, tmp_path: 
         (TEXT, TEXT.replace("DAVEfunc", "DAVE"), "the root element is <DAVE>"),
     ],
 )
-def test_a_damaged_file_is_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
+def test_a_damaged_file_is_refused(old, new, message, tmp_path):
     """A file with a faulty entry is refused, and the entry is named."""
     path = changed(tmp_path, old, new)
     with pytest.raises(BadInputError, match=message):
         hfa.load_model(path)
 
 
-def test_nested_formulas(tmp_path: Path) -> None:
+def test_nested_formulas(tmp_path):
     """A formula of 100 nested elements is evaluated, and one of 30,000 is refused."""
 
-    def nested(count: int) -> str:
+    def nested(count):
         return "<apply><minus/>" * count + "<ci>x</ci>" + "</apply>" * count
 
     assert formula(nested(100), 0.5, tmp_path) == 0.5
@@ -453,7 +450,7 @@ def test_nested_formulas(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("encoding", ["unknown-9", "utf-32", "shift_jis"])
-def test_an_unsupported_encoding_is_refused(encoding: str, tmp_path: Path) -> None:
+def test_an_unsupported_encoding_is_refused(encoding, tmp_path):
     """A file in an unknown or multi-byte encoding is refused; Latin-1 is read."""
     path = tmp_path / "encoded.dml"
     head = '<?xml version="1.0" encoding="{}"?>\n'
@@ -476,12 +473,12 @@ _POINTS = (
 )
 
 
-def value_at(path: Path, x: float, z: float) -> float:
+def value_at(path, x, z):
     """Return y of a file at x and z."""
     return float(ca.evalf(value_of(read_document(str(path)), "y", {"x": x, "z": z})))
 
 
-def test_a_function_of_points_equals_a_gridded_table(tmp_path: Path) -> None:
+def test_a_function_of_points_equals_a_gridded_table(tmp_path):
     """A function of points is interpolated like a gridded table, the last argument first.
 
     The limits of an argument apply.
@@ -507,9 +504,7 @@ def test_a_function_of_points_equals_a_gridded_table(tmp_path: Path) -> None:
         ("dependentVarPts", "dependentVarPoints", "Pts> is missing"),
     ],
 )
-def test_a_faulty_function_of_points_is_refused(
-    old: str, new: str, message: str, tmp_path: Path
-) -> None:
+def test_a_faulty_function_of_points_is_refused(old, new, message, tmp_path):
     """Missing elements, wrong numbers of values and breakpoints in a wrong order are refused."""
     assert old in _POINTS
     path = tmp_path / "points.dml"

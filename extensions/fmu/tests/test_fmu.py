@@ -1,7 +1,5 @@
 """FMUs as aircraft: a pendulum written in C, and the FMU that `hfa export` writes."""
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -43,9 +41,7 @@ VARIABLES = {
 _STATES = {"der(body.angle)": "body.angle", "der(rate)": "rate"}
 
 
-def description(
-    version: int = 2, fault: str = "", has_derivatives: bool = False, **of_variables: str
-) -> str:
+def description(version=2, fault="", has_derivatives=False, **of_variables):
     """Return modelDescription.xml of the pendulum.
 
     fault: faults and variants in pendulum.c
@@ -102,7 +98,7 @@ def description(
 
 
 @cache
-def library(version: int) -> bytes:
+def library(version):
     """Return the compiled pendulum."""
     words = [COMPILER, "-shared", "-fPIC", "-O1", "-w", *["-DFMI3"] * (version == 3), str(SOURCE)]
     made = Path(f"pendulum{version}.so").absolute()
@@ -111,19 +107,19 @@ def library(version: int) -> bytes:
 
 
 def fmu(
-    fault: str = "",
-    version: int = 2,
-    has_derivatives: bool = False,
-    folder: str = "",
-    name: str = "pendulum.fmu",
-    **of_variables: str,
-) -> str:
+    fault="",
+    version=2,
+    has_derivatives=False,
+    folder="",
+    name="pendulum.fmu",
+    **of_variables,
+):
     """Write the FMU of the pendulum to a file of the working folder, and return its path."""
     text = description(version, fault, has_derivatives, **of_variables)
     return packed(text, folder or ("x86_64-linux" if version == 3 else "linux64"), version, name)
 
 
-def packed(text: str, folder: str, version: int = 2, name: str = "pendulum.fmu") -> str:
+def packed(text, folder, version=2, name="pendulum.fmu"):
     """Write an FMU with the library of the pendulum."""
     with zipfile.ZipFile(name, "w") as archive:
         archive.writestr("modelDescription.xml", text)
@@ -133,7 +129,7 @@ def packed(text: str, folder: str, version: int = 2, name: str = "pendulum.fmu")
 
 @pytest.mark.parametrize("has_derivatives", [True, False])
 @pytest.mark.parametrize("version", [2, 3])
-def test_trim_and_linear_model_of_a_pendulum(version: int, has_derivatives: bool) -> None:
+def test_trim_and_linear_model_of_a_pendulum(version, has_derivatives):
     """sin(angle) = torque length / gravity at the trim; A, B and C are those of the equations."""
     written = fmu("", version, has_derivatives)
     model = hfa.load_model(written).with_parameters(length=1.0)
@@ -158,7 +154,7 @@ def test_trim_and_linear_model_of_a_pendulum(version: int, has_derivatives: bool
     )
 
 
-def test_the_trim_of_least_effort_needs_no_second_derivatives() -> None:
+def test_the_trim_of_least_effort_needs_no_second_derivatives():
     """With torque and angle free, the trim is that of no torque."""
     model = hfa.load_model(fmu())
     point = hfa.trim(model, free=["torque", "body_angle"], start={"body_angle": 0.5, "torque": 2.0})
@@ -166,7 +162,7 @@ def test_the_trim_of_least_effort_needs_no_second_derivatives() -> None:
     assert point["body_angle"] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_names_that_become_alike_are_told_apart() -> None:
+def test_names_that_become_alike_are_told_apart():
     """Of body.angle and body_angle, each has a name of its own, and a note says which is which."""
     text = description().replace('name="rate"', 'name="body_angle"')
     model = hfa.load_model(packed(text, "linux64"))
@@ -176,7 +172,7 @@ def test_names_that_become_alike_are_told_apart() -> None:
     assert not any("alike" in each for each in hfa.load_model(fmu()).about.notes)
 
 
-def test_the_part_of_all_states_is_left_out_of_their_names() -> None:
+def test_the_part_of_all_states_is_left_out_of_their_names():
     """Of plane[1].body.angle and plane[1].body.rate remain angle and rate, but for an output angle."""
     text = description().replace('"body.', '"angle.').replace('name="rate"', 'name="angle.rate"')
     text = text.replace('name="angle.', 'name="plane[1].body.')
@@ -189,14 +185,14 @@ def test_the_part_of_all_states_is_left_out_of_their_names() -> None:
     assert list(states) == ["plane_1_body_angle", "plane_1_body_rate"]
 
 
-def test_wrong_derivatives_of_an_fmu_are_doubted() -> None:
+def test_wrong_derivatives_of_an_fmu_are_doubted():
     """The report of a trim says that derivatives of the FMU are 10 % off its rates."""
     point = hfa.trim(hfa.load_model(fmu("scaled", has_derivatives=True)))
     assert "differ from differences of its rates by 0.1" in point.report().text()
 
 
 @pytest.mark.slow
-def test_the_exported_aircraft_is_the_aircraft() -> None:
+def test_the_exported_aircraft_is_the_aircraft():
     """Trim, outputs, A and B of the FMU that `hfa export` writes are those of the aircraft."""
     assert run("export", "--dihedral", "10", "-o", "aircraft.fmu").code == 0
     aircraft = hfa.aircraft()
@@ -218,7 +214,7 @@ def test_the_exported_aircraft_is_the_aircraft() -> None:
     np.testing.assert_allclose(theirs.B[np.ix_(rows, columns)], ours.B, rtol=1e-6, atol=1e-7)
 
 
-def test_the_game_of_an_fmu_is_solved() -> None:
+def test_the_game_of_an_fmu_is_solved():
     """The commands that need numbers alone accept an FMU."""
     given = ("--aircraft", fmu(), "--Q", "1,1", "--R", "1")
     assert run("solve", *given, "-o", "K.npz").code == 0
@@ -227,7 +223,7 @@ def test_the_game_of_an_fmu_is_solved() -> None:
 
 
 @pytest.mark.slow
-def test_an_fmu_flies() -> None:
+def test_an_fmu_flies():
     """The LQR cost of a flight is x'Px."""
     given = ("--aircraft", fmu(), "--Q", "1,1", "--R", "1")
     assert run("solve", *given, "-o", "K.npz").code == 0
@@ -259,13 +255,13 @@ UNSUITABLE = {
 
 
 @pytest.mark.parametrize("case", UNSUITABLE)
-def test_an_unsuitable_fmu_is_refused(case: str) -> None:
+def test_an_unsuitable_fmu_is_refused(case):
     """Other kinds of FMUs and damaged ones are refused in one line."""
     text, said = UNSUITABLE[case]
     assert_refused(run("trim", "--aircraft", packed(text, "linux64")), 2, said)
 
 
-def test_an_fmu_for_another_system_is_refused() -> None:
+def test_an_fmu_for_another_system_is_refused():
     """The line names the system that the FMU supports."""
     written = fmu(folder="win32")
     assert_refused(run("trim", "--aircraft", written), 2, "no library for this system")
@@ -286,9 +282,7 @@ FAILURES = {
 
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("fault", FAILURES)
-def test_a_failure_of_the_library_is_one_line(
-    fault: str, version: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failure_of_the_library_is_one_line(fault, version, monkeypatch):
     """No failed call becomes a trim: nothing is printed on standard output."""
     if fault == "stuck":  # only this call lasts until the limit of time
         monkeypatch.setattr("hfa_fmu.read._LONGEST", 0.3)
@@ -299,7 +293,7 @@ def test_a_failure_of_the_library_is_one_line(
     assert_refused(result, 2, said)
 
 
-def test_a_sweep_has_no_trim_where_the_library_fails() -> None:
+def test_a_sweep_has_no_trim_where_the_library_fails():
     """sin(angle) = torque length / gravity: beyond an angle of 1 rad, the point is refused."""
     given = ("--aircraft", fmu("error"), "--free", "torque", "--hold", "body_angle=50:60:10")
     result = run("sweep", *given, "-o", "sweep.npz")
@@ -312,9 +306,7 @@ def test_a_sweep_has_no_trim_where_the_library_fails() -> None:
 @pytest.mark.parametrize(
     ("fault", "said", "angle"), [("error", "returns error", 1.0), ("event", "event", 0.5)]
 )
-def test_a_flight_into_a_failure_or_an_event_is_refused(
-    fault: str, said: str, angle: float, units: tuple[str, ...]
-) -> None:
+def test_a_flight_into_a_failure_or_an_event_is_refused(fault, said, angle, units):
     """It begins at rest with a rate of 3.5 rad/s; the time of the angle of 1 rad or of the event.
 
     The FMU's height in ft makes `--units si` convert.
@@ -330,7 +322,7 @@ def test_a_flight_into_a_failure_or_an_event_is_refused(
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_the_equations_after_an_event_are_linearized(version: int) -> None:
+def test_the_equations_after_an_event_are_linearized(version):
     """The damping is doubled beyond an angle of .5; at the event there is no linear model."""
     model = hfa.load_model(fmu("event", version))
     for angle, damping in ((0.4, 0.5), (0.6, 1.0)):
@@ -341,7 +333,7 @@ def test_the_equations_after_an_event_are_linearized(version: int) -> None:
         point.linearize()
 
 
-def test_both_sides_of_a_kink_are_said() -> None:
+def test_both_sides_of_a_kink_are_said():
     """rate' contains -.5 rate - |rate|: the slopes are .5 and -1.5."""
     linear = hfa.trim(hfa.load_model(fmu("kinked"))).linearize()
     said = " ".join(linear.report().text().split())
@@ -349,21 +341,21 @@ def test_both_sides_of_a_kink_are_said() -> None:
     assert "error about 0.2 at the start values" in said  # 1 of the largest entry, 4.9
 
 
-def test_differences_replace_derivatives_that_fail() -> None:
+def test_differences_replace_derivatives_that_fail():
     """The note has the failed call, and A and B are those of the equations."""
     point = hfa.trim(hfa.load_model(fmu("nodd", has_derivatives=True)))
     np.testing.assert_allclose(point.linearize().B, [[0.0], [1.0]], atol=1e-8)
     assert "fmi2GetDirectionalDerivative returns error" in " ".join(point.report().text().split())
 
 
-def added(version: int, head: str, kind: str, of_kind: str) -> str:
+def added(version, head, kind, of_kind):
     """Return the entry of a variable that the pendulum has in addition."""
     if version == 3:
         return f"<{kind} {head} {of_kind}/>"
     return f"<ScalarVariable {head}><{kind} {of_kind}/></ScalarVariable>"
 
 
-def with_parameters(version: int, kind: str = "", causality: str = "parameter") -> str:
+def with_parameters(version, kind="", causality="parameter"):
     """Return a pendulum with a fixed damping, a Boolean `the.moon` and a number of `links`.
 
     kind: FMI's type of the number of links
@@ -390,7 +382,7 @@ def with_parameters(version: int, kind: str = "", causality: str = "parameter") 
 @pytest.mark.parametrize("causality", ["parameter", "input"])
 @pytest.mark.parametrize("kind", ["", "Enumeration"])
 @pytest.mark.parametrize("version", [2, 3])
-def test_parameters_of_all_types_are_held(version: int, kind: str, causality: str) -> None:
+def test_parameters_of_all_types_are_held(version, kind, causality):
     """The damping is fixed; gravity is 9.81, or 1.62 on `the.moon`, divided by the links.
 
     Inputs of truth values and whole numbers are held, too.
@@ -409,7 +401,7 @@ def test_parameters_of_all_types_are_held(version: int, kind: str, causality: st
         np.testing.assert_allclose(A[1], [-gravity / 8.0, -0.7], atol=1e-8)
 
 
-def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number() -> None:
+def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number():
     """A derivative by a whole number would be a difference over a step that it does not have; that
     by the length, gravity / length² sin(angle), is one.
     """
@@ -437,11 +429,11 @@ def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number() -> 
 
 
 @pytest.mark.slow
-def test_parameters_of_an_fmu_are_identified() -> None:
+def test_parameters_of_an_fmu_are_identified():
     """Gravity / length and damping of a record of the pendulum by SciPy, beside a whole number."""
     time = np.linspace(0.0, 1.0, 11)
 
-    def rates(_: float, x: np.ndarray) -> tuple[float, float]:
+    def rates(_, x):
         return x[1], -9.81 / 1.5 * math.sin(x[0]) - 0.7 * x[1]
 
     flown = solve_ivp(rates, (0.0, 1.0), [0.3, 0.0], t_eval=time, rtol=1e-9, atol=1e-12).y
@@ -451,14 +443,14 @@ def test_parameters_of_an_fmu_are_identified() -> None:
     assert found["damping"].value == pytest.approx(0.7, rel=1e-2)
 
 
-def rates_of(model: hfa.Model) -> ca.Function:
+def rates_of(model):
     """Return the function (x, u, p) -> rates."""
     symbols = model.layout.symbols("x", "u", "p")
     rates, _ = model.layout.expressions([components(each) for each in symbols], ())
     return ca.Function("rates", symbols, [rates])
 
 
-def test_rates_beyond_an_event_are_those_there() -> None:
+def test_rates_beyond_an_event_are_those_there():
     """rate' = - gravity / length sin(angle) - damping rate, with doubled damping beyond .5."""
     model = hfa.load_model(fmu("event"))
     rates = rates_of(model)
@@ -467,7 +459,7 @@ def test_rates_beyond_an_event_are_those_there() -> None:
         assert found == pytest.approx(-9.81 / 2.0 * math.sin(angle) - damping, abs=1e-12)
 
 
-def test_values_do_not_depend_on_what_was_evaluated_before() -> None:
+def test_values_do_not_depend_on_what_was_evaluated_before():
     """The damping is doubled beyond .5, and normal again only below .1: a hysteresis."""
     model = hfa.load_model(fmu("event memory"))
     for angle, damping in ((0.3, 0.5), (0.6, 1.0), (0.3, 0.5)):
@@ -476,7 +468,7 @@ def test_values_do_not_depend_on_what_was_evaluated_before() -> None:
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_what_modelstructure_leaves_out_and_units_are_said(version: int) -> None:
+def test_what_modelstructure_leaves_out_and_units_are_said(version):
     """A state without an entry in ModelStructure is none; units are missing."""
     text = description(version).replace('unit="rad/s"', "")
     listed = {
@@ -491,7 +483,7 @@ def test_what_modelstructure_leaves_out_and_units_are_said(version: int) -> None
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_an_event_at_the_start_values_hinders_no_trim(version: int) -> None:
+def test_an_event_at_the_start_values_hinders_no_trim(version):
     """The event is at the start angle of .5, and the trim at 0."""
     text = description(version, "event").replace('start="0.3"', 'start="0.5"')
     folder = "x86_64-linux" if version == 3 else "linux64"
@@ -501,7 +493,7 @@ def test_an_event_at_the_start_values_hinders_no_trim(version: int) -> None:
     assert "as at the start values: searches begin" in said
 
 
-def test_types_steps_and_capitals() -> None:
+def test_types_steps_and_capitals():
     """Units and limits of a type, an input that changes in steps, .FMU."""
     written = fmu(
         name="PENDULUM.FMU",
@@ -516,7 +508,7 @@ def test_types_steps_and_capitals() -> None:
 
 
 @pytest.mark.slow
-def test_a_library_that_does_not_return_ends_with_sigterm() -> None:
+def test_a_library_that_does_not_return_ends_with_sigterm():
     """The library returns at the start values, and not at an angle of 70 deg."""
     words = ["trim", "--hold", "body_angle=70", "--free", "torque", "--aircraft", fmu("hangs")]
     child = subprocess.Popen([SCRIPT, *words], stderr=subprocess.PIPE, text=True)
@@ -527,7 +519,7 @@ def test_a_library_that_does_not_return_ends_with_sigterm() -> None:
     assert (child.returncode, said) == (143, "hfa: terminated\n")
 
 
-def test_the_fmu_that_casadi_exports_is_read() -> None:
+def test_the_fmu_that_casadi_exports_is_read():
     """x'' = -x - .3 x' + 2 u, in FMI 3.0 with declared dependencies and derivatives."""
     fmpy = pytest.importorskip("fmpy", reason="FMPy, which has FMI's headers, is not installed")
     made = ca.DaeBuilder("spring")
@@ -577,7 +569,7 @@ class Swing(Fmi3Slave, ModelExchange):
 """
 
 
-def test_the_fmu_that_pythonfmu3_builds_is_read() -> None:
+def test_the_fmu_that_pythonfmu3_builds_is_read():
     """A pendulum written in Python, which divides by its length: it is never called at zeros."""
     pytest.importorskip("pythonfmu3", reason="pythonfmu3 is not installed")
     Path("swing.py").write_text(OF_PYTHON)
@@ -596,13 +588,13 @@ def test_the_fmu_that_pythonfmu3_builds_is_read() -> None:
         ("solve --Q 1,1 --R 1 --order 3", "has no power series"),
     ],
 )
-def test_commands_that_need_equations_refuse_an_fmu(words: str, said: str) -> None:
+def test_commands_that_need_equations_refuse_an_fmu(words, said):
     """Best flights, exported code and power series of an FMU are refused in one line."""
     assert_refused(run(*words.split(), "--aircraft", fmu(), "-q"), 2, said)
     assert not Path("folder").exists()
 
 
-def test_a_data_file_executes_no_fmu() -> None:
+def test_a_data_file_executes_no_fmu():
     """A file of parameters that names an FMU as its aircraft is refused; no zip file is no FMU."""
     Path("changed.toml").write_text('aircraft = "pendulum.fmu"\n[parameters]\nlength = 3.0\n')
     fmu()
@@ -612,7 +604,7 @@ def test_a_data_file_executes_no_fmu() -> None:
 
 
 @pytest.mark.skipif(REFERENCE is None, reason="REFERENCE_FMUS names no folder of reference FMUs")
-def test_reference_fmus_are_read_or_refused() -> None:
+def test_reference_fmus_are_read_or_refused():
     """A of VanDerPol and Dahlquist at rest; BouncingBall has no equilibrium.
 
     The folder REFERENCE_FMUS contains the FMUs of github.com/modelica/Reference-FMUs as NAME.fmu,
@@ -625,7 +617,7 @@ def test_reference_fmus_are_read_or_refused() -> None:
     assert_refused(run("trim", "--aircraft", f"{REFERENCE}/BouncingBall.fmu"), 1, "no trim")
 
 
-def test_a_sheet_without_limits_is_written() -> None:
+def test_a_sheet_without_limits_is_written():
     """No variable of the pendulum has two limits, so the sheet has no picture."""
     result = run("trim", "--aircraft", fmu(), "-o", "sheet.html")
     assert (result.code, "<svg" in Path("sheet.html").read_text("utf-8")) == (0, False)
@@ -635,7 +627,7 @@ def test_a_sheet_without_limits_is_written() -> None:
 
 
 @pytest.mark.slow
-def test_costs_of_a_gain_are_compared_without_best_flights() -> None:
+def test_costs_of_a_gain_are_compared_without_best_flights():
     """A program cannot have the compiled function, but the flights of K and of the LQR cost."""
     weights = ("--Q", "1,1", "--R", "1")
     run("solve", "--aircraft", fmu(), *weights, "-o", "K.npz", "-q")

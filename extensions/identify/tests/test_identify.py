@@ -1,13 +1,9 @@
 """Parameters, bands and findings of records that SciPy simulated, some with planted faults."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,17 +24,17 @@ from hfa import identify
 
 
 @cache
-def found(seed: int = 0, pole: float = 0.0) -> Any:
+def found(seed=0, pole=0.0):
     return identify(begun(1.5), record(seed, pole), FREE)
 
 
-def misses(result: Any, true: dict[str, float]) -> float:
+def misses(result, true):
     """Return (θ - true)' C⁻¹ (θ - true), which has a chi-square distribution."""
     apart = np.array([result[name].value - value for name, value in true.items()])
     return float(apart @ np.linalg.solve(result.covariance, apart))
 
 
-def test_estimates_and_bands() -> None:
+def test_estimates_and_bands():
     """From 50 % off, the estimates agree with the true values: chi-square (7) below 24.3 (1 in
     1000). Each band is narrower than 30 % of its estimate, the residuals are the sensors' noise, and
     drawn aircraft spread as the covariance says.
@@ -57,10 +53,10 @@ def test_estimates_and_bands() -> None:
     assert np.std(drawn) == pytest.approx(half / 1.96, rel=0.15)
 
 
-def in_other_units(model: hfa.Model, factors: dict[str, float]) -> hfa.Model:
+def in_other_units(model, factors):
     """Return a model whose signals are `factors` times those of another one."""
 
-    def scaled(signals: Any) -> dict[str, hfa.Signal]:
+    def scaled(signals):
         return {
             name: signal._replace(
                 **{
@@ -71,7 +67,7 @@ def in_other_units(model: hfa.Model, factors: dict[str, float]) -> hfa.Model:
             for name, signal in signals.items()
         }
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         x, u = (
             SimpleNamespace(**{n: getattr(v, n) / factors.get(n, 1.0) for n in names})
             for v, names in ((x, model.states), (u, model.inputs))
@@ -84,7 +80,7 @@ def in_other_units(model: hfa.Model, factors: dict[str, float]) -> hfa.Model:
     return replace(model, equations=equations, trim=trim, **of_model)
 
 
-def test_parameters_do_not_depend_on_the_units_of_a_record() -> None:
+def test_parameters_do_not_depend_on_the_units_of_a_record():
     """Estimates, bands and verdict are those in radians and meters, however large other units are."""
     factors = {"speed": 1e6, "alpha": 1e-6, "pitch_rate": 1e3, "pitch": 1e-3}
     factors |= {"elevator": math.degrees(1.0), "thrust": 1e-5}
@@ -99,7 +95,7 @@ def test_parameters_do_not_depend_on_the_units_of_a_record() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("pole", [0.0, 0.9])
-def test_coverage(pole: float) -> None:
+def test_coverage(pole):
     """At least 90 % of the bands of 40 records contain the true value, with white noise and with
     colored noise; no residuals are said to follow the inputs.
     """
@@ -111,7 +107,7 @@ def test_coverage(pole: float) -> None:
     assert np.mean(held) > 0.9
 
 
-def test_colored_noise_widens_the_bands() -> None:
+def test_colored_noise_widens_the_bands():
     """Each band of a record with a noise pole of 0.9 is 2 to 7 times as wide as with white noise.
 
     At low frequency the noise is √19 = 4.4 times as large. The result tells the two apart.
@@ -126,7 +122,7 @@ def test_colored_noise_widens_the_bands() -> None:
     assert colored.ok
 
 
-def test_gaps_and_several_records() -> None:
+def test_gaps_and_several_records():
     """A record with missing samples is identified together with a second one."""
     gaps, later = record(1), record(2)
     later["time"] = later["time"] + 100.0
@@ -137,7 +133,7 @@ def test_gaps_and_several_records() -> None:
     assert misses(result, {name: true_value(name) for name in FREE}) < 24.3
 
 
-def test_a_table_of_pandas_is_a_record() -> None:
+def test_a_table_of_pandas_is_a_record():
     """Units in its head are converted."""
     pandas = pytest.importorskip("pandas")
     table = pandas.DataFrame(record()).rename(columns={"alpha": "alpha [deg]"})
@@ -145,7 +141,7 @@ def test_a_table_of_pandas_is_a_record() -> None:
     assert identify(begun(1.5), table, FREE)["Cm_q"].value == pytest.approx(found()["Cm_q"].value)
 
 
-def test_a_flight_is_a_record() -> None:
+def test_a_flight_is_a_record():
     """A flight without noise gives the value with which it was flown."""
     moved = {"elevator": [(0.0, 0.03), (0.6, -0.03), (1.2, 0.0)]}
     flight = hfa.fly(LONGITUDINAL, hfa.trim(LONGITUDINAL), moved, duration=1.9)
@@ -154,12 +150,12 @@ def test_a_flight_is_a_record() -> None:
     assert again["Cm_q"].value == pytest.approx(true_value("Cm_q"), rel=1e-3)
 
 
-def late(values: np.ndarray) -> np.ndarray:
+def late(values):
     """Return a column two samples (0.08 s) late."""
     return np.concatenate([values[:1], values[:1], values[:-2]])
 
 
-def spike(values: np.ndarray) -> np.ndarray:
+def spike(values):
     return values + np.where(np.arange(len(values)) == 99, 5.0, 0.0)
 
 
@@ -172,9 +168,7 @@ def spike(values: np.ndarray) -> np.ndarray:
         ("pitch_rate", spike, "pitch_rate", 5.0),
     ],
 )
-def test_a_planted_fault_is_seen(
-    column: str, fault: Callable[[np.ndarray], np.ndarray], seen: str, size: float
-) -> None:
+def test_a_planted_fault_is_seen(column, fault, seen, size):
     """The result names the quantity, how far it is off the model, and when: during the maneuver
     (0.5 to 4.5 s), or at the planted sample.
     """
@@ -191,7 +185,7 @@ def test_a_planted_fault_is_seen(
         assert clearest.samples == 0
 
 
-def test_parameters_far_from_the_start_are_told() -> None:
+def test_parameters_far_from_the_start_are_told():
     """With the wrong sign of the elevator its derivative changes sign."""
     wrong = record(seed=11)
     wrong["elevator"] = 2.0 * wrong["elevator"][0] - wrong["elevator"]
@@ -203,7 +197,7 @@ def test_parameters_far_from_the_start_are_told() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("lag", [100.0, 0.1])
-def test_right_records_in_turbulence_pass_the_residual_test(lag: float) -> None:
+def test_right_records_in_turbulence_pass_the_residual_test(lag):
     """White noise drives alpha and, through a lag in s, rotates the air: no residual is said to
     follow the elevator in 16 records of a linear short period.
     """
@@ -241,7 +235,7 @@ def test_right_records_in_turbulence_pass_the_residual_test(lag: float) -> None:
         assert not identify(model, columns, list(true), inputs="steps").partings
 
 
-def test_undetermined_parameters_are_named() -> None:
+def test_undetermined_parameters_are_named():
     """A parameter that the record does not excite is named."""
     half = {name: column[:100] for name, column in record(model=AIRCRAFT).items()}
     result = identify(AIRCRAFT, half, ("Cm_alpha", "Cm_q", "Cn_r"))
@@ -252,7 +246,7 @@ def test_undetermined_parameters_are_named() -> None:
 
 
 @pytest.mark.parametrize("coloured", [True, pytest.param(False, marks=pytest.mark.slow)])
-def test_a_record_without_motion_fails(coloured: bool) -> None:
+def test_a_record_without_motion_fails(coloured):
     """Sensor noise alone does not pass: parameters are not determined."""
     noise, still = record(3, 0.9 * coloured), record(3, sensors={})
     columns = {"time": noise["time"]}
@@ -263,7 +257,7 @@ def test_a_record_without_motion_fails(coloured: bool) -> None:
     assert result.undetermined
 
 
-def test_biases_of_columns_are_estimated() -> None:
+def test_biases_of_columns_are_estimated():
     """Planted biases agree with their estimates: chi-square (9) below 27.9 (1 in 1000)."""
     wrong = record(seed=5)
     wrong["pitch"] = wrong["pitch"] + 0.02
@@ -277,7 +271,7 @@ def test_biases_of_columns_are_estimated() -> None:
     assert f"{math.degrees(result['bias_pitch'].value):.6g}" in str(result)
 
 
-def lag(rates: Callable[[Any, Any, Any], Any], start: float) -> tuple[hfa.Model, dict[str, Any]]:
+def lag(rates, start):
     """Return a model of one state x with x' = rates(u, k, x), and a record of x' = u - x.
 
     The input is a pulse of 2 s.
@@ -301,7 +295,7 @@ def lag(rates: Callable[[Any, Any, Any], Any], start: float) -> tuple[hfa.Model,
     return model, {"time": time, "u": u, "x": x}
 
 
-def test_noise_slower_than_the_maneuver_fails() -> None:
+def test_noise_slower_than_the_maneuver_fails():
     """Noise with a time constant of a second is beyond the correction of the bands."""
     model, columns = lag(lambda u, k, x: u - k * x, 1.2)
     slow = lfilter([1.0], [1.0, -0.985], np.random.default_rng(0).standard_normal(2000))
@@ -311,7 +305,7 @@ def test_noise_slower_than_the_maneuver_fails() -> None:
     assert not result.ok
 
 
-def gains(**values: float) -> hfa.Model:
+def gains(**values):
     """Return a model with the output y = Σ k_i u_i and a state that no input moves."""
     return hfa.Model(
         name="gains",
@@ -327,7 +321,7 @@ def gains(**values: float) -> hfa.Model:
     )
 
 
-def test_a_band_is_that_of_a_regression() -> None:
+def test_a_band_is_that_of_a_regression():
     """y = k u + x(0) e^-t of 12 samples: the band is 1.96 times the standard error of least squares."""
     generator = np.random.default_rng(4)
     time, u = 0.1 * np.arange(12), generator.standard_normal(12)
@@ -340,7 +334,7 @@ def test_a_band_is_that_of_a_regression() -> None:
     assert 0.5 * (found.high - found.low) == pytest.approx(1.959964 * error, rel=0.01)
 
 
-def test_correlated_parameters_are_told() -> None:
+def test_correlated_parameters_are_told():
     """The gains of two inputs that move alike are estimated with a correlation near -1."""
     generator = np.random.default_rng(4)
     time, u = 0.1 * np.arange(60), generator.standard_normal(60)
@@ -352,7 +346,7 @@ def test_correlated_parameters_are_told() -> None:
     assert coefficient < -0.98
 
 
-def test_an_unmeasured_state_may_begin_elsewhere() -> None:
+def test_an_unmeasured_state_may_begin_elsewhere():
     """The initial value of a state without a sensor is estimated."""
     generator = np.random.default_rng(4)
     time, u = 0.1 * np.arange(60), generator.standard_normal(60)
@@ -362,7 +356,7 @@ def test_an_unmeasured_state_may_begin_elsewhere() -> None:
     assert result["k"].value == pytest.approx(2.0, abs=0.01)
 
 
-def test_a_search_that_ends_early_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_search_that_ends_early_fails(monkeypatch):
     """After a single step the search has not converged, and the result says so."""
     monkeypatch.setattr("hfa_identify.fit.MOST_STEPS", 1)
     result = identify(begun(1.5), record(), FREE)
@@ -370,7 +364,7 @@ def test_a_search_that_ends_early_fails(monkeypatch: pytest.MonkeyPatch) -> None
     assert "did not converge" in result.first_line
 
 
-def test_an_estimate_ends_at_the_limit_of_its_parameter() -> None:
+def test_an_estimate_ends_at_the_limit_of_its_parameter():
     """Beyond its limit, the search keeps the parameter there, and the result says so."""
     limit = 0.9 * true_value("Cm_alpha")
     signals = dict(LONGITUDINAL.parameters)
@@ -381,7 +375,7 @@ def test_an_estimate_ends_at_the_limit_of_its_parameter() -> None:
     assert "at a limit of the model: Cm_alpha" in str(result)
 
 
-def test_a_frozen_sensor_is_not_explained() -> None:
+def test_a_frozen_sensor_is_not_explained():
     """A pitch rate of 0 contradicts the motion of the other columns."""
     columns = record()
     columns["pitch_rate"] = np.zeros_like(columns["time"])

@@ -1,7 +1,5 @@
 """Records: units, separators, and faults that are refused."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from pathlib import Path
@@ -31,9 +29,7 @@ SPEED = 30.0 + np.arange(12)
         ("time\talpha\tspeed", (1.0, 1.0, 1.0), "\t"),
     ],
 )
-def test_units_and_separators(
-    head: str, factors: tuple[float, float, float], separator: str, tmp_path: Path
-) -> None:
+def test_units_and_separators(head, factors, separator, tmp_path):
     """Usual units are converted, and usual separators and decimals are recognized."""
     columns = [each * factor for each, factor in zip((TIME, ALPHA, SPEED), factors, strict=True)]
     rows = [separator.join(f"{value:.9g}" for value in row) for row in np.transpose(columns)]
@@ -74,7 +70,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("fault", REFUSED)
-def test_a_faulty_record_is_refused(fault: str) -> None:
+def test_a_faulty_record_is_refused(fault):
     """The message names the record, the column and the fault."""
     columns = record()
     changes, message = REFUSED[fault]
@@ -86,7 +82,7 @@ def test_a_faulty_record_is_refused(fault: str) -> None:
         hfa.identify(begun(1.5), columns, FREE)
 
 
-def test_wrong_arguments_are_refused() -> None:
+def test_wrong_arguments_are_refused():
     """Unknown parameters, no records, no parameters, and names that are not estimated."""
     for records, free, named in (
         (record(), ["Cm_p"], "no parameter 'Cm_p'"),
@@ -99,7 +95,7 @@ def test_wrong_arguments_are_refused() -> None:
         hfa.identify(begun(1.2), record(), FREE, given=["Cm_q"])
 
 
-def written(path: str, columns: dict[str, np.ndarray], degrees: dict[str, str]) -> None:
+def written(path, columns, degrees):
     """Write columns to a CSV file.
 
     degrees: column -> unit in degrees, to which the column is converted from radians
@@ -112,7 +108,7 @@ def written(path: str, columns: dict[str, np.ndarray], degrees: dict[str, str]) 
     Path(path).write_text("\n".join(rows))
 
 
-def test_the_command_writes_an_aircraft(folder: Path) -> None:
+def test_the_command_writes_an_aircraft(folder):
     """The file names its aircraft relative to itself and contains the estimates and the values of
     --given; a changed aircraft is refused.
     """
@@ -154,9 +150,7 @@ def test_the_command_writes_an_aircraft(folder: Path) -> None:
         ("time,alpha\n0,1", ("--hold", "elevater=0"), "'elevater'"),
     ],
 )
-def test_the_command_refuses_in_one_line(
-    text: str, words: tuple[str, ...], named: str, folder: Path
-) -> None:
+def test_the_command_refuses_in_one_line(text, words, named, folder):
     """Exit code 2, one line that names what is wrong, no file."""
     Path("record.csv").write_text(text, encoding="utf-8")
     Path("columns.toml").write_text("")
@@ -169,7 +163,7 @@ def test_the_command_refuses_in_one_line(
 
 
 @pytest.mark.slow
-def test_a_flight_file_is_a_record(folder: Path) -> None:
+def test_a_flight_file_is_a_record(folder):
     """The last column of a file of `hfa fly`, the provenance, is ignored."""
     columns = record(model=AIRCRAFT)
     written("flight.csv", columns, {})

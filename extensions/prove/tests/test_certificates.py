@@ -1,12 +1,8 @@
 """Files of certificates: edits, digests of equations, and entries that are the user's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,7 +18,7 @@ from hfa_prove.subject import Given, compare, within
 
 
 @cache
-def found() -> Any:
+def found():
     return prove_schedule(Family(FLOAT), CONSTANT, 1.0, 1.5, decay_rate=0.5)
 
 
@@ -38,7 +34,7 @@ def found() -> Any:
         ('"decay_rate": 0.5', '"decay_rate": 0.50'),
     ],
 )
-def test_a_certificate_that_was_edited_is_refused(before: str, after: str, tmp_path: Path) -> None:
+def test_a_certificate_that_was_edited_is_refused(before, after, tmp_path):
     """An edit of any text of a file is refused: a value, a seal, a second entry, another digit."""
     path = tmp_path / "schedule.json"
     origin = {"version": "1", "command": "hfa prove schedule", "date": "today"}
@@ -51,35 +47,35 @@ def test_a_certificate_that_was_edited_is_refused(before: str, after: str, tmp_p
         read_certificate(path, FLOAT)
 
 
-def test_different_equations_have_different_digests() -> None:
+def test_different_equations_have_different_digests():
     """Models that differ in an operation, an output, a disturbance, a name or a trim variable have
     different digests.
 
     The name of a built-in aircraft is no digest.
     """
 
-    def changed_rates(**more: Any) -> Any:
-        def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def changed_rates(**more):
+        def equations(x, u, p, w):
             rates, outputs = float_equations(x, u, p, w)
             return rates | {name: of(x, u, p, w) for name, of in more.items()}, outputs
 
         return equations
 
-    def loaded(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def loaded(x, u, p, w):
         rates, outputs = float_equations(x, u, p, w)
         return rates, {"load": outputs["load"] + x.depth}
 
-    def renamed(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def renamed(x, u, p, w):
         return float_equations(x, SimpleNamespace(lift=u.push), p, w)
 
-    def heave(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def heave(x, u, p, w):
         return u.lift + p.pull * x.depth - p.drag * x.heave
 
     added = changed_rates(heave=heave)
     models = [replace(FLOAT, equations=each) for each in (float_equations, added, loaded)]
     models += [replace(FLOAT, equations=renamed, inputs={"push": FLOAT.inputs["lift"]})]
     gusty = changed_rates(depth=lambda x, u, p, w: x.heave + w.wind)
-    windy: Any = {"disturbances": {"wind": FLOAT.states["heave"]}}
+    windy = {"disturbances": {"wind": FLOAT.states["heave"]}}
     models += [replace(FLOAT, **windy), replace(FLOAT, equations=gusty, **windy)]
     models += [replace(FLOAT, replaced={"depth": "load"}, trim={"load": 0.5, "heave": 0.0})]
     models += [replace(FLOAT, equations=added, name="published")]
@@ -88,7 +84,7 @@ def test_different_equations_have_different_digests() -> None:
     assert digests[-1] == digests[1]
 
 
-def test_different_functions_have_different_digests() -> None:
+def test_different_functions_have_different_digests():
     """Functions that differ in the last digit of a number or in the state have different digests.
 
     The number is a coefficient, or a value of a table. Tables are told apart where they are used.
@@ -102,7 +98,7 @@ def test_different_functions_have_different_digests() -> None:
     assert len({digest_of(function, "u") for function in functions}) == 7
 
 
-def test_a_certificate_about_a_file_is_not_read_as_one_about_a_variant() -> None:
+def test_a_certificate_about_a_file_is_not_read_as_one_about_a_variant():
     """Without the file, the built-in aircraft of the same name is not the subject."""
     content = certificate(found().statement, found().witness.content())
     model = facts(aircraft()) | {"equations": "0" * 64}
@@ -119,23 +115,21 @@ def test_a_certificate_about_a_file_is_not_read_as_one_about_a_variant() -> None
         (1.0, 0.1, {"other": 0.5}, False),
     ],
 )
-def test_entries_of_the_certificate_are_exactly_the_users(
-    pull: float, drag: float, more: dict[str, float], is_same: bool
-) -> None:
+def test_entries_of_the_certificate_are_exactly_the_users(pull, drag, more, is_same):
     """Further or other numbers than the user's are refused, above and below."""
     own = {"pull": pull, "drag": drag, **more}
     with decided(is_same, "differs from the value"):
         compare(found().statement, {"flight.parameters": Given(own)})
 
 
-def test_fewer_entries_than_the_users_are_refused() -> None:
+def test_fewer_entries_than_the_users_are_refused():
     """A statement with an entry that the user does not have is about another aircraft."""
     with pytest.raises(NoSolutionError, match="drag in the certificate differs"):
         compare(found().statement, {"flight.parameters": Given({"pull": 1.0})})
 
 
 @pytest.mark.parametrize("off", [1e-5, -1e-5])
-def test_trims_are_compared_within_a_width(off: float) -> None:
+def test_trims_are_compared_within_a_width(off):
     """A first trim that is 1e-5 off is the user's within 2e-5, above and below, and not within 1e-6."""
     own = {"lift": found().statement.flight.first["lift"] + off}
     for width, is_within in ((2e-5, True), (1e-6, False)):
@@ -143,7 +137,7 @@ def test_trims_are_compared_within_a_width(off: float) -> None:
             compare(found().statement, {"flight.first": Given(own, within({"lift": width}))})
 
 
-def test_a_stated_rate_is_rounded_down() -> None:
+def test_a_stated_rate_is_rounded_down():
     """The first line says at most what is proved: 0.1234567 1/s is 0.123456."""
     lower = replace(found().statement, decay_rate=0.1234567)
     assert "decays by 0.123456 1/s" in found_report(lower, 1).title

@@ -1,12 +1,9 @@
 """`hfa prove --check` compares every option of the subject with the statement."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +24,7 @@ BASE = ("--dihedral", "15:15.25", "--dynamics", "published")
 #: Entry of an option that changes no subject, and of one that a proof does not have or refuses.
 SAME, REFUSED = "", "refused"
 #: Field of each option -> changed options with the entry of the subject that they change.
-CHANGED: dict[str, dict[str, str]] = {
+CHANGED = {
     "aircraft": {f"--aircraft {ROOT}/examples/pendulum.py:PENDULUM": REFUSED},
     "dynamics": {"--dynamics newton": "model"},
     "parameters": {"--parameters gibson-2011-simulation": "parameters"},
@@ -60,17 +57,17 @@ CASES = [(path, *each) for path, listed in CHANGED.items() for each in listed.it
 
 
 @pytest.fixture
-def files(folder: Path) -> None:
+def files(folder):
     np.savez("K6.npz", K=np.ones((5, 6)))
     for name, text in FILES.items():
         Path(name).write_text(text)
 
 
-def subject(words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> dict[str, Any] | None:
+def subject(words, monkeypatch):
     """Return what a proof with these options would be about, or None if it refuses them."""
-    found: list[dict[str, Any]] = []
+    found = []
 
-    def search(family: Any, gains: Any, low: float, high: float, **_: Any) -> None:
+    def search(family, gains, low, high, **_):
         found.append({**family.flight(low, high).content(), "gains": gains.content()})
         raise NoSolutionError("not searched")
 
@@ -80,7 +77,7 @@ def subject(words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> dict[str
     return found[0] if found else None
 
 
-def check_case(path: str, words: str, entry: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def check_case(path, words, entry, monkeypatch):
     """Fail unless the options change the entry in a proof, and --check then complains."""
     flag = words.split()[0]
     other_name = {"--at": "--dihedral"}
@@ -106,7 +103,7 @@ def check_case(path: str, words: str, entry: str, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, math.degrees(1.0), 1e12])
-def test_gains_are_compared_in_any_units(size: float) -> None:
+def test_gains_are_compared_in_any_units(size):
     """A gain of the rate that is 1 % off is another gain, also if all gains of the rate are tiny."""
     pendulum = load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     states = dict(pendulum.states)
@@ -121,21 +118,19 @@ def test_gains_are_compared_in_any_units(size: float) -> None:
     assert not same((-gain).tolist(), gain)
 
 
-def test_every_option_is_changed() -> None:
+def test_every_option_is_changed():
     """The table has each option of the proof and of --check, and no other."""
     assert set(options_of(ScheduleRequest)) | set(options_of(CheckRequest)) == set(CHANGED)
     assert all(CHANGED.values())
 
 
-def test_the_options_of_the_proof_give_the_subject() -> None:
+def test_the_options_of_the_proof_give_the_subject():
     """With the options of its proof, a certificate is verified; what is not given is named."""
     assert answer("prove", "--check", str(STORED), *BASE)["not_given"] == ["gains"]
 
 
 @pytest.mark.parametrize(("path", "words", "entry"), CASES)
-def test_an_option_that_changes_the_subject_is_noticed(
-    path: str, words: str, entry: str, files: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_option_that_changes_the_subject_is_noticed(path, words, entry, files, monkeypatch):
     """Each option that changes what a proof is about is compared with the certificate."""
     check_case(path, words, entry, monkeypatch)
 
@@ -144,13 +139,11 @@ def test_an_option_that_changes_the_subject_is_noticed(
     ("entry", "path"),
     [("flight.limits", "limit"), ("flight.limits", "condition"), ("gains.K", "R")],
 )
-def test_an_option_that_is_not_compared_is_found(
-    entry: str, path: str, files: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_option_that_is_not_compared_is_found(entry, path, files, monkeypatch):
     """The test above fails if the comparison leaves out an entry."""
     compared = given.given_for
 
-    def forgetful(*arguments: Any) -> Any:
+    def forgetful(*arguments):
         return {name: value for name, value in compared(*arguments).items() if name != entry}
 
     monkeypatch.setattr(given, "given_for", forgetful)

@@ -1,21 +1,16 @@
 """Proofs of gain schedules: closed forms, forgeries of each clause, and what must stay open."""
 
-from __future__ import annotations
-
 import copy
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
 from flint import arb
-from proofs import CONSTANT, FLOAT, Content, certificate, changed, decided, float_equations
+from proofs import CONSTANT, FLOAT, certificate, changed, decided, float_equations
 
 import hfa as package
 from hfa import BadInputError, Model, NoSolutionError, Signal
@@ -26,18 +21,18 @@ from hfa_prove.check.trims import SteadyFlight
 from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
 
 
-def decay(low: float, high: float, k: float = 1.0, c: float = 2.9) -> float:
+def decay(low, high, k=1.0, c=2.9):
     """Return the least decay rate of the float for pulls from low to high."""
     pulls = np.linspace(low, high, 2001)
     roots = [np.roots([1.0, 0.1 + c, pull + k]).real.max() for pull in pulls.tolist()]
     return -max(roots)
 
 
-def proved(low: float, high: float, gains: Gains = CONSTANT, **more: Any) -> Any:
+def proved(low, high, gains=CONSTANT, **more):
     return prove_schedule(Family(FLOAT), gains, low, high, **more)
 
 
-def test_a_decay_rate_is_proved_to_its_closed_form() -> None:
+def test_a_decay_rate_is_proved_to_its_closed_form():
     """99.9 % of the exact decay rate is proved, and 100.1 % is refused at the worst pull."""
     exact = decay(1.0, 2.0)
     assert proved(1.0, 2.0, decay_rate=0.999 * exact).statement.decay_rate == 0.999 * exact
@@ -46,10 +41,10 @@ def test_a_decay_rate_is_proved_to_its_closed_form() -> None:
     assert proved(1.0, 2.0).statement.decay_rate == pytest.approx(0.99 * exact, rel=1e-3)
 
 
-def in_other_units(depth: float, heave: float) -> tuple[Model, Gains]:
+def in_other_units(depth, heave):
     """Return the float with a depth and a heave in other units, and its gains."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         x = SimpleNamespace(depth=x.depth / depth, heave=x.heave / heave)
         rates, outputs = float_equations(x, u, p, w)
         return {"depth": depth * rates["depth"], "heave": heave * rates["heave"]}, outputs
@@ -59,7 +54,7 @@ def in_other_units(depth: float, heave: float) -> tuple[Model, Gains]:
     return model, Gains(CONSTANT.breakpoints, CONSTANT.K / np.array([depth, heave]))
 
 
-def test_a_proved_motion_does_not_depend_on_units(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_proved_motion_does_not_depend_on_units(monkeypatch):
     """Decay rate and rate of the pull are the same with a depth in mm and a heave in km/s."""
     monkeypatch.setattr("hfa_prove.search.schedule._SAMPLES", 21)
     found = []
@@ -70,7 +65,7 @@ def test_a_proved_motion_does_not_depend_on_units(monkeypatch: pytest.MonkeyPatc
     assert found[1] == pytest.approx(found[0], rel=1e-9)
 
 
-def test_gains_are_interpolated_linearly() -> None:
+def test_gains_are_interpolated_linearly():
     """With K linear from (1, 2) to (3, 4), the loop at the middle has K = (2, 3)."""
     gains = Gains(np.array([1.0, 2.0]), np.array([[[1.0, 2.0]], [[3.0, 4.0]]]))
     pulls = np.linspace(1.0, 2.0, 2001)
@@ -85,10 +80,10 @@ def test_gains_are_interpolated_linearly() -> None:
 
 
 @pytest.mark.parametrize(("high", "is_proved"), [(1.89, True), (1.91, False)])
-def test_outputs_are_within_their_limits_at_every_pull(high: float, is_proved: bool) -> None:
+def test_outputs_are_within_their_limits_at_every_pull(high, is_proved):
     """An output that is the negative pull itself, whatever the trim, is at least -1.9 N."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         rates, outputs = float_equations(x, u, p, w)
         return rates, {**outputs, "rest": -p.pull}
 
@@ -98,7 +93,7 @@ def test_outputs_are_within_their_limits_at_every_pull(high: float, is_proved: b
         assert prove_schedule(family, CONSTANT, 1.0, high, decay_rate=0.5).size > 0
 
 
-def test_a_trim_curved_in_the_scheduling_variable_is_within_its_limits() -> None:
+def test_a_trim_curved_in_the_scheduling_variable_is_within_its_limits():
     """The trim u = p² of x' = u - p² - x is 0 with slope 0 at p = 0, and beyond 0.9 at p = ±1."""
     model = Model(
         "bowl", {"x": Signal()}, {"u": Signal("1", 1.0, -9.0, 0.9)},
@@ -115,12 +110,10 @@ def test_a_trim_curved_in_the_scheduling_variable_is_within_its_limits() -> None
 
 
 @pytest.mark.parametrize(("balance", "is_proved"), [(0.0, True), (1.0, False)])
-def test_an_equation_without_free_variable_holds_at_every_pull(
-    balance: float, is_proved: bool
-) -> None:
+def test_an_equation_without_free_variable_holds_at_every_pull(balance, is_proved):
     """depth' = heave + balance (pull - 1.5) is 0 at one pull of the interval, which is no trim."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         rates, outputs = float_equations(x, u, p, w)
         return rates | {"depth": x.heave + balance * (p.pull - 1.5)}, outputs
 
@@ -136,12 +129,10 @@ def test_an_equation_without_free_variable_holds_at_every_pull(
 @pytest.mark.parametrize(
     ("ends", "is_proved"), [((-57, 57), True), ((-57, 58), False), ((-58, 57), False)]
 )
-def test_the_interval_is_within_the_limits_of_its_variable(
-    ends: tuple[int, int], is_proved: bool
-) -> None:
+def test_the_interval_is_within_the_limits_of_its_variable(ends, is_proved):
     """An angle within 1 rad = 57.3 deg: an interval of which one end is beyond is refused."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         return {"angle": x.turn, "turn": u.push - x.angle - x.turn}, {}
 
     states = {"angle": Signal("rad", 1.0, -1.0, 1.0), "turn": Signal("rad/s")}
@@ -159,7 +150,7 @@ def test_the_interval_is_within_the_limits_of_its_variable(
         read_content(changed(made, statement__flight__imposed__angle=0.0), model)
 
 
-def folded(rate: Callable[[Any, Any], Any], least: float) -> Model:
+def folded(rate, least):
     """Return x' = u² - p - rate(x, u), y' = v - p - y, with the trims u = ±√p, u >= least, v = p."""
     inputs = {"u": Signal("1", 1.0, least, 9.0), "v": Signal("1", 1.0, -9.0, 9.0)}
     return Model(
@@ -173,25 +164,25 @@ FOLD = folded(lambda x, u: x * u, 0.0)
 BOTH = folded(lambda x, u: x, -9.0)
 
 
-def fold(low: float, high: float, model: Model = FOLD) -> ScheduleProof:
+def fold(low, high, model=FOLD):
     """Return the proof for x' = u² - p - x u, with the trims u = √p and C = -√p of x."""
     flight = Family(model).flight(low, high)
     statement = ScheduleStatement(flight, Gains(np.array([1.0]), np.zeros((1, 2, 2))), 0.5)
     return ScheduleProof(statement, ScheduleWitness(10**4, np.zeros(0), np.zeros((0, 2, 2))))
 
 
-def test_a_trim_is_claimed_only_where_krawczyks_test_holds() -> None:
+def test_a_trim_is_claimed_only_where_krawczyks_test_holds():
     """√p is proved from 0.5 to 0.6 in one piece, but not from 0.01 to 1."""
     assert fold(0.5, 0.6).flight.trims(0.5, 0.6, np.array([0.7, 0.5])).low == 0.5
     with pytest.raises(NoSolutionError, match="not proved to exist"):
         fold(0.01, 1.0).flight.trims(0.01, 1.0, np.array([0.7, 0.5]))
 
 
-def test_trims_and_loop_of_two_unknowns_are_enclosed() -> None:
+def test_trims_and_loop_of_two_unknowns_are_enclosed():
     """For u² + v / 2 = p and v = 0.3 u p, the trims and the loop contain those of the closed form."""
     inputs = {name: Signal("1", 1.0, -9.0, 9.0) for name in "uv"}
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         rate_a = u.u**2 + 0.5 * u.v - p.p - x.a * u.u + x.b * u.v**2
         return {"a": rate_a, "b": u.v - 0.3 * u.u * p.p - x.b * u.v - x.a * u.u * u.v}, {}
 
@@ -215,11 +206,11 @@ def test_trims_and_loop_of_two_unknowns_are_enclosed() -> None:
             assert float(ball.rad()) < 2e-3
 
 
-def test_a_jump_to_another_branch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_jump_to_another_branch_is_refused(monkeypatch):
     """A search that continues on the branch u = -√p above p = 0.75 is refused."""
     whole = SteadyFlight.estimate
 
-    def jumping(flight: SteadyFlight, guess: np.ndarray, s: float) -> Any:
+    def jumping(flight, guess, s):
         u, v = guess
         return whole(flight, np.array([np.copysign(u, u if s < 0.75 else -first), v]), s)
 
@@ -231,10 +222,10 @@ def test_a_jump_to_another_branch_is_refused(monkeypatch: pytest.MonkeyPatch) ->
         check_schedule(proof.statement, proof.witness)
 
 
-def planar(loop: Callable[[Any], Any], unit: str = "rad") -> Family:
+def planar(loop, unit="rad"):
     """Return the aircraft whose loop without gain is x' = C(angle) x, C (2, 2)."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         (aa, ab), (ba, bb) = loop(p.angle)
         rates = {"a": aa * x.a + ab * x.b + u.u, "b": ba * x.a + bb * x.b}
         return {**rates, "c": u.u - x.c}, {}
@@ -243,7 +234,7 @@ def planar(loop: Callable[[Any], Any], unit: str = "rad") -> Family:
     inputs = {"u": Signal("1", 1.0, -1.0, 1.0)}
     trim = dict.fromkeys("abc", 0.0)
     angle = Signal(unit, start=0.0)
-    more: Any = {"parameters": {"angle": angle}, "schedule": "angle", "trim": trim}
+    more = {"parameters": {"angle": angle}, "schedule": "angle", "trim": trim}
     return Family(
         Model("plane", states, inputs, equations, linear=("a", "b"), steady=("c",), **more)
     )
@@ -253,7 +244,7 @@ NO_GAIN = Gains(np.array([0.0]), np.zeros((1, 1, 2)))
 
 
 @pytest.mark.parametrize(("unit", "is_proved"), [("rad", True), ("deg", False)])
-def test_an_angle_of_the_equations_in_degrees_is_not_converted(unit: str, is_proved: bool) -> None:
+def test_an_angle_of_the_equations_in_degrees_is_not_converted(unit, is_proved):
     """x' = (angle - 2) x is stable at 100 deg = 1.75 rad, and not where the equations have 100."""
     family = planar(lambda angle: ((angle - 2.0, 0.0), (0.0, -1.0)), unit)
     with decided(is_proved, "not below"):
@@ -261,7 +252,7 @@ def test_an_angle_of_the_equations_in_degrees_is_not_converted(unit: str, is_pro
 
 
 @pytest.mark.parametrize(("growth", "is_proved"), [(-0.9, True), (1.0, False)])
-def test_a_loop_that_switches_on_a_piece_is_refused(growth: float, is_proved: bool) -> None:
+def test_a_loop_that_switches_on_a_piece_is_refused(growth, is_proved):
     """x' = -x below s = 0.7, and x' = growth x above it, which no derivative in s contains."""
     family = planar(lambda s: ((ca.if_else(s > 0.7, growth, -1.0), 0.0), (0.0, -1.0)))
     low = 0.75 if is_proved else 0.0
@@ -290,9 +281,7 @@ def test_a_loop_that_switches_on_a_piece_is_refused(growth: float, is_proved: bo
         ((-0.1, 0.3), (9.0,), False),
     ],
 )
-def test_v_decreases_between_the_ends_and_breakpoints(
-    ends: tuple[float, float], weights: tuple[float, ...], is_proved: bool
-) -> None:
+def test_v_decreases_between_the_ends_and_breakpoints(ends, weights, is_proved):
     """V = a² + p b², p linear between `weights`, under x' = -x + 4 s J x, J a quarter turn,
     decreases at rest where p > 4 s² (p - 1)².
 
@@ -312,14 +301,14 @@ def test_v_decreases_between_the_ends_and_breakpoints(
 
 
 @pytest.fixture(scope="module")
-def content() -> Content:
+def content():
     """Return the content of a certificate of the float, with V for a moving pull."""
     found = proved(1.0, 2.0, moving=True)
     assert found.statement.scheduled_rate == math.inf
     return certificate(found.statement, found.witness.content())
 
 
-def checked(content: Content, model: Model = FLOAT) -> int:
+def checked(content, model=FLOAT):
     return check_schedule(*read_content(content, model))
 
 
@@ -329,7 +318,7 @@ _LIFT = f"{_OF}__limits__lift"
 _P, _AT = "witness__P", "witness__breakpoints"
 _K, _GAINS_AT = "statement__gains__K", "statement__gains__breakpoints"
 #: Changes of the certificate, and what the clause says that refuses it.
-FORGED: list[tuple[dict[str, Any], str]] = [
+FORGED = [
     ({"statement__decay_rate": 1.01}, "not below"),
     ({"statement__decay_rate": 1.0 + 1e-12}, "not proved"),
     ({_K: [[[0.0, -0.2]]]}, "not below"),
@@ -380,9 +369,7 @@ FORGED: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("changes", "said"), FORGED)
-def test_each_clause_refuses_its_forgery(
-    changes: dict[str, Any], said: str, content: Content
-) -> None:
+def test_each_clause_refuses_its_forgery(changes, said, content):
     """Each clause of the checker refuses the forgery that violates it."""
     assert checked(copy.deepcopy(content)) > 0
     with pytest.raises((NoSolutionError, BadInputError), match=said):
@@ -390,7 +377,7 @@ def test_each_clause_refuses_its_forgery(
 
 
 @pytest.mark.parametrize(("high", "is_proved"), [(1.51, True), (1.49, False)])
-def test_an_output_may_be_imposed(high: float, is_proved: bool, content: Content) -> None:
+def test_an_output_may_be_imposed(high, is_proved, content):
     """With the load imposed as 0.5, the lift rises from 1 to 0.5 + 0.5 · 2 = 1.5 N."""
     imposed = {"imposed": {"heave": 0.0, "load": 0.5}, "first": {"depth": 1.0, "lift": 1.0}}
     made = changed(content, statement__flight=lambda flight: flight | imposed)
@@ -399,9 +386,7 @@ def test_an_output_may_be_imposed(high: float, is_proved: bool, content: Content
 
 
 @pytest.mark.parametrize(("off", "is_proved"), [(2e-9, True), (2e-7, False), (-2e-7, False)])
-def test_distances_of_trims_are_measured_in_nominal_values(
-    off: float, is_proved: bool, content: Content
-) -> None:
+def test_distances_of_trims_are_measured_in_nominal_values(off, is_proved, content):
     """A first lift that is 2e-7 N off is refused for a nominal lift of 0.01 N."""
     model = replace(FLOAT, inputs={"lift": Signal("N", 0.01, -9.0, 4.0)})
     changes = {f"{_OF}__model__nominal__2": 0.01, f"{_OF}__first__lift": lambda lift: lift + off}
@@ -420,9 +405,7 @@ def test_distances_of_trims_are_measured_in_nominal_values(
         (0.05, (1.0, 1.3), [1.1, 2.0], "whole interval"),
     ],
 )
-def test_a_linear_p_must_suit_the_rate(
-    rate: Any, factors: tuple[float, ...], at: list[float], said: str, content: Content
-) -> None:
+def test_a_linear_p_must_suit_the_rate(rate, factors, at, said, content):
     """With P linear, the stated rate is bounded; "inf" requires a constant P."""
     P = np.array(content["witness"]["P"][0])
     changes = {_P: [(factor * P).tolist() for factor in factors], _AT: at}
@@ -430,7 +413,7 @@ def test_a_linear_p_must_suit_the_rate(
         assert checked(changed(content, statement__scheduled_rate=rate, **changes)) > 0
 
 
-def test_decimals_of_the_file_are_covered() -> None:
+def test_decimals_of_the_file_are_covered():
     """The proof holds for the decimal 0.1 of the drag, not only for the double nearest to it."""
     flight = SteadyFlight(proved(1.0, 1.5).statement.flight)
     assert flight.numbers[-2].contains(arb("0.1"))
@@ -441,12 +424,12 @@ def test_decimals_of_the_file_are_covered() -> None:
     assert not flight.numbers[-2].contains(arb("0.1000000000000002"))
 
 
-def game_at(degrees: float) -> Any:
+def game_at(degrees):
     point = package.trim(package.aircraft(), dihedral=np.radians(degrees))
     return package.paper.published_game(point.linearize())
 
 
-def test_the_command_writes_what_it_checks(folder: Path) -> None:
+def test_the_command_writes_what_it_checks(folder):
     """A gain of the paper's aircraft that is proved near 14 deg is verified; no gain is refused."""
     game = game_at(14.0)
     decay_rate = 0.9 * -np.linalg.eigvals(game.A - game.B @ package.solve(game).K).real.max()
@@ -462,7 +445,7 @@ def test_the_command_writes_what_it_checks(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_proves_writes_and_checks(folder: Path) -> None:
+def test_the_command_proves_writes_and_checks(folder):
     """The paper's gains from 14 to 15 deg: any rate; a file of gains; refusals of false claims.
 
     The decay rate is at least 0.98 of that of the eigenvalues at five angles.

@@ -1,13 +1,9 @@
 """Entries of certificates: another type, shape or range is refused by its name."""
 
-from __future__ import annotations
-
 import copy
 import json
 import math
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from proofs import changed, put
@@ -23,7 +19,7 @@ STORED = ROOT / "tests" / "nets" / "certificates" / "schedule.json"
 OTHERS = [None, True, "1", [], {}, math.nan, math.inf, 2**53 + 1, 1.1e300]
 
 
-def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def leaves(value, path=()):
     """Yield the path of every entry of a certificate, also of lists and objects."""
     if path:
         yield path
@@ -32,7 +28,7 @@ def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
         yield from leaves(entry, (*path, key))
 
 
-def others(value: Any) -> Iterator[Any]:
+def others(value):
     """Yield values of another type or shape than that of an entry."""
     yield from OTHERS
     if isinstance(value, list) and value:
@@ -41,12 +37,12 @@ def others(value: Any) -> Iterator[Any]:
         yield from (value | {"stray": 1.0}, dict(list(value.items())[1:]))
 
 
-def test_an_entry_of_another_type_or_shape_is_refused() -> None:
+def test_an_entry_of_another_type_or_shape_is_refused():
     """Each entry, and the first two of each array, must have the type and the shape of its own."""
     whole = json.loads(STORED.read_text())
     aircraft = hfa.aircraft()
     for path in leaves({part: whole[part] for part in ("statement", "witness")}):
-        value: Any = whole
+        value = whole
         for key in path:
             value = value[key]
         if any(isinstance(key, int) and key > 1 for key in path):
@@ -73,7 +69,7 @@ def test_an_entry_of_another_type_or_shape_is_refused() -> None:
         ("witness__pieces", [-1, 1.5, 10**7 + 1]),
     ],
 )
-def test_an_entry_out_of_its_range_is_refused(keys: str, values: list[Any]) -> None:
+def test_an_entry_out_of_its_range_is_refused(keys, values):
     """Signs, orders and counts are those that a proof can have."""
     whole = json.loads(STORED.read_text())
     for value in values:

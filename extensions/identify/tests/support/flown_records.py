@@ -1,11 +1,7 @@
 """Records of simulated flights with sensor noise."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from project import ROOT
@@ -27,12 +23,12 @@ _STATES = ("speed", "alpha", "pitch_rate", "pitch")
 _INPUTS = ("thrust", "elevator")
 
 
-def longitudinal(aircraft: hfa.Model) -> hfa.Model:
+def longitudinal(aircraft):
     """Return the longitudinal motion of a rigid aircraft at constant altitude, as a model."""
     states, inputs = list(aircraft.states), list(aircraft.inputs)
     held = {name: aircraft.trim.get(name, 0.0) for name in (*states, *inputs)}
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         at = held | {name: getattr(x, name) for name in _STATES}
         at |= {name: getattr(u, name) for name in _INPUTS}
         full_x = SimpleNamespace(**{name: at[name] for name in states})
@@ -54,17 +50,17 @@ def longitudinal(aircraft: hfa.Model) -> hfa.Model:
 LONGITUDINAL = longitudinal(AIRCRAFT)
 
 
-def begun(factor: float) -> hfa.Model:
+def begun(factor):
     """Return the longitudinal aircraft with every free parameter multiplied by `factor`."""
     return LONGITUDINAL.with_parameters(**{name: factor * true_value(name) for name in FREE})
 
 
-def true_value(name: str) -> float:
+def true_value(name):
     return float(AIRCRAFT.parameters[name].start)
 
 
 @cache
-def _maneuver(model: hfa.Model) -> dict[str, np.ndarray]:
+def _maneuver(model):
     """Return the columns of a 3-2-1-1 elevator maneuver (2 deg, unit 0.4 s), by SciPy."""
     point = hfa.trim(model)
     time = np.arange(0.0, SECONDS, STEP)
@@ -74,7 +70,7 @@ def _maneuver(model: hfa.Model) -> dict[str, np.ndarray]:
     inputs[:, list(model.inputs).index("elevator")] += moves
     f = model.functions()
 
-    def rates(at: float, x: np.ndarray) -> np.ndarray:
+    def rates(at, x):
         u = [np.interp(at, time, column) for column in inputs.T]
         return np.asarray(f(x, u, model.p)[0].full().ravel())
 
@@ -86,11 +82,11 @@ def _maneuver(model: hfa.Model) -> dict[str, np.ndarray]:
 
 
 def record(
-    seed: int = 0,
-    pole: float = 0.0,
-    model: hfa.Model = LONGITUDINAL,
-    sensors: Mapping[str, float] = SENSORS,
-) -> dict[str, np.ndarray]:
+    seed=0,
+    pole=0.0,
+    model=LONGITUDINAL,
+    sensors=SENSORS,
+):
     """Return the columns of the maneuver with sensor noise.
 
     pole: pole of the noise, 0 for white noise

@@ -1,10 +1,5 @@
 """Balls contain the values of functions, and what they do not decide is not decided."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -15,7 +10,7 @@ from hfa_prove.enclosure.ball_function import BallFunction, Undecided
 from hfa_prove.enclosure.balls import exact
 
 
-def _smooth() -> ca.Function:
+def _smooth():
     """Return a function of two numbers with every smooth operation of balls."""
     y = ca.SX.sym("y", 2)
     a, b = 2.0 + 0.3 * y[0], 0.4 * y[0] - 0.3 * y[1]
@@ -28,7 +23,7 @@ def _smooth() -> ca.Function:
     return ca.Function("smooth", [y], [ca.vertcat(*expressions)])
 
 
-def test_balls_enclose_every_operation() -> None:
+def test_balls_enclose_every_operation():
     """Balls of every operation on a box contain the values at its corners and at random points."""
     function = _smooth()
     centre, half = np.array([0.3, -0.4]), 0.5
@@ -40,7 +35,7 @@ def test_balls_enclose_every_operation() -> None:
             assert ball.overlaps(arb(value, 1e-14))
 
 
-def test_functions_that_are_not_inlined_are_read() -> None:
+def test_functions_that_are_not_inlined_are_read():
     """A function that CasADi calls without inlining it is read like its operations."""
     y = ca.SX.sym("y", 2)
     z = ca.SX.sym("z", 2)
@@ -60,9 +55,7 @@ def test_functions_that_are_not_inlined_are_read() -> None:
         (lambda y: ca.vertcat(*(ca.sin(k * y) for k in range(1, 12))), "operations"),
     ],
 )
-def test_unsupported_functions_are_refused(
-    expression: Callable[[ca.SX], ca.SX], named: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unsupported_functions_are_refused(expression, named, monkeypatch):
     """A function that cannot be enclosed, or that is too large, is refused in one line."""
     monkeypatch.setattr("hfa_prove.enclosure.ball_function.LARGEST", 20)
     y = ca.SX.sym("y")
@@ -70,7 +63,7 @@ def test_unsupported_functions_are_refused(
         BallFunction(ca.Function("f", [y], [expression(y)]))
 
 
-def test_a_function_that_is_solved_for_is_refused() -> None:
+def test_a_function_that_is_solved_for_is_refused():
     """A function that CasADi computes by iteration has no operations to enclose."""
     y = ca.SX.sym("y")
     z = ca.SX.sym("z")
@@ -92,7 +85,7 @@ ABOUT_0 = arb(0, 0.1)
         *((lambda x: x**0.3, each) for each in (ABOUT_0, arb(0))),
     ],
 )
-def test_an_undecided_branch_raises_undecided(expression: Callable[[Any], Any], at: Any) -> None:
+def test_an_undecided_branch_raises_undecided(expression, at):
     """A function with an undecided branch at the argument raises Undecided.
 
     An argument of exactly 0 does not count as positive, and atan2(y, x) is undecided for x < 0.
@@ -103,7 +96,7 @@ def test_an_undecided_branch_raises_undecided(expression: Callable[[Any], Any], 
 
 
 @pytest.mark.parametrize("at", [0.75, 1.0, 1.25])
-def test_comparisons_at_equal_values_are_those_of_casadi(at: float) -> None:
+def test_comparisons_at_equal_values_are_those_of_casadi(at):
     """Comparisons, extremes and signs of exact values are those of CasADi, also of equal values."""
     x = ca.SX.sym("x")
     one = ca.SX(1.0)

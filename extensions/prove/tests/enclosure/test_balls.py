@@ -1,7 +1,5 @@
 """Balls contain their members, and their precision is set wherever they are imported."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 
@@ -12,7 +10,7 @@ from hfa_prove.enclosure.balls import exact, symmetric
 from hfa_prove.enclosure.precision import PRECISION
 
 
-def test_balls_contain_their_members() -> None:
+def test_balls_contain_their_members():
     """Symmetric balls contain both signs of a number, and a double is exact."""
     for value in (arb(-2, 1), -3, 3.0):
         assert symmetric(value).contains(3)
@@ -23,7 +21,7 @@ def test_balls_contain_their_members() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("module", ["hfa_prove.enclosure.balls", "hfa_prove.search.schedule"])
-def test_importing_balls_sets_their_precision(module: str) -> None:
+def test_importing_balls_sets_their_precision(module):
     """Whoever imports balls in a new process computes with the bits of proofs."""
     program = f"import {module}, flint; print(flint.ctx.prec)"
     words = [sys.executable, "-c", program]

@@ -1,7 +1,5 @@
 """Tables of `casadi.interpolant` are read exactly, and others are refused."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import pairwise
 
@@ -18,7 +16,7 @@ from hfa_support.errors import BadInputError
 GRIDS = ([-1.0, 0.0, 0.5, 2.0, 3.0], [0.0, 1.0, 2.5, 4.0], [-2.0, 0.0, 1.0, 3.0])
 
 
-def table(method: str, arguments: int, outputs: int = 1, degree: int | None = None) -> ca.Function:
+def table(method, arguments, outputs=1, degree=None):
     """Return a table with random values."""
     grid = list(GRIDS[:arguments])
     count = outputs * int(np.prod([len(each) for each in grid]))
@@ -36,18 +34,18 @@ CASES = {
 }
 
 
-def _points(function: ca.Function, count: int) -> np.ndarray:
+def _points(function, count):
     """Return random points within and beyond the grid."""
     generator = np.random.default_rng(1)
     return generator.uniform(-2.5, 4.5, (count, function.numel_in(0)))
 
 
-def _values(function: ca.Function, points: np.ndarray) -> np.ndarray:
+def _values(function, points):
     return np.array([function(point).full().ravel() for point in points])
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_tables_have_the_values_of_casadi(name: str) -> None:
+def test_tables_have_the_values_of_casadi(name):
     """Tables have the values of CasADi within and beyond the grid, in doubles and in balls."""
     function = CASES[name]
     points = _points(function, 60)
@@ -61,7 +59,7 @@ def test_tables_have_the_values_of_casadi(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["linear", "cubic"])
-def test_balls_of_tables_are_decided_between_breakpoints(name: str) -> None:
+def test_balls_of_tables_are_decided_between_breakpoints(name):
     """Balls contain the exact value between two breakpoints, and are undecided across one."""
     (one,) = tables_of(CASES[name])
     spline = one.spline()
@@ -82,11 +80,11 @@ def test_balls_of_tables_are_decided_between_breakpoints(name: str) -> None:
 
 
 @pytest.mark.parametrize("planted", ["Interpolant::values", "BSpline::coeffs"])
-def test_a_table_that_is_misread_is_refused(planted: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_table_that_is_misread_is_refused(planted, monkeypatch):
     """A table whose stored numbers are misread is refused, because its values differ."""
     read = splines._Entries.numbers
 
-    def shifted(self: splines._Entries, key: str) -> list[float]:
+    def shifted(self, key):
         values = read(self, key)
         return [values[0] + 1e-6, *values[1:]] if key == planted else values
 
@@ -98,7 +96,7 @@ def test_a_table_that_is_misread_is_refused(planted: str, monkeypatch: pytest.Mo
     splines._tables_of.cache_clear()
 
 
-def test_a_table_of_high_degree_is_refused() -> None:
+def test_a_table_of_high_degree_is_refused():
     """A table of degree 5 is refused."""
     grid = [np.arange(9.0).tolist()]
     function = ca.interpolant("table", "bspline", grid, np.arange(9.0).tolist(), {"degree": [5]})

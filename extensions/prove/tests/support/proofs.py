@@ -1,10 +1,7 @@
 """Certificates as content of a file, changes of their entries, and what is decided about them."""
 
-from __future__ import annotations
-
 import copy
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -18,7 +15,7 @@ from hfa_prove.certificate import KIND, SCHEMA
 Content = dict[str, Any]
 
 
-def float_equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+def float_equations(x, u, p, w):
     """Equations of a float: the lift u holds the depth, the heave rate v decays at p and p²."""
     return {"depth": x.heave, "heave": u.lift - p.pull * x.depth - p.drag * x.heave}, {
         "load": u.lift - 0.5 * p.pull
@@ -41,18 +38,18 @@ FLOAT = Model(
 CONSTANT = Gains(np.array([1.0]), np.array([[[1.0, 2.9]]]))
 
 
-def certificate(statement: Any, witness: Content) -> Content:
+def certificate(statement, witness):
     """Return the content of the file of a certificate."""
     closing = dict.fromkeys(("toolchain", "digest", "provenance", "checksum"), "")
     claims = {"statement": statement.content(), "witness": witness}
     return {**closing, "schema": SCHEMA, "kind": KIND, **claims}
 
 
-def put(value: Any, *path: Any) -> Callable[[Content], None]:
+def put(value, *path):
     """Return a change that replaces an entry by a value, or by a function of the old value."""
 
-    def change(content: Content) -> None:
-        holder: Any = content
+    def change(content):
+        holder = content
         for key in path[:-1]:
             holder = holder[key]
         holder[path[-1]] = value(holder[path[-1]]) if callable(value) else value
@@ -60,7 +57,7 @@ def put(value: Any, *path: Any) -> Callable[[Content], None]:
     return change
 
 
-def changed(content: Content, **changes: Any) -> Content:
+def changed(content, **changes):
     """Return a copy of a certificate with other entries.
 
     changes: keys of an entry, joined by two underscores -> its value, or a function of the old value
@@ -72,8 +69,6 @@ def changed(content: Content, **changes: Any) -> Content:
     return made
 
 
-def decided(
-    is_proved: bool, words: str = "", error: type[Exception] = NoSolutionError
-) -> AbstractContextManager[Any]:
+def decided(is_proved, words="", error=NoSolutionError):
     """Return a context in which a claim is proved, or refused with these words."""
     return nullcontext() if is_proved else pytest.raises(error, match=words or None)
