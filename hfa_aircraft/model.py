@@ -485,6 +485,8 @@ class Model(Reported):
     def factor_of(self, name: str, text: str, unit: str) -> float:
         """Return the factor from a stated unit to the unit of a signal, an airspeed or a rate.
 
+        An angle of what a lever moves is a share of its `Signal.full`.
+
         text: the value as stated, for the message
 
         Raises BadInputError, whose message completes a sentence that begins with the name, if the
@@ -492,7 +494,14 @@ class Model(Reported):
         """
         declared = self.unit(name)
         factor = conversion(unit, declared)
+        full, angle = self.signal(name).full, conversion(unit, "rad")
+        if full and angle is not None:
+            return angle / full
         if factor is None:
+            if declared == "1":
+                low, high = self.signal(name).min, self.signal(name).max
+                ends = f" from {low:g} to {high:g}" if math.isfinite(high - low) else ""
+                raise BadInputError(f"is {shortened(text)!r}; give a number without a unit{ends}")
             words = declared.replace("rad", "deg")
             others = ", ".join(each for each in units_like(declared) if each != words)
             beside = f", or with a unit: {others}" * bool(others)
@@ -592,9 +601,12 @@ class Model(Reported):
                 raise BadInputError(f"{name} is {shown(value)}; give a finite number")
             if not signal.min <= value <= signal.max:
                 which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
+                angle = f", or an angle: {name}={math.degrees(signal.full):g}deg" * bool(
+                    signal.full
+                )
                 raise BadInputError(
                     f"{name} is {self.describe(name, value)}; give at {which}"
-                    f" {self.describe(name, limit)}"
+                    f" {self.describe(name, limit)}{angle}"
                 )
             changed[name] = signal._replace(start=float(value))
             if native is not None:

@@ -24,6 +24,7 @@ class Signal(NamedTuple):
     rate: typical magnitude of a state's rate, by default the nominal
     moving: note on omitted dynamics between an input and the motion
     assumed: whether min and max are assumptions of a reader, which the aircraft's data do not state
+    full: angle of what a lever without a unit moves, at the value 1 of the lever, rad; 0 if unknown
 
     >>> import hfa
     >>> hfa.Signal("ft/s", nominal=100.0, min=0.0).max
@@ -38,6 +39,7 @@ class Signal(NamedTuple):
     rate: float | None = None
     moving: str = ""
     assumed: bool = False
+    full: float = 0.0
 
 
 #: Airspeeds that a trim may impose in place of the speed of an aircraft.

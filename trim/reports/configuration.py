@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.motion import inertia_doubt
 from hfa_support.reporting.rows import Lacking, Row
-from hfa_support.reporting.text import shown_value
+from hfa_support.reporting.text import digits, shown_value
 from hfa_support.units import si_factor, si_unit
 from trim.reports.trimmed import Trimmed
 
@@ -73,12 +75,14 @@ def configuration_rows(trimmed: Trimmed) -> tuple[list[Row | Lacking], list[str]
     model = trimmed.given.model
     found = configuration_of(trimmed)
     labels = {name: label for name, label in _ENTRIES.items() if name in found}
-    notes = {}
+    notes = {name: _angle_of(model, name, value) for name, (value, _) in found.items()}
     entries = dict(found)
     for name, value in model.changed.items():
         entry = _ENTRY_OF_PARAMETER.get(name, name)
         unit = model.unit(name)
-        notes[entry] = f"as loaded: {shown_value(value, unit)}"
+        angle = _angle_of(model, name, model.parameters[name].start)
+        loaded = f"as loaded: {shown_value(value, unit)}"
+        notes[entry] = ", ".join(filter(None, (angle, loaded)))
         if entry not in found:
             entries[entry], labels[entry] = (model.parameters[name].start, unit), name
     rows: list[Row | Lacking] = [
@@ -93,6 +97,15 @@ def configuration_rows(trimmed: Trimmed) -> tuple[list[Row | Lacking], list[str]
     doubt = inertias_doubt(trimmed)
     is_said = doubt in trimmed.model.doubts or holds_inertias(trimmed)
     return rows, [doubt] if doubt and not is_said else []
+
+
+def _angle_of(model: Model, name: str, value: Any) -> str:
+    """Return the angle of what a lever moves as text: "15 of 40 deg", or "" for other entries."""
+    signal = model.signals.get(name)
+    if signal is None or not signal.full:
+        return ""
+    full = math.degrees(signal.full)
+    return f"{digits(value * full)} of {digits(full)} deg"
 
 
 def holds_inertias(trimmed: Trimmed) -> bool:

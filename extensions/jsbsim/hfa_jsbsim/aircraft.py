@@ -66,7 +66,7 @@ _COMMANDS = {
     "rudder": "fcs/rudder-cmd-norm",
 }
 #: Levers with constant positions, by default 0. A gear position of 1 means down.
-_LEVERS = {
+LEVERS = {
     "flap": "fcs/flap-cmd-norm",
     "gear": "gear/gear-cmd-norm",
     "speedbrake": "fcs/speedbrake-cmd-norm",
@@ -205,7 +205,7 @@ class Equations:
 
     def _parameter_names(self) -> Iterator[str]:
         """Yield the names of the parameters of the model."""
-        yield from (*_LEVERS, "mixture", "advance", "gravity", ISA, *WINDS)
+        yield from (*LEVERS, "mixture", "advance", "gravity", ISA, *WINDS)
         yield from (f"tank{number}" for number in range(len(self.parts.tanks)))
         yield from (f"pointmass{number}" for number in range(len(self.parts.points)))
         for file in self.parts.engines:
@@ -262,7 +262,7 @@ class Equations:
         properties = self.properties
         for name, full_name in _COMMANDS.items():
             properties.define(full_name, self.inputs[name].symbol)
-        for name, full_name in _LEVERS.items():
+        for name, full_name in LEVERS.items():
             properties.define(full_name, self.parameters[name])
         pressure_ratio = properties.read("atmosphere/delta", "")
         for file in self.parts.engines:

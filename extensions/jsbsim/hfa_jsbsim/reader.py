@@ -21,7 +21,7 @@ from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
 from hfa_aircraft.rigid.motion import STATES, inertia_doubt
 from hfa_aircraft.signals import ISA, Signal
 from hfa_jsbsim.accounting import account, constant_commands
-from hfa_jsbsim.aircraft import GUSTS, WINDS, Equations
+from hfa_jsbsim.aircraft import GUSTS, LEVERS, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.equations import EquationsOfMotion
@@ -74,6 +74,7 @@ _ARGUMENTS = {
     "velocities/mach": ("mach", 1.0),
     "aero/qbar-psf": ("dynamic_pressure", 1.0),
 }
+_FREE = {"allow_free": True}
 #: Initial advance ratio V / (n D) in the search for a propeller's speed.
 _ADVANCE_RATIO = 0.72
 #: Number of speeds at which the windmilling speed of a propeller is searched, and the largest,
@@ -413,6 +414,11 @@ class _Declaration:
         for name in WINDS:
             if name in signals:
                 signals[name] = Signal("ft/s", 10.0)
+        for name in (*LEVERS, *starts):
+            if name in signals:
+                lowest = -1.0 if name.endswith("_trim") else 0.0
+                full = self._angle_at_full(name)
+                signals[name] = signals[name]._replace(min=lowest, max=1.0, full=full)
         for number, tank in enumerate(self.parts.tanks):
             if f"tank{number}" in signals:
                 signals[f"tank{number}"] = Signal(
@@ -432,6 +438,20 @@ class _Declaration:
             if name in signals:
                 signals[name] = signals[name]._replace(start=value)
         return signals
+
+    def _angle_at_full(self, lever: str) -> float:
+        """Return the position of what a lever moves at its value 1, rad, or 0 if the files have no
+        position in degrees that is proportional to the lever alone.
+        """
+        properties, symbol = self.equations.properties, self.parameters[lever]
+        name = f"fcs/{lever}-pos-deg"
+        if properties.writer(name) is None:
+            return 0.0
+        position = ca.Function("position", [symbol], [ca.SX(properties.read(name, ""))], _FREE)
+        if position.has_free():
+            return 0.0
+        at_half, at_full = (float(position(value)) for value in (0.5, 1.0))
+        return math.radians(at_full) if at_full > 0.0 and 2.0 * at_half == at_full else 0.0
 
     def _outputs(self) -> dict[str, Signal]:
         """Return the signals of the outputs, by name."""

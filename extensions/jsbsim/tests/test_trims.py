@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from cli import hfa as run
+from cli import assert_refused, hfa as run
 from small_aircraft import glider, needs_jsbsim, written
 
 from hfa import BadInputError, linearize, load_model, sweep, trim
@@ -233,3 +233,32 @@ def test_throttles_are_equal_and_a_stopped_engine_is_named_as_typed():
         title = failed.report().title.replace("\n", " ")
         assert words in title
         assert title.count(" out ") == 1
+
+
+@needs_jsbsim
+def test_a_lever_is_a_share_of_its_travel_or_an_angle():
+    """The flap of the Cessna has 30 deg at the lever's 1; the sheet has the angle that acts."""
+    plane = load_model("jsbsim:c172p")
+    assert plane.number("flap", "10 deg") == pytest.approx(1.0 / 3.0, rel=1e-12)
+    extended = plane.with_parameters(flap="10 deg")
+    row = trim(extended).sheet["flap"]
+    assert row.value == pytest.approx(1.0 / 3.0, rel=1e-12)
+    assert row.note.startswith("10 of 30 deg")
+
+
+@needs_jsbsim
+@pytest.mark.parametrize(
+    ("aircraft", "held", "said"),
+    [
+        ("737", "flap=15", "flap is 15; give at most 1"),
+        ("737", "flap=-5", "flap is -5; give at least 0"),
+        ("737", "flap=15deg", "give a number without a unit from 0 to 1"),
+        ("737", "gear=50", "gear is 50; give at most 1"),
+        ("737", "speedbrake=40", "speedbrake is 40; give at most 1"),
+        ("737", "pitch_trim=-2", "pitch_trim is -2; give at least -1"),
+        ("c172p", "flap=20", "give at most 1, or an angle: flap=30deg"),
+        ("c172p", "flap=40deg", "give at most 1, or an angle: flap=30deg"),
+    ],
+)
+def test_a_lever_beyond_its_travel_is_refused(aircraft, held, said):
+    assert_refused(run("trim", "--aircraft", f"jsbsim:{aircraft}", "--hold", held), 2, said)
