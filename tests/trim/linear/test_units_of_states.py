@@ -232,3 +232,12 @@ def test_double_poles_and_zeros_do_not_cancel_slow_ones() -> None:
     assert apart(found.poles, [-1e-4, -0.02, -3.0, -4.0, -6.0]) < 1e-6
     assert (found.static, len(found.zeros)) == (0.0, 3)
     assert LinearModel.of([[-1.0, 1.0], [0.0, -1.0]], [[0.0], [1.0]]).is_stable
+
+
+def test_states_behind_an_output_do_not_appear_in_its_transfer_function() -> None:
+    """Six equal lags, which the output feeds and does not show, leave the single pole of -2, of
+    whatever condition the sixfold root is.
+    """
+    A = np.diag([-2.0, *[-1.0] * 6]) + np.diag([1e3] * 6, -1)
+    output, *_ = transfers(LinearModel.of(A, np.eye(7)[:, :1]))
+    assert (output.gain, output.poles.tolist(), output.zeros.size) == (1.0, [-2.0], 0)
