@@ -98,18 +98,22 @@ def _is_of(kind: type, name: str, module: str) -> bool:
         return _KINDS[name](kind)
     if any(each.__name__ == name.rpartition(".")[2] for each in kind.__mro__):
         return True
-    stated = _stated(name, module)
-    if getattr(stated, "_is_protocol", False):
-        methods = [
-            each
-            for each, value in vars(stated).items()
-            if isinstance(value, FunctionType | property)
-        ]
-        return all(_defines(kind, each) for each in methods if each == "__call__" or each[0] != "_")
-    if get_origin(stated) is Callable:
-        return _defines(kind, "__call__")
-    classes = get_args(stated) if isinstance(stated, UnionType) else (stated,)
-    return not all(isinstance(each, type) for each in classes) or issubclass(kind, classes)
+    return _fits(kind, _stated(name, module))
+
+
+def _fits(kind: type, stated: Any) -> bool:
+    """Return whether a type is of the kind of the object that an annotation names."""
+    if isinstance(stated, UnionType):
+        return any(_fits(kind, each) for each in get_args(stated))
+    stated = get_origin(stated) or stated
+    if getattr(stated, "__name__", "") in _KINDS:
+        return _KINDS[stated.__name__](kind)
+    if not getattr(stated, "_is_protocol", False):
+        return not isinstance(stated, type) or issubclass(kind, stated)
+    methods = [
+        each for each, value in vars(stated).items() if isinstance(value, FunctionType | property)
+    ]
+    return all(_defines(kind, each) for each in methods if each == "__call__" or each[0] != "_")
 
 
 def _has(kind: type, attributes: Sequence[str]) -> bool:

@@ -54,6 +54,12 @@ class TrainingRun(Result, Reported):
         drifts from F = A z (`Stack.linear`)
     H: Q-function of a game in discrete time, Q(x, u, w) = [x; u; w]' H [x; u; w], or None
     names: names of the states and inputs of the game
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]])
+    >>> run = hfa.learn(game, seed=1)
+    >>> run.W.round(4).tolist(), run.critic(game).K.round(4).tolist()
+    ([2.4142], [[2.4142]])
     """
 
     schema = "hfa.learning-result/1"

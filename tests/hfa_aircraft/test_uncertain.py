@@ -41,24 +41,13 @@ def test_another_covariance_is_refused(names: str, rows: str, said: str) -> None
 
 @pytest.mark.usefixtures("folder")
 def test_drawn_aircraft_do_not_depend_on_units() -> None:
-    """Mass and lift slope are drawn together: the loops of the drawn aircraft are the same in SI."""
+    """Mass and lift slope are drawn together: the drawn aircraft fly the same in SI."""
     path = found("cessna182", '["mass", "CL_alpha"]', "[[16.0, 0.4], [0.4, 0.04]]")
-    words = (
-        "fly",
-        "--aircraft",
-        path,
-        "--policy",
-        "exact",
-        "--draws",
-        "3",
-        "--duration",
-        "0.1",
-        "-q",
-    )
-    bands = [
-        answer(*words, *units)["draws"]["bands"]["abscissa of the loop"]
+    words = ("fly", "--aircraft", path, "--policy", "exact", "--draws", "3", "--duration", "0.1")
+    flown = [
+        answer(*words, "--initial", "alpha=1", "-q", *units)["rms_error"]
         for units in ((), ("--units", "si"))
     ]
-    for name in ("low", "value", "high"):
-        assert bands[0][name] == pytest.approx(bands[1][name], rel=1e-8)
-    assert bands[0]["low"] < bands[0]["value"] < bands[0]["high"]
+    assert flown[1]["alpha"] == pytest.approx(flown[0]["alpha"], rel=1e-8)
+    assert flown[0]["alpha"][0] < flown[0]["alpha"][-1]
+    assert flown[1]["speed"] == pytest.approx([0.3048 * v for v in flown[0]["speed"]], rel=1e-8)

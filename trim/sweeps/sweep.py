@@ -177,6 +177,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     B: (N, k, m).
     kinks: number of a point -> notes on entries of A and B at a kink.
     one_by_one: number of points that were trimmed one by one.
+
+    >>> import hfa
+    >>> sweep = hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2]})
+    >>> sweep.trimmed.tolist(), sweep.A.shape
+    ([True, True], (2, 6, 6))
     """
 
     schema = "hfa.sweep/1"
