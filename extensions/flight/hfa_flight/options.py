@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from hfa.options.argument_types import (
     among,
     each_of,
     linear_state,
+    listed_numbers,
     number,
     positive,
     span,
@@ -55,6 +56,8 @@ _DURATION = 20.0
 _SAMPLE = 0.01
 #: Forms of values in the help of options.
 _GUST = "LENGTH:PEAK[:BEGIN]"
+#: Value of --gust that searches for the smallest gusts.
+SMALLEST = "smallest"
 _ACTUATORS = "LAG:RATE"
 _OF_THE_GAME = ("delta", "Q", "R")
 _OF_PLANS = ("horizon", "margin")
@@ -342,16 +345,32 @@ def noise_of_filter(noise: Mapping[str, float]) -> dict[str, float]:
     return sensors
 
 
+class SmallestGust(NamedTuple):
+    """The value of `--gust smallest[:LENGTH,...]`, with the lengths, or None for the default."""
+
+    lengths: tuple[float, ...] | None
+
+
+def _gust(text: str) -> tuple[float, ...] | SmallestGust:
+    word, _, lengths = text.partition(":")
+    if word == SMALLEST:
+        return SmallestGust(tuple(listed_numbers(lengths)) if lengths else None)
+    return numbers(_GUST, 3, otherwise=(0.0,))(text)
+
+
 def gust_option() -> Any:
     """Return the option `--gust` as a dataclass field."""
-    about = "1-cosine updraft: length, peak speed (units of the model), begin (s, default 0)"
-    return option(about, _GUST, numbers(_GUST, 3, otherwise=(0.0,)), rare=True)
+    about = (
+        "1-cosine updraft: length, peak speed (units of the model), begin (s, default 0); or "
+        f"{SMALLEST}[:LENGTH,...]: the smallest peaks with which a flight leaves its limits"
+    )
+    return option(about, _GUST, _gust, rare=True)
 
 
 def gust_at(
-    typed: tuple[float, ...] | None, point: OperatingPoint, duration: float
+    typed: tuple[float, ...] | SmallestGust | None, point: OperatingPoint, duration: float
 ) -> OneMinusCosine | None:
-    """Return the gust of the option --gust at the speed of a trim, or None without the option.
+    """Return the gust of the option --gust at the speed of a trim, or None without a single gust.
 
     typed: length, peak and start of the gust, in the units of the model and s
     duration: s
@@ -359,7 +378,7 @@ def gust_at(
     Raises BadInputError if the gust begins outside the duration, its length is not positive, or the
     model has no state or output `speed`.
     """
-    if typed is None:
+    if typed is None or isinstance(typed, SmallestGust):
         return None
     length, peak, begin = typed
     if not 0 <= begin < duration:
@@ -419,7 +438,7 @@ class ScenarioOptions:
         "standard deviation of the sensor noise of a state, degrees for angles, white from sample "
         "to sample; repeatable"
     )
-    gust: tuple[float, ...] | None = gust_option()
+    gust: tuple[float, ...] | SmallestGust | None = gust_option()
     envelope: Mapping[str, str] = option(
         "limits of a state that replace its default envelope, degrees for angles (alpha is "
         "relative to the air); repeatable",
@@ -467,7 +486,8 @@ def scenario_of(
             if name not in names
         },
     )
-    if request.gust is not None and request.turbulence is not None:
+    is_flown = request.gust is not None and not isinstance(request.gust, SmallestGust)
+    if is_flown and request.turbulence is not None:
         raise BadInputError("--gust and --turbulence cannot be combined; remove one of the two")
     gust: Gust | None = gust_at(request.gust, point, common.duration)
     turbulence = at_held_altitude(request.turbulence, hold)

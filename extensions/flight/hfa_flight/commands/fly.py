@@ -27,9 +27,11 @@ from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
     DEPLOYMENT,
     NONE,
+    SMALLEST,
     TABLE,
     PolicyOptions,
     ScenarioOptions,
+    SmallestGust,
     behind_a_filter,
     check_policy,
     envelope_of,
@@ -142,11 +144,14 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
     `--policy none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy.
     --reference adds the exact feedforward, and a flight without it. --samples N simulates N
     flights, with --error and --noise as standard deviations; --draws N simulates N aircraft with
-    random parameters. --Q and --R add the cost of the flight.
+    random parameters. --Q and --R add the cost of the flight. --gust smallest prints for each
+    length the smallest gust with which a flight leaves its limits.
 
     Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
     oscillation does not decay. Of several flights, every one must pass, or the share of --need.
     """
+    if isinstance(request.gust, SmallestGust):
+        return _smallest_gusts(request, given, request.gust)
     if request.members is not None:
         return _fly_members(request, given, request.members)
     from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
@@ -203,6 +208,30 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
         figure=lambda: result.figure(report.title),
         only_in_files={"history": result.history()},
     )
+
+
+def _smallest_gusts(request: FlyRequest, given: GivenTrim, asked: SmallestGust) -> Outcome:
+    """Return the outcome of `--gust smallest`."""
+    from hfa_flight.simulate.smallest_gust import smallest_gusts
+
+    others = ("samples", "draws", "need", "initial", "duration", "command", "reference", "picture")
+    refuse(request, others, f"cannot be combined with --gust {SMALLEST}; remove one of the two")
+    if not request.filter:
+        only = f"is left out of --gust {SMALLEST}; remove this option, or add --filter"
+        refuse(request, ("noise", "turbulence"), only)
+    _refuse_contradictions(request)
+    check_policy(request)
+    planned = _planned(request, given, trimmed(given))
+    found = smallest_gusts(
+        planned.model,
+        planned.point,
+        planned.policy,
+        asked.lengths,
+        scenario=planned.scenario,
+        envelope=planned.envelope,
+        progress=ProgressLine("gusts"),
+    )
+    return Outcome(report=found.report(), source=given.source, notes=planned.point.warnings)
 
 
 def _refuse_contradictions(request: FlyRequest) -> None:

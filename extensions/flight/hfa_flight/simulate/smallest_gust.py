@@ -1,0 +1,240 @@
+"""The smallest 1-cosine gusts with which a policy leaves its limits: `hfa fly --gust smallest`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.limits import Limits
+from hfa_aircraft.model import Model
+from hfa_flight.air.gusts import Gust, OneMinusCosine
+from hfa_flight.air.names import UPDRAFT, feet_of, gust_speed
+from hfa_flight.air.scenario import Scenario, Uncertainty
+from hfa_flight.policies.given import policy_and_scenario
+from hfa_flight.simulate.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.simulate.envelope import flight_envelope, is_limited
+from hfa_flight.simulate.flight import fly_within
+from hfa_flight.simulate.simulation import CompiledLoop
+from hfa_support.errors import BadInputError, numbers_in, shown
+from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import Table, short_number
+from trim.point.operating_point import OperatingPoint
+
+#: Default lengths of complete gusts, ft. FAR 25.341 has 60 to 700 ft, twice the gradient distance.
+LENGTHS = (25.0, 50.0, 100.0, 200.0, 400.0, 800.0)
+#: The search for the smallest peak begins at this share of the airspeed, and ends at all of it.
+_FIRST = 0.01
+#: Ratio of the peaks that are flown in turn until one leaves the limits.
+_RATIO = 1.25
+#: Largest ratio of the two peaks between which a threshold lies.
+ACCURACY = 1.005
+#: Time after a gust in which a flight must stay inside, s.
+AFTER = 5.0
+
+
+class _HeldGust(Gust):
+    """1-cosine updraft at the start of a flight, whose length and peak are held inputs."""
+
+    held_size = 2
+
+    def __init__(self, gust: OneMinusCosine) -> None:
+        self.gust = gust
+
+    @property
+    def until(self) -> float:
+        """Time at which the gust ends, s."""
+        return self.gust.until
+
+    def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
+        """Return the updraft at time t, with the length and the peak in `held`."""
+        phase = ca.fmin(2 * np.pi * self.gust.speed * t / held[0], 2 * np.pi)
+        return {UPDRAFT: held[1] / 2 * (1 - ca.cos(phase))}
+
+    def held_inputs(self, sample: int) -> np.ndarray:
+        """Return the length and the peak."""
+        return np.array([self.gust.length, self.gust.peak])
+
+
+class GustThreshold(NamedTuple):
+    """Smallest gust of a length and a direction with which a flight leaves the limits.
+
+    length: of the complete gust, in the unit of length of the aircraft
+    inside: largest flown peak below the threshold that stays inside, negative for a downdraft
+    peak: smallest flown peak that leaves, within .5 % of `inside`; None if none up to the airspeed
+    by: variable that leaves first, or ""
+    time: time of the departure, s, or None
+    """
+
+    length: float
+    inside: float
+    peak: float | None
+    by: str
+    time: float | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SmallestGusts(Result, Reported):
+    """Smallest 1-cosine gusts with which a policy leaves its limits, by length and direction.
+
+    point: the trim at which each flight begins.
+    policy: name of the policy.
+    thresholds: two of each length, updraft and downdraft.
+    """
+
+    schema = "hfa.smallest-gusts/1"
+
+    point: OperatingPoint
+    policy: str
+    thresholds: Sequence[GustThreshold]
+
+    @property
+    def smallest(self) -> GustThreshold | None:
+        """The smallest gust of all lengths, or None if no flight leaves."""
+        left = [each for each in self.thresholds if each.peak is not None]
+        return min(left, key=lambda each: abs(each.peak or 0.0), default=None)
+
+    def _entries(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "operating_point": self.point,
+            "law": self.policy,
+            "thresholds": [each._asdict() for each in self.thresholds],
+            "smallest": None if self.smallest is None else self.smallest._asdict(),
+        }
+
+    def report(self) -> Report:
+        """Return the report: a row for each length, with both directions."""
+        speed = self._speed_unit
+        length = "m" if feet_of(self.point.model) != 1.0 else "ft"
+        rows = []
+        for up, down in zip(self.thresholds[::2], self.thresholds[1::2], strict=True):
+            cells = [cell for each in (up, down) for cell in _cells(each, speed)]
+            rows.append((f"{up.length:g}", *cells))
+        header = (f"length [{length}]", f"updraft [{speed}]", "by", f"downdraft [{speed}]", "by")
+        flown = (
+            f"{self.point.model.title} {self.point.at_scheduled}".strip()
+            + f", law {self.policy}, from the trim, without noise"
+        )
+        how = (
+            f"Each peak leaves the limits within {AFTER:g} s after the gust, and the flown peak "
+            f"inside is at most {100.0 * (ACCURACY - 1.0):.2g} % smaller. Smaller peaks were flown "
+            f"in steps of {100.0 * (_RATIO - 1.0):g} %: a gust between them may leave too."
+        )
+        title = f"{self._headline()}\n{flown}"
+        return Report(title, (Table(header, rows), how), data=self.to_dict())
+
+    @property
+    def _speed_unit(self) -> str:
+        return "ft/s" if feet_of(self.point.model) == 1.0 else "m/s"
+
+    def _headline(self) -> str:
+        least = self.smallest
+        if least is None or least.peak is None:
+            return "Smallest gust: none up to the airspeed leaves the limits"
+        kind = "updraft" if least.peak > 0.0 else "downdraft"
+        unit = "m" if self._speed_unit == "m/s" else "ft"
+        return (
+            f"Smallest gust: {kind} of {short_number(abs(least.peak), '')} {self._speed_unit}, "
+            f"{least.length:g} {unit} long, leaves by {least.by}"
+        )
+
+
+def _cells(threshold: GustThreshold, unit: str) -> tuple[str, str]:
+    """Return the cells of a threshold: peak, and the variable that leaves."""
+    if threshold.peak is None:
+        return f"none to {abs(threshold.inside):.3g}", ""
+    return short_number(abs(threshold.peak), unit), threshold.by
+
+
+def smallest_gusts(
+    model: Model,
+    point: OperatingPoint,
+    policy: Any = None,
+    lengths: Sequence[float] | None = None,
+    *,
+    scenario: Scenario | None = None,
+    envelope: Limits | Mapping[str, tuple[float, float]] | None = None,
+    progress: Progress | None = None,
+) -> SmallestGusts:
+    """Return the smallest 1-cosine updrafts and downdrafts with which a policy leaves its limits.
+
+    The gust begins with the flight, at the trim. Its peak grows by 25 % until a flight leaves the
+    envelope up to 5 s after the gust; then the interval is halved to .5 %. Both ends are flown.
+
+    policy: any form that `hfa.fly` accepts, also behind a filter
+    lengths: lengths of complete gusts, in the unit of length of the aircraft; default 25 to 800 ft
+    scenario: actuators, delay, timing and errors; noise and turbulence are left out
+    envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
+    progress: called after each threshold
+
+    Raises BadInputError for a wrong length, or an envelope without a limit.
+
+    Source: FAR 25.341(a); the search is by flights, and finds no gust that it did not fly.
+    """
+    given = [feet * feet_of(model) for feet in LENGTHS] if lengths is None else lengths
+    every = np.atleast_1d(numbers_in("lengths", given)).astype(float)
+    if not (every.size and np.isfinite(every).all() and (every > 0.0).all()):
+        raise BadInputError(f"lengths is {shown(lengths)}; give lengths above 0")
+    within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
+    if not is_limited(within):
+        raise BadInputError("the envelope has no limit that a gust could leave; give a limit")
+    speed = gust_speed(point)
+    first = _HeldGust(OneMinusCosine(float(every[0]), 0.0, speed))
+    usual = scenario or Scenario(sample=0.01)
+    calm = replace(usual, gust=first, uncertainty=Uncertainty(), samples=None).on(model)
+    flown, calm = policy_and_scenario(policy, point, calm)
+    loop = ClosedLoop(NonlinearPlant(model, point), flown, calm)
+    compiled = CompiledLoop(loop, 20 * len(every))
+    thresholds: list[GustThreshold] = []
+    for length in every.tolist():
+        for sign in (1.0, -1.0):
+            search = _Search(compiled, within, OneMinusCosine(length, 0.0, speed))
+            thresholds.append(search.threshold(sign))
+            if progress is not None:
+                progress(len(thresholds), 2 * len(every))
+    return SmallestGusts(point, flown.name, tuple(thresholds))
+
+
+class _Search(NamedTuple):
+    """Search for the threshold of gusts of one length."""
+
+    loop: CompiledLoop
+    envelope: Limits
+    gust: OneMinusCosine
+
+    def threshold(self, sign: float) -> GustThreshold:
+        """Return the threshold of updrafts (1) or downdrafts (-1)."""
+        inside, outside, found = 0.0, _FIRST * self.gust.speed, None
+        while (found := self._departure(sign * outside)) is None:
+            inside = outside
+            if inside >= self.gust.speed:
+                return GustThreshold(self.gust.length, sign * inside, None, "", None)
+            outside = min(_RATIO * outside, self.gust.speed)
+        while outside > ACCURACY * inside:
+            middle = 0.5 * (inside + outside)
+            left = self._departure(sign * middle)
+            if left is None:
+                inside = middle
+            else:
+                outside, found = middle, left
+        by, time = found
+        return GustThreshold(self.gust.length, sign * inside, sign * outside, by, time)
+
+    def _departure(self, peak: float) -> tuple[str, float] | None:
+        """Return variable and time of the departure in a gust, or None if the flight stays."""
+        gust = replace(self.gust, peak=peak)
+        scenario = self.loop.loop.scenario
+        ticks = np.ceil((gust.until + AFTER) / scenario.tick)
+        flight = fly_within(
+            self.loop,
+            self.envelope,
+            replace(scenario, gust=_HeldGust(gust), duration=float(ticks) * scenario.tick),
+        )
+        left = flight.departure
+        return None if left is None else (left.state, left.time)

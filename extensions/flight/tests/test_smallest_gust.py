@@ -1,0 +1,76 @@
+"""The smallest gust with which a policy leaves its limits."""
+
+import json
+
+import numpy as np
+import pytest
+from cli import assert_refused, hfa as run
+from scipy.integrate import quad
+from scipy.optimize import minimize_scalar
+
+import hfa
+from hfa_flight import smallest_gusts
+
+#: v' = 3 (w - v): carried by the air at 10 ft/s, with other limits up and down.
+KITE = hfa.Model(
+    "kite",
+    {"v": hfa.Signal("ft/s", min=-1.0, max=2.0)},
+    {"push": hfa.Signal("ft/s^2")},
+    lambda x, u, p, w: ({"v": 3.0 * (w.updraft - x.v) + u.push}, {"speed": 10.0 + 0.0 * x.v}),
+    outputs={"speed": hfa.Signal("ft/s")},
+    disturbances={"updraft": hfa.Signal("ft/s")},
+    trim={"v": 0.0},
+)
+
+
+def largest_response(length, rate):
+    """Return the largest v in a gust with a peak of 1 ft/s, by quadrature."""
+    end = length / 10.0
+
+    def response(t):
+        gust = lambda s: 0.5 * (1.0 - np.cos(2.0 * np.pi * s / end))  # noqa: E731
+        return -quad(lambda s: 3.0 * np.exp(-rate * (t - s)) * gust(s), 0.0, min(t, end))[0]
+
+    return -minimize_scalar(response, bounds=(0.0, 1.5 * end), method="bounded").fun
+
+
+def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
+    """The limit over the largest response of the loop with a gain, up and down; none for a gust
+    that is too short to move it by a limit at 10 ft/s, the airspeed.
+    """
+    found = smallest_gusts(KITE, hfa.trim(KITE), [[2.0]], [5.0, 0.2])
+    up, down, *none = found.thresholds
+    response = largest_response(5.0, 5.0)
+    assert up.peak == pytest.approx(2.0 / response, rel=0.006)
+    assert down.peak == pytest.approx(-1.0 / response, rel=0.006)
+    for each in (up, down):
+        assert abs(each.inside) < abs(each.peak) <= 1.005 * abs(each.inside)
+        assert (each.by, each.length) == ("v", 5.0)
+    assert found.smallest == down
+    assert [each.peak for each in none] == [None, None]
+
+
+def test_the_command_prints_and_stores_the_thresholds():
+    """Of the flexible aircraft without a policy, by pitch rate, in one length."""
+    words = ("fly", "--dihedral", "5", "--policy", "none", "--gust", "smallest:25", "--json")
+    flown = run(*words)
+    data = json.loads(flown.out)
+    up, down = data["thresholds"]
+    assert flown.code == 0
+    assert up["peak"] == pytest.approx(2.52, rel=0.01)
+    assert data["smallest"] == up
+    assert down["peak"] < 0.0
+    assert up["by"] == "pitch_rate"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--gust smallest:0", "give lengths above 0"),
+        ("--gust smallest --samples 2", "--samples cannot be combined with --gust smallest"),
+        ("--gust smallest --noise speed=.3", "add --filter"),
+        ("--gust least", "give LENGTH:PEAK[:BEGIN]"),
+    ],
+)
+def test_what_the_smallest_gust_cannot_have_is_refused(words, said):
+    assert_refused(run("fly", "--dihedral", "5", *words.split()), 2, said)
