@@ -9,7 +9,6 @@ import errno
 import json
 import os
 import shutil
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -134,6 +133,8 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
     Raises OSError if the file cannot be read, and BadInputError if it is not valid TOML.
     """
+    import tomllib
+
     text = regular_file(path).read_bytes()
     try:
         return tomllib.loads(text.decode("utf-8-sig"))

@@ -13,7 +13,6 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 from hfa_support.files import resolved
-from hfa_support.public_arguments import checked
 
 
 def refuse_hidden(file: str, packages: Iterable[str]) -> None:
@@ -58,6 +57,8 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
     @cache
     def public_function(function: FunctionType) -> Callable[..., Any]:
         """Return the function with a check of the kinds of its arguments."""
+        from hfa_support.public_arguments import checked
+
         return checked(function, makers)
 
     def makers(kind: str) -> str:
