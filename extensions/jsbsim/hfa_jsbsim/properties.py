@@ -143,13 +143,6 @@ class Properties:
         """Return whether a property has an initial value or a writer."""
         return bool(self._writers.get(plain(name))) or plain(name) in self._initial
 
-    def is_known_without(self, name: str, component: Element) -> bool:
-        """Return whether a property has an initial value or a writer other than a component."""
-        others = [
-            each for each in self._writers.get(plain(name), ()) if each.component != component
-        ]
-        return bool(others) or plain(name) in self._initial
-
     def writers(self) -> dict[str, list[Writer]]:
         """Return the writers of each property, in the order in which they were added."""
         return self._writers
