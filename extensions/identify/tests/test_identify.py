@@ -91,6 +91,8 @@ def test_parameters_do_not_depend_on_the_units_of_a_record():
         ends = (other[name].value, other[name].low, other[name].high)
         width = usual.high - usual.low
         assert ends == pytest.approx((usual.value, usual.low, usual.high), abs=1e-8 * width)
+    for name, usual in found().quantities.items():
+        assert other.quantities[name].fit == pytest.approx(usual.fit, abs=1e-9)
 
 
 @pytest.mark.slow
@@ -293,6 +295,25 @@ def lag(rates, start):
     u = np.where((time > 0.999) & (time < 2.999), 1.0, 0.0)
     x += 0.01 * np.random.default_rng(0).standard_normal(len(time))
     return model, {"time": time, "u": u, "x": x}
+
+
+def test_the_band_of_a_dynamic_parameter_is_that_of_its_closed_form():
+    """x' = u - k x: the band follows from the derivatives of the closed form by k and x(0)."""
+    model, columns = lag(lambda u, k, x: u - k * x, 1.2)
+    result = identify(model, columns, ["k"], inputs="steps")
+    time = columns["time"]
+    on, after = np.clip(time - 1.0, 0.0, 2.0), np.maximum(time - 3.0, 0.0)
+
+    def exact(k, start):
+        return (1.0 - np.exp(-k * on)) / k * np.exp(-k * after) + start * np.exp(-k * time)
+
+    step = 1e-6
+    by_k = (exact(1.0 + step, 0.0) - exact(1.0 - step, 0.0)) / (2.0 * step)
+    S = np.column_stack([by_k, np.exp(-time)])
+    noise = float(np.sum(result.residuals[0]["x"] ** 2)) / (len(time) - 2.0)
+    expected = 1.959964 * math.sqrt(noise * np.linalg.inv(S.T @ S)[0, 0])
+    assert result.coloured < 1.05
+    assert 0.5 * (result["k"].high - result["k"].low) == pytest.approx(expected, rel=0.05)
 
 
 def test_noise_slower_than_the_maneuver_fails():
