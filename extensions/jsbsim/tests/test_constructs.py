@@ -23,7 +23,7 @@ QUICK = {
     "control: channel, execute 0": "agrees",
     "control: distributor": "refused",
     "control: gain, clip exchanged": "agrees",
-    "control: switch, false": "agrees",
+    "control: switch by a constant": "agrees",
     "control: switch, two tests": "agrees",
     "functions: moments, stability frame": "agrees",
     "functions: nq": "agrees",

@@ -269,6 +269,7 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "switch, sign": _switch(_TEST.format("&gt;=")),
     "switch, upper case": _switch(_TEST.format("GT")),
     "switch, attribute": _switch('<test value="0.7"> velocities/vc-kts == 1 </test>'),
+    "switch by a constant": _switch('<test value="0.7"> fcs/g gt 1 </test>') | {"control": _g(2.0)},
     "switch, two tests": _switch(_TEST.format("lt") + _TEST.replace("0.7", "0.5").format("gt")),
     "switch, AND": _switch(
         '<test logic="AND" value="0.7"> velocities/vc-kts gt 1\n velocities/vc-kts lt 1 </test>'
