@@ -103,7 +103,11 @@ def _with_selection(error: BadInputError, tensors: Tensors, words: str) -> BadIn
 
 
 def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
-    """Yield words that may select one network, those of the policy first, of "V" the critic's."""
+    """Yield words that may select one network: single names, then neighbors.
+
+    Names of policies come first, and those of critics last, for "V" first. Neighbors are those of
+    the policy, for "V" of the critic, and of the file.
+    """
     names = roots(tensors)
 
     def rank(name: str) -> int:
@@ -113,23 +117,10 @@ def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
 
     heads = [name.partition(".")[0] for name in names]
     yield from sorted(dict.fromkeys([*names, *heads]), key=rank)
-    for first, last in combinations(range(len(names) + 1), 2):
-        yield "+".join(names[first:last])
-    for body, head in combinations(range(len(names)), 2):
-        if not any(_is_hidden(tensors, names[body], each) for each in names[body + 1 : head]):
-            yield f"{names[body]}+{names[head]}"
-
-
-def _is_hidden(tensors: Tensors, body: str, name: str) -> bool:
-    """Return whether a network of no critic takes what `body` gives: it may follow `body`."""
-    weights = {root: [] for root in (body, name)}  # type: dict[str, list[np.ndarray]]
-    for tensor, array in tensors.items():
-        for root, found in weights.items():
-            if array.ndim == 2 and has_word(tensor, root):
-                found.append(array)
-    if _is_of_critic(name) or not all(weights.values()):
-        return False
-    return weights[name][0].shape[1] == len(weights[body][-1])
+    own = [name for name in names if _is_of_critic(name) == (kind == "V")]
+    for neighbors in (own, names):
+        for first, last in combinations(range(len(neighbors) + 1), 2):
+            yield "+".join(neighbors[first:last])
 
 
 def _chain(tensors: Tensors, part: str, is_ordered: bool) -> list[Layer]:
