@@ -121,7 +121,7 @@ COMMANDS = {
         "flight",
         "search for the best flight, and compare policies with it",
         "hfa_flight.commands.optimize:optimize",
-        example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
+        example="hfa optimize --dihedral 15 --initial speed=5,alpha=2.865",
     ),
     "export": CommandEntry(
         "flight",

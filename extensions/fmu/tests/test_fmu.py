@@ -583,7 +583,7 @@ def test_the_fmu_that_pythonfmu3_builds_is_read():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("optimize --start body_angle=5 --Q 1,1 --R 1", "the equations call a compiled function"),
+        ("optimize --initial body_angle=5 --Q 1,1 --R 1", "the equations call a compiled function"),
         ("export -o folder", "cannot be written as C"),
         ("solve --Q 1,1 --R 1 --order 3", "has no power series"),
     ],

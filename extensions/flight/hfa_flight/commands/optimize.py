@@ -64,7 +64,8 @@ class OptimizeRequest(Request, TrimOptions, WeightOptions):
     deviations: Mapping[str, str] = option(
         "initial deviations of states from the trim, degrees for angles",
         "NAME=VALUE,...",
-        names="--start",
+        names="--initial",
+        former=("--start",),
         named=True,
     )
     to: Mapping[str, str] = option(
@@ -143,7 +144,7 @@ def _refuse_contradictions(request: OptimizeRequest) -> None:
     begins = (bool(request.deviations), request.starts is not None, bool(request.to))
     if begins.count(True) != 1:
         raise BadInputError(
-            "the initial condition is missing or given twice; give either --start "
+            "the initial condition is missing or given twice; give either --initial "
             "NAME=VALUE,..., --starts N or --to NAME=VALUE"
         )
     if request.starts is not None:
@@ -173,7 +174,7 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     given = asked.single()
     end = _end(request, asked, given)
     model = end.model
-    deviations = each_of("--start", model, request.deviations, linear_state)
+    deviations = each_of("--initial", model, request.deviations, linear_state)
     limits = each_of("--limit", model, request.limits, span)
     point = trimmed(end)
     game = weighted_game(given_weights(request), linearize(model, point)).game

@@ -12,10 +12,9 @@ import numpy as np
 
 from hfa_flight.judge.outcomes import Place
 from hfa_flight.judge.weights import offset_rate, weights_at
-from hfa_flight.plan.flights import SimulatedFlight
+from hfa_flight.plan.flights import AFTER, Flights, SimulatedFlight
 from hfa_flight.plan.initial_box import drawn_starts
 from hfa_flight.plan.problem import flight_problem
-from hfa_flight.plan.search import AFTER, BestFlights
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.policy import policy_about
 from hfa_support.errors import NoSolutionError
@@ -131,13 +130,13 @@ def _number(ratio: float) -> str:
     return f"{ratio:.0f}" if ratio >= 1000.0 else f"{ratio:.3g}"
 
 
-def _refuse_slow(search: BestFlights, starts: np.ndarray) -> None:
+def _refuse_slow(flights: Flights, starts: np.ndarray) -> None:
     """Raise NoSolutionError if the exact loop has a mode that decays in too long a time."""
-    if max(map(search.horizon, starts)) <= _LONGEST:
+    if max(map(flights.horizon, starts)) <= _LONGEST:
         return
-    problem = search.problem
-    loop = problem.linear.A - problem.linear.B @ problem.K
-    slowest = max(modes_of(loop, problem.states), key=lambda mode: mode.eigenvalue.real)
+    slowest = max(
+        modes_of(flights.loop, flights.problem.states), key=lambda mode: mode.eigenvalue.real
+    )
     state = max(slowest.participation, key=lambda name: slowest.participation[name])
     raise NoSolutionError(
         f"with the exact gain, the mode {slowest.name} has a time constant of "
@@ -161,16 +160,16 @@ def flight_costs(
     point = place.point
     Q, R = weights_at(deployed, point)
     problem = flight_problem(point.model, point, Q, R, inputs=deployed.commanded)
-    search = BestFlights(problem, count)
-    loop = search.flights.of("policy", policy_about(deployed, point, "policy"))
+    flights = Flights(problem, count)
+    loop = flights.of("policy", policy_about(deployed, point, "policy"))
     starts = drawn_starts(problem, count, seed, place.box)
-    _refuse_slow(search, starts)
+    _refuse_slow(flights, starts)
     flown: list[SimulatedFlight] = []
     linear: list[SimulatedFlight] = []
     for start in with_progress([*starts], progress):
-        seconds = (1.0 + AFTER) * search.horizon(start)
-        linear.append(search.flights.linear(start, seconds))
-        flown.append(search.flights.fly(loop, start, seconds))
+        seconds = (1.0 + AFTER) * flights.horizon(start)
+        linear.append(flights.linear(start, seconds))
+        flown.append(flights.fly(loop, start, seconds))
     held, lqr_held = ([each for each in some if each.converges] for some in (flown, linear))
     both = [
         (one.cost, other.cost)

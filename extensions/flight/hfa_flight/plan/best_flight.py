@@ -14,7 +14,7 @@ from hfa_flight.plan.collocation import Proposal
 from hfa_flight.plan.flights import SimulatedFlight
 from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.report_lines import limits_of_flights, line_with_ratios
-from hfa_flight.plan.search import MESHES_AGREE, Found
+from hfa_flight.plan.search import Found
 from hfa_flight.plan.smooth import has_kinks
 from hfa_flight.simulate.flight_figure import Curve, flight_figure, signals_of
 from hfa_flight.simulate.returned import RULE
@@ -143,8 +143,8 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def spread(self) -> float | None:
-        """Largest relative difference of the flight's cost between meshes or between initial
-        guesses, or None if no proposal was confirmed.
+        """Relative difference of the proposed costs on the two meshes, or None if no proposal was
+        confirmed.
         """
         return None if self.found.proposal is None else self.found.spread
 
@@ -224,8 +224,6 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         if self.reason is not None:
             source = f"source: {self.source}, simulated; no proposal is confirmed:"
             lines += [source, self.reason]
-        elif self.found.spread_of_guesses > MESHES_AGREE:
-            lines.append(f"guesses differ by {100 * self.found.spread_of_guesses:.2g} %")
         return "\n".join(lines)
 
     def _start_text(self) -> str:
@@ -252,22 +250,15 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         if self.reason is not None:
             simulated = Row("simulated cost", self.cost, note="no proposal confirmed", digits=6)
             return Group("best flight", (simulated, linear), (none_cheaper,))
-        meshes = " and ".join(map(str, list(found.meshes)[-2:]))
+        meshes = " and ".join(map(str, [*found.meshes][-2:]))
         rows = (
             Row("simulated cost", self.cost, digits=6),
             Row("proposed cost", self.proposed_cost, note="of the optimizer", digits=6),
             Row(
                 "difference of meshes",
-                100.0 * found.spread_of_meshes,
+                100.0 * found.spread,
                 "%",
                 note=f"{meshes} intervals over {self.seconds:.3g} s",
-                digits=2,
-            ),
-            Row(
-                "dearest guess",
-                100.0 * found.spread_of_guesses,
-                "%",
-                note=f"above the best of {len(found.guesses)}",
                 digits=2,
             ),
             linear,

@@ -15,8 +15,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.plan.problem import MARGIN, FlightProblem
-from hfa_flight.plan.smooth import smooth_curvature, smooth_rates, smooth_slopes
-from hfa_support.native.machine_code import machine_code
+from hfa_flight.plan.smooth import smooth_rates
 
 #: Collocation points per interval. With 3, solutions for the HFA take half as long again, and two
 #: meshes differ as much, because the inputs are linear in each interval.
@@ -40,9 +39,6 @@ OPTIONS: dict[str, Any] = {
 }
 #: Number of intervals from which IPOPT needs a third fewer iterations with an adaptive barrier.
 _LARGE = 100
-#: Number of initial conditions from which the equations are compiled. This takes as long as 4
-#: solutions for the HFA and 25 for a c172p, once: the code is kept. It halves each for the HFA.
-_MACHINE_CODE_STARTS = 5
 #: Least roughness of an interval in an adapted mesh, relative to the largest.
 _EVEN = 1e-3
 #: Weight of the inputs' kinks, and power of the roughness that determines the lengths of intervals.
@@ -236,49 +232,18 @@ def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
     return solved
 
 
-class Equations(NamedTuple):
-    """Equations of an aircraft and their derivatives at one point, in nominal values.
-
-    rates: function from states and inputs to time derivatives of the states
-    slopes: Jacobian of `rates`, possibly as machine code
-    curvature: Hessian of `rates`, weighted by multipliers, possibly as machine code
-    """
-
-    rates: ca.Function
-    slopes: ca.Function
-    curvature: ca.Function
-
-    @staticmethod
-    def of(problem: FlightProblem, starts: int = 1) -> Equations:
-        """Return the equations of a problem.
-
-        For `_MACHINE_CODE_STARTS` or more initial conditions, Jacobian and Hessian are compiled to
-        machine code. The rates are never compiled, because CasADi cannot differentiate machine
-        code.
-
-        starts: number of initial conditions
-        """
-        slopes, curvature = smooth_slopes(problem), smooth_curvature(problem)
-        if starts >= _MACHINE_CODE_STARTS:
-            slopes, curvature = machine_code(slopes), machine_code(curvature)
-        return Equations(smooth_rates(problem), slopes, curvature)
-
-
 @dataclass(frozen=True, eq=False)
 class Transcription:
     """Nonlinear program of a problem with a given number of intervals.
 
     The unknowns are the states and inputs. The objective is the quadrature of z'Qz + v'Rv, plus
-    z'Pz at the end. Its Jacobian and Hessian are assembled from derivatives of the equations at
-    single points. This is faster than differentiation of the entire program.
+    z'Pz at the end.
 
     intervals: number N of intervals
-    equations: equations of the problem at one point, with their derivatives
     """
 
     problem: FlightProblem
     intervals: int
-    equations: Equations
 
     def solve(
         self,
@@ -286,8 +251,7 @@ class Transcription:
         lengths: np.ndarray,
         z: np.ndarray,
         v: np.ndarray,
-        margin: float | np.ndarray = MARGIN,
-        price: float = 1.0,
+        margin: float = MARGIN,
     ) -> Proposal:
         """Return the proposal that IPOPT finds from a guess. The proposal may be infeasible.
 
@@ -295,9 +259,7 @@ class Transcription:
         lengths: lengths of the intervals of the guess, s, (N,)
         z: guess at the collocation points, (N DEGREE, k) or (N DEGREE, followed)
         v: guess at the ends of the intervals, (N + 1, m)
-        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`, or
-            that of each interval, (N, 1)
-        price: factor on R, also in the cost of the proposal
+        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`
         """
         problem = self.problem
         of_states, of_inputs = problem.sizes
@@ -306,7 +268,7 @@ class Transcription:
         below, above = self._bounds(begin, margin)
         guess = unknowns_in_order(z / of_states, v / of_inputs)
         scale = 1.0 / max(float(start @ problem.P @ start), 1e-12)
-        parameters = np.concatenate([begin / of_states, lengths, [scale, price]])
+        parameters = np.concatenate([begin / of_states, lengths, [scale]])
         solved = solved_by(
             self._solver,
             x0=np.clip(guess, below, above),
@@ -330,9 +292,7 @@ class Transcription:
             feasible=bool(np.isfinite(row).all() and violation <= FEASIBLE),
         )
 
-    def _bounds(
-        self, begin: np.ndarray, margin: float | np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _bounds(self, begin: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
         """Return lower and upper bounds of the unknowns."""
         problem = self.problem
         of_states, of_inputs = problem.sizes
@@ -349,132 +309,45 @@ class Transcription:
 
     @cached_property
     def _solver(self) -> ca.Function:
-        """IPOPT solver of the nonlinear program, with the exact Jacobian and Hessian."""
-        program = _Program(self)
-        x, p, g = program.x, program.p, program.equations
-        of_objective = ca.MX.sym("of_objective")
-        of_equations = ca.MX.sym("of_equations", g.numel())
-        hessian = program.hessian(of_objective, of_equations)
-        options = {
-            **OPTIONS,
-            "ipopt.mu_strategy": "adaptive" if self.intervals >= _LARGE else "monotone",
-            "jac_g": ca.Function(
-                "jac_g", [x, p], [g, program.jacobian], ["x", "p"], ["g", "jac:g:x"]
-            ),
-            "hess_lag": ca.Function(
-                "hess_lag",
-                [x, p, of_objective, of_equations],
-                [ca.triu(hessian)],
-                ["x", "p", "lam:f", "lam:g"],
-                ["triu:hess:gamma:x:x"],
-            ),
+        """IPOPT solver of the nonlinear program.
+
+        The equations at collocation point i are s_i - h_i f(r_i) = 0, with states and inputs r_i,
+        slopes s_i of the polynomial of the states, and length h_i of the interval.
+        """
+        problem, intervals = self.problem, self.intervals
+        k, m = len(problem.followed), len(problem.inputs)
+        points = intervals * DEGREE
+        chosen = points_of_unknowns(k, m, intervals)
+        x = ca.MX.sym("x", chosen.columns())
+        start, lengths, scale = (ca.MX.sym("p", size) for size in (k, intervals, 1))
+        r = ca.reshape(ca.mtimes(chosen, x), k + m, points)
+        h = ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, points)
+        rates = smooth_rates(problem).map(points)(r)
+        equations = self._slopes(r[:k, :], start) - ca.repmat(h, k, 1) * rates
+        Q, R, P = problem.scaled_weights()
+        _, _, quadrature = ca.collocation_coeff(collocation_points()[1:].tolist())
+        shares = h * ca.repmat(ca.DM(quadrature).T, 1, intervals)
+        weight = ca.diagcat(ca.DM(Q), ca.DM(R))
+        running = ca.dot(ca.repmat(shares, k + m, 1) * r, ca.mtimes(weight, r))
+        cost = running + ca.bilin(ca.DM(P), r[:k, -1], r[:k, -1])
+        parts = {
+            "x": x,
+            "p": ca.vertcat(start, lengths, scale),
+            "f": scale * cost,
+            "g": ca.vec(equations),
         }
-        parts: dict[str, Any] = {"x": x, "p": p, "f": program.objective, "g": g}
-        return ca.nlpsol("flight", "ipopt", parts, options)
+        strategy = "adaptive" if intervals >= _LARGE else "monotone"
+        return ca.nlpsol("flight", "ipopt", parts, {**OPTIONS, "ipopt.mu_strategy": strategy})
 
+    def _slopes(self, z: ca.MX, start: ca.MX) -> ca.MX:
+        """Return the slopes of the states' polynomials at the points, per length of an interval.
 
-class _Program:
-    """Objective, equations and their derivatives as CasADi expressions.
-
-    The equations at collocation point i are g_i = s_i - h_i f(r_i) = 0, with states and inputs r_i,
-    slopes s_i of the polynomial of the states, and length h_i of the interval.
-    """
-
-    def __init__(self, of: Transcription) -> None:
-        """Define the unknowns x, the parameters p, and r at all points."""
-        problem = of.problem
-        self.problem = problem
-        self.at_a_point = of.equations
-        self.k = len(problem.followed)
-        self.m = len(problem.inputs)
-        self.both = self.k + self.m
-        self.intervals = of.intervals
-        self.points = of.intervals * DEGREE
-        self.chosen = points_of_unknowns(self.k, self.m, self.intervals)
-        self.x = ca.MX.sym("x", self.chosen.columns())
-        ends = np.cumsum([0, self.k, self.intervals, 1, 1]).tolist()
-        self.p = ca.MX.sym("p", ends[-1])
-        self.start, lengths, self.scale, self.price = ca.vertsplit(self.p, ends)
-        self.r = ca.reshape(ca.mtimes(self.chosen, self.x), self.both, self.points)
-        self.lengths = ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, self.points)
-
-    @cached_property
-    def slopes(self) -> ca.MX:
-        """Slopes s of the states' polynomials at the points, per length of an interval, (k, P)."""
-        z = self.r[: self.k, :]
-        last_of_intervals = z[:, DEGREE - 1 : self.points - 1 : DEGREE]
-        begins = ca.horzcat(self.start, last_of_intervals)
+        z: states at the points, (k, N DEGREE)
+        start: state at the start, (k,)
+        """
+        ends = z[:, DEGREE - 1 : self.intervals * DEGREE - 1 : DEGREE]
         derivatives, _, _ = ca.collocation_coeff(collocation_points()[1:].tolist())
         unit = ca.DM.eye(self.intervals)
         of_points = ca.mtimes(z, ca.kron(unit, derivatives[1:, :]))
+        begins = ca.horzcat(start, ends)
         return of_points + ca.mtimes(begins, ca.kron(unit, derivatives[0, :]))
-
-    @cached_property
-    def rates(self) -> ca.MX:
-        """Rates f(r) at the points, (k, P)."""
-        return self.at_a_point.rates.map(self.points)(self.r)
-
-    @cached_property
-    def rates_by_r(self) -> ca.MX:
-        """Jacobians ∂f/∂r at the points, side by side, (k, P (k + m))."""
-        return self.at_a_point.slopes.map(self.points)(self.r)
-
-    @property
-    def equations(self) -> ca.MX:
-        """Equations g, (k P,)."""
-        return ca.vec(self.slopes - ca.repmat(self.lengths, self.k, 1) * self.rates)
-
-    @property
-    def objective(self) -> ca.MX:
-        """Objective, quadratic in x."""
-        shares, weight, at_end = self.quadratic
-        running = ca.dot(ca.repmat(shares, self.both, 1) * self.r, ca.mtimes(weight, self.r))
-        return running + ca.bilin(at_end, self.x, self.x)
-
-    @property
-    def jacobian(self) -> ca.MX:
-        """Jacobian ∂g/∂x. The slopes are linear in x."""
-        of_slopes = ca.evalf(
-            _without_symbols(ca.jacobian(ca.vec(self.slopes), self.x), [self.x, self.p])
-        )
-        times = ca.reshape(ca.repmat(self.lengths, self.both, 1), 1, self.points * self.both)
-        of_rates = self.rates_by_r * ca.repmat(times, self.k, 1)
-        blocks = _blocks(of_rates, self.points, self.k, self.both)
-        return of_slopes - ca.mtimes(blocks, self.chosen)
-
-    def hessian(self, of_objective: ca.MX, of_equations: ca.MX) -> ca.MX:
-        """Return the Hessian of of_objective * objective + of_equations'g by x."""
-        shares, weight, at_end = self.quadratic
-        multipliers = ca.reshape(of_equations, self.k, self.points)
-        weighed = multipliers * ca.repmat(self.lengths, self.k, 1)
-        of_rates = self.at_a_point.curvature.map(self.points)(self.r, weighed)
-        of_r = 2.0 * of_objective * ca.kron(shares, weight) - of_rates
-        at_points = _blocks(of_r, self.points, self.both, self.both)
-        of_points = ca.mtimes(self.chosen.T, ca.mtimes(at_points, self.chosen))
-        return of_points + 2.0 * of_objective * at_end
-
-    @cached_property
-    def quadratic(self) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """Shares, W and F of the objective sum_i shares_i r_i'W r_i + x'F x: the quadrature, and
-        z'Pz at the end.
-        """
-        Q, R, P = self.problem.scaled_weights()
-        _, _, quadrature = ca.collocation_coeff(collocation_points()[1:].tolist())
-        of_points = ca.repmat(ca.DM(quadrature).T, 1, self.intervals)
-        shares = self.scale * self.lengths * of_points
-        before = self.chosen.columns() - self.both
-        last = ca.diagcat(ca.DM(before, before), ca.DM(P), ca.DM(self.m, self.m))
-        return shares, ca.diagcat(ca.DM(Q), self.price * ca.DM(R)), self.scale * last
-
-
-def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:
-    """Return an expression with 0 substituted for the given symbols."""
-    zeros = [ca.MX.zeros(symbol.numel()) for symbol in symbols]
-    (constant,) = ca.substitute([expression], symbols, zeros)
-    return constant
-
-
-def _blocks(side_by_side: ca.MX, count: int, rows: int, columns: int) -> ca.MX:
-    """Return the sparse block-diagonal matrix of the given blocks."""
-    pattern = ca.diagcat(*[ca.Sparsity.dense(rows, columns)] * count)
-    return ca.MX(pattern, ca.vec(ca.densify(side_by_side)))

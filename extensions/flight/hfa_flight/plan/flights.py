@@ -43,6 +43,15 @@ _FASTEST = 0.1
 #: longest flight that is extended for this reason, s.
 _SETTLES = 6.0
 _LONGEST = 300.0
+#: Linear cost after the first horizon, relative to the initial one.
+_FIRST_TAIL = 3e-4
+#: Step with which this time is searched, in time constants of the slowest mode, largest number of
+#: steps, and factor of the first horizon on the time found.
+_TAIL_STEP = 0.25
+_TAIL_STEPS = 40
+_LONGER_THAN_TAIL = 1.2
+#: Duration of the linear policy after the horizon, relative to the horizon.
+AFTER = 0.25
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -79,20 +88,44 @@ class Flights:
     count: int = 1
 
     @cached_property
+    def loop(self) -> np.ndarray:
+        """State matrix A - B K of the linear closed loop."""
+        linear = self.problem.linear
+        return np.asarray(linear.A - linear.B @ self.problem.K)
+
+    @cached_property
     def step(self) -> float:
         """Integration step, s, at most `_STEP`.
 
         The step resolves the fastest mode of the aircraft and of the linear loop.
         """
-        linear = self.problem.linear
-        loop = linear.A - linear.B @ self.problem.K
-        modes = np.concatenate([np.linalg.eigvals(linear.A), np.linalg.eigvals(loop)])
+        matrices = (self.problem.linear.A, self.loop)
+        modes = np.concatenate([np.linalg.eigvals(matrix) for matrix in matrices])
         return min(_STEP, _FASTEST / float(np.abs(modes).max()))
 
     @cached_property
     def tick(self) -> float:
         """Duration of a tick, s: `STEPS` integration steps."""
         return STEPS * self.step
+
+    def horizon(self, start: np.ndarray) -> float:
+        """Return 1.2 times the time after which the linear loop's remaining cost is negligible, s.
+
+        The result is at most 12 time constants of the slowest mode.
+
+        start: initial deviations z, (k,)
+        """
+        from scipy.linalg import expm
+
+        P = self.problem.P
+        slowest = -float(np.linalg.eigvals(self.loop).real.max())
+        step = _TAIL_STEP / slowest
+        transition = expm(self.loop * step)
+        negligible = _FIRST_TAIL * float(start @ P @ start)
+        count, z = 1, transition @ start
+        while z @ P @ z > negligible and count < _TAIL_STEPS:
+            count, z = count + 1, transition @ z
+        return _LONGER_THAN_TAIL * count * step
 
     @cached_property
     def _tracking(self) -> CompiledLoop:

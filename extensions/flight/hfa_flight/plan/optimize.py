@@ -7,9 +7,10 @@ from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_flight.plan.best_flight import BestFlight
+from hfa_flight.plan.flights import AFTER
 from hfa_flight.plan.initial_box import drawn_starts
 from hfa_flight.plan.problem import FlightProblem, flight_problem
-from hfa_flight.plan.search import AFTER, BestFlights
+from hfa_flight.plan.search import BestFlights
 from hfa_flight.plan.starts_table import StartsTable, starts_table
 from hfa_support.arguments import ArrayLike
 from hfa_support.progress import Progress

@@ -1,4 +1,4 @@
-"""Search for the best flight: proposals from several guesses and meshes, and their simulation."""
+"""Search for the best flight: a proposal on two meshes, with four margins, and its simulation."""
 
 from __future__ import annotations
 
@@ -10,79 +10,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_flight.plan.collocation import (
-    DEGREE,
-    Equations,
-    Proposal,
-    Transcription,
-    adapted_mesh,
-    mesh,
-)
-from hfa_flight.plan.flights import Flights, SimulatedFlight
+from hfa_flight.plan.collocation import DEGREE, Proposal, Transcription, adapted_mesh, mesh
+from hfa_flight.plan.flights import AFTER, Flights, SimulatedFlight
 from hfa_flight.plan.problem import MARGIN, FlightProblem
+from hfa_flight.plan.smooth import smooth_rates
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_radius
+from hfa_support.reporting.text import percent
 
-#: Number of intervals of the coarsest mesh, and largest number of refinements.
-INTERVALS = 25
-_DIVISIONS = 4
-#: Factors on the margin to the state limits if a flight left them: on every mesh, and finally on
-#: the last mesh that agreed.
-_TIGHTER = 3.0
-_TIGHTEST = 9.0
-#: Number of corrections of a proposal whose flight leaves a limit between its points. Each narrows
-#: the limits of the intervals concerned by this multiple of the excess, and a reserve.
-_CORRECTIONS = 4
-_CORRECTED = 1.1
-_RESERVE = 5e-4
+#: Numbers of intervals of the meshes. The last is used only if the costs on the first two differ.
+_COARSE = 50
+_FINER = (100, 200)
+#: Factors on the margin to the state limits. The next is used if the flight left a limit.
+_MARGINS = (1.0, 3.0, 9.0, 27.0)
 #: Largest relative difference of the costs on two meshes, and largest relative excess of the cost
 #: of a flight over that of its proposal.
 MESHES_AGREE = 0.005
 FLIGHT_AGREES = 0.01
-#: Relative excess of a flight's cost over that of the proposal with the usual margin, above which a
-#: finer mesh is tried.
-_WORTH = 0.002
-#: An input alternates if it changes this often between half of one limit and half of the other. A
-#: mesh of _ALTERNATING_MESH intervals is then not refined, because the input would only alternate
-#: faster.
-_ALTERNATES = 6
-_ALTERNATING_MESH = 200
 #: Largest linear cost after the horizon, relative to the cost.
 TAIL = 0.001
 #: Largest linear cost after the horizon if a state outside the cost, such as altitude, moves the
 #: equilibrium.
 DRIFTING_TAIL = 0.005
-#: Relative difference below which costs on the coarsest mesh belong to the same optimum.
-_SAME_OPTIMUM = 0.002
-#: Relative difference below which costs on the same mesh belong to the same optimum.
-_EQUAL = 1e-6
-#: Number of different optima that are refined.
-_FOLLOWED = 2
-#: Name of the guess that is the optimum for a larger R, and factor on R.
-_COSTLY = "costly inputs"
-_COSTLY_PRICE = 10.0
-#: Largest initial inputs of a guess, in nominal values.
-_LARGEST_INPUT = 10.0
-#: Linear cost after the first horizon, relative to the initial one.
-_FIRST_TAIL = 3e-4
-#: Step with which this time is searched, in time constants of the slowest mode, largest number of
-#: steps, and factor of the first horizon on the time found.
-_TAIL_STEP = 0.25
-_TAIL_STEPS = 40
-_LONGER_THAN_TAIL = 1.2
 #: Factor by which a horizon is extended, and largest number of extensions.
 _LONGER = 1.6
 _EXTENSIONS = 5
 NONE_WITHIN = (
-    "IPOPT finds no flight within the limits from any initial guess, possibly because of "
-    "tables or kinks; such a flight may exist"
+    "IPOPT finds no flight within the limits, possibly because of tables or kinks; such a flight "
+    "may exist"
 )
 #: Name of a flight that follows a proposal that it does not confirm.
 REFUSED = "flight that follows a refused proposal"
-#: Duration of the linear policy after the horizon, relative to the horizon.
-AFTER = 0.25
-
-
 #: Times (N,) -> z (N, k) and v (N, m) at these times.
 Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -94,8 +52,6 @@ class Found(NamedTuple):
     proposal: proposal that a flight confirms, or None for an upper bound of the least cost alone
     seconds: horizon of the proposal, s
     meshes: number of intervals -> proposed cost, empty without a proposal
-    guesses: name of an initial guess -> cost on the finest mesh used for this guess, empty without
-        a proposal
     linear: flight of the linear optimum from the same initial condition
     reason: reason why no proposal was confirmed, or "" with a proposal
     """
@@ -104,37 +60,13 @@ class Found(NamedTuple):
     proposal: Proposal | None
     seconds: float
     meshes: dict[int, float]
-    guesses: dict[str, float]
     linear: SimulatedFlight
     reason: str = ""
 
     @property
     def spread(self) -> float:
-        """Largest relative difference of the cost between the last two meshes or between initial
-        guesses.
-        """
-        return max(self.spread_of_meshes, self.spread_of_guesses)
-
-    @property
-    def spread_of_meshes(self) -> float:
         """Relative difference of the proposed costs on the last two meshes."""
         return difference_of_meshes(self.meshes)
-
-    @property
-    def spread_of_guesses(self) -> float:
-        """Relative difference of the largest and the smallest cost found from different initial
-        guesses.
-        """
-        guessed = list(self.guesses.values())
-        return max(guessed) / min(guessed) - 1.0
-
-
-class _Confirmed(NamedTuple):
-    """Flight that confirms a proposal, and number of intervals -> proposed cost."""
-
-    flown: SimulatedFlight
-    proposal: Proposal
-    meshes: dict[int, float]
 
 
 class _Unconfirmed(Exception):
@@ -163,16 +95,6 @@ class BestFlights:
         """Simulator of the flights."""
         return Flights(self.problem, self.count)
 
-    @cached_property
-    def _equations(self) -> Equations:
-        return Equations.of(self.problem, self.count)
-
-    @cached_property
-    def _loop(self) -> np.ndarray:
-        """State matrix A - B K of the linear closed loop."""
-        linear = self.problem.linear
-        return np.asarray(linear.A - linear.B @ self.problem.K)
-
     def found(self, start: np.ndarray) -> Found:
         """Return the best flight found from an initial condition.
 
@@ -185,16 +107,16 @@ class BestFlights:
         converges. Raises BadInputError if the initial condition is outside the limits.
         """
         self.problem.refuse_outside(start)
-        _ = self._equations  # refuses a compiled function before the first flight
+        smooth_rates(self.problem)  # refuses a compiled function before the first flight
         try:
             return self._confirmed_best(start)
         except _Unconfirmed as error:
-            horizon = self.horizon(start)
+            horizon = self.flights.horizon(start)
             linear = self.converging_linear(start, horizon)
             cheapest = _cheapest_inside([linear, *error.flights])
             if cheapest is None:
                 raise NoSolutionError(f"no flight found: {error}") from None
-            return Found(cheapest, None, horizon, {}, {}, linear, str(error))
+            return Found(cheapest, None, horizon, {}, linear, str(error))
 
     def converging_linear(self, start: np.ndarray, horizon: float) -> SimulatedFlight:
         """Return the flight of the linear optimum, simulated longer until it converges.
@@ -211,15 +133,14 @@ class BestFlights:
 
     def _confirmed_best(self, start: np.ndarray) -> Found:
         """Return the best flight whose proposal the simulation confirms."""
-        horizon = self.horizon(start)
+        horizon = self.flights.horizon(start)
         for _ in range(_EXTENSIONS):
             horizon = self.flights.tick * math.ceil(horizon / self.flights.tick)
             linear = self.flights.linear(start, (1.0 + AFTER) * horizon)
-            proposals = self._from_guesses(start, horizon, linear)
-            best = proposals[_cheapest_first(proposals)[0]]
-            unfinished = self._unfinished(best)
+            coarse = self._coarse(start, horizon, linear)
+            unfinished = self._unfinished(coarse)
             if not unfinished:
-                return self._refined(horizon, linear, proposals)
+                return self._confirmed(horizon, linear, coarse)
             horizon *= _LONGER
         raise _Unconfirmed(f"with a horizon of {horizon / _LONGER:.3g} s, {unfinished}")
 
@@ -234,217 +155,55 @@ class BestFlights:
             return "the linear policy leaves the limits after the horizon"
         return ""
 
-    def horizon(self, start: np.ndarray) -> float:
-        """Return 1.2 times the time after which the linear loop's remaining cost is negligible, s.
+    def _coarse(self, start: np.ndarray, seconds: float, linear: SimulatedFlight) -> Proposal:
+        """Return the proposal on the coarse mesh, from the flight of the linear optimum.
 
-        The result is at most 12 time constants of the slowest mode.
-
-        start: initial deviations z, (k,)
+        If this flight does not converge, the guess is the linear loop without limits.
         """
-        from scipy.linalg import expm
+        guess = self._guess_of_flight(linear) if linear.converges else self._linear_guess(start)
+        lengths = self._mesh(seconds, _COARSE)
+        program = self._transcription(_COARSE)
+        rough = program.solve(start, lengths, *sampled(guess, lengths))
+        proposal = self._finer(_COARSE, rough, MARGIN) if rough.feasible else rough
+        if not proposal.feasible:
+            raise _Unconfirmed(NONE_WITHIN)
+        return proposal
 
-        P = self.problem.P
-        slowest = -float(np.linalg.eigvals(self._loop).real.max())
-        step = _TAIL_STEP / slowest
-        transition = expm(self._loop * step)
-        negligible = _FIRST_TAIL * float(start @ P @ start)
-        count, z = 1, transition @ start
-        while z @ P @ z > negligible and count < _TAIL_STEPS:
-            count, z = count + 1, transition @ z
-        return _LONGER_THAN_TAIL * count * step
+    def _confirmed(self, seconds: float, linear: SimulatedFlight, coarse: Proposal) -> Found:
+        """Return the flight that confirms a proposal on whose cost two meshes agree.
 
-    def _refined(
-        self,
-        seconds: float,
-        linear: SimulatedFlight,
-        proposals: Mapping[str, Proposal],
-    ) -> Found:
-        """Return the cheapest flight that the simulation confirms, on finer meshes."""
-        finer = {}
-        for name in _distinct(proposals):
-            proposal = self._finer(2 * INTERVALS, proposals[name], MARGIN)
-            if proposal.feasible:
-                finer[name] = proposal
-        failed = _Unconfirmed(NONE_WITHIN)
-        costs = {name: each.cost for name, each in (dict(proposals) | finer).items()}
-        for name in _cheapest_first(finer):
-            meshes = {INTERVALS: proposals[name].cost, 2 * INTERVALS: finer[name].cost}
-            try:
-                flown, best, meshes = self._confirmed(seconds, meshes, finer[name])
-            except _Unconfirmed as error:
-                failed = _Unconfirmed(str(error), [*failed.flights, *error.flights])
-                continue
-            # Near the trim, the linear policy may be cheaper by the errors of the meshes.
-            flown = _cheapest_inside([flown, linear]) or flown
-            return Found(flown, best, seconds, meshes, costs | {name: best.cost}, linear)
-        raise failed
-
-    def _confirmed(self, seconds: float, meshes: dict[int, float], best: Proposal) -> _Confirmed:
-        """Return the cheapest flight that confirms a proposal.
-
-        A flight that is dearer than the optimizer's proposal by more than _WORTH, because of
-        narrower limits, is compared with those on finer meshes.
+        The margin is the least with which the flight stays within the limits. Near the trim, the
+        linear policy may be cheaper by the errors of the meshes.
         """
-        agreed = None  # last proposal on whose cost two meshes agree, with the costs of its meshes
-        confirmed: list[_Confirmed] = []
-        simulated: list[SimulatedFlight] = []  # refused, unless one is confirmed
-        intervals = len(best.lengths)
-        for _ in range(_DIVISIONS):
-            change = difference_of_meshes(meshes)
-            alternating = self._alternating(best)
-            reason = f"two meshes differ by {100 * change:.2g} %{alternating}"
-            if change <= MESHES_AGREE:
-                flown, followed = self._simulated(best, seconds, _TIGHTER)
-                simulated.append(replace(flown, policy=REFUSED))
-                reason = refutation(flown, followed)
-                if not reason:
-                    confirmed.append(_Confirmed(flown, followed, meshes))
-                    if flown.cost <= (1.0 + _WORTH) * best.cost:
-                        break
-                agreed = best, meshes
-            elif alternating and intervals >= _ALTERNATING_MESH:
-                break
-            intervals *= 2
-            if 2 * intervals * self.flights.step > seconds:
-                break
-            finer = self._finer(intervals, best, MARGIN)
-            if not finer.feasible:
-                break
-            best = finer
-            meshes = {**meshes, intervals: best.cost}
-        if confirmed:
-            return min(confirmed, key=lambda each: each.flown.cost)
-        if agreed is not None:
-            proposal, meshes = agreed
-            flown, followed = self._simulated(proposal, seconds, _TIGHTEST)
+        proposal, meshes = self._agreed(coarse)
+        simulated: list[SimulatedFlight] = []
+        for factor in _MARGINS:
+            if factor > 1.0:
+                proposal = self._finer(len(proposal.lengths), proposal, factor * MARGIN)
+                if not proposal.feasible:
+                    break
+            flown = self.flights.follow(proposal, (1.0 + AFTER) * seconds)
+            reason = refutation(flown, proposal)
+            if not reason:
+                flown = _cheapest_inside([flown, linear]) or flown
+                return Found(flown, proposal, seconds, meshes, linear)
             simulated.append(replace(flown, policy=REFUSED))
-            if not refutation(flown, followed):
-                return _Confirmed(flown, followed, meshes)
+            if flown.departure is None:
+                break
         raise _Unconfirmed(reason, simulated)
 
-    def _alternating(self, proposal: Proposal) -> str:
-        """Return a note on each input that alternates between its limits in a proposal, or ""."""
-        # An input alternates if it passes `_ALTERNATES` times or more from more than half of one
-        # limit to more than half of the opposite limit.
-        lowest, highest = self.problem.input_limits
-        texts = []
-        for column, name in enumerate(self.problem.inputs):
-            v = proposal.v[:, column]
-            side = np.where(v > 0.5 * highest[column], 1, np.where(v < 0.5 * lowest[column], -1, 0))
-            turns = int((np.diff(side[side != 0]) != 0).sum())
-            if turns >= _ALTERNATES:
-                texts.append(
-                    f"; {name} alternates between its limits {turns} times, and more often on a "
-                    "finer mesh; give it a larger R"
-                )
-        return "".join(texts)
-
-    def _simulated(
-        self, best: Proposal, seconds: float, factor: float
-    ) -> tuple[SimulatedFlight, Proposal]:
-        """Return the simulated flight that follows a proposal, and the followed proposal."""
-        duration = (1.0 + AFTER) * seconds
-        flown = self.flights.follow(best, duration)
-        if flown.departure is None:
-            return flown, best
-        corrected = self._corrected(best, flown, duration)
-        tighter = self._finer(len(best.lengths), best, factor * MARGIN)
-        tried = [corrected] if corrected else []
-        if tighter.feasible:
-            tried.append((self.flights.follow(tighter, duration), tighter))
-        within = [each for each in tried if each[0].departure is None]
-        return min(within or [(flown, best)], key=lambda each: each[0].cost)
-
-    def _corrected(
-        self, proposal: Proposal, flown: SimulatedFlight, seconds: float
-    ) -> tuple[SimulatedFlight, Proposal] | None:
-        """Return a flight within the limits that follows a proposal with limits narrowed where a
-        flight exceeded them, or None.
-
-        flown: flight of the proposal, which exceeds limits between its points
-        """
-        program = self._transcription(len(proposal.lengths))
-        margins = np.full((len(proposal.lengths), 1), MARGIN)
-        for _ in range(_CORRECTIONS):
-            margins += self._exceeded(proposal, flown)
-            z, v = sampled(proposal.at, proposal.lengths)
-            proposal = program.solve(proposal.start, proposal.lengths, z, v, margins)
+    def _agreed(self, coarse: Proposal) -> tuple[Proposal, dict[int, float]]:
+        """Return the proposal on the second of two meshes that agree, and the costs on all."""
+        proposal, meshes = coarse, {_COARSE: coarse.cost}
+        for intervals in _FINER:
+            proposal = self._finer(intervals, proposal, MARGIN)
             if not proposal.feasible:
-                return None
-            flown = self.flights.follow(proposal, seconds)
-            if flown.departure is None:
-                return flown, proposal
-        return None
-
-    def _exceeded(self, proposal: Proposal, flown: SimulatedFlight) -> np.ndarray:
-        """Return by how much a flight that follows a proposal exceeds limits in each interval or
-        the next one, as a fraction of the distance from trim to limit, (N, 1).
-        """
-        problem = self.problem
-        places = problem.followed_places
-        z = flown.states[:, places] - problem.point.x[places]
-        lowest, highest = problem.state_limits
-        beyond = np.maximum(z / highest, z / lowest).max(axis=1) - 1.0
-        interval = np.searchsorted(proposal.ends, flown.times, side="right") - 1
-        count = len(proposal.lengths)
-        excess = np.zeros(count + 1)
-        flies = interval < count
-        np.maximum.at(excess, interval[flies], beyond[flies])
-        near = np.maximum(excess[:-1], excess[1:])
-        return np.where(near > 0.0, _CORRECTED * near + _RESERVE, 0.0)[:, None]
-
-    def _from_guesses(
-        self, start: np.ndarray, seconds: float, linear: SimulatedFlight
-    ) -> dict[str, Proposal]:
-        """Return name of a guess -> feasible proposal on the coarsest mesh."""
-        first = {
-            "linear loop": self._linear_guess(start),
-            "slow decay": self._decay(start, 3.0 / seconds),
-        }
-        if linear.converges:
-            first["linear loop"] = self._guess_of_flight(linear)
-        else:
-            first["fast decay"] = self._decay(start, 10.0 / seconds)
-        adapted: list[tuple[Proposal, Proposal]] = []
-        proposals = self._solved(start, seconds, first, adapted)
-        costs = [proposal.cost for proposal in proposals.values()]
-        if len(costs) == len(first) and max(costs) <= (1.0 + _SAME_OPTIMUM) * min(costs):
-            return proposals
-        lowest, highest = self.problem.input_limits
-        more = {
-            "inputs at their highest": self._decay(start, 3.0 / seconds, highest),
-            "inputs at their lowest": self._decay(start, 3.0 / seconds, lowest),
-        }
-        proposals |= self._solved(start, seconds, more, adapted)
-        costly = {_COSTLY: first["linear loop"]}
-        proposals |= self._solved(start, seconds, costly, [], _COSTLY_PRICE)
-        if not proposals:
-            raise _Unconfirmed(NONE_WITHIN)
-        return proposals
-
-    def _solved(
-        self,
-        start: np.ndarray,
-        seconds: float,
-        guesses: Mapping[str, Guess],
-        adapted: list[tuple[Proposal, Proposal]],
-        price: float = 1.0,
-    ) -> dict[str, Proposal]:
-        """Return name of a guess -> proposal on a mesh adapted to a first proposal."""
-        lengths = self._mesh(seconds, INTERVALS)
-        coarsest = self._transcription(INTERVALS)
-        proposals = {}
-        for name, guess in guesses.items():
-            rough = coarsest.solve(start, lengths, *sampled(guess, lengths), price=price)
-            if not rough.feasible:
-                continue
-            proposal = next((each for known, each in adapted if _equal(known, rough)), None)
-            if proposal is None:
-                proposal = self._finer(INTERVALS, rough, MARGIN)
-                adapted.append((rough, proposal))
-            if proposal.feasible:
-                proposals[name] = proposal
-        return proposals
+                raise _Unconfirmed(NONE_WITHIN)
+            meshes[intervals] = proposal.cost
+            if difference_of_meshes(meshes) <= MESHES_AGREE:
+                return proposal, meshes
+        change = percent(100.0 * difference_of_meshes(meshes))
+        raise _Unconfirmed(f"two meshes differ by {change}")
 
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
         """Return the proposal solved again on a mesh of `intervals` intervals."""
@@ -466,11 +225,11 @@ class BestFlights:
 
     def _transcription(self, intervals: int) -> Transcription:
         if intervals not in self.transcriptions:
-            self.transcriptions[intervals] = Transcription(self.problem, intervals, self._equations)
+            self.transcriptions[intervals] = Transcription(self.problem, intervals)
         return self.transcriptions[intervals]
 
     def _mesh(self, seconds: float, intervals: int) -> np.ndarray:
-        fastest = spectral_radius(self._loop)
+        fastest = spectral_radius(self.flights.loop)
         return mesh(seconds, intervals, fastest, self.flights.step)
 
     def _linear_guess(self, start: np.ndarray) -> Guess:
@@ -478,20 +237,8 @@ class BestFlights:
         from scipy.linalg import expm
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            z = expm(self._loop * times[:, None, None]) @ start
+            z = expm(self.flights.loop * times[:, None, None]) @ start
             return z, np.clip(-z @ self.problem.K.T, *self.problem.input_limits)
-
-        return guess
-
-    def _decay(self, start: np.ndarray, rate: float, v: np.ndarray | None = None) -> Guess:
-        """Return a guess in which z and v decay exponentially."""
-        begin = np.zeros(len(self.problem.inputs)) if v is None else v
-        most = _LARGEST_INPUT * self.problem.sizes[1]
-        begin = np.clip(begin, -most, most)
-
-        def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            decay = np.exp(-rate * times)[:, None]
-            return decay * start, decay * begin
 
         return guess
 
@@ -524,21 +271,6 @@ def _cheapest_inside(flights: list[SimulatedFlight]) -> SimulatedFlight | None:
     return min(converging, key=lambda each: each.cost, default=None)
 
 
-def _cheapest_first(proposals: Mapping[str, Proposal]) -> list[str]:
-    """Return the names of proposals in the order of increasing cost."""
-    return sorted(proposals, key=lambda name: proposals[name].cost)
-
-
-def _distinct(proposals: Mapping[str, Proposal]) -> list[str]:
-    """Return the names of the cheapest proposals with different costs, at most `_FOLLOWED`."""
-    chosen: list[str] = []
-    for name in _cheapest_first(proposals):
-        dearest = proposals[chosen[-1]].cost if chosen else 0.0
-        if proposals[name].cost > (1.0 + _SAME_OPTIMUM) * dearest and len(chosen) < _FOLLOWED:
-            chosen.append(name)
-    return chosen
-
-
 def sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return a guess's z at the collocation points and its v at the ends of the intervals.
 
@@ -551,11 +283,6 @@ def sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     tau = np.array(collocation_points(DEGREE, "radau"))
     inside = (ends[:-1, None] + lengths[:, None] * tau).ravel()
     return guess(inside)[0], guess(ends)[1]
-
-
-def _equal(one: Proposal, other: Proposal) -> bool:
-    """Return whether the costs of two proposals on the same mesh agree to the accuracy of IPOPT."""
-    return abs(one.cost - other.cost) <= _EQUAL * abs(one.cost)
 
 
 def refutation(flown: SimulatedFlight, proposal: Proposal) -> str:

@@ -67,19 +67,6 @@ def smooth_slopes(problem: FlightProblem) -> ca.Function:
     return ca.Function("slopes", [at], [slopes], {"cse": True})
 
 
-@lru_cache(maxsize=16)
-def smooth_curvature(problem: FlightProblem) -> ca.Function:
-    """Return the function (followed states and v, multipliers) -> dense Hessian, in nominal values.
-
-    The Hessian is that of the dot product of the multipliers and `smooth_rates`.
-    """
-    rates = smooth_rates(problem)
-    at = ca.SX.sym("at", rates.numel_in(0))
-    multipliers = ca.SX.sym("multipliers", rates.numel_out(0))
-    bent, _ = ca.hessian(ca.dot(multipliers, rates(at)), at)
-    return ca.Function("curvature", [at, multipliers], [ca.densify(bent)], {"cse": True})
-
-
 def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Function:
     """Return a copy of the function in which each kink is smoothed.
 

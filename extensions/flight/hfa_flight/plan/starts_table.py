@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from hfa_flight.needs import is_enough, need_text
+from hfa_flight.plan.flights import AFTER
 from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.report_lines import limits_of_flights, line_with_ratios
-from hfa_flight.plan.search import AFTER, MESHES_AGREE, BestFlights
+from hfa_flight.plan.search import BestFlights
 from hfa_flight.simulate.returned import RULE
 from hfa_flight.simulate.row import FlightRow
 from hfa_flight.simulate.simulation import CompiledLoop
@@ -32,8 +33,7 @@ class StartFlights(Result):
     cost: cost of the best flight, or None if no flight was found.
     reason: reason why no proposal of the optimizer was confirmed, or None if one was. A cost with a
         reason is that of the cheapest simulated flight.
-    spread: largest relative difference of the costs between meshes or guesses, or None with a
-        reason.
+    spread: relative difference of the costs on the two meshes, or None with a reason.
     linear_cost: cost z'Pz of the linear model without limits.
     policies: flights of the policies, the saturated linear optimum first.
     """
@@ -193,9 +193,6 @@ class StartsTable(OfProblem, Result, Reported):
         lines.append(f"to {whose}, from {self.starts} initial conditions")
         if self.upper_bounds:
             lines.append(f"{self.upper_bounds} only as the cheapest simulated flight")
-        spread = max((each.spread for each in self.flights if each.spread is not None), default=0.0)
-        if spread > MESHES_AGREE:
-            lines.append(f"guesses differ by up to {100 * spread:.2g} %")
         return lines
 
     def _records(self) -> Table:
@@ -225,8 +222,6 @@ def starts_table(
     starts: np.ndarray,
     loops: Sequence[CompiledLoop] = (),
     progress: Progress | None = None,
-    *,
-    searched: bool = True,
 ) -> StartsTable:
     """Return the best flight and the flights of policies from each initial condition.
 
@@ -234,12 +229,11 @@ def starts_table(
 
     starts: initial deviations, (N, k)
     loops: loops of the policies that are compared with the linear optimum and the best flight
-    searched: False to simulate only the policies, without a search for best flights
     """
     done: list[StartFlights] = []
     with interruption() as asked:
         for start in starts:
-            done.append(flights_from(search, start, loops, searched))
+            done.append(flights_from(search, start, loops))
             if progress is not None:
                 progress(len(done), len(starts))
             if asked.is_set():
@@ -248,7 +242,7 @@ def starts_table(
 
 
 def flights_from(
-    search: BestFlights, start: np.ndarray, loops: Sequence[CompiledLoop], searched: bool
+    search: BestFlights, start: np.ndarray, loops: Sequence[CompiledLoop]
 ) -> StartFlights:
     """Return the best flight and the flights of the policies from an initial condition.
 
@@ -256,24 +250,20 @@ def flights_from(
 
     start: initial deviations z, (k,)
     loops: loops of the policies, simulated after the saturated linear optimum
-    searched: whether a best flight is searched
     """
     problem = search.problem
     by_name = dict(zip(problem.states, start.tolist(), strict=True))
     linear_cost = float(start @ problem.P @ start)
-    cost = reason = spread = linear = None
-    seconds = (1.0 + AFTER) * search.horizon(start)
-    if searched:
-        try:
-            found = search.found(start)
-            cost = found.flown.cost
-            reason = found.reason or None
-            spread = None if found.proposal is None else found.spread
-            seconds = (1.0 + AFTER) * found.seconds
-            linear = found.linear
-        except NoSolutionError as error:
-            reason = str(error).removeprefix("no flight found: ")
-    if linear is None:
+    cost = reason = spread = None
+    try:
+        found = search.found(start)
+        cost = found.flown.cost
+        reason = found.reason or None
+        spread = None if found.proposal is None else found.spread
+        seconds, linear = (1.0 + AFTER) * found.seconds, found.linear
+    except NoSolutionError as error:
+        reason = str(error).removeprefix("no flight found: ")
+        seconds = (1.0 + AFTER) * search.flights.horizon(start)
         linear = search.flights.linear(start, seconds)
     flown = [linear, *(search.flights.fly(loop, start, seconds) for loop in loops)]
     policies = [each.row(cost) for each in flown]

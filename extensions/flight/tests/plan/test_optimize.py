@@ -26,7 +26,9 @@ def test_the_hfa_leaves_the_envelope_with_exact_policy(capsys: pytest.CaptureFix
 
     A flight that left has no cost, though it is at the trim at its end.
     """
-    assert main(["optimize", "--dihedral", "15", "--start", "speed=5,alpha=2.8648", "--json"]) == 0
+    assert (
+        main(["optimize", "--dihedral", "15", "--initial", "speed=5,alpha=2.8648", "--json"]) == 0
+    )
     data = json.loads(capsys.readouterr().out)
     linear, exact = data["policies"]
     assert exact["policy"] == "exact game policy, saturated"
@@ -49,7 +51,7 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(
     P = solve_continuous_are(A, B, np.eye(2), np.eye(1))
     K = 0.5 * B.T @ P
     np.savez("K.npz", K=K)
-    words = ["optimize", "--aircraft", "plant.npz", "--start", "x1=0.5,x2=0.2"]
+    words = ["optimize", "--aircraft", "plant.npz", "--initial", "x1=0.5,x2=0.2"]
     assert main([*words, "--policy", "K.npz", "--Q", "1,1", "--R", "1", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     X = solve_continuous_lyapunov((A - B @ K).T, -(np.eye(2) + K.T @ K))
@@ -75,7 +77,7 @@ def test_a_deployment_and_a_critic_are_compared(
     game = nominal_game(hfa.linearize(model, hfa.trim(model)))
     np.savez("K.npz", K=0.5 * hfa.solve(game).K)
     deployment = pendulum_deployment(folder, "[timing]\ndt = 0.02\n")
-    words = ["optimize", "--aircraft", PENDULUM, "--start", "angle=20", "--policy", "K.npz"]
+    words = ["optimize", "--aircraft", PENDULUM, "--initial", "angle=20", "--policy", "K.npz"]
     assert main([*words, "--policy", str(deployment), "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     linear, *others = data["policies"]
@@ -145,11 +147,11 @@ def test_flights_order_two_policies_opposite_to_their_linear_costs() -> None:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ("", "give either --start NAME=VALUE,..., --starts N or --to NAME=VALUE"),
-        ("--start height=3", "height is unknown; choose from angle"),
-        ("--start angle", "'angle' is not NAME=VALUE"),
-        ("--start angle=1,angle=2", "angle is given twice"),
-        ("--start angle=95 --limit angle=-90:90", "give an initial condition within the limits"),
+        ("", "give either --initial NAME=VALUE,..., --starts N or --to NAME=VALUE"),
+        ("--initial height=3", "height is unknown; choose from angle"),
+        ("--initial angle", "'angle' is not NAME=VALUE"),
+        ("--initial angle=1,angle=2", "angle is given twice"),
+        ("--initial angle=95 --limit angle=-90:90", "give an initial condition within the limits"),
         ("--starts 2 --picture a.png", "applies only to a single flight"),
         ("--to height=3", "unknown trim variable 'height'"),
         ("--hold angle=10 --to angle=10", "give another initial condition"),

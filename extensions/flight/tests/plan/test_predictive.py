@@ -461,7 +461,7 @@ def test_laws_fly_and_are_compared_on_the_command_line(
     words = ["--aircraft", PENDULUM_FILE, "--policy", law, "--json"]
     assert main(["fly", *words, "--initial", "angle=40", "--duration", "5"]) == 0
     flown = json.loads(capsys.readouterr().out)
-    assert main(["optimize", *words, "--start", "angle=40"]) == 0
+    assert main(["optimize", *words, "--initial", "angle=40"]) == 0
     compared = json.loads(capsys.readouterr().out)["policies"]
     (ratio,) = [each["over_best"] for each in compared if each["policy"] == law]
     assert 0.999 < ratio < 1.02

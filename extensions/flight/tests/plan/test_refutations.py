@@ -4,7 +4,6 @@ in the steps of a predictive policy.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -13,6 +12,9 @@ import pytest
 from carts import cart
 
 import hfa
+from hfa_flight.plan.collocation import Transcription
+from hfa_flight.plan.flights import Flights
+from hfa_flight.plan.problem import MARGIN
 from hfa_flight.plan.search import BestFlights, refutation
 
 
@@ -75,21 +77,28 @@ def test_without_a_flight_of_either_the_start_is_refused(monkeypatch: pytest.Mon
         best_of_cart({"position": 15.0, "velocity": 6.0})
 
 
-def test_limits_are_narrowed_only_where_a_flight_exceeds_them(best: hfa.BestFlight) -> None:
-    """A flight that exceeds the position's limit by a tenth for one step narrows the limits of the
-    interval of this step and of the one before, and no others.
-    """
-    search = BestFlights(best.problem)
-    proposal = best.found.proposal
-    flown = search.flights.follow(proposal, 1.25 * best.seconds)
-    assert not search._exceeded(proposal, flown).any()
-    row = len(flown.times) // 3
-    states = flown.states.copy()
-    states[row, 0] = 1.1 * best.problem.state_limits[1][0]
-    excess = search._exceeded(proposal, replace(flown, states=states))[:, 0]
-    interval = int(np.searchsorted(proposal.ends, flown.times[row], side="right")) - 1
-    assert np.flatnonzero(excess).tolist() == [interval - 1, interval]
-    assert (excess[[interval - 1, interval]] > 0.1).all()
+def test_a_proposal_on_a_flight_that_leaves_is_solved_with_a_wider_margin(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The first flight is moved beyond the position's limit; the next proposal keeps 3 margins."""
+    asked = []
+    solve = Transcription.solve
+
+    def noted(self: Transcription, *arguments: Any) -> Any:
+        asked.append(arguments[4] / MARGIN if len(arguments) > 4 else 1.0)
+        return solve(self, *arguments)
+
+    follow = Flights.follow
+
+    def beyond(self: Flights, proposal: Any, seconds: float) -> Any:
+        flown = follow(self, proposal, seconds)
+        return flown if asked[-1] > 1.0 else self.fly(self._tracking, 99.0 * proposal.start, 1.0)
+
+    monkeypatch.setattr(Transcription, "solve", noted)
+    monkeypatch.setattr(Flights, "follow", beyond)
+    best = best_of_cart({"position": 5.0})
+    assert best.reason is None
+    assert sorted(set(asked)) == pytest.approx([1.0, 3.0])
 
 
 @pytest.mark.slow
