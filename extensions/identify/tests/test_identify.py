@@ -313,7 +313,7 @@ def test_the_band_of_a_dynamic_parameter_is_that_of_its_closed_form():
     noise = float(np.sum(result.residuals[0]["x"] ** 2)) / (len(time) - 2.0)
     expected = 1.959964 * math.sqrt(noise * np.linalg.inv(S.T @ S)[0, 0])
     assert result.coloured < 1.05
-    assert 0.5 * (result["k"].high - result["k"].low) == pytest.approx(expected, rel=0.05)
+    assert 0.5 * (result["k"].high - result["k"].low) == pytest.approx(expected, rel=0.01)
 
 
 def test_noise_slower_than_the_maneuver_fails():
