@@ -117,7 +117,8 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
         else:
             outputs[kinds[name]] = numbers
     stated = stored.stated
-    if "policy" in outputs and str(stated.action):
+    acts = [name for name, each in stored.functions.items() if each.numel_in(0) == n]
+    if str(stated.action) and "policy" in [kinds[name] for name in acts]:
         outputs["policy"] = stated.action.of(outputs["policy"])
         origin = f"{origin}, {stated.action}"
     notes = stated.notes

@@ -207,8 +207,11 @@ def torch_stream(content: bytes) -> Any:
 
     def numbers(key: str, kind: str, count: Any) -> np.ndarray:
         if key not in storages:
-            if not isinstance(count, int) or not 0 <= count <= len(content):
-                raise BadInputError("the file is damaged (the size of a storage)")
+            others = sum(each.nbytes for each in storages.values())
+            if not isinstance(count, int) or not 0 <= count <= len(content) - others:
+                raise BadInputError(
+                    "the file is damaged (a storage is larger than the file); save it again"
+                )
             storages[key] = np.zeros(count, kind)
         return storages[key]
 

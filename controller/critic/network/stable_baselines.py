@@ -169,17 +169,9 @@ def _class_of(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> _Cl
             "the policy is recurrent, which is not supported; give a feed-forward policy"
         )
     found = _class_name("policy_class", data, tuple(_CLASSES))
-    if found:
-        return _CLASSES[found]
-    if "action_net.weight" in tensors:
-        return _ON_POLICY
-    if "actor.latent_pi" in names or "actor.log_std" in names:
-        return _SAC
-    if "actor.mu." in names:
-        return _TD3
-    raise BadInputError(
-        f"the zip file contains no actor of PPO, A2C, TRPO, SAC, TQC, TD3, DDPG or ARS; {_TO_ONNX}"
-    )
+    if not found:
+        raise BadInputError(f"the zip file does not state its policy_class; {_TO_ONNX}")
+    return _CLASSES[found]
 
 
 def _algorithm(of_class: _Class, data: Mapping[str, Any], settings: Mapping[str, Any]) -> str:

@@ -116,6 +116,22 @@ def test_another_box_and_another_squash_are_another_policy(name: str, change: An
     assert (name != "ppo") == (np.abs(other.K - read(own).K).max() > 1e-3)
 
 
+def test_a_zip_without_its_class_is_refused() -> None:
+    assert "policy_class" in refusal(changed_zip("ppo", lambda data: data.pop("policy_class")))
+
+
+def test_an_old_torch_file_that_claims_large_storages_is_refused() -> None:
+    """Its storages together have at most the size of the file."""
+    with zipfile.ZipFile(ZIPS / "sac_old.zip") as archive:
+        content = archive.read("policy.pth")
+    Path("old.pth").write_bytes(content)
+    assert read("old.pth", activation="relu", network="policy=latent_pi+mu").K.shape == (2, 3)
+    place = content.index(b"K", content.index(b"cpu"))  # the number of entries of the first storage
+    larger = content[:place] + b"J\xff\xff\xff\x7f" + content[place + 2 :]
+    Path("larger.pth").write_bytes(larger)
+    assert "larger than the file" in refusal("larger.pth", activation="relu")
+
+
 # Checkpoints of other libraries.
 
 
