@@ -187,11 +187,7 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         _refuse_normalizer(stated)
     tensors, precision = checked_tensors(without_training(contents.tensors))
     if stated.network:
-        by_default = {kind: part for kind, part in parts.items() if not part}
-        if by_default.keys() <= {"", "policy"} and by_default:
-            parts = {kind: part for kind, part in parts.items() if part}
-            parts["policy"] = stated.network
-
+        parts = _with_policy(parts, stated.network)
     words = "+".join(filter(None, parts.values()))
 
     def check(layers: list[Layer]) -> None:
@@ -265,6 +261,20 @@ def _parts(network: str) -> dict[str, str]:
             )
         parts[output] = part
     return parts
+
+
+def _with_policy(parts: Mapping[str, str], words: str) -> dict[str, str]:
+    """Return the requested parts, in which words select the policy, unless others do.
+
+    words: those that select the policy which the file states
+    """
+    filled = {}
+    for kind, part in parts.items():
+        if not part and kind in ("", "policy"):
+            filled["policy"] = words
+        else:
+            filled[kind] = part
+    return filled
 
 
 def _layer_on_basis(networks: Mapping[str, list[Layer]], asked: Asked) -> Layer | None:
