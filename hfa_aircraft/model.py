@@ -485,7 +485,8 @@ class Model(Reported):
     def factor_of(self, name: str, text: str, unit: str) -> float:
         """Return the factor from a stated unit to the unit of a signal, an airspeed or a rate.
 
-        An angle of what a lever moves is a share of its `Signal.full`.
+        An angle of what a lever moves is a share of its `Signal.full`. Capitals do not matter where
+        the unit has no other meaning (KT), and "%" is a share.
 
         text: the value as stated, for the message
 
@@ -494,6 +495,9 @@ class Model(Reported):
         """
         declared = self.unit(name)
         factor = conversion(unit, declared)
+        if factor is None:
+            is_share = unit == "%" and declared in ("1", "chord")
+            factor = 0.01 if is_share else conversion(unit.lower(), declared)
         full, angle = self.signal(name).full, conversion(unit, "rad")
         if full and angle is not None:
             return angle / full

@@ -65,6 +65,11 @@ def _plan(points: GivenPoints, stored: bool) -> SweepPlan:
     model = points.trims.model
     condition = points.condition()
     by = model.schedule
+    if points.trims.rows and not points.axes:
+        raise BadInputError(
+            "the conditions have different columns, free variables or limits; `hfa trim "
+            "--conditions FILE` trims them, and a sweep requires the same columns in each row"
+        )
     if not points.axes:
         raise BadInputError(
             f"no variable is swept; give --{at_name(model)} RANGE, --hold NAME=RANGE or "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -11,13 +11,16 @@ from typing import TYPE_CHECKING, Any
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import one_of
 from hfa.options.command import Outcome, Request, command, output_option, picture_option
+from hfa.options.conditions import FREE, LIMIT, RESULTS, ListedCondition
 from hfa.options.option import option
 from hfa.options.points import GivenPoints, PointOptions, given_points
+from hfa.options.trims import TrimInput
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Row, Sheet, matrix_of
+from hfa_support.reporting.text import Table, shown_values
 from trim.hfa.trim_report import trim_figure, trim_report
 from trim.point.solve import TrimError
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
@@ -75,7 +78,7 @@ def trim(request: TrimRequest, points: GivenPoints) -> Outcome:
     stability, modes and their levels by MIL-F-8785C. Several values give one sheet each."""
     if not points.listed:
         points.trims.refuse_unscheduled()
-    if points.trims.is_single and not points.listed:
+    if points.trims.is_single and (request.row is not None or not points.listed):
         given = points.trims.single()
         point = trimmed(given)
         report = _sheet(request, point)
@@ -101,39 +104,158 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> Report:
 
     Raises the first BadInputError if each point is refused.
     """
+    model = points.trims.model
     reports: list[Report] = []
+    asked: list[Sheet] = []
     refused: list[BadInputError] = []
-    for values in points.rows(_MOST_SHEETS):
+    for row in points.conditions(_MOST_SHEETS):
+        asked.append(_asked(points.trims, row))
         try:
-            given = points.trims.trim(None, values)
-            reports.append(_sheet(request, trimmed(given)))
+            given = points.trims.of(row)
+            report = _sheet(request, trimmed(given))
+            reports.append(_named(report, row.name))
         except TrimError as error:
-            reports.append(_failed(points.trims.model, values, error, error.found.data))
+            reports.append(_failed(model, row, error, error.found.data))
         except BadInputError as error:
-            reports.append(_failed(points.trims.model, values, error, {"reason": str(error)}))
+            reports.append(_failed(model, row, error, {"reason": str(error)}))
             refused.append(error)
     if len(refused) == len(reports):
         raise refused[0]
-    count, failed = len(reports), sum(bool(report.failure) for report in reports)
+    results = [_result(report) for report in reports]
+    count, failed = len(reports), results.count(NO_TRIM)
+    others = [f"{results.count(each)} {each}" for each in (STALLED, DOUBTED) if each in results]
+    plainly = f"{results.count(TRIMMED)} of {count} conditions are trimmed"
     return Report(
-        title=f"{count - failed} of {count} conditions are trimmed",
-        parts=reports,
+        title=", ".join([plainly, *others, *([f"{failed} without a trim"] if failed else [])]),
+        parts=[_overview(asked, results, reports), *reports],
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
-        records=matrix_of([report.sheet for report in reports]),
+        records=_matrix(asked, results, [report.sheet for report in reports]),
         failure=f"{failed} of {count} conditions have no trim" if failed else "",
+        notes=_repeated(points),
     )
 
 
+#: What a trim of several is counted as.
+TRIMMED, STALLED, DOUBTED, NO_TRIM = "trimmed", "stalled", "doubted", "no trim"
+
+
+def _result(report: Report) -> str:
+    """Return as what a trim is counted."""
+    if report.failure:
+        return NO_TRIM
+    names = {row.name for row in report.sheet}
+    return STALLED if "stalled" in names else DOUBTED if "doubts" in names else TRIMMED
+
+
+def _repeated(points: GivenPoints) -> tuple[str, ...]:
+    """Return notes on conditions of a file that are those of an earlier row."""
+    notes = []
+    seen: list[ListedCondition] = []
+    for number, row in enumerate(points.trims.rows, start=1):
+        plain = row._replace(name="")
+        if plain in seen:
+            first = seen.index(plain) + 1
+            notes.append(f"condition {row.name or number} is that of condition {first} again")
+        seen.append(plain)
+    return tuple(notes)
+
+
+def _named(report: Report, name: str) -> Report:
+    """Return a report that begins with the name of its condition."""
+    if not name:
+        return report
+    data = {"name": name, **report.data}
+    return replace(report, title=f"{name}: {report.title}", data=data)
+
+
+def _asked(trims: TrimInput, row: ListedCondition) -> Sheet:
+    """Return the rows that state a condition: name, values, free variables and limits."""
+    model = trims.model
+    given, held = trims, row.values
+    if trims.rows:
+        given = trims.for_row(row)
+        at = {} if given.at is None else {model.schedule: given.at[0]}
+        held = {**at, **{name: each[0] for name, each in given.hold.items()}}
+    rows = [Row("name", row.name)] if row.name else []
+    rows += [Row(name, value, model.unit(name)) for name, value in held.items()]
+    if given.free:
+        rows.append(Row(FREE, " ".join(given.free)))
+    if given.limits:
+        limits = [
+            f"{name}={':'.join(_typed(model, name, end) for end in ends)}"
+            for name, ends in given.limits.items()
+        ]
+        rows.append(Row(LIMIT, " ".join(limits)))
+    return Sheet.of([("", rows, ())])
+
+
+def _typed(model: Model, name: str, value: float) -> str:
+    """Return a value as the command line reads it, in degrees for an angle."""
+    return repr(float(shown_values(value, model.unit(name))))
+
+
+#: Column of the overview -> name of its figure on a sheet.
+_OVERVIEW = {
+    "alpha": "alpha",
+    "n": "load factor",
+    "L/D": "L/D",
+    "margin": "static margin",
+    "level": "worst level",
+}
+
+
+def _overview(asked: Sequence[Sheet], results: Sequence[str], reports: Sequence[Report]) -> Table:
+    """Return the table of conditions by name or number, as what each counts, with key figures."""
+    rows = []
+    for number, (sheet, result, report) in enumerate(zip(asked, results, reports, strict=True), 1):
+        names = {row.name: row for row in (*report.sheet, *sheet)}
+        cells = [
+            " ".join(names[name].cells()[1:3]).strip() if name in names else ""
+            for name in _OVERVIEW.values()
+        ]
+        called = str(names["name"].value) if "name" in names else str(number)
+        rows.append((called, result, *cells))
+    return Table(("condition", RESULTS, *_OVERVIEW), rows)
+
+
+def _matrix(asked: Sequence[Sheet], results: Sequence[str], sheets: Sequence[Sheet]) -> Table:
+    """Return the table of conditions: what was asked, the column `results`, and what was found.
+
+    A file of conditions may be this table: its columns before `results` state the conditions. A
+    value that only some conditions state has a second column, "NAME (trim) [UNIT]".
+    """
+    typed, found = matrix_of(asked), matrix_of(sheets)
+    header: list[str] = []
+    new = []
+    for index, heading in enumerate(found.header):
+        called = heading
+        if heading in typed.header:
+            stated = [row[typed.header.index(heading)] for row in typed.rows]
+            if all(
+                cell != "" or row[index] == "" for cell, row in zip(stated, found.rows, strict=True)
+            ):
+                continue  # each condition states this value
+            name, bracket, unit = heading.partition(" [")
+            called = f"{name} (trim){bracket}{unit}"
+        header.append(called)
+        new.append(index)
+    rows = [
+        (*of_asked, result, *(of_found[index] for index in new))
+        for of_asked, result, of_found in zip(typed.rows, results, found.rows, strict=True)
+    ]
+    return Table((*typed.header, RESULTS, *header), rows)
+
+
 def _failed(
-    model: Model, values: Mapping[str, float], error: Exception, data: Mapping[str, Any]
+    model: Model, row: ListedCondition, error: Exception, data: Mapping[str, Any]
 ) -> Report:
     """Return the report of one of several conditions that has no trim: its values and the reason.
 
-    values: variable or parameter -> value
     data: data of the report
     """
-    words = ", ".join(f"{name} {model.describe(name, value)}" for name, value in values.items())
+    values = [f"{name} {model.describe(name, value)}" for name, value in row.values.items()]
+    words = ", ".join(filter(None, (row.name, *values)))
     title = f"{words}: {error}"
-    rows = [Row(name, value, model.unit(name)) for name, value in values.items()]
-    sheet = Sheet.of([("", [*rows, Row("failure", title)], ())])
-    return Report(title, data=data, failure=title, sheet=sheet)
+    named = {"name": row.name} if row.name else {}
+    sheet = Sheet.of([("", [Row("failure", title)], ())])
+    return Report(title, data={**named, **data}, failure=title, sheet=sheet)

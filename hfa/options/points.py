@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 import math
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from hfa.options.argument_types import quantity
+from hfa.options.conditions import ListedCondition
 from hfa.options.option import option
 from hfa.options.ranges import Range, array_of
-from hfa.options.trims import SeveralTrims, TrimInput, trim_input
-from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, prefix_errors, shown
-from hfa_support.files import regular_file
+from hfa.options.trims import SeveralTrims, TrimInput, conditions_option, trim_input
+from hfa_support.errors import BadInputError
 from trim.point.condition import TrimCondition
 
 
@@ -32,10 +26,7 @@ class PointOptions(SeveralTrims):
         "NAME=RANGE",
         named=True,
     )
-    conditions: Path | None = option(
-        "a .csv file of conditions in place of a grid: a row of names, rows of values (degrees)",
-        "FILE",
-    )
+    conditions: Path | None = conditions_option("in place of a grid")
 
 
 class GivenPoints(NamedTuple):
@@ -45,7 +36,8 @@ class GivenPoints(NamedTuple):
     constants: variable or parameter -> value of --hold, if it is the same at all points
     axes: variable or parameter -> its values; parameters, the variable of --at, and constants that
         an axis would replace are axes
-    listed: whether the axes are the columns of a list, otherwise the points are all combinations
+    listed: whether the axes are the columns of a list, otherwise the points are all combinations. A
+        list whose rows have different columns has no axes, and only `conditions`.
     """
 
     trims: TrimInput
@@ -56,6 +48,8 @@ class GivenPoints(NamedTuple):
     @property
     def size(self) -> int:
         """Number of points."""
+        if self.trims.rows:
+            return len(self.trims.rows)
         lengths = [len(values) for values in self.axes.values()]
         return lengths[0] if self.listed else math.prod(lengths)
 
@@ -74,35 +68,47 @@ class GivenPoints(NamedTuple):
         parameters = self.trims.parameters(self.constants)
         return self.trims.source(self.condition(), parameters)
 
-    def rows(self, most: int) -> Iterator[dict[str, float]]:
-        """Yield variable or parameter -> value of each point. The last axis varies fastest.
+    def conditions(self, most: int) -> Iterator[ListedCondition]:
+        """Yield the condition of each point, those of a grid with the last axis varying fastest.
 
         Raises BadInputError for more than `most` points.
         """
         if self.size > most:
             raise BadInputError(f"{self.size:,} points are asked for (maximum {most}); give fewer")
+        if self.trims.rows:
+            yield from self.trims.rows
+            return
         columns = [array_of(name, each, most).tolist() for name, each in self.axes.items()]
         points = zip(*columns, strict=True) if self.listed else product(*columns)
         for point in points:
-            yield {**self.constants, **dict(zip(self.axes, point, strict=True))}
+            values = {**self.constants, **dict(zip(self.axes, point, strict=True))}
+            yield ListedCondition("", values, {}, (), {})
 
 
 def given_points(request: PointOptions) -> GivenPoints:
     """Return the points of the options --at, --hold and --conditions.
 
-    Raises BadInputError for a variable that two of them give, and as `listed_points` does.
+    Raises BadInputError for a variable that two of them give, and as `conditions` does.
     """
     given = trim_input(request)
     model = given.model
-    listing = request.conditions
     values = given.hold if given.at is None else {model.schedule: given.at, **given.hold}
-    columns = {} if listing is None else listed_points(listing, model)
-    for name, each in values.items():
-        if name in columns or (columns and len(each) > 1):
-            raise BadInputError(
-                f"give {name} either as a column of {listing} or by an option with one value"
-            )
+    columns: dict[str, Range] = {}
+    for row in given.rows:
+        given.for_row(row)  # raises where an option gives the same variable
+    if given.rows and (several := [name for name, each in values.items() if len(each) > 1]):
+        raise BadInputError(
+            f"give {several[0]} either as a column of {request.conditions} or by an option with "
+            "one value"
+        )
+    if _alike(given.rows):
+        listed = [row.values for row in given.rows]
+        columns = {name: tuple(row[name] for row in listed) for name in listed[0]}
     constants = {name: each[0] for name, each in given.hold.items() if len(each) == 1}
+    if given.rows and not columns:
+        if given.at is not None:
+            constants[model.schedule] = given.at[0]
+        return GivenPoints(given, constants, {}, listed=True)
     others = {name for name in (*values, *columns) if name not in constants}
     # An axis would replace a constant of its group, such as the speed the Mach number.
     beside_axes = {
@@ -113,76 +119,13 @@ def given_points(request: PointOptions) -> GivenPoints:
     if not columns:
         single_first = dict(sorted(axes.items(), key=lambda axis: len(axis[1]) > 1))
         return GivenPoints(given, constants, single_first, listed=False)
-    count = len(next(iter(columns.values())))
-    repeated = {name: (each[0],) * count for name, each in axes.items()}
+    repeated = {name: (each[0],) * len(given.rows) for name, each in axes.items()}
     return GivenPoints(given, constants, columns | repeated, listed=True)
 
 
-def listed_points(path: Path, model: Model) -> dict[str, tuple[float, ...]]:
-    """Return name -> value at each point, from a CSV file of trim points. A column may have a unit
-    in its heading, "gamma [deg]" or "altitude [FL]". Lines that begin with # are comments.
-    """
-    try:
-        lines = regular_file(path).read_text("utf-8-sig").splitlines()
-        numbered_rows = [
-            (number, row)
-            for number, row in enumerate(csv.reader(lines), start=1)
-            if any(cell.strip() for cell in row) and not row[0].strip().startswith("#")
-        ]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BadInputError(
-            f"{path} cannot be read ({error}); give a readable CSV file of conditions"
-        ) from error
-    header, title_row = numbered_rows[0] if numbered_rows else (1, [])
-    for separator, word in ((";", "semicolon"), ("\t", "tab")):
-        if any(separator in title for title in title_row):
-            raise BadInputError(
-                f"{path}: row {header} contains a {word}; separate the columns by commas, and "
-                "write numbers with a decimal point"
-            )
-    headings = [name.strip().removesuffix("]").partition(" [") for name in title_row]
-    names = [model.about.name_of(name) for name, _, _ in headings]
-    point_rows = numbered_rows[1:]
-    if not point_rows or len({*names}) < len(names):
-        raise BadInputError(
-            f"{path}: row {header} contains a name twice, or no values follow; give a row of "
-            "different names, then a row of values for each point"
-        )
-    for number, row in point_rows:
-        if len(row) != len(names):
-            raise BadInputError(
-                f"{path}: row {number} has {len(row)} cells, but row {header} has {len(names)}; "
-                "correct the row"
-            )
-    for name, cell in zip(names, point_rows[0][1], strict=True):
-        with prefix_errors(f"{path}: row {header}"):
-            _refuse_heading(model, name, cell.strip())
-    table = np.empty((len(point_rows), len(names)))
-    for index, (number, row) in enumerate(point_rows):
-        for column, ((_, _, unit), name, text) in enumerate(zip(headings, names, row, strict=True)):
-            try:
-                table[index, column] = quantity(model, name, _with_unit(text.strip(), unit))
-            except BadInputError as error:
-                raise BadInputError(f"{path}: row {number}, column {name} {error}") from error
-    return {name: tuple(values.tolist()) for name, values in zip(names, table.T, strict=True)}
-
-
-def _refuse_heading(model: Model, name: str, cell: str) -> None:
-    """Raise BadInputError for an unknown column, which may have labels, or a unit without brackets.
-
-    cell: text below the heading
-    """
-    known = (*model.holdable, *model.rates, *model.parameters)
-    found = re.fullmatch(r"(\w+)[\s(]+([^()]+)\)?", name)
-    if found and model.about.name_of(found[1]) in known:
-        raise BadInputError(f"{shown(name)} has no brackets; write {found[1]} [{found[2]}]")
-    if cell and name not in known and not re.match(r"[-+.\d]|FL\s*\d", cell):
-        raise BadInputError(
-            f"the column {shown(name)} has labels ({shown(cell)}), which are not read; remove it"
-        )
-    model.refuse_unheld("the column is unknown:", name, tuple(model.parameters))
-
-
-def _with_unit(text: str, unit: str) -> str:
-    """Return the text of a cell with the unit of its column: "250 kt", "FL100"."""
-    return f"FL{text}" if unit.upper() == "FL" else f"{text} {unit}".strip()
+def _alike(rows: Sequence[ListedCondition]) -> bool:
+    """Return whether all conditions hold the same names, and have neither free ones nor limits."""
+    if not rows:
+        return False
+    names = {*rows[0].values}
+    return all({*row.values} == names and not (row.free or row.limits) for row in rows)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from hfa.options.argument_types import each_of, option_errors, quantity, span
+from hfa.options.conditions import ListedCondition, chosen_row, conditions
 from hfa.options.option import PAPER, option
 from hfa.options.plants import AircraftOptions, aircraft_source, is_own, loaded_model
 from hfa.options.ranges import Range, array_of, single_value, value_range
@@ -20,7 +21,7 @@ from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 
 #: Options of the trim condition, without the scheduling variable.
-OF_THE_TRIM = ("condition", "free", "hold", "isa", "limit", "start")
+OF_THE_TRIM = ("condition", "conditions", "free", "hold", "isa", "limit", "row", "start")
 #: Forms of several values of a variable, for helps.
 SEVERAL = "a number, a list a,b,c or a range start:stop:step"
 
@@ -33,6 +34,11 @@ def at_option(about: str, form: str = "VALUE") -> Any:
 def dihedral_option(about: str, form: str = "DEG") -> Any:
     """Return the option --dihedral, which is --at of the paper's aircraft."""
     return option(f"{about}, degrees", form, group=PAPER, first=True)
+
+
+def conditions_option(about: str) -> Any:
+    """Return the option --conditions, a file with a row for each condition."""
+    return option(f"a .csv file of conditions, {about}: names, then a row of values each", "FILE")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,6 +68,8 @@ class TrimOptions(AircraftOptions):
         "FILE",
         rare=True,
     )
+    conditions: Path | None = conditions_option("of which --row names one")
+    row: str | None = option("name of the condition in the file of --conditions", "NAME")
     start: str | None = option(
         "initial point of the trim search: an operating point (.json), or NAME=VALUE,NAME=VALUE",
         "FILE",
@@ -110,6 +118,7 @@ class TrimInput(NamedTuple):
     hold: variable or parameter -> values of --hold and --isa
     begin: variable -> value of --start
     start: point of --start, or None
+    rows: conditions of --conditions, of which --row leaves one
     """
 
     model: Model
@@ -121,6 +130,7 @@ class TrimInput(NamedTuple):
     hold: Mapping[str, Range]
     begin: Mapping[str, float]
     start: OperatingPoint | None
+    rows: tuple[ListedCondition, ...] = ()
 
     @property
     def is_single(self) -> bool:
@@ -131,16 +141,43 @@ class TrimInput(NamedTuple):
     def refuse_unscheduled(self) -> None:
         """Raise BadInputError for the paper's aircraft without --dihedral."""
         by = self.model.schedule
-        if self.at is None and self.model.about.names_schedule:
+        if not self.rows and self.at is None and self.model.about.names_schedule:
             raise BadInputError(f"no value of {by} is given; add --{by} DEG")
 
     def single(self) -> GivenTrim:
         """Return the only trim.
 
-        Raises BadInputError for several values of a variable.
+        Raises BadInputError for several values of a variable, or several conditions.
         """
+        if self.rows:
+            if len(self.rows) > 1:
+                names = ", ".join(row.name for row in self.rows if row.name)
+                known = f"; choose from {names}" if names else "; add a column name"
+                raise BadInputError(f"--row is required for {len(self.rows)} conditions{known}")
+            return self.for_row(self.rows[0]).single()
         at = None if self.at is None else single_value(f"--{at_name(self.model)}", self.at)
         return self.trim(at, self.held())
+
+    def for_row(self, row: ListedCondition) -> TrimInput:
+        """Return what the options and a condition say about its trim.
+
+        Raises BadInputError for a variable that both give.
+        """
+        names = {*self.hold, *([] if self.at is None else [self.model.schedule])}
+        for name in row.values:
+            if name in names:
+                raise BadInputError(f"give {name} either in the file of --conditions or by --hold")
+        free = tuple(name for name in self.free if name not in row.values)
+        return self._replace(
+            hold={**self.hold, **{name: (value,) for name, value in row.values.items()}},
+            free=tuple(dict.fromkeys((*free, *row.free))),
+            limits={**self.limits, **row.limits},
+            rows=(),
+        )
+
+    def of(self, row: ListedCondition) -> GivenTrim:
+        """Return the trim of a condition, of a file or of a grid."""
+        return self.for_row(row).single() if self.rows else self.trim(None, row.values)
 
     def held(self) -> dict[str, float]:
         """Return the values of --hold and --isa, of which each variable has one."""
@@ -243,6 +280,13 @@ def trim_input(
     free = tuple(_freed(model, text) for text in request.free)
     _refuse_doubles(model, free, at, hold)
     begin, start = _start(request, model)
+    rows: tuple[ListedCondition, ...] = ()
+    if request.conditions is not None:
+        rows = tuple(conditions(request.conditions, model))
+        if request.row is not None:
+            rows = (chosen_row(rows, request.row, request.conditions),)
+    elif request.row is not None:
+        raise BadInputError("--row names a condition of --conditions FILE; add this option")
     return TrimInput(
         model=model,
         aircraft=aircraft_source(request, model),
@@ -253,6 +297,7 @@ def trim_input(
         hold=hold,
         begin=begin,
         start=start,
+        rows=rows,
     )
 
 
@@ -275,6 +320,9 @@ def given_trims(request: SeveralTrims, most: int) -> GivenTrims:
     Raises BadInputError for more trims, and as `given_trim` does.
     """
     given = trim_input(request)
+    if given.rows:
+        single = given.single()
+        return GivenTrims([single], single.source)
     hold = given.held()
     values = (
         [None]

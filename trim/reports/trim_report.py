@@ -10,7 +10,7 @@ from hfa_aircraft.model import Model
 from hfa_support.provenance import Change
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import plain, without_empty
-from hfa_support.reporting.rows import Group, Sheet
+from hfa_support.reporting.rows import Group, Row, Sheet
 from hfa_support.reporting.text import Table, degrees
 from trim.linear.modes import modes_table
 from trim.point.operating_point import OperatingPoint
@@ -22,6 +22,7 @@ from trim.reports.first_lines import (
     control_lines,
     subject,
     title_of,
+    uniqueness_lines,
     without_lines,
 )
 from trim.reports.flight import flight_rows, same_as_the_table
@@ -74,7 +75,28 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
         groups += [("performance", loads, ()), *own]
         groups.append(("stability", [*stability_rows(trimmed)], ()))
         groups.append(("modes and levels", *mode_rows(trimmed, airplane)))
-    return Sheet.of(groups, first=VARIABLES)
+    return Sheet.of([*groups, _findings(trimmed, Sheet.of(groups, first=VARIABLES))], VARIABLES)
+
+
+def _findings(trimmed: Trimmed, sheet: Sheet) -> tuple[str, list[Row], tuple[str, ...]]:
+    """Return the group of what the first lines say, and of what limits and levels amount to."""
+    point = trimmed.given
+    reached = [each.name for each in nearest_first(trimmed) if each.at_limit]
+    levels = {row.name: row.level for row in sheet if row.level is not None}
+    worst = max(levels.values(), default=0)
+    said = {
+        "stalled": "; ".join(stalled(sheet)),
+        "doubts": "; ".join(doubts_of(trimmed)),
+        "not determined": "; ".join(uniqueness_lines(point)),
+        "far out": "; ".join(point._far_out),
+        "limits reached": ", ".join(reached),
+        "notes": "; ".join(without_lines(point.warnings)),
+    }
+    rows = [Row(name, text, rare=True) for name, text in said.items() if text]
+    if levels:
+        names = ", ".join(name for name, level in levels.items() if level == worst)
+        rows.append(Row("worst level", worst, note=names, rare=True))
+    return "findings", rows, ()
 
 
 def report_of(

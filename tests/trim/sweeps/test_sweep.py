@@ -109,7 +109,7 @@ LISTS = [
     ("dihedral\tspeed\n5\t64\n", "row 1 contains a tab; separate the columns by commas"),
     ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells, but row 1 has 2; correct the row"),
     ("dihedral;speed\n5;64\n", "row 1 contains a semicolon; separate the columns by commas"),
-    ("dihedral,speed\n", "row 1 contains a name twice, or no values follow"),
+    ("dihedral,speed\n", "has no conditions; give a row of names"),
 ]
 
 

@@ -1,0 +1,238 @@
+"""Files of trim conditions: a row for each condition, with its name, values, free variables and
+limits."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from hfa.options.argument_types import quantity, span
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, choice_of, shown
+from hfa_support.files import regular_file
+from hfa_support.units import split_unit
+
+#: Columns that are not a variable, rate or parameter.
+NAME, FREE, LIMIT = "name", "free", "limit"
+#: First column of what a trim found; it and the columns behind it are not read.
+RESULTS = "results"
+#: What separates names in a cell.
+_SEPARATORS = re.compile(r"[;\s]+")
+
+
+class ListedCondition(NamedTuple):
+    """Row of a file of conditions, in the units of the model.
+
+    name: name of the condition, or ""
+    hold: variable or rate -> imposed value
+    parameters: parameter -> value
+    free: variables that are set free
+    limits: variable -> (lowest, highest)
+    """
+
+    name: str
+    hold: Mapping[str, float]
+    parameters: Mapping[str, float]
+    free: tuple[str, ...]
+    limits: Mapping[str, tuple[float, float]]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Variable, rate or parameter -> value."""
+        return {**self.hold, **self.parameters}
+
+
+def conditions(path: str | Path, model: Model) -> list[ListedCondition]:
+    """Return the rows of a CSV file of conditions.
+
+    The first row has names of variables, rates and parameters, each with a unit if it is not that
+    of the model or deg: "gamma", "altitude [FL]", "kcas [KT]". A cell may have a unit of its own. A
+    blank cell imposes nothing. The column `name` has names of conditions, `free` the variables that
+    are set free, `limit` limits NAME=LOW:HIGH, several separated by blanks or semicolons. A column
+    `results` and those behind it are not read. Lines that begin with # are comments.
+
+    path: the file
+    model: model of the aircraft
+
+    Raises BadInputError with the row, the column and the name of the condition for a wrong cell.
+
+    >>> import hfa
+    >>> rows = hfa.conditions("examples/uav_conditions.csv", hfa.load_model("examples/uav.toml"))
+    >>> rows[0].name, rows[0].hold["altitude"]
+    ('cruise', 100.0)
+    """
+    path = Path(path)
+    header, titles, rows = _table_of(path)
+    columns = [_Column.of(title, model) for title in titles]
+    names = [column.name for column in columns]
+    if repeated := [name for name in names if names.count(name) > 1]:
+        raise BadInputError(f"{path}: row {header} has {repeated[0]} twice; remove one column")
+    found: list[ListedCondition] = []
+    for number, cells in rows:
+        if len(cells) != len(titles):
+            raise BadInputError(
+                f"{path}: row {number} has {len(cells)} cells, but row {header} has "
+                f"{len(titles)}; correct the row"
+            )
+        row = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
+        if not found:
+            for column in columns:
+                column.refuse_unknown(f"{path}: row {header}", model, row[column.name])
+        called = f" ({row[NAME]})" if row.get(NAME) else ""
+        found.append(_condition(f"{path}: row {number}{called}", model, columns, row))
+    return found
+
+
+def chosen_row(rows: Sequence[ListedCondition], name: str, path: Path) -> ListedCondition:
+    """Return the condition with a name.
+
+    Raises BadInputError if none or several have it.
+    """
+    named = [row for row in rows if row.name == name]
+    if not named:
+        known = [row.name for row in rows if row.name]
+        choice = choice_of(name, known) if known else "add a column name"
+        raise BadInputError(f"{path} has no condition {shown(name)}; {choice}")
+    if len(named) > 1:
+        raise BadInputError(f"{path} has {len(named)} conditions {shown(name)}; rename them")
+    return named[0]
+
+
+def _table_of(path: Path) -> tuple[int, list[str], list[tuple[int, list[str]]]]:
+    """Return the number of the heading row, the headings before `results`, and the numbered rows
+    below, cut there.
+    """
+    try:
+        lines = regular_file(path).read_text("utf-8-sig").splitlines()
+        numbered = [
+            (number, row)
+            for number, row in enumerate(csv.reader(lines), start=1)
+            if any(cell.strip() for cell in row) and not row[0].strip().startswith("#")
+        ]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise BadInputError(
+            f"{path} cannot be read ({error}); give a readable CSV file of conditions"
+        ) from error
+    if len(numbered) < 2:
+        raise BadInputError(
+            f"{path} has no conditions; give a row of names, then a row of values for each one"
+        )
+    (header, titles), *rows = numbered
+    for separator, word in ((";", "semicolon"), ("\t", "tab")):
+        if any(separator in title for title in titles):
+            raise BadInputError(
+                f"{path}: row {header} contains a {word}; separate the columns by commas, and "
+                "write numbers with a decimal point"
+            )
+    plain = [title.strip() for title in titles]
+    end = plain.index(RESULTS) if RESULTS in plain else len(plain)
+    if RESULTS in plain:
+        rows = [(number, row[:end]) for number, row in rows]
+    return header, plain[:end], rows
+
+
+class _Column(NamedTuple):
+    """Column of a file of conditions.
+
+    title: its heading
+    name: name of a variable, rate or parameter of the model, or `NAME`, `FREE`, `LIMIT`
+    unit: unit in the heading, or ""
+    """
+
+    title: str
+    name: str
+    unit: str
+
+    @classmethod
+    def of(cls, title: str, model: Model) -> _Column:
+        """Return the column with a heading such as "gamma", "KCAS [kt]" or "c.g. [%]"."""
+        typed, _, unit = title.removesuffix("]").partition("[")
+        name = model.about.name_of(typed.strip())
+        if name not in _known(model):
+            plain = model.about.name_of(re.sub(r"\W+", "_", name.replace(".", "")).lower())
+            name = plain if plain in _known(model) or plain in (NAME, FREE, LIMIT) else name
+        return cls(title, name, unit.strip())
+
+    def refuse_unknown(self, where: str, model: Model, cell: str) -> None:
+        """Raise BadInputError for an unknown column, which may have labels, or a unit without
+        brackets.
+
+        cell: text below the heading
+        """
+        if self.name in (NAME, FREE, LIMIT):
+            return
+        known = _known(model)
+        found = re.fullmatch(r"(\w+)[\s(]+([^()]+)\)?", self.title)
+        if found and not self.unit and model.about.name_of(found[1]) in known:
+            title = shown(self.title)
+            raise BadInputError(f"{where}: {title} has no brackets; write {found[1]} [{found[2]}]")
+        if cell and self.name not in known and not re.match(r"[-+.\d]|FL\s*\d", cell):
+            raise BadInputError(
+                f"{where}: the column {shown(self.title)} has labels ({shown(cell)}), which are "
+                f"not read; remove it, or call it {NAME}"
+            )
+        try:
+            model.refuse_unheld("the column is unknown:", self.name, tuple(model.parameters))
+        except BadInputError as error:
+            raise BadInputError(f"{where}: {error}") from error
+
+    def text(self, cell: str) -> str:
+        """Return the text of a cell with its unit, or that of the column: "250 kt", "FL100"."""
+        if split_unit(cell)[1]:
+            return cell
+        return f"FL{cell}" if self.unit.upper() == "FL" else f"{cell} {self.unit}".strip()
+
+
+def _known(model: Model) -> set[str]:
+    return {*model.holdable, *model.rates, *model.parameters}
+
+
+def _condition(
+    where: str, model: Model, columns: Sequence[_Column], row: Mapping[str, str]
+) -> ListedCondition:
+    """Return the condition of a row, whose cells are found by name of the column."""
+    values = {}
+    for column in columns:
+        cell = row[column.name]
+        if not cell or column.name in (NAME, FREE, LIMIT):
+            continue
+        try:
+            values[column.name] = quantity(model, column.name, column.text(cell))
+        except BadInputError as error:
+            raise BadInputError(f"{where}, column {column.name} {error}") from error
+    free = tuple(model.about.name_of(name) for name in _words(row.get(FREE, "")))
+    for name in free:
+        if name in values:
+            raise BadInputError(f"{where}: {name} is both free and held; clear one of its cells")
+        try:
+            model.refuse_unheld("the unknown variable", name)
+        except BadInputError as error:
+            raise BadInputError(f"{where}, column {FREE} has {error}") from error
+    parameters = {name: value for name, value in values.items() if name in model.parameters}
+    hold = {name: value for name, value in values.items() if name not in parameters}
+    return ListedCondition(
+        row.get(NAME, ""), hold, parameters, free, _limits(where, model, row.get(LIMIT, ""))
+    )
+
+
+def _limits(where: str, model: Model, text: str) -> dict[str, tuple[float, float]]:
+    """Return variable -> limits of a cell "elevator=-10:10 thrust=0:500"."""
+    limits = {}
+    for word in _words(text):
+        typed, equals, ends = word.partition("=")
+        name = model.about.name_of(typed)
+        try:
+            if not equals or name not in model.limits:
+                raise BadInputError(f"is {shown(word)}; give NAME=LOW:HIGH of a variable")
+            limits[name] = span(model, name, ends)
+        except BadInputError as error:
+            raise BadInputError(f"{where}, column {LIMIT} {error}") from error
+    return limits
+
+
+def _words(text: str) -> Iterator[str]:
+    """Yield the words of a cell."""
+    return (word for word in _SEPARATORS.split(text.replace(",", " ")) if word)

@@ -1,0 +1,195 @@
+"""A file of conditions: each row is its own trim, and the file that comes out runs again."""
+
+import csv
+import json
+import math
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import answer, assert_refused, hfa as command
+from project import ROOT
+from six_dof import KNOT, SixDof, air, calibrated
+
+import hfa
+
+#: The small aircraft with a largest lift coefficient, and conditions of every kind.
+STALLING = "CL_max = 1.0\n"
+CONDITIONS = """# book 12, revision B
+name,speed [m/s],KCAS [KT],mach,altitude [m],gamma,load_factor,thrust,beta,mass [lbm],Ixz,free,limit
+cruise,35,,,100,0,,,,,,,
+by KCAS,,60,,1000,0,,,,,,,
+by Mach,,,0.1,FL30,0,,,,,,,
+in knots,70 kt,,,100,,,,,,,,
+climb full thrust,30,,,100,,,60,,,,gamma,
+glide,25,,,100,,,0,,,,gamma,
+turn,35,,,100,,1.3,,,,,turn_rate,
+pull-up,35,,,100,,1.5,,,,,pitch_dot,
+sideslip,35,,,100,,,,3,,,,
+heavy,35,,,100,,,,,40,,,elevator=-10:10;thrust=0:50
+weak,35,,,100,,,,,,,,thrust=0:5
+stall,18.5,,,100,,,,,,,,
+planted,35,,,100,,,,,,1.19,,
+too slow,8,,,100,,,,,,,,
+"""
+RESULTS = {"weak": "no trim", "stall": "stalled", "planted": "doubted", "too slow": "no trim"}
+
+
+@pytest.fixture(scope="module")
+def book(tmp_path_factory):
+    path = tmp_path_factory.mktemp("matrix")
+    text = (ROOT / "examples/uav.toml").read_text("utf-8")
+    (path / "uav.toml").write_text(STALLING + text, "utf-8")
+    (path / "conditions.csv").write_text(CONDITIONS, "utf-8")
+    words = ("trim", "--aircraft", str(path / "uav.toml"), "--conditions")
+    for given, written in (("conditions.csv", "matrix.csv"), ("matrix.csv", "again.csv")):
+        run = command(*words, str(path / given), "-q", "-o", str(path / written))
+        assert run.code == 1, run.err
+        first = run.out.partition("\n")[0]
+        assert first == "10 of 14 conditions are trimmed, 1 stalled, 1 doubted, 2 without a trim"
+    return path
+
+
+def rows_of(path: Path) -> dict[str, dict[str, str]]:
+    """Return name of the condition -> cells by heading."""
+    return {row["name"]: row for row in csv.DictReader(path.read_text("utf-8").splitlines())}
+
+
+def test_each_row_balances_in_an_independent_simulation(book: Path) -> None:
+    """The rates of the rigid body are 0, but for the pitch of the pull-up, within 1e-5 of 1.5 g."""
+    table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
+    for name, cells in rows_of(book / "matrix.csv").items():
+        assert cells["results"] == RESULTS.get(name, "trimmed")
+        if cells["results"] in ("no trim", "doubted"):
+            continue
+        found = {key.replace(" (trim)", ""): value for key, value in cells.items() if value}
+        of = {key: float(value) for key, value in found.items() if key.endswith("]")}
+        deg = {key.partition(" [")[0]: math.radians(of[key]) for key in of if "[deg" in key}
+        body = {**table["mass"], **({"mass": 40.0 * 0.45359237} if name == "heavy" else {})}
+        plane = SixDof({**table, "mass": body})
+        alpha, beta = deg["alpha"], deg["beta"]
+        speed, altitude = of["speed [m/s]"], of["altitude [m]"]
+        flow = [math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha) * math.cos(beta)]
+        turning = [deg["roll_rate"], deg["pitch_rate"], deg["yaw_rate"]]
+        x = np.array([*(speed * np.array(flow)), *turning, deg["roll"], deg["pitch"]])
+        u = np.array([of["thrust [N]"], deg["elevator"], deg["aileron"], deg["rudder"]])
+        rates = plane.rates(x, u, altitude)
+        if name == "pull-up":
+            rates[7] = 0.0
+            assert float(cells["load_factor"]) == 1.5
+        np.testing.assert_allclose(rates, 0.0, atol=1e-5 * 9.81 * 1.5, err_msg=name)
+        knots = calibrated(speed, air(altitude))
+        assert of["calibrated airspeed [kt]"] == pytest.approx(knots, rel=1e-5)
+    by_mach = rows_of(book / "matrix.csv")["by Mach"]
+    assert float(by_mach["speed (trim) [m/s]"]) == pytest.approx(
+        0.1 * air(float(by_mach["altitude [m]"])).sound, rel=1e-5
+    )
+    in_knots = rows_of(book / "matrix.csv")["in knots"]
+    assert float(in_knots["speed [m/s]"]) == pytest.approx(70.0 * KNOT)
+
+
+def test_the_file_that_comes_out_runs_again(book: Path) -> None:
+    """Its columns before `results` state the conditions; all figures are the same."""
+    first, again = rows_of(book / "matrix.csv"), rows_of(book / "again.csv")
+    assert [*first] == [*again]
+    for name, cells in first.items():
+        for heading, text in cells.items():
+            if heading == "about":  # the command
+                continue
+            other = again[name][heading]
+            try:
+                assert float(other) == pytest.approx(float(text), rel=1e-6, abs=1e-7), heading
+            except ValueError:
+                assert other == text, heading
+
+
+def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book: Path) -> None:
+    """The sentences are cells of the matrix, entries of JSON, and rows in Python."""
+    cells = rows_of(book / "matrix.csv")
+    assert "CL_max" in cells["stall"]["stalled"]
+    assert "principal moment" in cells["planted"]["doubts"]
+    assert "thrust at maximum" in cells["weak"]["failure"]
+    assert cells["climb full thrust"]["limits reached"].split(", ")[0] == "thrust"
+    assert cells["cruise"]["worst level"] in ("1", "2", "3", "4")
+    words = ("--aircraft", str(book / "uav.toml"), "--conditions", str(book / "conditions.csv"))
+    run = command("trim", *words, "--json", "-q")
+    sheets = {sheet["name"]: sheet for sheet in json.loads(run.out)["sheets"]}
+    for name, entry in (("stall", "stalled"), ("planted", "doubts")):
+        assert sheets[name]["sheet"][entry]["value"] == cells[name][entry]
+        assert "results" not in sheets[name]["sheet"]
+    model = hfa.load_model(str(book / "uav.toml"))
+    for row in hfa.conditions(book / "conditions.csv", model):
+        if RESULTS.get(row.name) != "no trim":
+            point = hfa.trim(model.with_parameters(**row.parameters), hold=row.hold, free=row.free)
+            names = {each.name for each in point.sheet}
+            assert ("stalled" in names) == (row.name == "stall")
+            found = point.sheet["L/D"].value
+            assert float(cells[row.name]["L/D"]) == pytest.approx(found, rel=1e-9)
+    for suffix in ("tex", "html", "pdf"):
+        path = book / f"book.{suffix}"
+        command("trim", *words, "-q", "-o", str(path))
+        if suffix != "pdf":
+            text = path.read_text("utf-8")
+            assert "STALLED" in text
+            assert "principal moment" in text
+
+
+@pytest.mark.parametrize("verb", ["trim", "linearize"])
+def test_a_row_is_chosen_by_its_name(verb: str, book: Path) -> None:
+    """Its trim is that of the options that state it."""
+    words = (verb, "--aircraft", str(book / "uav.toml"))
+    listed = ("--conditions", str(book / "conditions.csv"), "--row", "glide")
+    typed = ("--hold", "speed=25", "--hold", "altitude=100", "--hold", "thrust=0", "--free")
+    of_row = answer(*words, *listed)["operating_point"]["states"]
+    assert of_row == answer(*words, *typed, "gamma")["operating_point"]["states"]
+
+
+REFUSED = [
+    ("trim", "", "name,speed\n", "has no conditions"),
+    ("trim", "", "name,speed\na,3x\n", "row 2 (a), column speed is '3x'; give a finite number"),
+    ("trim", "", "name,speed\na,30,1\n", "row 2 has 3 cells, but row 1 has 2"),
+    ("trim", "", "speed,V,speed\n30,1,30\n", "row 1 has speed twice"),
+    ("trim", "", "name,speed,free\na,30,alfa\n", "row 2 (a), column free has the unknown variable"),
+    ("trim", "", "name,speed,free\na,30,speed\n", "row 2 (a): speed is both free and held"),
+    ("trim", "", "name,limit\na,thrust=5\n", "row 2 (a), column limit is '5'; give LOW:HIGH"),
+    ("trim", "", "name,limit\na,5\n", "column limit is '5'; give NAME=LOW:HIGH"),
+    ("trim", "--hold=speed=30", "name,speed\na,30\n", "give speed either in the file"),
+    (
+        "linearize",
+        "",
+        "name,speed\na,30\nb,35\n",
+        "--row is required for 2 conditions; choose from",
+    ),
+    ("linearize", "--row=c", "name,speed\na,30\nb,35\n", "has no condition 'c'"),
+    ("linearize", "--row=a", "name,speed\na,30\na,35\n", "has 2 conditions 'a'; rename them"),
+    ("sweep", "", "name,speed,free\na,30,\nb,35,gamma\n", "`hfa trim --conditions FILE`"),
+]
+
+
+@pytest.mark.parametrize(("verb", "option", "text", "said"), REFUSED)
+def test_a_wrong_file_is_refused(verb, option, text, said, tmp_path: Path) -> None:
+    """The line names the file, the row, the column and the condition."""
+    path = tmp_path / "conditions.csv"
+    path.write_text(text, "utf-8")
+    words = (verb, "--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
+    assert_refused(command(*words, *filter(None, [option])), 2, said)
+
+
+def test_a_repeated_condition_is_noted(tmp_path: Path) -> None:
+    path = tmp_path / "conditions.csv"
+    path.write_text("name,speed\na,30\nb,35\nc,30\n", "utf-8")
+    run = command("trim", "--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
+    assert "condition c is that of condition 1 again" in run.out + run.err
+
+
+def test_a_center_of_gravity_is_a_share_in_percent(tmp_path: Path) -> None:
+    """c.g. [%] is cg in chords."""
+    table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
+    model = hfa.from_derivatives({**table, "cg": 0.25})
+    path = tmp_path / "conditions.csv"
+    path.write_text("c.g. [%],Altitude [FL],speed [KT]\n28,30,70\n", "utf-8")
+    (row,) = hfa.conditions(path, model)
+    assert row.parameters == pytest.approx({"cg": 0.28})
+    assert row.hold["speed"] == pytest.approx(70.0 * KNOT)
+    assert row.hold["altitude"] == pytest.approx(914.4, rel=1e-3)
