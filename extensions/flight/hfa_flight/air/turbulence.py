@@ -361,8 +361,15 @@ class TurbulentAir(Gust):
 
         The values are those of `values`, and the slopes their time derivatives during the sample.
         """
-        now, later = self.values[sample : sample + 2]
-        return np.concatenate([[sample * self.interval], now, (later - now) / self.interval])
+        row: np.ndarray = self._rows[sample]
+        return row
+
+    @cached_property
+    def _rows(self) -> np.ndarray:
+        """Held inputs of all samples, one in each row."""
+        now, later = self.values[:-1], self.values[1:]
+        times = self.interval * np.arange(len(now))
+        return np.column_stack([times, now, (later - now) / self.interval])
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
         """Return the turbulence at time t, as disturbance of the model -> value."""

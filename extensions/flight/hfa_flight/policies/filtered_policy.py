@@ -224,6 +224,12 @@ class FilteredPolicy(SampledPolicy):
 
         y: measured deviations from trim, (p,)
         """
+        if self._sample is not None:
+            time = memory.samples * self.dt
+            u, memory.estimate, is_left_out = self._sample.at(time, memory.estimate, y)
+            memory.samples += 1
+            memory.unused += bool(is_left_out[0])
+            return u
         if memory.law is None:
             memory.law = _law_of(self.law, self.point, self.dt)
         known, n, k = self.filter, len(self.filter.Phi), len(self.filter.states)
@@ -244,6 +250,22 @@ class FilteredPolicy(SampledPolicy):
         memory.samples += 1
         memory.unused += bool(is_left_out[0])
         return np.asarray(u)
+
+    @cached_property
+    def _sample(self) -> BoundFunction | None:
+        """Function of a whole sample, (t, memory, y) -> (u, memory, whether a value is left out),
+        of a law that is an expression, without a delay; None for others.
+        """
+        law = self.law
+        is_expression = not isinstance(law, DeployedPolicy) and law.sampler() is None
+        if not is_expression or self.delay or self.ahead or len(law.held) > 1:
+            return None
+        t = ca.SX.sym("t")
+        memory = ca.SX.sym("memory", memory_size(self.filter))
+        y = ca.SX.sym("y", len(self.filter.sensors))
+        u, later, is_left_out = sample_of(self, t, memory, y)
+        results = [ca.densify(each) for each in (u, later, is_left_out)]
+        return BoundFunction(ca.Function("sample", [t, memory, y], results, {"cse": True}))
 
     def _predicted(self, x: np.ndarray, commands: list[np.ndarray], seconds: float) -> _Moved:
         """Return the states of the filter some seconds after a sample.
@@ -351,7 +373,7 @@ class FilteredPolicy(SampledPolicy):
         """Return the fields, without functions that are made at the next sample."""
         memory = replace(self._memory, law=None, waiting=[*self._memory.waiting])
         fields = {**self.__dict__, "_memory": memory}
-        for made in ("_parts", "_functions"):
+        for made in ("_parts", "_functions", "_sample"):
             fields.pop(made, None)
         return fields
 
@@ -390,6 +412,25 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
 def command_of(policy: Policy, t: ca.SX, z: ca.SX, held: Any) -> ca.SX:
     """Return the command of a policy at the state z, as deviations, (m,)."""
     return policy.control(t, Measurements(z, z), held)
+
+
+def sample_of(policy: FilteredPolicy, t: ca.SX, memory: ca.SX, y: ca.SX) -> tuple[ca.SX, ...]:
+    """Return the commands, the memory of the next sample, and 1 if a value is left out, of a policy
+    whose law is an expression.
+
+    t: time of the sample, s
+    memory: that of `hfa_flight.policies.estimate`, zero before the first sample
+    y: measured deviations from the trim, (p,)
+    """
+    known, point = policy.filter, policy.point
+    now, is_left_out = updated(known, unpacked(known, memory), y)
+    limits = Limits.of(point.model, tuple(point.model.inputs))
+    held = ca.DM(policy.law.held_inputs(0, 0.0))
+    u = command_of(policy.law, t, now.x[: len(known.states)], held)
+    u = ca.fmin(ca.fmax(u, ca.DM(limits.lowest - point.u)), ca.DM(limits.highest - point.u))
+    moved = ca.DM(known.Phi) @ now.x + ca.DM(known.Gamma) @ u
+    later = propagated(known, now, moved, ca.sparsify(ca.DM(known.Phi)))
+    return u, later.packed(), is_left_out
 
 
 def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy:

@@ -183,7 +183,9 @@ class _Flying:
             self._loop.hold(tick, self._held[0])
             (measured,) = self._measured.at(time, state[0], self._held[0])
             self._sampled = self._sampler(tick, measured)
-        self._resume(time, state)
+            self._hold_commands(time, state)
+        else:
+            self._resume(time, state)
         return self._held
 
     def __call__(
@@ -227,8 +229,12 @@ class _Flying:
 
     def _resume(self, time: float, state: np.ndarray) -> None:
         """Compute the held inputs from a time on."""
+        self._loop.hold(self._tick, self._held[0], time)
+        self._hold_commands(time, state)
+
+    def _hold_commands(self, time: float, state: np.ndarray) -> None:
+        """Write the commands of the policy and the delay into the held inputs of a time."""
         loop, held = self._loop, self._held[0]
-        loop.hold(self._tick, held, time)
         if self._sampler is not None:
             held[loop.held_slices.policy] = self._sampled
         if self._delay:
