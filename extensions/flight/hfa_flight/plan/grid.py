@@ -184,7 +184,7 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
         return grid
     for grid in grids:
         fitting = grid.cut(wanted)
-        if scaled.price(gains_of(fitting.at(0).linear, scaled.P)[1]) <= _GRID_PRICE:
+        if scaled.excess_weight(gains_of(fitting.at(0).linear, scaled.P)[1]) <= _GRID_PRICE:
             break
     return fitting
 
@@ -216,7 +216,7 @@ def _rule_of_samples(scaled: ScaledProblem) -> float:
             _, P = hold_of(*scaled.linear_states, dt).forever()
         except NoSolutionError:
             continue
-        if scaled.price(P) <= _HOLD_PRICE:
+        if scaled.excess_weight(P) <= _HOLD_PRICE:
             return dt
     raise NoSolutionError(
         f"no sample time of at least {_SAMPLE_TIMES[-1]:g} s costs at most "

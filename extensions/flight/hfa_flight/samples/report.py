@@ -120,17 +120,18 @@ def _far_text(found: Mapping[str, Mapping[str, float]]) -> str:
     return text
 
 
-def _far_above(model: Model, entries: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+def _far_above(plan: MonteCarlo, entries: Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """Return state -> ratios of its rms to its linear prediction and to that of no control, those
     above `_FAR`.
 
-    Flights without control that left the envelope have no rms to compare with.
+    Without control, nothing moves in still air, and flights that left the envelope have no rms to
+    compare with.
     """
     others = {"linear": entries.get("linear_rms", {})}
-    if not entries["uncontrolled_lost"]:
+    if plan.scenario.moving_air and not entries["uncontrolled_lost"]:
         others["no_control"] = entries["uncontrolled_rms"]
     far = {}
-    for name in model.linear:
+    for name in plan.model.linear:
         value = entries["rms"][name]
         ratios = {of: value / rms[name] for of, rms in others.items() if rms.get(name)}
         if above := {of: ratio for of, ratio in ratios.items() if ratio > _FAR}:
@@ -176,7 +177,7 @@ def _compared(
         samples = round(plan.scenario.duration / policy.dt)
         linear = policy.filter.loop(gain).rms(samples).tolist()
         entries["linear_rms"] = dict(zip(names, linear, strict=True))
-    return entries | {"rms_far_above": _far_above(plan.model, entries)}
+    return entries | {"rms_far_above": _far_above(plan, entries)}
 
 
 def _pooled(flown: Flown) -> list[float]:
