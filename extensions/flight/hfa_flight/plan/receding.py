@@ -213,7 +213,7 @@ class RecedingHorizon:
             if not plan.cost <= _LOST * last.cost:
                 return self._begin_plan(z, until)
             return last if np.array_equal(z, last.z[0]) else self._improved(plan, until)
-        return self._later(last, z, until)
+        return self._one_sample_later(last, z, until)
 
     def _begin_plan(self, z: np.ndarray, until: float = np.inf) -> Plan:
         """Return the better of two new plans from the states z.
@@ -236,17 +236,22 @@ class RecedingHorizon:
             memory.samples.first_seconds = time.thread_time() - began
         return plan
 
-    def _later(self, last: Plan, z: np.ndarray, until: float) -> Plan:
-        """Return the last plan one sample later, improved."""
+    def _one_sample_later(self, last: Plan, z: np.ndarray, until: float) -> Plan:
+        """Return the last plan from the states z one sample later, improved.
+
+        A new guess replaces it where the flight has become far dearer than the plan promised.
+        """
         planner, memory = self.planner, self._memory
-        target = memory.target
-        promised = memory.spent + last.cost
+        promised_total = memory.spent + last.cost
         memory.spent += planner.cost_of_sample(last)
-        plan = planner.later(last, z, target)
-        unpredicted = plan.cost - planner.later(last, last.z[1], last.target).cost
-        memory.least = memory.least + unpredicted if np.isfinite(unpredicted) else np.inf
-        if not np.isfinite(plan.cost) or memory.spent + plan.cost > _LOST * promised:
-            plan = min(*planner.guesses(z, target), plan, key=lambda each: each.cost)
+        measured = planner.later(last, z, memory.target)
+        predicted = planner.later(last, last.z[1], last.target)
+        unpredicted_cost = measured.cost - predicted.cost
+        is_finite = np.isfinite(unpredicted_cost)
+        memory.least = memory.least + unpredicted_cost if is_finite else np.inf
+        plan = measured
+        if not np.isfinite(plan.cost) or memory.spent + plan.cost > _LOST * promised_total:
+            plan = min(*planner.guesses(z, memory.target), plan, key=lambda each: each.cost)
         return self._improved(plan, until)
 
     def _improved(self, plan: Plan, until: float) -> Plan:
