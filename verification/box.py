@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.hfa_game import ordinary_deviations
-from controller.riccati.certificate import form_of
+from controller.riccati.balancing import units_of
 from hfa_aircraft.names import PlantNames
 from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.reporting.results import Vector
@@ -63,7 +64,19 @@ def usual_box(game: Game) -> Box:
         about = "within the limits of the states that the model declares"
         return Box(game.half_widths, about, "box of limits")
     about = "balanced units of the game (a convention, because no typical deviations are given)"
-    return Box(form_of(game).units, about, "balanced box")
+    return Box(balanced_units(game), about, "balanced box")
+
+
+def balanced_units(game: Game) -> np.ndarray:
+    """Return units of the states, powers of two, in which the terms of a game are of similar size,
+    (n,).
+    """
+    plain = game.without_cross_weights
+    root = math.sqrt(game.discount)
+    B = root * plain.B
+    price = game.R + B.T @ plain.Q @ B if game.is_discrete else game.R
+    E = root * plain.E / game.delta
+    return units_of(root * plain.A, B @ np.linalg.pinv(price) @ B.T + E @ E.T, plain.Q)
 
 
 def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:

@@ -16,11 +16,11 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
-from controller.riccati.certificate import form_of
 from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError
 from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.checks import Check, at_most
+from verification.box import balanced_units
 
 #: Default limit of the errors of P, K, V, its gradient and the policies, and of the residual.
 LIMIT = 1e-6
@@ -112,7 +112,7 @@ def matrix_errors(name: str, matrix: np.ndarray, solution: Solution, limit: floa
     - the relative error of U P U or R^(1/2) K U, in the Frobenius norm,
     - the largest relative error of an entry of U P U or diag(R)^(1/2) K U.
 
-    In discrete time, R is the `Game.price` R + α B'P B.
+    In discrete time, R is the weight R + α B'P B.
 
     name: "P" or "K"
     matrix: P, (n, n), or K, (m, n), of the critic
@@ -120,9 +120,9 @@ def matrix_errors(name: str, matrix: np.ndarray, solution: Solution, limit: floa
     limit: limit of each error
     """
     game = solution.game
-    units = form_of(game).units
+    units = balanced_units(game)
     exact = solution.P if name == "P" else solution.K
-    price = solution.price
+    price = solution.excess_weight
     if name == "P":
         scales = np.outer(units, units)
         entry_scales = scales
@@ -160,7 +160,7 @@ def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -
         u_errors = np.abs(critic.K - exact.K) @ box
         if critic.slope_gain is not None:
             u_errors += 0.5 * np.abs(critic.slope_gain) @ (higher_slopes / box)
-    u_scale = np.sqrt(np.diag(exact.price))
+    u_scale = np.sqrt(np.diag(exact.excess_weight))
     policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
     checks = [error_check("policy_rel_error", policy, limit, "the policy in the box")]
     if critic.P is None:

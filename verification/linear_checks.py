@@ -4,145 +4,221 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import loop_check
-from controller.riccati.certificate import form_of
-from controller.riccati.cost import SIGNLESS, FlightCost, flight_cost
-from controller.riccati.form import INDEFINITENESS
+from controller.riccati.balancing import stability
+from controller.riccati.bilinear import System
+from controller.riccati.excess import Excess, excess_of, without_bound
+from controller.riccati.frequency_response import bounded_real_gain, loop_gain
 from controller.riccati.gare import Solution
 from controller.riccati.margins import DiskMargin, disk_margin
 from hfa_support.errors import NoSolutionError
-from hfa_support.reporting.checks import Check, at_least, at_most, below
-from hfa_support.reporting.results import without_empty
-from hfa_support.reporting.text import Table
-from verification.critic_errors import LIMIT
-from verification.verdict import ROUNDING, Section
+from hfa_support.matrices import balanced
+from hfa_support.reporting.checks import Check, at_least
+from hfa_support.reporting.results import Result, Vector, without_empty
+from hfa_support.reporting.text import Table, percent
+from verification.verdict import Section
+
+
+@dataclass(frozen=True)
+class GradedLoop(Result):
+    """Cost, L2 gain and distance to instability of u = -K z, and those of the optimum.
+
+    worst: upper bound of the largest cost above the optimum over all initial states, percent; inf
+        without a bound
+    mean: mean over initial states with the same optimal cost, percent
+    at: initial state with the largest excess, at the edge of the box, (n,), or None without one
+    gain, exact_gain: L2 gain, which must be below delta
+    distance, exact_distance: smallest change of A - B K that gives an undamped mode, relative to
+        the norm of A - B K in balanced units; 0 for an unstable loop
+    """
+
+    worst: float
+    mean: float
+    at: Vector | None
+    gain: float
+    exact_gain: float
+    distance: float
+    exact_distance: float
+
+    def _entries(self) -> dict[str, Any]:
+        """Return the entries of the file, name -> value."""
+        return {
+            "cost_lost_worst_percent": self.worst,
+            "cost_lost_mean_percent": self.mean,
+            "l2_gain": self.gain,
+            "l2_gain_exact": self.exact_gain,
+            "distance_to_instability": self.distance,
+            "distance_to_instability_exact": self.exact_distance,
+        } | without_empty(worst_initial_state=self.at)
 
 
 class LinearLoop(NamedTuple):
     """Verdict on the linear loop u = -K z of a critic.
 
     checks: stability, and in continuous time the L2 gain.
-    cost_lost: largest cost above the optimum over all initial conditions, percent, or inf.
+    excess: cost above the optimum, enclosed.
     section: section of the report, with the cost, gain and margins.
     """
 
     checks: list[Check]
-    cost_lost: float
+    excess: Excess
     section: Section
 
 
-def linear_loop(exact: Solution, critic: Critic, is_exact: bool) -> LinearLoop:
+def linear_loop(exact: Solution, critic: Critic, box: np.ndarray, is_exact: bool) -> LinearLoop:
     """Return the verdict on the loop u = -K z.
 
     A - B K must be stable, and its L2 gain must be below delta, unless delta is inf or K is not
     finite. In discrete time, √α (A - B K) must be stable too, otherwise the cost is infinite.
 
+    box: half-widths of the box of states, (n,)
     is_exact: whether the critic equals the exact solution, for the texts
     """
     game, K = exact.game, critic.K
-    checks = _stability_checks(game, K, is_exact)
-    try:
-        cost = flight_cost(exact, K)
-    except NoSolutionError:  # rounding hides whether A - B K is stable
-        cost = flight_cost(exact, np.full_like(K, math.inf))
+    excess = excess_of(game, K, box) if critic.is_finite else without_bound(game)
+    graded = _graded(exact, critic, excess)
+    checks = _stability_checks(exact, critic, excess, is_exact)
     if math.isfinite(game.delta) and critic.is_finite:
-        reason = f"the closed loop has an L2 gain of {cost.gain:.4g}, not below delta"
-        checks.append(below("l2_gain", cost.gain, game.delta, reason, kind="gain"))
-    return LinearLoop(checks, cost.worst, _loop_section(exact, K, cost))
+        reason = f"the closed loop has an L2 gain of {graded.gain:.4g}, not below delta"
+        # The cost has a bound if and only if the gain is below delta.
+        has_bound = excess.matrix is not None
+        checks.append(_proved("l2_gain", graded.gain, game.delta, has_bound, reason, "gain"))
+    return LinearLoop(checks, excess, _loop_section(exact, K, excess, graded))
 
 
-def _stability_checks(game: Game, K: np.ndarray, is_exact: bool) -> list[Check]:
+def _proved(name: str, value: float, limit: float, ok: bool, reason: str, kind: str) -> Check:
+    """Return a check that a proof decides, and not its value, which is rounded."""
+    return Check(name, value, limit, ok, "" if ok else reason, "<", kind)
+
+
+def _stability_checks(
+    exact: Solution, critic: Critic, excess: Excess, is_exact: bool
+) -> list[Check]:
     """Return the checks that A - B K is stable, and in discrete time of a finite cost.
 
     is_exact: whether K is that of the exact solution
     """
-    loop = game.A - game.B @ K
-    is_discrete = game.is_discrete
-    stable = loop_check("control_loop", "A - B K", loop, is_discrete=is_discrete, kind="stability")
-    if not is_discrete:
-        return [stable]
-    if is_exact and not stable.ok:
+    game = exact.game
+    value, limit = stability(game.A - game.B @ critic.K, is_discrete=game.is_discrete)
+    if not game.is_discrete:
+        unstable = f"A - B K is not Hurwitz (abscissa {value:+.3g} 1/s)"
+        name = "control_loop_abscissa"
+        return [_proved(name, value, limit, excess.is_stable, unstable, "stability")]
+    unstable = f"A - B K has the spectral radius {value:.7g}"
+    if is_exact:
         why = "the exact solution of this discounted problem does not stabilize either"
-        stable = replace(stable, reason=f"{stable.reason}: {why}")
-    discounted = math.sqrt(game.discount) * stable.value
+        unstable = f"{unstable}: {why}"
+    discounted = math.sqrt(game.discount) * value
     infinite = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
-    return [stable, below("discounted_loop_radius", discounted, 1.0, infinite, kind="cost")]
+    name = "discounted_loop_radius"
+    return [
+        _proved("control_loop_radius", value, limit, excess.is_stable, unstable, "stability"),
+        _proved(name, discounted, 1.0, excess.is_summable, infinite, "cost"),
+    ]
 
 
-def _loop_section(exact: Solution, K: np.ndarray, cost: FlightCost) -> Section:
+def _graded(exact: Solution, critic: Critic, excess: Excess) -> GradedLoop:
+    """Return cost, L2 gain and distance to instability of a loop, and those of the optimum."""
+    game, K = exact.game, critic.K
+    is_stable = excess.is_stable
+    return GradedLoop(
+        worst=100.0 * excess.high,
+        mean=100.0 * excess.mean,
+        at=excess.worst if _has_worst(excess) else None,
+        gain=bounded_real_gain(game, K) if is_stable else math.inf,
+        exact_gain=bounded_real_gain(game, exact.K),
+        distance=_distance(game, K) if is_stable else 0.0,
+        exact_distance=_distance(game, exact.K),
+    )
+
+
+def _distance(game: Game, K: np.ndarray) -> float:
+    """Return the distance to instability of a stable loop: 1 / max |(s - M)⁻¹| over the boundary,
+    relative to the norm of M, with M = A - B K in balanced units.
+    """
+    M, _ = balanced(game.A - game.B @ K)
+    one = np.eye(len(M))
+    resolvent = loop_gain(System(M, one, one, 0.0 * one), is_discrete=game.is_discrete)
+    norm = float(np.linalg.norm(M, 2))
+    return 1.0 / (resolvent.high * norm) if norm > 0.0 else 0.0
+
+
+def _loop_section(exact: Solution, K: np.ndarray, excess: Excess, graded: GradedLoop) -> Section:
     """Return the section with cost, gain, distance to instability and margins of a loop."""
     game = exact.game
     learned, best = _disk_margin(game, K), _disk_margin(game, exact.K)
     rows = [
-        ("% above the optimum, worst case", _percent(cost.worst), "0"),
-        ("% above the optimum, mean over cases", _percent(cost.mean), "0"),
-        ("L2 gain", f"{cost.gain:.4g}", f"{cost.exact_gain:.4g}"),
-        ("distance to instability", f"{cost.distance:.3g}", f"{cost.exact_distance:.3g}"),
+        ("% above the optimum, worst case", _percent(excess, excess.high), "0"),
+        ("% above the optimum, mean over cases", _percent(excess, excess.mean), "0"),
+        ("L2 gain", f"{graded.gain:.4g}", f"{graded.exact_gain:.4g}"),
+        ("distance to instability", f"{graded.distance:.3g}", f"{graded.exact_distance:.3g}"),
         ("margin of all inputs, disk", _margin(learned, "disk"), _margin(best, "disk")),
         ("margin of all inputs, gain", _margin(learned, "gain"), _margin(best, "gain")),
         ("margin of all inputs, phase, deg", _margin(learned, "phase"), _margin(best, "phase")),
     ]
-    whose = "linear loop with the worst disturbance"
-    if game.is_discrete:
-        whose += " of the optimum"
     data = without_empty(
-        graded=cost,
+        graded=graded,
         disk_margin=math.nan if learned is None else learned.disk,
         disk_margin_exact=math.nan if best is None else best.disk,
         discount=game.discount if game.is_discrete else None,
         dt=None if game.dt is True else game.dt,
     )
-    return Section((Table((whose, "learned", "exact"), rows),), data)
+    table = Table(("linear loop with the worst disturbance", "learned", "exact"), rows)
+    return Section((table, *_state_lines(exact, excess)), data)
 
 
-def value_checks(exact: Solution, P: np.ndarray, limit: float) -> list[Check]:
-    """Return the checks of a critic's P: the residual of its equation, and in continuous time
-    the loop A - S P and the sign of P.
+def _state_lines(exact: Solution, excess: Excess) -> list[str]:
+    """Return lines on the initial states that cost most, relative to the optimum."""
+    lines = []
+    if _has_worst(excess):
+        lines.append(f"Worst initial state, in the box: {state_text(exact, excess.worst)}")
+    if excess.free_state is not None:
+        lines.append(
+            f"From {state_text(exact, excess.free_state)}, the policy costs "
+            f"{excess.from_free:.3g}, and the optimum 0"
+        )
+    return lines
 
-    - If Q is singular, a smallest eigenvalue of P down to -`INDEFINITENESS` is permitted.
-      Rounding can make the value of a state without cost negative.
-    - If the limit is above `LIMIT`, the smallest eigenvalue of P may be lower than that of P*
-      by the change that |P - P*| <= limit |P*| permits (Weyl).
+
+def _has_worst(excess: Excess) -> bool:
+    """Return whether a state costs more than all others; without an excess it is rounding."""
+    return not excess.is_optimal and bool(np.isfinite(excess.worst).all())
+
+
+def state_text(exact: Solution, state: np.ndarray) -> str:
+    """Return a state as text, without the entries that print as 0."""
+    names = exact.names
+    return ", ".join(
+        f"{name} {value:.3g}{'' if unit in ('', '1') else f' {unit}'}"
+        for name, value, unit in zip(names.states, state, names.state_units, strict=True)
+        if value
+    )
+
+
+def value_check(exact: Solution, P: np.ndarray, box: np.ndarray, limit: float) -> Check:
+    """Return the check that P of a critic is not indefinite.
+
+    In units of the box, its smallest eigenvalue is at least that of P* minus the change that
+    |P - P*| <= limit |P*| permits (Weyl).
 
     P: (n, n)
-    limit: limit of the relative residual
+    box: half-widths of the box of states, (n,)
+    limit: limit of the relative errors
     """
-    game = exact.game
-    form = form_of(game)
-    scaled, right = form.of_value(P), form.of_value(exact.P)
-    residual = form.relative_residual(scaled)
-    name, equation = "riccati_residual", "the Riccati equation"
-    if game.is_discrete:
-        name, equation = "bellman_residual", "Bellman's equation"
-    unsolved = f"the residual of {equation} is {residual:.2g}"
-    solved = at_most(name, residual, limit, unsolved, kind="error")
-    if game.is_discrete:
-        return [solved]
-    loop = game.worst_case_loop((P + P.T) / 2.0)
-    costs = np.linalg.eigvalsh(form.Q)
-    least = 0.0 if costs[0] > SIGNLESS * costs[-1] else -INDEFINITENESS
-    if limit > LIMIT and right.any():
-        allowed = limit * float(np.linalg.norm(right) / np.abs(right).max())
-        least = min(least, _smallest_eigenvalue(right) - allowed)
-    smallest = _smallest_eigenvalue(scaled)
-    indefinite = f"P is indefinite (smallest eigenvalue {smallest:.3g} of its size)"
-    return [
-        loop_check("game_loop", "A - S P", loop, is_discrete=False, kind="game loop"),
-        at_least("P_smallest_eigenvalue", smallest, least, indefinite, kind="cost"),
-        solved,
-    ]
-
-
-def _smallest_eigenvalue(P: np.ndarray) -> float:
-    """Return the smallest eigenvalue of (P + P')/2, relative to the largest entry of |P|."""
-    return float(np.linalg.eigvalsh((P + P.T) / 2.0)[0] / np.abs(P).max()) if np.any(P) else 0.0
+    scales = np.outer(box, box)
+    of_exact = np.linalg.eigvalsh(exact.P * scales)
+    size = float(np.abs(of_exact).max())
+    smallest = float(np.linalg.eigvalsh((P + P.T) / 2.0 * scales)[0])
+    unit = size or 1.0
+    indefinite = f"P is indefinite (smallest eigenvalue {smallest / unit:.3g} of the exact P)"
+    least = float(of_exact[0]) / unit - limit
+    return at_least("P_smallest_eigenvalue", smallest / unit, least, indefinite, kind="cost")
 
 
 def _disk_margin(game: Game, K: np.ndarray) -> DiskMargin | None:
@@ -154,9 +230,9 @@ def _disk_margin(game: Game, K: np.ndarray) -> DiskMargin | None:
     return None
 
 
-def _percent(excess: float) -> str:
-    """Return an excess in percent as text, 0 if it is rounding."""
-    return "0" if excess < ROUNDING else f"{excess:.3g}"
+def _percent(excess: Excess, ratio: float) -> str:
+    """Return a ratio in percent as text, 0 if no cost differs from the optimum as a double."""
+    return "0" if excess.is_optimal else percent(100.0 * ratio, 3).removesuffix(" %")
 
 
 def _margin(margin: DiskMargin | None, name: str) -> str:

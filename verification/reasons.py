@@ -16,8 +16,8 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
-from controller.riccati.certificate import form_of
 from controller.riccati.gare import Solution
+from verification.box import balanced_units
 from verification.critic_errors import matrix_errors, relative_error
 
 #: Largest error of an entry without the mistake, and largest part of the error with the mistake.
@@ -132,7 +132,7 @@ def _first_mistake(compared: Compared, mistakes: Iterator[Mistake]) -> str:
 
 def _sizes_of_states(exact: Solution) -> np.ndarray:
     """Return √P_ii of the exact P, (n,)."""
-    units = form_of(exact.game).units
+    units = balanced_units(exact.game)
     return _floored(np.sqrt(np.abs(np.diag(exact.P))) * units) / units
 
 
@@ -141,7 +141,7 @@ def _gains(exact: Solution, K: np.ndarray) -> Compared:
     c_j = |K_:j| and r_i = |K_i: / c|.
     """
     states = _sizes_of_states(exact)
-    prices = np.diag(exact.price)
+    prices = np.diag(exact.excess_weight)
     inputs = np.sqrt(np.where(prices > 0.0, prices, 1.0))
     priced = exact.K * inputs[:, None] / states
     columns = _floored(np.linalg.norm(priced, axis=0))

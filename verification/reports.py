@@ -10,17 +10,20 @@ import numpy as np
 
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
+from controller.riccati.excess import Excess
 from hfa_support.reporting.checks import Check, verdict_text
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Cell, Table, entry_rows, percent
 from verification.box_flights import SHARE
 from verification.nonlinear_game import GRADES, NonlinearComparison
-from verification.verdict import NEAR, ROUNDING, Verdict
+from verification.verdict import NEAR, OPTIMAL, Verdict
 
 #: Number of entries of P and K in a report, and in the report of a critic that fails. Files contain
 #: all entries.
 _ENTRIES = 12
 _ENTRIES_OF_A_FAILURE = 3
+#: Relative difference of an entry that its eight printed digits show.
+_SHOWN = 1e-8
 #: Number of failures printed with their reasons; of further ones only the names are printed.
 _FAILURES = 6
 #: Kinds of checks that the first lines always mention. Another failed check is told by its reason.
@@ -176,15 +179,34 @@ def _nonlinear_lines(
 
 def _cost_text(verdict: Verdict) -> str:
     """Return the cost of the critic relative to the optimum, as text."""
+    excess = verdict.excess
+    if excess is not None:
+        return _enclosed_cost(verdict, excess)
     if math.isinf(verdict.cost_lost):
         return "cost without bound"
     if math.isnan(verdict.cost_lost):
         return next(check.reason for check in verdict.checks if math.isnan(check.value))
     text = f"{percent(verdict.cost_lost)} above the optimum"
-    if verdict.cost_lost < ROUNDING:
+    if verdict.cost_lost <= OPTIMAL:
         text = "optimal cost"
     is_at_trim = all(check.ok for check in verdict.checks if check.kind == "rest")
     return text if is_at_trim else f"{text} about its equilibrium"
+
+
+def _enclosed_cost(verdict: Verdict, excess: Excess) -> str:
+    """Return the cost of a linear policy, as far as its bounds are known."""
+    if excess.is_optimal:
+        return "optimal cost"
+    if excess.is_known and not math.isinf(excess.low):
+        return f"{percent(100.0 * excess.low)} above the optimum"
+    if excess.matrix is None:
+        return "cost without bound"
+    if math.isinf(excess.low):
+        return f"costs {excess.from_free:.3g} where the optimum is 0"
+    if math.isinf(excess.high):
+        return f"cost not decided, at least {percent(100.0 * excess.low)} above the optimum"
+    bounds = percent(100.0 * excess.low), percent(100.0 * excess.high, up=True)
+    return f"{bounds[0]} to {bounds[1]} above the optimum"
 
 
 def _network_facts(verdict: Verdict) -> list[str]:
@@ -273,7 +295,7 @@ def _farthest_entries(
         abs(learned - exact) / largest[matrix] for matrix, _, _, learned, exact, _ in candidates
     ]
     sizes = np.nan_to_num(np.array(errors), nan=np.inf)
-    sizes[sizes < ROUNDING] = 0.0  # rounding would determine the largest
+    sizes[sizes < _SHOWN] = 0.0  # rounding would determine the largest
     if not sizes.any():
         return ()
     most = _ENTRIES if verdict.ok else _ENTRIES_OF_A_FAILURE
@@ -339,7 +361,7 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
     )
     rows = []
     for name, verdict in verdicts.items():
-        lost = 0.0 if verdict.cost_lost < ROUNDING else verdict.cost_lost
+        lost = 0.0 if verdict.cost_lost <= OPTIMAL else verdict.cost_lost
         gain = verdict.value_of("l2_gain")
         rows.append(
             (
@@ -349,7 +371,7 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
                 _shown(verdict.K_rel_error),
                 _shown(verdict.largest_error),
                 "yes" if verdict.stabilizing else "no",
-                f"{lost:.3g}",
+                percent(lost, 3).removesuffix(" %"),
                 "" if math.isnan(gain) else f"{gain:.4g}",
             )
         )

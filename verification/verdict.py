@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
+from controller.riccati.excess import SAME_DOUBLE, Excess
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, Checked
 from hfa_support.reporting.report import Part, Report, Reported
@@ -17,8 +18,8 @@ from hfa_support.reporting.results import Result, plain, without_empty
 from verification.box import Box
 from verification.nonlinear_game import GRADES, NonlinearComparison
 
-#: Relative difference of an entry, or cost above the optimum in percent, that is rounding.
-ROUNDING = 1e-9
+#: Cost above the optimum, percent, with which the cost is the same double as the optimum.
+OPTIMAL = 100.0 * SAME_DOUBLE
 #: Largest cost above the optimum, percent, of a critic with grade "near".
 NEAR = 1.0
 
@@ -28,7 +29,7 @@ class Section(NamedTuple):
 
     part: text or table of the report
     data: entries that the part adds to the data of the verdict:
-      - graded: cost above the optimum, L2 gain, distance to instability (`FlightCost`); with a
+      - graded: cost above the optimum, L2 gain, distance to instability (`GradedLoop`); with a
         limit of the cost, also the limit and the verdict on the cost
       - disk_margin, disk_margin_exact: of K, and of the exact gain
       - discount, dt: discount factor of a step; sampling time of a sampled plant, s
@@ -58,6 +59,7 @@ class Verdict(Checked, Result, Reported):
         bounds.
     sections: further findings.
     nonlinear: comparison of a critic that is not quadratic with the nonlinear game, or None.
+    excess: enclosed cost of a quadratic critic above the optimum, or None.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -79,6 +81,7 @@ class Verdict(Checked, Result, Reported):
     searched: int = 0
     sections: tuple[Section, ...] = ()
     nonlinear: NonlinearComparison | None = None
+    excess: Excess | None = None
 
     @property
     def ok(self) -> bool:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from controller.critic.critic_file import critic_file, critic_suffixes
 from controller.critic.reading import CriticFile
 from controller.game.zero_sum import Game
-from hfa.options.argument_types import positive, some_of, whole
+from hfa.options.argument_types import positive, some_of
 from hfa.options.command import Outcome, Request, command, picture_option
 from hfa.options.critic_files import ReadingOptions, critic_path, reading_of
 from hfa.options.games import CONTINUOUS, GameOptions, NamedGame, given_game
@@ -85,10 +85,6 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
         default=(),
         rare=True,
     )
-    taylor: bool = option(
-        "judge a network on the nonlinear game: Taylor coefficients about the trim, and flights",
-        rare=True,
-    )
     discount: float | None = option(
         "discount factor per sample; requires --dt", "NUMBER", positive, rare=True
     )
@@ -100,13 +96,6 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
         "largest excess of the cost above the optimum for exit code 0, percent", "PERCENT", positive
     )
     reference: Mapping[str, str] = reference_option()
-    flights: int | None = option(
-        "add N nonlinear flights with the critic, compared with the best flights found",
-        "N",
-        whole(1),
-        rare=True,
-        package="hfa_flight",
-    )
 
 
 class GivenCritics(NamedTuple):
@@ -130,7 +119,7 @@ def given_critics(request: VerifyRequest) -> GivenCritics:
     named = given_game(request, request.inputs, alone)
     named = replace(named, warnings=(*named.warnings, *_notes(request, named, files)))
     if named.game.is_discrete:
-        refuse(request, ("discount", "dt", "flights", "reference"), CONTINUOUS)
+        refuse(request, ("discount", "dt", "reference"), CONTINUOUS)
     game = named.game
     if request.discount is not None and request.dt is not None:
         game = game.sampled(request.dt, request.discount)
@@ -142,11 +131,9 @@ def _refuse_unused(request: VerifyRequest, files: Mapping[str, CriticFile]) -> N
     if len(files) > 1:
         refuse(
             request,
-            ("reference", "taylor"),
+            ("reference",),
             "requires a single critic; remove it, or give a single file with --weights",
         )
-    if request.plant is not None:
-        refuse(request, ("taylor",), "applies only to an aircraft; remove it or --model")
     if not any(file.is_network for file in files.values()):
         refuse(
             request,
@@ -216,14 +203,10 @@ def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
                 limit=request.limit_error,
                 flights=FLIGHTS if len(files) <= _MANY else _FEW_FLIGHTS,
                 linear=named.linear,
-                taylor=request.taylor or (None if len(files) == 1 else False),
+                taylor=None if len(files) == 1 else False,
                 progress=ProgressLine("verify"),
             )
     report = _report(request, named, verdicts)
-    if request.flights is not None:
-        from hfa_flight.commands.section import with_flights
-
-        report = with_flights(report, list(verdicts.values()), named, request.flights)
     *_, last = verdicts.values()
     report = with_tracking(report, reference, named, last.exact.P, last.critic.K)
     figure = partial(verdicts_figure, verdicts)

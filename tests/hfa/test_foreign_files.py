@@ -17,7 +17,7 @@ from hfa.main import BAD_INPUT
 
 #: Commands that write .csv files -> columns of numbers without a unit.
 _ENTRIES = ("half_units", "percent")
-_ERRORS = ("P_rel_error", "K_rel_error", "riccati_residual", "largest_error")
+_ERRORS = ("P_rel_error", "K_rel_error", "largest_error")
 TABLES = {
     "linearize --dihedral 10 --outputs load_factor,gamma": (),
     "sweep --dihedral 5,60 --hold alpha=1,2": (),

@@ -131,7 +131,6 @@ REFUSED = {
     "verify": [
         ("--dihedral 15", "the following arguments are required: --weights"),
         ("--dihedral 15 --weights given.npz --set activation=tanh", "applies only to a network"),
-        ("--model given.json --weights given.npz --taylor", "--taylor applies only to an aircraft"),
     ],
     "regenerate": [("--dynamics unsteady", "more than seven states")],
 }

@@ -25,7 +25,6 @@ LINES = (
     "trim --aircraft jsbsim:737",
     "fly --dihedral 15",
     "trim --aircraft x.dml",
-    "verify --dihedral 11 --flights 3",
     "prove schedule --dihedral 15:16",
 )
 PROGRAM = """
@@ -92,7 +91,6 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     assert "unknown command 'fly'" in output
     for line, message in (
         ("trim --aircraft x.dml", "x.dml"),
-        ("verify --dihedral 11 --flights 3", "--flights requires the package hfa_flight"),
         ("prove schedule --dihedral 15:16", "unknown command 'prove'"),
     ):
         code, output = run(*line.split())
@@ -101,7 +99,7 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     code, output = run("trim", "--aircraft", "jsbsim:737")
     assert (code, output.count("\n")) == (2, 1)
     helps = "".join(output for line, (_, output) in answers.items() if "--help" in line)
-    of_others = ("--flights", ".fmu", "jsbsim", ".dml")
+    of_others = (".fmu", "jsbsim", ".dml")
     assert [word for word in of_others if word in helps] == []
     of_the_core = (
         "unsteady",

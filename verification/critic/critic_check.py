@@ -28,7 +28,7 @@ from hfa_support.reporting.report import Part
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import LIMIT, critic_errors, relative_error
-from verification.linear_checks import linear_loop, value_checks
+from verification.linear_checks import linear_loop, value_check
 from verification.plant import nonlinear_plant
 from verification.verdict import Section, Verdict, explained
 
@@ -62,9 +62,8 @@ def verify(
     The checks are:
     - errors of P and K, in norms and entry by entry
     - errors of V, its gradient and the policies in a box of states
-    - stability of A - B K, and in continuous time of A - S P
-    - in continuous time, P not indefinite, and an L2 gain below delta
-    - the residual of the Riccati equation
+    - stability of A - B K
+    - P not indefinite, and an L2 gain below delta
 
     A critic that is not quadratic is also searched for the largest errors in the box, and simulated
     from states in the box.
@@ -119,17 +118,17 @@ def verify(
         )
     part = given if nonlinear is None else given.linear_part
     errors = critic_errors(part, exact, limit, widths)
-    loop = linear_loop(exact, given, all(check.ok for check in errors))
+    loop = linear_loop(exact, given, widths, all(check.ok for check in errors))
     found = None
     if nonlinear is None and not given.is_quadratic:
         from verification.network.search import findings_of
 
         plant = None if linear is None or game.is_discrete else nonlinear_plant(linear)
-        found = findings_of(exact, given, widths, limit, flights, plant)
+        found = findings_of(exact, given, loop.excess, widths, limit, flights, plant)
 
     checks = [*errors, *loop.checks]
     if given.P is not None and given.is_finite:
-        checks += value_checks(exact, given.P, limit)
+        checks.append(value_check(exact, given.P, widths, limit))
     sections = [Section((f"Box of states: {in_box.about}",), {"box": in_box}), loop.section]
     if found is not None:
         errors = [*errors, *found.errors]
@@ -151,12 +150,13 @@ def verify(
         checks=explained(checks, reason),
         limit=limit,
         reason=reason,
-        cost_lost=loop.cost_lost if found is None else found.flown.cost_lost_flown_percent,
+        cost_lost=100.0 * loop.excess.high if found is None else found.cost_lost,
         box=in_box,
         flights=None if found is None else found.flown.flights,
         searched=0 if found is None else found.states,
         sections=tuple(sections),
         nonlinear=nonlinear,
+        excess=loop.excess if found is None else None,
     )
 
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.riccati.balancing import stability
-from controller.riccati.cost import SIGNLESS, loss_matrix
+from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
 from hfa_aircraft.march.ending import Outcome
 from hfa_support.reporting.checks import Check, at_most
@@ -91,6 +90,7 @@ def equilibrium_check(
 def fly(
     exact: Solution,
     critic: Critic,
+    excess: Excess,
     b: np.ndarray,
     flights: int,
     plant: NonlinearPlant | None = None,
@@ -99,17 +99,18 @@ def fly(
 
     Nothing is simulated if the critic has non-finite values or its linear loop is unstable.
 
+    excess: cost of the policy u = -K z above the optimum
     flights: number of initial conditions. At most `_WIDE_FLIGHTS` are used for a wide network
     plant: nonlinear plant of a critic in continuous time, or None
     """
     game = exact.game
     if not flights or not critic.is_finite:
         return FlightResults()
-    if not stability(game.A - game.B @ critic.K, is_discrete=game.is_discrete).is_stable:
+    if not excess.is_stable:
         return FlightResults()
     if critic.is_wide:
         flights = min(flights, _WIDE_FLIGHTS)
-    losses, undecided_at = costs_above_optimum(exact, critic, b, flights)
+    losses, undecided_at = costs_above_optimum(exact, critic, excess, b, flights)
     loop = undisturbed_loop(exact, critic, b)
     rest = loop.equilibrium
     equilibrium_cost = 0.0
@@ -135,22 +136,23 @@ def fly(
 
 
 def costs_above_optimum(
-    exact: Solution, critic: Critic, b: np.ndarray, flights: int
+    exact: Solution, critic: Critic, excess: Excess, b: np.ndarray, flights: int
 ) -> tuple[np.ndarray, float | None]:
     """Return the cost above V* from each initial condition, in percent of V*, (flights,), and the
     end of the clock of the first simulation that is not decided, s or steps, or None.
 
     The first initial condition is the worst one of the linear loop. The loop is under the worst
-    disturbance of the critic's linear part; in discrete time, of the exact solution. The cost after
-    the end of a simulation is computed for the linear loop. All costs are inf if a simulation
+    disturbance of the critic's linear part. The cost after the end of a simulation is computed for
+    the linear loop. All costs are inf if a simulation
     diverges or the linear loop has no bounded cost, and nan if a simulation is not decided.
     """
-    remaining = loss_matrix(exact, critic.K)
+    remaining = excess.matrix
     if remaining is None:
         return np.full(flights, math.inf), None
     P = exact.P
-    loop = worst_loop(exact, critic, b, remaining)
-    starts = np.vstack([worst_start(remaining, P, b), starts_in(b, flights - 1)])
+    loop = worst_loop(exact, critic, excess, b)
+    worst = excess.worst if np.any(np.nan_to_num(excess.worst)) else b
+    starts = np.vstack([worst, starts_in(b, flights - 1)])
     losses = []
     for start in starts:
         end = loop.simulate(start)
@@ -159,27 +161,10 @@ def costs_above_optimum(
         if end.outcome is Outcome.UNDECIDED:
             return np.full(flights, math.nan), end.time
         cost = end.cost + end.discount * (end.z @ remaining @ end.z)
-        losses.append(max(100.0 * float(cost / (start @ P @ start)), 0.0))
+        optimum = float(start @ P @ start)
+        without_cost = math.inf if cost > 0.0 else 0.0
+        losses.append(max(100.0 * cost / optimum, 0.0) if optimum > 0.0 else without_cost)
     return np.array(losses), None
-
-
-def worst_start(X: np.ndarray, P: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the state z (n,) at the edge of the box with the largest z'X z / z'P z.
-
-    States without cost, z'P z = 0, are left out.
-
-    X, P: (n, n), symmetric
-    b: half-widths of the box, (n,)
-    """
-    corner = np.outer(b, b)
-    values, vectors = np.linalg.eigh(P * corner)
-    paid = values > SIGNLESS * max(float(values[-1]), 0.0)
-    if not paid.any():
-        return b
-    root = vectors[:, paid] / np.sqrt(values[paid])
-    _, directions = np.linalg.eigh(root.T @ (X * corner) @ root)
-    direction = root @ directions[:, -1]
-    return np.asarray(b * direction / np.abs(direction).max())
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:

@@ -1,8 +1,8 @@
 """Closed loops of critics that are not quadratic, on the linear and on the nonlinear plant.
 
-A policy u has the cost J = V* + ∫ (u - u*)' price (u - u*) - δ² (d - d*)'(d - d*) dt, or the sum
-over the steps. The worst disturbance of u = -K z is d = d* + δ⁻² E'X z in continuous time. In
-discrete time, costs are those under d*.
+A policy u costs J = V* + ∫ (u - u*)'R (u - u*) - δ² (d - d*)'(d - d*) dt, and in discrete time a
+sum over the steps (`excess_cost_rate`). The worst disturbance of u = -K z is that of its
+`Excess`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.symbols import symbols_for
 from controller.riccati.balancing import stability
+from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
 from hfa_aircraft.march.ending import FAR_OF_VALUE, OF_EXACT, OF_VALUE, Outcome, has_decayed
 from hfa_support.matrices import quadratic_forms
@@ -224,28 +225,20 @@ def undisturbed_loop(exact: Solution, critic: Critic, b: np.ndarray) -> Loop:
     return _loop_of(exact, exact.game.A, critic, b)
 
 
-def worst_loop(exact: Solution, critic: Critic, b: np.ndarray, X: np.ndarray) -> Loop:
-    """Return the closed loop under the disturbance of u = -K z, the critic's linear part.
+def worst_loop(exact: Solution, critic: Critic, excess: Excess, b: np.ndarray) -> Loop:
+    """Return the closed loop under the worst disturbance of u = -K z, the critic's linear part.
 
     The cost is J - V*. Inputs and disturbances count from their values at the equilibrium.
 
+    excess: cost of u = -K z above the optimum, with the gain of its disturbance above the optimum
     b: half-widths of the box of states, (n,)
-    X: (n, n), with J - V* = z'X z for u = -K z
     """
     game = exact.game
-    L_above_exact = np.zeros_like(exact.disturbance_gain)
-    if not game.is_discrete and math.isfinite(game.delta):
-        L_above_exact = game.disturbance_gain(X)
 
     def running(equilibrium: np.ndarray) -> Expression:
-        paid = excess_cost_rate(critic.policy, exact.K, exact.price, equilibrium)
-        if not L_above_exact.any():
-            return paid
-        gained = ca.DM(game.delta * L_above_exact)
-        rest = ca.DM(equilibrium)
-        return lambda z: paid(z) - ca.sumsqr(gained @ (z - rest))
+        return excess_cost_rate(critic.policy, exact, excess.disturbance_gain, equilibrium)
 
-    A = game.A + game.E @ (exact.disturbance_gain + L_above_exact)
+    A = game.A + game.E @ (exact.L + excess.disturbance_gain)
     return _loop_of(exact, A, critic, b, running)
 
 
@@ -303,22 +296,32 @@ def _tick(exact: Solution, *loops: np.ndarray) -> float:
 
 
 def excess_cost_rate(
-    policy: ca.Function, K: np.ndarray, price: np.ndarray, equilibrium: np.ndarray
+    policy: ca.Function, exact: Solution, M: np.ndarray, equilibrium: np.ndarray
 ) -> Expression:
-    """Return the rate at which a policy costs more than the exact policy, as z -> v' price v.
+    """Return the rate at which a policy costs more than the exact policy, as z -> a'H a.
 
-    v = u(z) + K z - (u(e) + K e) is the deviation from the exact policy, minus its value at the
-    equilibrium e.
+    a = (v, w) are the deviations v = u(z) + K z - (u(e) + K e) and w = M (z - e) of the players
+    from their exact policies, minus those at the equilibrium e. H is [R 0; 0 -δ²], in discrete time
+    plus α [B E]'P [B E].
 
-    K: gain of the exact policy u* = -K z
-    price: price of the inputs of the game, `Solution.price`, (m, m)
+    exact: exact solution, with the policy u* = -K z and the value z'P z
+    M: gain of the disturbance above the exact one, (k, n)
     equilibrium: equilibrium of the loop, (n,)
     """
-    at_rest = np.array(policy(equilibrium)).ravel() + K @ equilibrium
+    game = exact.game
+    price, cross = exact.excess_weight, np.zeros((len(game.R), len(M)))
+    of_disturbance = -(game.delta**2) * np.eye(len(M)) if M.any() else 0.0 * np.eye(len(M))
+    if game.is_discrete:
+        ahead = game.discount * exact.P @ game.E
+        cross = game.B.T @ ahead
+        of_disturbance = of_disturbance + game.E.T @ ahead
+    H = np.block([[price, cross], [cross.T, of_disturbance]])
+    at_rest = np.array(policy(equilibrium)).ravel() + exact.K @ equilibrium
 
     def cost(z: ca.SX) -> ca.SX:
-        away = policy(z) + ca.DM(K) @ z - ca.DM(at_rest)
-        return ca.bilin(ca.DM(price), away, away)
+        away = policy(z) + ca.DM(exact.K) @ z - ca.DM(at_rest)
+        both = ca.vertcat(away, ca.DM(M) @ (z - ca.DM(equilibrium)))
+        return ca.bilin(ca.DM(H), both, both)
 
     return cost
 

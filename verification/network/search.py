@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
+from controller.riccati.excess import Excess
 from controller.riccati.gare import Solution
 from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.text import percent
@@ -70,6 +71,11 @@ class Findings(NamedTuple):
     section: Section
     states: int
 
+    @property
+    def cost_lost(self) -> float:
+        """Largest cost above the optimum, percent."""
+        return self.flown.cost_lost_flown_percent
+
 
 def _floored(sizes: np.ndarray) -> np.ndarray:
     """Return the largest magnitudes of several quantities, bounded below, as scales of errors."""
@@ -79,6 +85,7 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
 def findings_of(
     exact: Solution,
     critic: Critic,
+    excess: Excess,
     b: np.ndarray,
     limit: float,
     flights: int,
@@ -86,6 +93,7 @@ def findings_of(
 ) -> Findings:
     """Return the errors of a critic over the box |z_i| <= b_i, and the results of its simulations.
 
+    excess: cost of the policy u = -K z above the optimum
     limit: largest relative error that passes
     flights: number of initial conditions of simulations
     plant: nonlinear plant in continuous time, or None
@@ -94,7 +102,7 @@ def findings_of(
     # The errors of a polynomial are bounded, and its bounds are checked.
     errors = search_checks(critic, exact, origin, worst, limit) if critic.network else []
     checks = list(errors)
-    flown = fly(exact, critic, b, flights, plant)
+    flown = fly(exact, critic, excess, b, flights, plant)
     if flown.flights:
         checks.append(equilibrium_check(flown.rest_point, exact.P, b, limit))
         costs = flown.cost_lost_flown_percent
@@ -147,7 +155,7 @@ def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple
     largest exact dV/dz_i or u_i in the box, bounded below (`_floored`), those of u by the weights
     of the inputs. The constant of V is subtracted, because no policy depends on it.
     """
-    weights = np.sqrt(np.diag(exact.price))
+    weights = np.sqrt(np.diag(exact.excess_weight))
     sizes_of = {
         "value": np.atleast_1d(b @ np.abs(exact.P) @ b),
         "gradient": _floored(2.0 * np.abs(exact.P) @ b),

@@ -9,6 +9,7 @@ import control
 import mpmath
 import numpy as np
 import pytest
+from own_models import F16, trimmed
 from scipy.optimize import linear_sum_assignment
 
 from hfa import LinearModel
@@ -232,3 +233,13 @@ def test_double_poles_and_zeros_do_not_cancel_slow_ones() -> None:
     assert apart(found.poles, [-1e-4, -0.02, -3.0, -4.0, -6.0]) < 1e-6
     assert (found.static, len(found.zeros)) == (0.0, 3)
     assert LinearModel.of([[-1.0, 1.0], [0.0, -1.0]], [[0.0], [1.0]]).is_stable
+
+
+def test_integrators_that_a_channel_misses_leave_its_transfer_function() -> None:
+    """Pitch rate by rudder of the F-16 with its position and heading is that of the matrices."""
+    linear = trimmed(F16).linearize(full=True)["pitch_rate", "rudder"]
+    (found,) = transfers(linear)
+    known = exact(Plant(*linear))
+    for s in 1j * np.logspace(-4.0, 2.0, 7):
+        by_roots = np.prod(s - found.zeros) / np.prod(s - found.poles) * found.gain
+        assert by_roots == pytest.approx(known.at(s), rel=1e-6)

@@ -105,13 +105,18 @@ def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy() -> None:
     N = 0.1 * rng.standard_normal((3, 2))
     game = in_steps(Game(0.4 * A, B, E, np.eye(3), np.diag([1.0, 2.0]), 1e3, N), 0.8)
     exact = solve(game)
-    K, L = 0.9 * exact.K, exact.disturbance_gain
+    K = 0.9 * exact.K
     verdict = verify(game, from_gain(game, K))
     checks = {check.name: check.value for check in verdict.checks}
     crossed = N @ K
-    spent = game.Q - crossed - crossed.T + K.T @ game.R @ K - game.delta**2 * L.T @ L
+    spent = game.Q - crossed - crossed.T + K.T @ game.R @ K
     root = math.sqrt(0.8)
-    whole = solve_discrete_lyapunov(root * (game.A - B @ K + E @ L).T, spent)
+    loop, pushed = root * (game.A - B @ K), root * E
+    whole = solve_discrete_lyapunov(loop.T, spent)
+    for _ in range(50):  # value of the disturbance alone
+        gained = pushed.T @ whole @ loop
+        slack = game.delta**2 - pushed.T @ whole @ pushed
+        whole = spent + loop.T @ whole @ loop + gained.T @ np.linalg.solve(slack, gained)
     excess = np.linalg.eigvals(np.linalg.solve(exact.P, whole - exact.P)).real
     assert verdict.cost_lost == pytest.approx(100.0 * excess.max(), rel=1e-8)
     radius = np.abs(np.linalg.eigvals(game.A - B @ K)).max()

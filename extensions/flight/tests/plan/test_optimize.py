@@ -110,26 +110,6 @@ def test_optimize_counts_and_summarizes_initial_conditions(
         assert min(ratios) >= 1.0
 
 
-def test_verify_flies_a_critic_of_some_inputs_with_the_others_at_the_trim(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The exact gain of one input alone flies as its linear optimum; twice the gain costs more."""
-    A, B = np.array([[0.0, 1.0], [-2.0, -0.3]]), np.array([[1.0, 0.0], [0.0, 3.0]])
-    np.savez("plant.npz", A=A, B=B)
-    K = B[:, 1:].T @ solve_continuous_are(A, B[:, 1:], np.eye(2), np.eye(1))
-    words = ["verify", "--aircraft", "plant.npz", "--weights", "K.npz", "--inputs", "u2", "--json"]
-    for times, code in ((1.0, 0), (2.0, 1)):
-        np.savez("K.npz", K=times * K)
-        assert main([*words, "--Q", "1,1", "--R", "5,1", "--flights", "1"]) == code
-        data = json.loads(capsys.readouterr().out)
-        optimum, critic = data["flights"]["policies"]
-        assert data["inputs"] == ["u2"]
-        if times == 1.0:
-            assert critic["median"] == pytest.approx(optimum["median"], rel=1e-9)
-        else:
-            assert critic["median"] > 1.01 * optimum["median"]
-
-
 @pytest.mark.slow
 def test_flights_order_two_policies_opposite_to_their_linear_costs() -> None:
     """Of one initial condition, beside the best flight; the LQR of the cost is within 5 % of it."""
@@ -159,23 +139,3 @@ def test_flights_order_two_policies_opposite_to_their_linear_costs() -> None:
 )
 def test_wrong_options_are_refused(words: str, says: str) -> None:
     assert_refused(run("optimize", "--aircraft", PENDULUM, *words.split()), 2, says)
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (("--aircraft", PENDULUM, "--weights", "K.npz", "--N", "0;0.1"), "remove N"),
-        (("--model", "game.json", "--weights", "K.npz"), "cannot be combined with --model"),
-        (("--aircraft", PENDULUM, "--weights", "K.npz", "K2.npz"), "2 are given"),
-    ],
-)
-def test_verify_refuses_flights_that_it_cannot_compare(
-    folder: Path, words: tuple[str, ...], says: str
-) -> None:
-    """Flights of a game with a cross weight, of a bare model and of two critics."""
-    np.savez("K.npz", K=[[2.0, 0.5]])
-    np.savez("K2.npz", K=[[3.0, 0.5]])
-    Path("game.json").write_text(json.dumps({"A": [[0.0, 1.0], [1.0, 0.0]], "B": [[0.0], [1.0]]}))
-    refused = run("verify", *words, "--Q", "1,1", "--R", "1", "--flights", "1")
-    assert refused.code == 2
-    assert says in refused.err.splitlines()[-1]

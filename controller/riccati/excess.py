@@ -1,0 +1,529 @@
+"""Cost of a linear policy above the optimum, enclosed in balls.
+
+The excess z'D z of u = -K z over the value z'P z is no difference of two costs. With the error
+Δ = K - K* of the gain, the loop F = A - B K + E L* and the slack V of the disturbance, D is the
+stabilizing solution of
+
+  F'D + D F + Δ'R Δ + D E V⁻¹ E'D = 0,  V = δ² I,
+
+and in discrete time, with √α A, √α B and √α E in place of A, B and E, of
+
+  F'D F - D + Δ'(R + B'P B) Δ + M'(V - E'D E)⁻¹ M = 0,  M = E'D F - E'P B Δ,  V = δ² I - E'P E.
+
+It exists if the L2 gain of the policy is below δ. Without disturbance, the last term is 0, and the
+equation is a Lyapunov equation. The policy costs up to sup z'D z / z'P z above the optimum.
+
+Sources: Kleinman, IEEE Transactions on Automatic Control 13 (1968), 114-115; Basar and Bernhard,
+H-infinity Optimal Control, Theorem 4.11.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balls import (
+    Balls,
+    ball_matrix,
+    identity,
+    is_positive_definite,
+    midpoints,
+    norm,
+    precision,
+    symmetric,
+)
+from controller.riccati.enclosure import (
+    ATTEMPTS,
+    Enclosure,
+    enclosed_in_bits,
+    has_exact_weights,
+    lyapunov_enclosure,
+    raised,
+)
+from controller.riccati.equation import change_along, scaled_balls
+from controller.riccati.free_states import FreeStates, free_states
+from controller.riccati.proof import DEFECT, NotProvedError, proves_stable
+from controller.riccati.proposal import FailedError, loop_units, lyapunov_in_bits
+
+if TYPE_CHECKING:
+    from flint import arb_mat
+
+#: Relative width of an enclosure that shows three digits, in all but ties.
+WIDTH = 1e-6
+#: A cost that is higher by less than this fraction is the same double.
+SAME_DOUBLE = 2.0**-53
+#: Steps in which an upper bound is sought above the estimate, as powers of ten.
+_ABOVE = range(-12, -5)
+#: Largest number of Newton steps; they converge quadratically, from below.
+_NEWTON_STEPS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """Cost of u = -K z above the optimum, under the worst disturbance of the policy.
+
+    low, high: bounds of the largest excess over all initial states, relative to the optimal cost;
+        both are inf if the cost has no bound, also relative to an optimum of 0, and high alone if
+        no bound is proved
+    mean: mean excess over initial states with the same optimal cost, relative to it
+    worst: initial state with the excess `low`, at the edge of the box, (n,); nan without one
+    matrix: D, (n, n), or None without a bounded cost
+    disturbance_gain: (k, n), of the worst disturbance of the policy, minus that of the optimum
+    is_stable: whether A - B K is proved stable
+    is_summable: whether √α (A - B K) is, in continuous time A - B K
+    from_free: cost from a state of the box where the optimum is 0, the largest of those tried; it
+        counts unless the cost of the box is the same double without it
+    free_state: this state, (n,), or None without such a cost
+    """
+
+    low: float
+    high: float
+    mean: float
+    worst: np.ndarray
+    matrix: np.ndarray | None
+    disturbance_gain: np.ndarray
+    is_stable: bool
+    is_summable: bool
+    from_free: float = 0.0
+    free_state: np.ndarray | None = None
+
+    @property
+    def is_known(self) -> bool:
+        """True if the bounds show three digits, or show that the policy is optimal."""
+        if math.isinf(self.low):
+            return True
+        return self.is_optimal or self.high <= self.low * (1.0 + WIDTH)
+
+    @property
+    def is_optimal(self) -> bool:
+        """True if no initial state has a cost that differs from the optimum as a double."""
+        return self.high <= SAME_DOUBLE
+
+
+def excess_of(game: Game, K: np.ndarray, box: np.ndarray) -> Excess:
+    """Return the cost of u = -K z above the optimum of a game that has a value.
+
+    Weights that are positive semidefinite only up to rounding are raised by their rounding: without
+    it, the optimal cost of a state may be negative.
+
+    K: (m, n)
+    box: half-widths of the box of states, (n,)
+    """
+    game = game if has_exact_weights(game) else raised(game)
+    found = without_bound(game)
+    for attempt in ATTEMPTS:
+        with precision(attempt):
+            if _cost_is_unstable(game, K):
+                return replace(found, is_stable=_is_stable(_loop(game, K), game))
+            try:
+                found = _Policy(enclosed_in_bits(game, attempt), K).excess(box)
+            except (FailedError, NotProvedError):
+                continue
+        if found.is_known and found.matrix is not None:
+            break
+    return found
+
+
+def without_bound(game: Game, *, is_stable: bool = False, is_summable: bool = False) -> Excess:
+    """Return the excess of a policy whose cost has no bound."""
+    n, k = game.E.shape
+    unknown = np.full(n, math.nan)
+    return Excess(
+        math.inf, math.inf, math.inf, unknown, None, np.zeros((k, n)), is_stable, is_summable
+    )
+
+
+class _Bounded(NamedTuple):
+    """Solution of the equation of D.
+
+    D: (n, n), balls
+    gain: (k, n), of the worst disturbance of the policy, minus that of the optimum, balls
+    """
+
+    D: arb_mat
+    gain: arb_mat
+
+
+class _Policy:
+    """A policy of a game, and the matrices of its excess as balls, in the user's units.
+
+    In discrete time, A, B and E have the factor √α.
+    """
+
+    def __init__(self, enclosure: Enclosure, K: np.ndarray) -> None:
+        from flint import arb
+
+        game = enclosure.proved.equation.game
+        root = arb(game.discount).sqrt()
+        self.game = game
+        self.is_discrete = game.is_discrete
+        self.A, self.B, self.E = (ball_matrix(each) * root for each in (game.A, game.B, game.E))
+        self.R = _symmetric(game.R)
+        self.P, self.K_exact, self.L = enclosure.P, enclosure.K, enclosure.L
+        self.K = ball_matrix(K)
+        self.is_disturbed = math.isfinite(game.delta) and bool(game.E.any())
+
+    def excess(self, box: np.ndarray) -> Excess:
+        """Return the excess, known or not."""
+        game = self.game
+        is_stable = _is_stable(_loop(game, self.K), game)
+        is_summable = is_stable or _is_stable(self.A - self.B * self.K, game)
+        unbounded = without_bound(game, is_stable=is_stable, is_summable=is_summable)
+        bounded = self._bounded(self.K) if is_summable else None
+        if bounded is None:
+            return unbounded
+        found = replace(
+            unbounded,
+            matrix=midpoints(bounded.D),
+            disturbance_gain=midpoints(bounded.gain),
+        )
+        free = None if is_positive_definite(self.P) else free_states(game)
+        judged = bounded
+        if free is not None:
+            off = free.error_of(self.K)
+            if off.is_wrong:
+                costs = _costs_at(bounded.D, free, box)
+                found = replace(found, from_free=costs.largest, free_state=costs.state)
+                if not costs.most <= SAME_DOUBLE * float(np.diag(midpoints(self.P)) @ box**2):
+                    return replace(found, worst=costs.state)
+            on_free = self._bounded(off.without_error)
+            if on_free is None:
+                return found
+            judged = on_free
+        ratio = _largest_ratio(judged.D, self.P, [] if free is None else free.pivots)
+        return replace(
+            found,
+            low=ratio.low,
+            high=ratio.high,
+            mean=ratio.mean,
+            worst=_at_edge(ratio.state, box),
+        )
+
+    def _bounded(self, K: arb_mat) -> _Bounded | None:
+        """Return the solution of the equation of D, or None if it is not proved."""
+        error = K - self.K_exact
+        price = self.R
+        loop = self.A - self.B * K
+        if self.is_discrete:
+            price = price + self.B.transpose() * self.P * self.B
+        charge = error.transpose() * price * error
+        if not self.is_disturbed:
+            D = lyapunov_enclosure(loop, charge, is_discrete=self.is_discrete)
+            return None if D is None else _Bounded(D, 0 * self.L)
+        try:
+            return self._equation(loop, charge, error).solved()
+        except (FailedError, NotProvedError, ZeroDivisionError):
+            return None
+
+    def _equation(self, loop: arb_mat, charge: arb_mat, error: arb_mat) -> ExcessEquation:
+        from flint import arb
+
+        k = self.E.ncols()
+        slack = identity(k) * arb(self.game.delta) ** 2
+        F = loop + self.E * self.L
+        if not self.is_discrete:
+            return ExcessEquation(F, self.E, charge, None, slack)
+        valued = self.E.transpose() * self.P
+        crossed = -(valued * self.B * error)
+        return ExcessEquation(F, self.E, charge, crossed, slack - valued * self.E)
+
+
+@dataclass(frozen=True)
+class ExcessEquation:
+    """Riccati equation of D, of the disturbance that differs by v = M z from that of the optimum.
+
+    F, E, C: loop (n, n), (n, k) and charge Δ'price Δ, (n, n)
+    crossed: -E'P B Δ, (k, n), in discrete time; None in continuous time
+    V: slack, (k, k)
+    """
+
+    F: arb_mat
+    E: arb_mat
+    C: arb_mat
+    crossed: arb_mat | None
+    V: arb_mat
+
+    @property
+    def is_discrete(self) -> bool:
+        """Whether the equation is that of steps."""
+        return self.crossed is not None
+
+    def gain(self, D: arb_mat) -> arb_mat:
+        """Return M, (k, n), of the worst v for D."""
+        ahead = self.E.transpose() * D
+        if self.crossed is None:
+            return self.V.solve(ahead)
+        return self.left(D).solve(ahead * self.F + self.crossed)
+
+    def left(self, D: arb_mat) -> arb_mat:
+        """Return V - E'D E, (k, k), in continuous time V."""
+        return self.V - self.E.transpose() * D * self.E if self.is_discrete else self.V
+
+    def residual(self, D: arb_mat, gain: arb_mat) -> arb_mat:
+        """Return the left side of the equation, with the gain of D."""
+        change = change_along(Balls(self.F), Balls(D), is_discrete=self.is_discrete).matrix
+        return change + self.C + gain.transpose() * self.left(D) * gain
+
+    def solved(self) -> _Bounded:
+        """Return the balls of D and of its gain, proved in units in which the loop is balanced.
+
+        Raises FailedError, NotProvedError or ZeroDivisionError.
+        """
+        units = loop_units(midpoints(self.F))
+        zero = np.zeros(self.E.ncols(), dtype=int)
+        crossed = None if self.crossed is None else scaled_balls(self.crossed, zero, units)
+        scaled = ExcessEquation(
+            scaled_balls(self.F, -units, units),
+            scaled_balls(self.E, -units, zero),
+            scaled_balls(self.C, units, units),
+            crossed,
+            self.V,
+        )
+        D, Y = scaled.proposal()
+        D = scaled_balls(excess_ball(scaled, D, Y), -units, -units)
+        return _Bounded(D, self.gain(D))
+
+    def proposal(self) -> tuple[arb_mat, arb_mat]:
+        """Return D, (n, n), by Newton's method from 0, and Y of its loop.
+
+        D increases to the solution. Without a solution, the loop becomes unstable.
+
+        Raises FailedError.
+        """
+        from flint import arb
+
+        D = 0 * self.F
+        for _ in range(_NEWTON_STEPS):
+            gain = self.gain(D)
+            loop = (self.F + self.E * gain).mid()
+            if not _looks_stable(loop, is_discrete=self.is_discrete):
+                raise FailedError("the excess has no bound")
+            residual = self.residual(D, gain).mid()
+            step = lyapunov_in_bits(loop, residual, is_discrete=self.is_discrete)
+            D = symmetric(D + step)
+            if norm(step) <= norm(D) * arb(2) ** -40:
+                break
+        gain = self.gain(D)
+        loop = (self.F + self.E * gain).mid()
+        step = lyapunov_in_bits(loop, self.residual(D, gain).mid(), is_discrete=self.is_discrete)
+        one = identity(self.F.nrows())
+        return symmetric(D + step), lyapunov_in_bits(loop, one, is_discrete=self.is_discrete)
+
+
+def excess_ball(equation: ExcessEquation, D: arb_mat, Y: arb_mat) -> arb_mat:
+    """Return the ball about D that is proved to contain the stabilizing solution.
+
+    The proof is that of `controller.riccati.proof.stabilizing`: with the loop F of both players at
+    D, Z = D* - D solves F'Z + Z F + r + q(Z) = 0, q(Z) = Z E V⁻¹ E'Z, and |Z| <= ζ Y if the
+    right side is at most 3/4 ζ for all such Z.
+
+    D: (n, n), proposed solution; only the midpoint of its symmetric part counts
+    Y: (n, n), proposed solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, likewise
+
+    Raises NotProvedError if the proposal does not prove it.
+    """
+    D, Y = symmetric(D), symmetric(Y)
+    gain = equation.gain(D)
+    loop = Balls(equation.F + equation.E * gain)
+    shape = Balls(Y)
+    if not proves_stable(loop, shape, DEFECT, is_discrete=equation.is_discrete):
+        raise NotProvedError("the loop of the worst disturbance")
+    left = equation.left(D)
+    if not is_positive_definite(left):
+        raise NotProvedError("the disturbance pays")
+    through = loop.norm() if equation.is_discrete else 1
+    size, rho = shape.norm(), norm(equation.residual(D, gain))
+    zeta = 4 * rho
+    farthest = zeta * size  # |Z| is at most this
+    E = norm(equation.E)
+    inverse = Balls(left).inverse_norm()
+    if equation.is_discrete:  # |(left - E'Z E)⁻¹| <= 2 |left⁻¹|
+        if not inverse * E**2 * farthest < 0.5:
+            raise NotProvedError("the disturbance pays near D")
+        inverse = 2 * inverse
+    moved = inverse * E**2 * through * farthest  # bound of the change of the loop
+    twice = 2 * through + moved if equation.is_discrete else 2
+    # With the defect, less than 1. The quadratic term is then at most 1/4 ζ, and with |r| less than
+    # 3/4 ζ.
+    if not size * moved * twice < 0.5:
+        raise NotProvedError("the loop of the worst disturbance near D")
+    spread = [(zeta * Y[i, i]).sqrt().upper() for i in range(Y.nrows())]
+    return Balls.around(D, spread).matrix
+
+
+def _loop(game: Game, K: np.ndarray | arb_mat, factor: float = 1.0) -> arb_mat:
+    """Return A - B K in balls, times the root of a factor."""
+    from flint import arb
+
+    gain = ball_matrix(K) if isinstance(K, np.ndarray) else K
+    return (ball_matrix(game.A) - ball_matrix(game.B) * gain) * arb(factor).sqrt()
+
+
+def _is_stable(loop: arb_mat, game: Game) -> bool:
+    """Return whether a loop of balls is proved stable."""
+    return stability_of(loop, is_discrete=game.is_discrete) is True
+
+
+def _cost_is_unstable(game: Game, K: np.ndarray) -> bool:
+    """Return whether √α (A - B K) is proved unstable."""
+    return stability_of(_loop(game, K, game.discount), is_discrete=game.is_discrete) is False
+
+
+def stability_of(loop: arb_mat, *, is_discrete: bool) -> bool | None:
+    """Return whether a loop F of balls is stable, or None if these bits do not prove it.
+
+    Let |F'Y + Y F + 1| < 1. F is stable if Y > 0, and unstable if v'Y v < 0 for a vector v, because
+    Y would be positive definite if F were stable.
+    """
+    units = loop_units(midpoints(loop))
+    F, one = scaled_balls(loop, -units, units), identity(loop.nrows())
+    try:
+        Y = symmetric(lyapunov_in_bits(F, one, is_discrete=is_discrete))
+    except FailedError:
+        return None
+    defect = change_along(Balls(F), Balls(Y), is_discrete=is_discrete).matrix + one
+    if not norm(defect) < 1:
+        return None
+    if is_positive_definite(Y):
+        return True
+    vector = ball_matrix(np.linalg.eigh(midpoints(Y))[1][:, :1])
+    return False if (vector.transpose() * Y * vector)[0, 0] < 0 else None
+
+
+def _looks_stable(loop: arb_mat, *, is_discrete: bool) -> bool:
+    """Return whether a loop may be stable, by its eigenvalues with many bits.
+
+    It saves attempts of a proof, and decides nothing.
+    """
+    poles = np.linalg.eigvals(midpoints(loop))
+    margin = 1.0 - np.abs(poles).max() if is_discrete else -poles.real.max()
+    return bool(margin > -1e-3 * np.abs(poles).max())
+
+
+class _Costs(NamedTuple):
+    """Costs from states of the box without optimal cost.
+
+    largest: cost from one of them, at the edge of the box
+    state: this state, (n,)
+    most: bound of the cost from every such state in the box
+    """
+
+    largest: float
+    state: np.ndarray
+    most: float
+
+
+def _costs_at(D: arb_mat, free: FreeStates, box: np.ndarray) -> _Costs:
+    """Return the costs from the directions of a basis of states without optimal cost."""
+    matrix, directions = midpoints(D), midpoints(free.basis).T
+    states = [_at_edge(direction, box) for direction in directions]
+    values = [float(state @ matrix @ state) for state in states]
+    worst = int(np.argmax(values))
+    # A state of the box is a sum of multiples of all directions, of at most box[pivot] each.
+    roots = [
+        box[pivot] * math.sqrt(max(float(direction @ matrix @ direction), 0.0))
+        for pivot, direction in zip(free.pivots, directions, strict=True)
+    ]
+    return _Costs(values[worst], states[worst], sum(roots) ** 2)
+
+
+class _Ratio(NamedTuple):
+    """Bounds and mean of z'D z / z'P z, and a state z (n,) with the ratio `low`."""
+
+    low: float
+    high: float
+    mean: float
+    state: np.ndarray
+
+
+def _largest_ratio(D: arb_mat, P: arb_mat, without: list[int]) -> _Ratio:
+    """Return bounds of sup z'D z / z'P z.
+
+    without: states that are left out, (d,): P and D vanish on d vectors with a 1 there
+    """
+    n = P.nrows()
+    kept = [state for state in range(n) if state not in without]
+    nothing = np.zeros(n)
+    if not kept:
+        return _Ratio(0.0, 0.0, 0.0, nothing)
+    D, P = _entries(D, kept), _entries(P, kept)
+    root = _inverse_root(P)
+    if root is None:
+        return _Ratio(0.0, math.inf, math.nan, nothing)
+    ratios, vectors = np.linalg.eigh(midpoints(symmetric(root.transpose() * D * root)))
+    direction = root.mid() * ball_matrix(vectors[:, -1:])
+    low, high = ratio_bounds(D, P, direction, float(ratios[-1]))
+    state = nothing.copy()
+    state[kept] = midpoints(direction)[:, 0]
+    return _Ratio(low, high, max(float(ratios.mean()), 0.0), state)
+
+
+def ratio_bounds(
+    D: arb_mat, P: arb_mat, direction: arb_mat, estimate: float
+) -> tuple[float, float]:
+    """Return proved bounds of sup z'D z / z'P z, inf if no upper one is found near an estimate.
+
+    A vector proves the lower bound, and r P - D > 0 the upper bound r.
+
+    direction: the vector, (n, 1)
+    estimate: of the largest ratio
+    """
+    from flint import arb
+
+    low = (direction.transpose() * D * direction)[0, 0] / (
+        (direction.transpose() * P * direction)[0, 0]
+    )
+    least = float(low.lower()) if low.is_finite() else 0.0
+    at_least = arb(max(estimate, SAME_DOUBLE / 2.0))
+    for exponent in _ABOVE:
+        bound = (at_least * (1 + arb(10) ** exponent)).mid()
+        if is_positive_definite(P * bound - D):
+            return max(least, 0.0), math.nextafter(float(bound), math.inf)
+    return max(least, 0.0), math.inf
+
+
+def _entries(matrix: arb_mat, kept: list[int]) -> arb_mat:
+    return ball_matrix([[matrix[i, j] for j in kept] for i in kept])
+
+
+def _inverse_root(P: arb_mat) -> arb_mat | None:
+    """Return an approximate W, upper triangular, with W'P W = 1, or None unless P may be positive
+    definite.
+    """
+    n = P.nrows()
+    rows = P.mid().tolist()
+    inverse = identity(n).tolist()
+    pivots = []
+    for pivot in range(n):
+        size = rows[pivot][pivot]
+        if not size > 0:
+            return None
+        pivots.append(size)
+        for i in range(pivot + 1, n):
+            factor = (rows[i][pivot] / size).mid()
+            for j in range(pivot + 1, i + 1):
+                rows[i][j] = (rows[i][j] - factor * rows[j][pivot]).mid()
+            for j in range(pivot + 1):
+                inverse[i][j] = (inverse[i][j] - factor * inverse[pivot][j]).mid()
+    scaled = [
+        [entry / size.sqrt() for entry in row] for row, size in zip(inverse, pivots, strict=True)
+    ]
+    return ball_matrix(scaled).transpose().mid()
+
+
+def _at_edge(direction: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """Return the multiple of a direction at the edge of the box, whose largest entry, relative to
+    the box, is positive.
+    """
+    shares = direction / box
+    largest = shares[np.argmax(np.abs(shares))]
+    return direction / largest if largest else direction
+
+
+def _symmetric(matrix: np.ndarray) -> arb_mat:
+    balls = ball_matrix(matrix)
+    return (balls + balls.transpose()) * 0.5

@@ -1,0 +1,205 @@
+"""States from which the optimal cost of a game is 0, in rational arithmetic.
+
+The entries of a game are doubles, and therefore rational. The states z for which an input u exists
+such that z and u cost nothing, and that lead to such states again, are a subspace: the largest
+output-nulling one of the cost. If the price of the input is not singular, u is a function of z.
+Where the loop of u is stable, the optimal cost is 0, with or without disturbance: what moves inside
+the subspace adds no cost to that of the disturbance.
+
+Source: Trentelman, Stoorvogel and Hautus, Control Theory for Linear Systems, Sections 7.3 and 10.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balls import ball_matrix, identity, midpoints
+from controller.riccati.enclosure import lyapunov_enclosure
+
+if TYPE_CHECKING:
+    from flint import arb_mat, fmpq, fmpq_mat
+
+
+class ErrorOnFree(NamedTuple):
+    """Error of a gain on states without optimal cost.
+
+    is_wrong: whether K differs there from the optimal gain, in any digit
+    without_error: K with the columns of the pivots changed so that it does not, balls
+    """
+
+    is_wrong: bool
+    without_error: arb_mat
+
+
+@dataclass(frozen=True, eq=False)
+class FreeStates:
+    """Subspace of the states without optimal cost, in balls.
+
+    basis: (n, d), with the identity in the rows `pivots`
+    gains: optimal gain K times the basis, (m, d)
+    pivots: (d,)
+    """
+
+    basis: arb_mat
+    gains: arb_mat
+    pivots: list[int]
+
+    def error_of(self, K: arb_mat) -> ErrorOnFree:
+        """Return the error of a gain, (m, n)."""
+        error = K * self.basis - self.gains
+        changed = K.tolist()
+        for row, errors in zip(changed, error.tolist(), strict=True):
+            for pivot, change in zip(self.pivots, errors, strict=True):
+                row[pivot] = row[pivot] - change
+        is_wrong = not all(entry.contains(0) for entry in error.entries())
+        return ErrorOnFree(is_wrong, ball_matrix(changed))
+
+
+def free_states(game: Game) -> FreeStates | None:
+    """Return the states without optimal cost, or None if there are none or they are not known.
+
+    They are not known if an eigenvalue of the loop on the largest output-nulling subspace may be on
+    the boundary of stability.
+    """
+    from flint import fmpq_mat
+
+    n, m = game.B.shape
+    weights = game.weights
+    cost = _rationals(weights + weights.T)
+    A, B = _rationals(game.A), _rationals(game.B)
+    basis = _rationals(np.eye(n))
+    while True:
+        # [z; u; c] with weights [z; u] = 0 and A z + B u = basis c
+        dynamics = _beside(_beside(A, B), -1 * basis)
+        nothing = fmpq_mat(n + m, basis.ncols())
+        solutions = _null_space(_above(dynamics, _beside(cost, nothing)))
+        states, pivots = _column_echelon(_rows(solutions, 0, n))
+        if states.ncols() == basis.ncols() or not states.ncols():
+            break
+        basis = states
+    if not states.ncols() or solutions.ncols() != states.ncols():
+        return None
+    # z = states c, with the inputs u = inputs c
+    coordinates = _rows_at(_rows(solutions, 0, n), pivots).inv()
+    inputs = _rows(solutions, n, n + m) * coordinates
+    loop = _balls(_rows_at(A * states + B * inputs, pivots))
+    stable = _stable_subspace(loop, game)
+    if stable is None:
+        return None
+    free, gains = _balls(states) * stable, -_balls(inputs) * stable
+    rows = _pivots(midpoints(free))
+    change = ball_matrix([free.tolist()[row] for row in rows]).inv()
+    return FreeStates(free * change, gains * change, rows)
+
+
+def _stable_subspace(loop: arb_mat, game: Game) -> arb_mat | None:
+    """Return a basis of the states on which √α times a loop is stable, (d, s).
+
+    None if there are none, or if the stability of an eigenvalue is not proved.
+    """
+    from flint import acb_mat, arb
+
+    size = loop.nrows()
+    one = identity(size)
+    root = arb(game.discount).sqrt()
+    if lyapunov_enclosure(loop * root, one, is_discrete=game.is_discrete) is not None:
+        return one
+    try:
+        values, vectors = acb_mat(loop).eig(right=True)
+    except ValueError:  # a multiple eigenvalue
+        return None
+    margins = [1 - abs(value) * root if game.is_discrete else -value.real for value in values]
+    if any(margin.contains(0) for margin in margins):
+        return None
+    kept = [place for place, margin in enumerate(margins) if margin > 0]
+    if not kept:
+        return None
+    complex_basis = acb_mat([[row[place] for place in kept] for row in vectors.tolist()])
+    middle = np.array([[complex(entry) for entry in row] for row in complex_basis.tolist()])
+    rows = _pivots(middle)
+    inverse = acb_mat([complex_basis.tolist()[row] for row in rows]).inv()
+    real = complex_basis * inverse  # the basis is closed under conjugation
+    return ball_matrix([[entry.real for entry in row] for row in real.tolist()])
+
+
+def _pivots(basis: np.ndarray) -> list[int]:
+    """Return d rows of a basis (n, d) that are far from dependent, (d,)."""
+    from scipy.linalg import qr
+
+    order = qr(basis.T, pivoting=True, mode="r")[1]
+    return sorted(order[: basis.shape[1]].tolist())
+
+
+def _rational(number: float) -> fmpq:
+    from flint import fmpq
+
+    return fmpq(*number.as_integer_ratio())
+
+
+def _rationals(matrix: np.ndarray) -> fmpq_mat:
+    from flint import fmpq_mat
+
+    return fmpq_mat(*matrix.shape, [_rational(entry) for entry in matrix.ravel().tolist()])
+
+
+def _balls(matrix: fmpq_mat) -> arb_mat:
+    from flint import arb
+
+    return ball_matrix([[arb(entry) for entry in row] for row in matrix.tolist()])
+
+
+def _of_rows(rows: list[list[fmpq]], columns: int) -> fmpq_mat:
+    from flint import fmpq_mat
+
+    return fmpq_mat(len(rows), columns, [entry for row in rows for entry in row])
+
+
+def _beside(left: fmpq_mat, right: fmpq_mat) -> fmpq_mat:
+    rows = [a + b for a, b in zip(left.tolist(), right.tolist(), strict=True)]
+    return _of_rows(rows, left.ncols() + right.ncols())
+
+
+def _above(upper: fmpq_mat, lower: fmpq_mat) -> fmpq_mat:
+    return _of_rows(upper.tolist() + lower.tolist(), upper.ncols())
+
+
+def _rows(matrix: fmpq_mat, first: int, last: int) -> fmpq_mat:
+    return _of_rows(matrix.tolist()[first:last], matrix.ncols())
+
+
+def _rows_at(matrix: fmpq_mat, places: list[int]) -> fmpq_mat:
+    rows = matrix.tolist()
+    return _of_rows([rows[place] for place in places], matrix.ncols())
+
+
+def _echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
+    """Return the reduced row echelon form, and the columns of its pivots."""
+    reduced, rank = matrix.rref()
+    pivots = [
+        next(j for j in range(matrix.ncols()) if reduced[i, j] != 0) for i in range(int(rank))
+    ]
+    return reduced, pivots
+
+
+def _null_space(matrix: fmpq_mat) -> fmpq_mat:
+    """Return a basis of the vectors v with M v = 0, in columns."""
+    from flint import fmpq_mat
+
+    reduced, pivots = _echelon(matrix)
+    free = [j for j in range(matrix.ncols()) if j not in pivots]
+    basis = fmpq_mat(matrix.ncols(), len(free))
+    for place, j in enumerate(free):
+        basis[j, place] = 1
+        for i, pivot in enumerate(pivots):
+            basis[pivot, place] = -reduced[i, j]
+    return basis
+
+
+def _column_echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
+    """Return a basis of the columns with the identity in some rows, and these rows."""
+    reduced, pivots = _echelon(matrix.transpose())
+    return _rows(reduced, 0, len(pivots)).transpose(), pivots

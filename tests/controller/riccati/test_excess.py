@@ -1,0 +1,322 @@
+"""Costs of policies above the optimum: enclosed, of the worst state, and never more than proved."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from flint import arb
+from game_samples import game_models
+from stored_games import in_units, stored
+
+from controller.riccati.balls import ball_matrix, precision
+from controller.riccati.excess import (
+    SAME_DOUBLE,
+    Excess,
+    ExcessEquation,
+    excess_ball,
+    excess_of,
+    ratio_bounds,
+    stability_of,
+)
+from controller.riccati.proof import NotProvedError
+from hfa import Game, from_gain, solve, verify
+from tests.support.exact_costs import excess as exact_excess
+
+GAME = game_models()["published-15"]
+EXACT = solve(GAME)
+NOISE = np.random.default_rng(0).standard_normal(EXACT.K.shape)
+
+
+def judged(game: Game, K: np.ndarray) -> Excess:
+    return excess_of(game, np.asarray(K, dtype=float), np.ones(len(game.A)))
+
+
+def graded(game: Game, K: np.ndarray) -> dict[str, Any]:
+    return verify(game, from_gain(game, K)).to_dict()["graded"]
+
+
+def random_game(seed: int) -> Game:
+    """Return a game in either time, every second one with a disturbance."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 4))
+    A, B, E = (rng.standard_normal((n, size)) for size in (n, 1 + seed % 2, 1))
+    N = 0.1 * rng.standard_normal(B.shape)
+    is_discrete = bool(seed // 2 % 2)
+    game = Game(
+        (0.2 if is_discrete else 1.0) * A,
+        B,
+        0.2 * E,
+        np.eye(n),
+        np.eye(B.shape[1]),
+        N=N,
+        dt=True if is_discrete else None,
+        discount=0.9 if is_discrete else 1.0,
+    )
+    return game.with_delta(1.3 * solve(game).delta_min + 0.1) if seed // 4 % 2 else game
+
+
+@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("error", [1e-3, 1e-7, 1e-12])
+def test_an_excess_contains_that_of_sixty_digits(seed: int, error: float) -> None:
+    """Of gains in either time, with and without disturbance and discount, however near."""
+    game = random_game(seed)
+    K = solve(game).K
+    noise = np.random.default_rng(seed).standard_normal(K.shape)
+    K = K * (1.0 + error * noise) + error * noise
+    found = judged(game, K)
+    reference = exact_excess(game, K)
+    assert found.is_known
+    assert found.low * (1.0 - 1e-12) <= reference <= found.high * (1.0 + 1e-12)
+    if not found.is_optimal:
+        P, D = solve(game).P, found.matrix
+        z = found.worst
+        assert z @ D @ z / (z @ P @ z) == pytest.approx(reference, rel=1e-6)
+
+
+def loss(game: Game, K: np.ndarray) -> np.ndarray:
+    """Return D, with which z'Dz is the cost of u = -K z above the optimum z'Pz.
+
+    Only the disturbance is free, so P + D is the value of the game without an input.
+    """
+    fixed = replace(game, A=game.A - game.B @ K, B=0.0 * game.B, Q=game.Q + K.T @ game.R @ K)
+    return solve(fixed).P - solve(game).P
+
+
+@pytest.mark.parametrize("delta", [200.0, math.inf])
+def test_the_worst_and_mean_costs_are_eigenvalues_of_the_excess(delta: float) -> None:
+    """Over initial conditions with z'Pz = 1, z'Dz is at most the largest eigenvalue of P^-1 D, and
+    on average their mean.
+    """
+    game = GAME.with_delta(delta)
+    K = solve(game).K * (1.0 + 0.1 * NOISE)
+    shares = np.linalg.eigvals(np.linalg.solve(solve(game).P, loss(game, K))).real
+    cost = graded(game, K)
+    assert cost["cost_lost_worst_percent"] == pytest.approx(100.0 * shares.max(), rel=1e-6)
+    assert cost["cost_lost_mean_percent"] == pytest.approx(100.0 * shares.mean(), rel=1e-6)
+
+
+@pytest.mark.parametrize("is_discrete", [False, True])
+def test_gains_and_distances_are_of_both_policies(is_discrete: bool) -> None:
+    """The distance is the least σ_min(s I - A + B K) over the boundary of stability, relative to the
+    norm of the loop, and both L2 gains are those on a grid. The game is balanced already.
+    """
+    A, scale, dt = [[-0.3, 1.0], [-1.0, -0.2]], 1.0, None
+    if is_discrete:
+        A, scale, dt = [[0.6, 0.4], [-0.4, 0.7]], 0.3, 1.0
+    game = Game(A, scale * np.eye(2), np.eye(2), np.eye(2), np.eye(2), 9.0, dt=dt)
+    exact = solve(game)
+    found = graded(game, 0.2 * exact.K)
+    s = 1j * np.linspace(0.0, 3.0, 3001)
+    s = np.exp(s) if is_discrete else s
+    for K, suffix in ((0.2 * exact.K, ""), (exact.K, "_exact")):
+        loop = game.A - game.B @ K
+        C = np.vstack([np.eye(2), K])
+        shifted = s[:, None, None] * np.eye(2) - loop
+        least = np.linalg.svd(shifted, compute_uv=False)[:, -1].min()
+        distance = found[f"distance_to_instability{suffix}"]
+        assert distance == pytest.approx(least / np.linalg.norm(loop, 2), rel=1e-5)
+        largest = np.linalg.svd(C @ np.linalg.inv(shifted), compute_uv=False).max()
+        assert found[f"l2_gain{suffix}"] == pytest.approx(largest, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "worst"),
+    [
+        ("weak", 12, 0.009803929418),
+        ("cheap", 148, 0.9858833746),
+        ("cheap", 12, 0.009802960217),
+        ("cheap", 36, 0.05982619190),
+        ("stiff", 144, math.inf),  # its L2 gain is 67671.8, and delta 65445.7
+    ],
+)
+def test_costs_of_stored_games(kind: str, number: int, worst: float) -> None:
+    """A gain that is 1 % too large costs what the same equations give with 60 digits."""
+    game = stored(kind, number).game
+    found = judged(game, 1.01 * solve(game).K)
+    assert 100.0 * found.high == pytest.approx(worst, rel=1e-5)
+    assert found.low == pytest.approx(found.high, rel=1e-6)
+
+
+# States without cost, and modes that the input hardly reaches.
+
+
+@pytest.mark.parametrize("extra", [0.0, 1e-12, 1e-4, 100.0])
+def test_states_without_cost_are_not_left_out(extra: float) -> None:
+    """The gain on a stable state without cost costs extra² / 2 per unit, where the optimum is 0.
+
+    Below the last digit of the cost of the box it changes no cost.
+    """
+    game = Game([[1.0, 0.0], [0.0, -1.0]], [[1.0], [0.0]], Q=np.diag([1.0, 0.0]), R=[[1.0]])
+    K = 1.0 + math.sqrt(2.0)
+    verdict = verify(game, from_gain(game, [[K, extra]]), box=[1.0, 2.0])
+    found = verdict.excess
+    counts = extra > 1e-5
+    assert (found.is_optimal, math.isinf(verdict.cost_lost)) == (not counts, counts)
+    assert verdict.holds(limit_cost=1.0) is not counts
+    assert found.from_free == pytest.approx(2.0 * extra**2, rel=1e-9)
+    if extra:
+        assert found.free_state.tolist() == [0.0, 2.0]
+        assert f"From x2 2, the policy costs {2.0 * extra**2:.3g}, and the optimum 0" in str(
+            verdict
+        )
+    assert (f"costs {2.0 * extra**2:.3g} where the optimum is 0" in verdict.headline) == counts
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.1])
+def test_a_gain_right_on_states_without_cost_has_the_excess_of_the_others(factor: float) -> None:
+    game = Game([[1.0, 0.0], [3.0, -1.0]], [[1.0], [0.0]], Q=np.diag([1.0, 0.0]), R=[[1.0]])
+    K = factor * (1.0 + math.sqrt(2.0))
+    found = judged(game, [[K, 0.0]])
+    above = (1.0 + K**2) / (2.0 * (K - 1.0)) / (1.0 + math.sqrt(2.0)) - 1.0
+    assert found.is_known
+    assert found.high == pytest.approx(above, rel=1e-9, abs=1e-15)
+
+
+def test_states_without_cost_need_not_be_rational() -> None:
+    """R is 0: the input holds the cost at 0 where the zeros of the game, √2 and another, allow it."""
+    A = np.array([[0.0, 1.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    A[1, 0], A[1, 1] = 0.75, 0.5  # zeros (1 ± √13) / 4
+    B = np.array([[0.0], [1.0], [1.0]])
+    game = Game(A, B, Q=np.diag([0.0, 0.0, 1.0]), R=[[0.0]], dt=True)
+    exact = solve(game)
+    assert np.linalg.matrix_rank(exact.P, tol=1e-9) == 2
+    assert judged(game, exact.K).is_optimal
+    off = judged(game, exact.K + np.array([[1e-3, 0.0, 0.0]]))
+    assert math.isinf(off.low)
+    z = off.worst
+    assert abs(z @ exact.P @ z) < 1e-12
+    assert off.from_free == pytest.approx(z @ off.matrix @ z)
+
+
+@pytest.mark.parametrize(("factor", "above"), [(1.0, 0.0), (1.01, 7.5168e-5), (0.9, 0.0091428)])
+def test_a_mode_reached_by_1e_8(factor: float, above: float) -> None:
+    """Of 256 bits; A - B K in doubles has lost the mode."""
+    A = [[-0.04, -0.72], [-0.72, -0.46]]
+    B = [[0.599999992], [0.8000000060000001]]
+    game = Game(A, B, Q=np.eye(2), R=[[1.0]])
+    found = judged(game, factor * solve(game).K)
+    assert found.is_stable
+    assert found.high == pytest.approx(above, rel=1e-4, abs=SAME_DOUBLE)
+
+
+def test_without_state_cost_zero_gain_is_optimal() -> None:
+    game = Game(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 5.0)
+    assert judged(game, np.zeros((2, 2))).is_optimal
+    assert math.isinf(judged(game, 1e-3 * np.eye(2)).low)
+
+
+def test_a_gain_beyond_delta_has_infinite_cost() -> None:
+    """The excess cost is infinite if the L2 gain is above delta, and if K destabilizes."""
+    tight = GAME.with_delta(151.0)
+    beyond = judged(tight, 0.3 * solve(tight).K)
+    assert (beyond.is_stable, beyond.low) == (True, math.inf)
+    unstable = judged(GAME, -EXACT.K)
+    assert (unstable.is_stable, unstable.low) == (False, math.inf)
+
+
+@pytest.mark.parametrize(("kind", "number"), [("weak", 12), ("discrete", 5), ("aircraft", 4)])
+def test_an_excess_does_not_depend_on_units(kind: str, number: int) -> None:
+    game = stored(kind, number).game.with_delta(math.inf)
+    other, units = in_units(game, np.random.default_rng(number), 10.0, 3)
+    K = 1.01 * solve(game).K
+    first = excess_of(game, K, np.ones(len(game.A)))
+    second = excess_of(other, K * units.u[:, None] / units.z, units.z)
+    assert second.high == pytest.approx(first.high, rel=1e-6)
+    if math.isfinite(first.mean):
+        assert second.mean == pytest.approx(first.mean, rel=1e-6)
+
+
+# The checker: wrong proposals.
+
+#: Equations with one state and the root D in closed form: F, E, C, crossed, V and D.
+SCALAR = {
+    # -2 D + 3/2 + D² / 2 = 0: 1 and 3
+    "continuous": ((-1.0, 1.0, 1.5, None, 2.0), 1.0),
+    # the same at a hundredth of the speed
+    "slow": ((-0.01, 1.0, 0.015, None, 200.0), 1.0),
+    # D = D/4 + C + (D/2 + 1/4)² / (4 - D) with D = 1: C = 9/16
+    "discrete": ((0.5, 1.0, 0.5625, 0.25, 4.0), 1.0),
+}
+
+
+def scalar(time: str) -> tuple[ExcessEquation, float]:
+    numbers, root = SCALAR[time]
+    matrices = (None if each is None else ball_matrix(np.array([[each]])) for each in numbers)
+    return ExcessEquation(*matrices), root
+
+
+@pytest.mark.parametrize("time", SCALAR)
+@pytest.mark.parametrize("error", [0.0, 1e-12, 1e-6, 1e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 2.0])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("factor", [-1.0, 0.5, 0.8, 1.0, 1.2])
+def test_an_accepted_excess_contains_the_root(
+    time: str, error: float, sign: float, factor: float
+) -> None:
+    """However wrong D and Y are; the other root, and an indefinite Y, are refused."""
+    with precision(256):
+        equation, root = scalar(time)
+        D = ball_matrix(np.array([[root + sign * error]]))
+        try:
+            F = (equation.F + equation.E * equation.gain(D))[0, 0]
+            exact = 1 / (1 - F**2) if time == "discrete" else -1 / (2 * F)
+            found = excess_ball(equation, D, ball_matrix([[exact * factor]]))
+        except (NotProvedError, ZeroDivisionError):
+            assert error > 1e-3 or abs(factor - 1.0) > 0.1
+            return
+        assert factor > 0.0
+        assert found[0, 0].contains(arb(root))
+
+
+@pytest.mark.parametrize("time", SCALAR)
+@pytest.mark.parametrize("more", [1.001, 1.1, 2.0])
+def test_an_equation_without_a_solution_is_refused(time: str, more: float) -> None:
+    """The charge is above the largest one that has a solution, and D any number."""
+    F, E, C, crossed, V = SCALAR[time][0]
+    grid = np.linspace(0.0, V, 4001)[1:-1]
+    if time == "discrete":
+        left = F**2 * grid - grid + (F * grid + crossed) ** 2 / (V - grid)
+    else:
+        left = 2.0 * F * grid + grid**2 / V
+    charge = -more * left.min()
+    assert charge > C
+    with precision(256):
+        balls = (
+            None if each is None else ball_matrix(np.array([[each]]))
+            for each in (F, E, charge, crossed, V)
+        )
+        equation = ExcessEquation(*balls)
+        for root in np.linspace(0.01, 0.99 * V, 200):
+            D = ball_matrix(np.array([[root]]))
+            loop = (equation.F + equation.E * equation.gain(D))[0, 0]
+            exact = 1 / (1 - loop**2) if time == "discrete" else -1 / (2 * loop)
+            with pytest.raises(NotProvedError):
+                excess_ball(equation, D, ball_matrix([[exact]]))
+
+
+def test_bounds_of_a_ratio_hold_whatever_is_proposed() -> None:
+    """The ratio of diag(3, 1) and diag(2, 1) is 3/2."""
+    D, P = (ball_matrix(np.diag(each)) for each in ([3.0, 1.0], [2.0, 1.0]))
+    with precision(128):
+        for direction in ([1.0, 0.0], [1.0, 1e-3], [1.0, 1.0], [0.0, 1.0]):
+            for estimate in (0.0, 0.1, 1.4999, 1.5 * (1.0 - 1e-10), 1.5, 1.6, 20.0):
+                low, high = ratio_bounds(D, P, ball_matrix(np.array([direction]).T), estimate)
+                assert 1.0 - 1e-12 <= low <= 1.5 <= high
+
+
+@pytest.mark.parametrize("is_discrete", [False, True])
+@pytest.mark.parametrize("unstable", [1.0 + 1e-9, 1.5, 3.0])
+def test_stability_is_proved_in_both_directions(is_discrete: bool, unstable: float) -> None:
+    """A pole beyond the boundary by 1e-9 beside a fast stable one; on it, nothing is proved."""
+    turn = np.array([[1.0, 1.0], [0.0, 1.0]])
+    for pole, expected in ((unstable, False), (2.0 - unstable, True), (1.0, None)):
+        place = pole if is_discrete else pole - 1.0
+        if is_discrete and pole < -0.9:
+            continue
+        fast = 0.25 if is_discrete else -4.0
+        loop = turn @ np.diag([place, fast]) @ np.array([[1.0, -1.0], [0.0, 1.0]])
+        with precision(128):
+            assert stability_of(ball_matrix(loop), is_discrete=is_discrete) is expected
