@@ -190,7 +190,8 @@ class DoubleBalls:
         if isinstance(matrix, np.ndarray):
             return cls(matrix, np.zeros_like(matrix))
         middle = midpoints(matrix)
-        return cls(middle, UP * (radii(matrix) + 2.0 * ROUNDOFF * np.abs(middle)) + UNDERFLOW)
+        spread = 0.0 if matrix == matrix else radii(matrix)  # balls with a radius are not equal
+        return cls(middle, UP * (spread + 2.0 * ROUNDOFF * np.abs(middle)) + UNDERFLOW)
 
     @classmethod
     def around(cls, middle: arb_mat, spread: Sequence[arb]) -> Self:
@@ -342,8 +343,10 @@ def symmetric(matrix: arb_mat) -> arb_mat:
     """Return the exact midpoint of the symmetric part."""
     from flint import arb
 
-    half = matrix.mid() * arb(0.5)
-    return (half + half.transpose()).mid()
+    mirrored = matrix.transpose()
+    if matrix == mirrored:  # only if both are exact
+        return matrix
+    return ((matrix.mid() + mirrored.mid()) * arb(0.5)).mid()
 
 
 def norm(matrix: arb_mat) -> arb:

@@ -156,8 +156,11 @@ def last_digits(enclosure: Enclosure) -> LastDigits:
             right = G.T @ (Z @ F + X @ pushed) + dG.T @ X @ F
             right[:m] += dN.T - dR @ K
             assert isinstance(found.equation, StepEquation)
-            price = found.equation.price(found.X).mid()
-            dK = midpoints(price.solve(ball_matrix(right)).mid())[:m]
+            if is_fast:
+                dK = np.linalg.solve(midpoints(equation.W) + G.T @ X @ G, right)[:m]
+            else:
+                price = found.equation.price(found.X).mid()
+                dK = midpoints(price.solve(ball_matrix(right)).mid())[:m]
         else:
             dK = np.linalg.solve(R, B.T @ Z + dB.T @ X + dN.T - dR @ K)
         size = max(float(np.linalg.norm(B @ K)), NOTICED * float(np.linalg.norm(A))) or 1.0

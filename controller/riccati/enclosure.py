@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -302,6 +302,7 @@ def uncertain(found: Stabilizing[Matrix], *, zeros: bool) -> bool:
     return not uncertainty(found, zeros=zeros) < DIGITS
 
 
+@lru_cache(maxsize=2)
 def uncertainty(found: Stabilizing[Matrix], *, zeros: bool) -> arb:
     """Return the largest relative radius of P and K, infinite if a number is not known.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -101,6 +101,8 @@ class Equation(ABC, Generic[Matrix]):
     ) -> None:
         from flint import arb
 
+        self._other: Equation[Any] | None = None
+        self._last: tuple[arb_mat, arb_mat, arb_mat] | None = None
         self.game = game
         self.units = units
         self.arithmetic = arithmetic
@@ -122,14 +124,24 @@ class Equation(ABC, Generic[Matrix]):
 
     def with_arithmetic(self, arithmetic: type[Other]) -> Equation[Other]:
         """Return the same equation in another arithmetic."""
-        return equation_of(self.game, self.units, arithmetic, self.delta)
+        if self._other is None or self._other.arithmetic is not arithmetic:
+            self._other = equation_of(self.game, self.units, arithmetic, self.delta)
+        return self._other
 
-    @abstractmethod
     def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
         """Return the gains of X and the residual of the Riccati equation, in `Balls`.
 
+        Those of the last X are kept.
+
         X: (n, n), balls
         """
+        last = self._last
+        if last is None or last[0] is not X:
+            self._last = last = (X, *self._gains_and_residual(X))
+        return last[1:]
+
+    @abstractmethod
+    def _gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]: ...
 
     @abstractmethod
     def loop(self, X: Matrix, gains: Matrix) -> Matrix:
@@ -213,7 +225,7 @@ class ContinuousEquation(Equation[Matrix]):
     def _B_over_R(self) -> Matrix:
         return self.B @ self.arithmetic.of(self.R_inverse)
 
-    def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
+    def _gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
         """Return the gain (m, n) and the residual (n, n) of X, in `Balls`."""
         A, B, Q, N = (_of(each) for each in (self.A, self.B, self.Q, self.N))
         priced = B.transpose() * X + N.transpose()
@@ -288,7 +300,7 @@ class StepEquation(Equation[Matrix]):
         G = _of(self.G)
         return self.W + G.transpose() * X * G
 
-    def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
+    def _gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
         """Return the gains (m + k, n) and the residual (n, n) of X, in `Balls`."""
         A, G, Q = (_of(each) for each in (self.A, self.G, self.Q))
         ahead = X * A

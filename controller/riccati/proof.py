@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Generic
+from typing import TYPE_CHECKING, Any, Generic
 
 from controller.riccati.balls import Balls, ball_matrix, identity, norm, symmetric
 from controller.riccati.equation import Equation, Matrix, change_along
@@ -67,7 +67,9 @@ def stabilizing(
 
     Raises NotProvedError if the proposal does not prove it.
     """
-    bounds = equation.with_arithmetic(arithmetic)
+    bounds: Equation[Any] = equation
+    if arithmetic is not Balls:
+        bounds = equation.with_arithmetic(arithmetic)
     X, Y = symmetric(X), symmetric(Y)
     try:
         gains, residual = equation.gains_and_residual(X)

@@ -40,10 +40,12 @@ if TYPE_CHECKING:
 #: Exponents of entries of this size are left as they are.
 MODERATE = 12
 #: Exponents of units that differ by more from those of a first proposal need another one.
-NEAR = 3
+NEAR = 10
 #: Largest numbers of corrections of a proposal in doubles, of steps of Newton's method for the sign
 #: function, and of doublings.
 CORRECTIONS, NEWTON_STEPS, DOUBLINGS = 6, 150, 80
+#: A relative correction of X that is far below its last digit in doubles.
+SMALL = 1e-25
 
 
 class FailedError(Exception):
@@ -86,15 +88,15 @@ def _in_doubles(game: Game, delta: float) -> Proposal:
             break
         X = stabilizing_in_doubles(equation_of(game, units, DoubleBalls, delta))
     equation = equation_of(game, units, Balls, delta)
+    F = loop_in_doubles(equation.with_arithmetic(DoubleBalls), X)
+    lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
     exact, size = ball_matrix(X), np.abs(X).max()
     for _ in range(CORRECTIONS):
-        gains, residual = equation.gains_and_residual(exact)
-        F = midpoints(equation.loop(Balls(exact), Balls(gains)).matrix)
-        lyapunov = lyapunov_of(F, is_discrete=equation.is_discrete)
+        _, residual = equation.gains_and_residual(exact)
         correction, _ = lyapunov.solve(-midpoints(residual))
-        exact = (exact + ball_matrix(correction)).mid()
-        if not np.abs(correction).max() > 1e-9 * size:
+        if not np.abs(correction).max() > SMALL * size:
             break
+        exact = (exact + ball_matrix(correction)).mid()
     Y, _ = lyapunov.solve(-np.eye(len(F)))
     return Proposal(equation, exact, ball_matrix(Y))
 
