@@ -62,7 +62,7 @@ class Verdict(Checked, Result, Reported):
     excess: enclosed cost of a quadratic critic above the optimum, or None.
 
     >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0], delta=10.0)
     >>> verdict = hfa.verify(game, hfa.solve(game))
     >>> type(verdict) is hfa.Verdict, verdict.ok
     (True, True)

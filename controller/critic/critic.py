@@ -58,7 +58,7 @@ class Critic(Reported):
     stated: what the file of a network states of its policy, and notes on what is not used
 
     >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0], delta=10.0)
     >>> critic = hfa.from_gain(game, [[2.5]])
     >>> type(critic) is hfa.Critic, critic.K.tolist()
     (True, [[2.5]])
@@ -204,7 +204,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     Raises BadInputError if K is not a real m x n matrix, or contains a number out of range.
 
     >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
     >>> hfa.verify(game, hfa.from_gain(game, [[0.5]])).ok
     False
     """
@@ -226,7 +226,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     Raises BadInputError if P is not a real n x n matrix, or contains a number out of range.
 
     >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
     >>> hfa.from_value(game, [[3.0]]).K.tolist()
     [[3.0]]
     """
@@ -482,7 +482,7 @@ def from_weights(
     not a finite number.
 
     >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
     >>> hfa.from_weights(game, [3.0]).K.tolist()
     [[3.0]]
     """

@@ -22,11 +22,12 @@ if TYPE_CHECKING:
 
 def game(
     linear: LinearModel | control.StateSpace,
+    *,
     Q: ArrayLike | Mapping[str, float] | None = None,
     R: ArrayLike | Mapping[str, float] | None = None,
-    delta: float | None = None,
     E: ArrayLike | None = None,
     N: ArrayLike | None = None,
+    delta: float | None = None,
 ) -> Game:
     """Return the game J = ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt on a linear model.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -63,13 +63,14 @@ class Game(ByValue, Reported):
     number that is not finite or is too large.
 
     >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
     >>> game.S.tolist()
     [[0.75]]
     """
 
     A: np.ndarray
     B: np.ndarray
+    _: KW_ONLY
     E: np.ndarray = None  # type: ignore[assignment]  # becomes the identity
     Q: np.ndarray = None  # type: ignore[assignment]  # required
     R: np.ndarray = None  # type: ignore[assignment]  # required
@@ -86,9 +87,10 @@ class Game(ByValue, Reported):
             self,
             A: ArrayLike,
             B: ArrayLike,
-            E: ArrayLike | None = None,
+            *,
             Q: ArrayLike | Mapping[str, float] | None = None,
             R: ArrayLike | Mapping[str, float] | None = None,
+            E: ArrayLike | None = None,
             delta: float = np.inf,
             N: ArrayLike | None = None,
             names: PlantNames = UNNAMED,
@@ -106,16 +108,14 @@ class Game(ByValue, Reported):
         if not isinstance(self.names, PlantNames):
             raise BadInputError(
                 f"names is {shown(self.names)}; name the signals by hfa.game(hfa.LinearModel.of(A, "
-                "B, states=[...], inputs=[...]), Q, R)"
+                "B, states=[...], inputs=[...]), Q=Q, R=R)"
             )
         if isinstance(self.A, StatesAndInputs):
             raise BadInputError(
-                "Game takes arrays A and B; of a linear model write hfa.game(linear, Q, R, delta)"
+                "Game takes arrays A and B; of a linear model write hfa.game(linear, Q=Q, R=R)"
             )
         if self.Q is None or self.R is None:
-            raise BadInputError(
-                "Q or R is missing; write Q=..., R=..., because the third argument is E"
-            )
+            raise BadInputError("Q or R is missing; write Game(A, B, Q=..., R=...)")
         if self.E is None:
             vars(self)["E"] = np.eye(len(np.atleast_1d(numbers_in("A", self.A))))
         for name in ("Q", "R"):

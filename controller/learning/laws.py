@@ -46,7 +46,7 @@ def learn(
     (A, B) is not stabilizable, or numbers overflow.
 
     >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
     >>> hfa.learn(game, seed=1).K.round(4).tolist()
     [[3.0972]]
     """

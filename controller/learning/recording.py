@@ -111,7 +111,7 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
 
     >>> import hfa
     >>> from controller import random_pool
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
     >>> random_pool(game, 100, seed=1).states.shape
     (100, 1)
     """

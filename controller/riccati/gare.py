@@ -50,7 +50,7 @@ class Solution(Result, Reported):
     policy may not stabilize the plant (`is_stable`).
 
     >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0], delta=10.0)
     >>> solution = hfa.solve(game)
     >>> type(solution) is hfa.Solution, solution.K.shape
     (True, (1, 1))

@@ -46,7 +46,7 @@ def lqr(
         if len(of_linear) not in (2, 3):
             raise BadInputError("lqr: Q or R is missing; write lqr(linear, Q, R)")
         Q, R, *crossed = of_linear
-        return solve(game(A, Q, R, math.inf, N=crossed[0] if crossed else N))
+        return solve(game(A, Q=Q, R=R, delta=math.inf, N=crossed[0] if crossed else N))
     if B is None or Q is None or R is None:
         raise BadInputError("lqr: a matrix is missing; write lqr(A, B, Q, R) or lqr(linear, Q, R)")
     return solve(Game(A=A, B=B, Q=Q, R=R, N=N))

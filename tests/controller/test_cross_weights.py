@@ -23,7 +23,7 @@ def crossed(seed: int, n: int = 4, m: int = 2, delta: float = np.inf) -> Game:
     root = rng.standard_normal((n + m, n + m))
     W = root @ root.T
     E = rng.standard_normal((n, 2))
-    return Game(A, B, E, W[:n, :n], W[n:, n:], delta, W[:n, n:])
+    return Game(A, B, E=E, Q=W[:n, :n], R=W[n:, n:], delta=delta, N=W[:n, n:])
 
 
 def test_a_game_with_cross_weights_agrees_with_scipy():

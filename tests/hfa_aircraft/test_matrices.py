@@ -24,7 +24,7 @@ def test_lqr_of_matrices_equals_python_control() -> None:
         hfa.lqr(A, B, Q=np.eye(2), R=[1.0]),
         hfa.lqr(hfa.LinearModel.of(A, B), np.eye(2), np.eye(1)),
         hfa.lqr(control.ss(A, B, np.eye(2), 0), Q=np.eye(2), R=[1.0]),
-        hfa.solve(hfa.game(hfa.LinearModel.of(A, B), np.eye(2), np.eye(1))),
+        hfa.solve(hfa.game(hfa.LinearModel.of(A, B), Q=np.eye(2), R=np.eye(1))),
     ):
         assert pytest.approx(expected) == found.K
     N = 0.1 * np.ones((2, 1))
@@ -71,11 +71,11 @@ def test_labelled_matrices_are_put_in_order() -> None:
     assert np.array_equal(linear.B, B)
     assert (linear.states, linear.inputs) == (("q", "v"), ("f",))
     Q = pandas.DataFrame(np.diag([1.0, 2.0]), ["q", "v"], ["q", "v"])
-    game = hfa.game(linear, Q.iloc[::-1], pandas.Series({"f": 3.0}))
+    game = hfa.game(linear, Q=Q.iloc[::-1], R=pandas.Series({"f": 3.0}))
     assert game.Q.tolist() == Q.to_numpy().tolist()
     assert game.R.tolist() == [[3.0]]
     with pytest.raises(BadInputError, match="Q has the labels q, w; label each of q, v once"):
-        hfa.game(linear, pandas.DataFrame(np.eye(2), ["q", "w"], ["q", "w"]), [1.0])
+        hfa.game(linear, Q=pandas.DataFrame(np.eye(2), ["q", "w"], ["q", "w"]), R=[1.0])
     gain = pandas.DataFrame([[2.0, 1.0]], ["f"], ["v", "q"])
     assert hfa.from_gain(game, gain).K.tolist() == [[1.0, 2.0]]
 

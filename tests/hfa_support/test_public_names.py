@@ -73,7 +73,7 @@ def test_a_matrix_k_is_a_critic_and_a_policy() -> None:
 def test_a_state_space_gives_the_game_of_its_linear_model() -> None:
     """`hfa.game` takes the `StateSpace` of python-control, with its names."""
     linear = plant()["linear"]
-    games = [hfa.game(plant, np.ones(6), np.ones(5)) for plant in (linear, linear.to_control())]
+    games = [hfa.game(plant, Q=np.ones(6), R=np.ones(5)) for plant in (linear, linear.to_control())]
     np.testing.assert_array_equal(games[1].A, games[0].A)
     assert games[1].names.states == games[0].names.states
 

@@ -14,4 +14,4 @@ def nominal_game(linear: hfa.LinearModel) -> hfa.Game:
         np.array([signals[name].nominal for name in names]) ** -2.0
         for names in (linear.states, linear.inputs)
     )
-    return hfa.game(linear, Q, R)
+    return hfa.game(linear, Q=Q, R=R)

@@ -44,7 +44,7 @@ MIXED = Model(
 def case(order: int) -> tuple[LinearModel, Game, Expansion]:
     """The linear model, the game and the exact expansion of the plant."""
     linear = hfa.linearize(MIXED, hfa.trim(MIXED))
-    game = hfa.game(linear, [1.0, 2e-4], [0.5, 0.8], 5.0, E=[[0.3], [10.0]])
+    game = hfa.game(linear, Q=[1.0, 2e-4], R=[0.5, 0.8], delta=5.0, E=[[0.3], [10.0]])
     return linear, game, hfa.expand(linear, hfa.solve(game), order)
 
 
@@ -226,7 +226,7 @@ def test_the_policy_in_the_file_is_judged_and_flies() -> None:
         )
     model = hfa.load_model(PENDULUM)
     point = hfa.trim(model)
-    game = hfa.game(hfa.linearize(model, point), [1.0, 0.1], [1.0])
+    game = hfa.game(hfa.linearize(model, point), Q=[1.0, 0.1], R=[1.0])
     critic, z = hfa.read_critic("value.npz", game), np.array([0.3, 0.0])
     assert abs(critic.u(z) + hfa.solve(game).K @ z).max() > 1e-3
     read, given = (

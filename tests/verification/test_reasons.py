@@ -29,7 +29,7 @@ def test_a_value_inaccurate_for_its_gain_is_named() -> None:
     """
     A = np.array([[-1.0, 0.1], [0.1, -1.0]])
     Q = np.array([[1.0, -0.999], [-0.999, 1.0]])
-    game = Game(A, [[1.0], [1.0]], np.zeros((2, 1)), Q, [[1.0]], np.inf)
+    game = Game(A, [[1.0], [1.0]], E=np.zeros((2, 1)), Q=Q, R=[[1.0]], delta=np.inf)
     P = np.vectorize(lambda entry: float(f"{entry:.8g}"))(value(game))
     verdict = verify(game, from_value(game, P))
     failed = failed_names(verdict.checks)
@@ -147,7 +147,12 @@ Z = ca.SX.sym("z", 2)
 
 def test_a_transposed_gain_is_named() -> None:
     plant = Game(
-        [[-1.0, 0.4], [0.1, -2.0]], np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 3.0]), 5.0
+        [[-1.0, 0.4], [0.1, -2.0]],
+        np.eye(2),
+        E=np.eye(2),
+        Q=np.eye(2),
+        R=np.diag([1.0, 3.0]),
+        delta=5.0,
     )
     assert verify(plant, from_gain(plant, gain(plant).T)).reason == "K is transposed"
 

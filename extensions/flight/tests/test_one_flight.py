@@ -29,7 +29,7 @@ def model():
 def gain(model):
     """Return the LQR gain at 45 m/s, which the deployments of this file sample and hold."""
     linear = hfa.trim(model, speed=45.0).linearize()
-    return np.array(hfa.solve(hfa.game(linear, Q, R)).K)
+    return np.array(hfa.solve(hfa.game(linear, Q=Q, R=R)).K)
 
 
 def deployment_of(gain, folder):

@@ -51,7 +51,7 @@ MIXED = Model(
 
 def mixed_game(linear: LinearModel, delta: float) -> Game:
     N = [[0.2, -0.1], [0.05, 0.3]]
-    return hfa.game(linear, [1.0, 2.0], [0.5, 0.8], delta, E=[[0.3], [1.0]], N=N)
+    return hfa.game(linear, Q=[1.0, 2.0], R=[0.5, 0.8], delta=delta, E=[[0.3], [1.0]], N=N)
 
 
 def value_of_scalar(game: Game, degree: int) -> list[float]:
@@ -74,7 +74,7 @@ def value_of_scalar(game: Game, degree: int) -> list[float]:
 @pytest.mark.parametrize("delta", [np.inf, 2.0, 1.02])
 def test_scalar_value_is_the_closed_form(delta: float) -> None:
     linear = linear_of(SCALAR)
-    game = hfa.game(linear, [3.0], [4.0], delta, E=[[1.0]])
+    game = hfa.game(linear, Q=[3.0], R=[4.0], delta=delta, E=[[1.0]])
     expansion = expand(linear, hfa.solve(game), 5)
     assert expansion.weights == pytest.approx(value_of_scalar(game, 5), rel=1e-10)
 
@@ -170,7 +170,7 @@ def accelerated() -> Expansion:
 
 def without_cost() -> Expansion:
     linear = hfa.LinearModel.of([[1.0, 0.0], [0.0, -1.0]], [[1.0], [0.0]])
-    return expand(linear, hfa.solve(hfa.game(linear, [1.0, 0.0], [1.0])), 3)
+    return expand(linear, hfa.solve(hfa.game(linear, Q=[1.0, 0.0], R=[1.0])), 3)
 
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.5, 1.0]], [-1.0, 0.5, 2.0])

@@ -27,7 +27,7 @@ PENDULUM = Model(
 @lru_cache(maxsize=8)
 def expanded(degree: int, delta: float = 4.0) -> Expansion:
     linear = hfa.linearize(PENDULUM, hfa.trim(PENDULUM))
-    game = hfa.game(linear, [1.0, 0.5], [2.0], delta, E=[[0.0], [1.0]])
+    game = hfa.game(linear, Q=[1.0, 0.5], R=[2.0], delta=delta, E=[[0.0], [1.0]])
     return expand(linear, hfa.solve(game), degree)
 
 
@@ -94,7 +94,7 @@ def test_extents_are_those_of_the_ellipsoid() -> None:
 
 def test_linear_plant_agrees_everywhere() -> None:
     linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
-    solution = hfa.solve(hfa.game(linear, [1.0, 1.0], [2.0], delta=5.0))
+    solution = hfa.solve(hfa.game(linear, Q=[1.0, 1.0], R=[2.0], delta=5.0))
     assert [radius.c for radius in expand(linear, solution, 3).radii] == [math.inf, math.inf]
 
 

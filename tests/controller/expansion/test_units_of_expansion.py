@@ -37,7 +37,7 @@ def expansion_in(powers: tuple[int, ...]) -> tuple[hfa.Expansion, np.ndarray, np
     linear = hfa.linearize(model, hfa.trim(model), disturbances=("gust",))
     states = np.array([x1, x2])
     Q, R = cost * t * np.diag(states**2), np.array([[cost * t * u**2]])
-    game = hfa.game(linear, Q, R, delta=5.0 * w * np.sqrt(cost * t), E=linear.E)
+    game = hfa.game(linear, Q=Q, R=R, delta=5.0 * w * np.sqrt(cost * t), E=linear.E)
     return hfa.expand(linear, hfa.solve(game), 4), states, np.array([u]), cost
 
 

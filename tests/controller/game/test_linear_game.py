@@ -138,5 +138,5 @@ def test_the_box_of_states_is_within_their_limits() -> None:
         lambda x, u, p, w: ({"speed": u.thrust - x.speed, "alpha": x.speed - x.alpha}, {}),
         trim={"thrust": 0.1},
     )
-    game = hfa.game(hfa.trim(model).linearize(), np.ones(2), np.ones(1))
+    game = hfa.game(hfa.trim(model).linearize(), Q=np.ones(2), R=np.ones(1))
     assert game.half_widths == pytest.approx([0.1, 0.3])

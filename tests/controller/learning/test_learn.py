@@ -103,7 +103,7 @@ def test_unusable_arguments_are_refused(case: str) -> None:
 # The law of the paper.
 
 
-SCALAR = Game([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+SCALAR = Game([[-1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
 FIRST = 100.0
 
 

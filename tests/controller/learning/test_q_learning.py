@@ -14,7 +14,9 @@ def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> Game:
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 6))
     A, B, E = (rng.standard_normal((n, size)) for size in (n, 2, 1))
-    step = Game(1.3 * A / np.abs(np.linalg.eigvals(A)).max(), B, E, np.eye(n), np.eye(2), delta)
+    step = Game(
+        1.3 * A / np.abs(np.linalg.eigvals(A)).max(), B, E=E, Q=np.eye(n), R=np.eye(2), delta=delta
+    )
     return in_steps(replace(step, N=0.1 * rng.standard_normal((n, 2))), discount)
 
 
@@ -41,7 +43,7 @@ def test_q_learning_finds_the_exact_q_function(seed, margin):
 def test_games_without_a_solution_are_refused():
     """Below delta_min, and with a mode that no input reaches, nothing is learned."""
     smallest = minimum_delta(_problem(2)).value
-    unreached = in_steps(Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf))
+    unreached = in_steps(Game([[1.2]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=np.inf))
     for game, named in (
         (_problem(2, 0.9 * smallest), "choose a larger delta"),
         (unreached, "diverges"),

@@ -16,11 +16,11 @@ EPS = np.finfo(float).eps
 
 def test_a_hamiltonian_on_the_axis_is_detected() -> None:
     """A double eigenvalue 0 of the Hamiltonian is detected, although rounding moves it by 1e-8."""
-    critical = Game([[-1.0]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 1.0)
+    critical = Game([[-1.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=1.0)
     rotation = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
     A = rotation @ np.diag([-1.0, -2.0, -3.0]) @ rotation.T
     Q = rotation @ np.diag([1.0, 1.0, 1.0]) @ rotation.T
-    hidden = Game(A, np.zeros((3, 1)), np.eye(3), (Q + Q.T) / 2.0, [[1.0]], 1.0)
+    hidden = Game(A, np.zeros((3, 1)), E=np.eye(3), Q=(Q + Q.T) / 2.0, R=[[1.0]], delta=1.0)
     for game in (critical, hidden):
         with pytest.raises(NoSolutionError, match="delta_min"):
             solve(game)
@@ -33,7 +33,7 @@ def test_without_cost_the_value_is_the_stabilizing_one() -> None:
     """
     unstable = Game(np.eye(1), np.eye(1), Q=np.zeros((1, 1)), R=np.eye(1))
     assert solve(unstable).P[0, 0] == pytest.approx(2.0, rel=1e-12)
-    stable = Game([[-1.0, 0.2], [0.1, -1.0]], [[1.0], [1.0]], I2, 0.0 * I2, [1.0], 2.0)
+    stable = Game([[-1.0, 0.2], [0.1, -1.0]], [[1.0], [1.0]], E=I2, Q=0.0 * I2, R=[1.0], delta=2.0)
     for make, right, wrong in (
         (from_value, 0.0 * I2, 1e-3 * I2),
         (from_gain, np.zeros((1, 2)), np.array([[1e-3, 0.0]])),

@@ -49,9 +49,9 @@ def random_game(seed: int) -> Game:
     game = Game(
         (0.2 if is_discrete else 1.0) * A,
         B,
-        0.2 * E,
-        np.eye(n),
-        np.eye(B.shape[1]),
+        E=0.2 * E,
+        Q=np.eye(n),
+        R=np.eye(B.shape[1]),
         N=N,
         dt=True if is_discrete else None,
         discount=0.9 if is_discrete else 1.0,
@@ -107,7 +107,7 @@ def test_gains_and_distances_are_of_both_policies(is_discrete: bool) -> None:
     A, scale, dt = [[-0.3, 1.0], [-1.0, -0.2]], 1.0, None
     if is_discrete:
         A, scale, dt = [[0.6, 0.4], [-0.4, 0.7]], 0.3, 1.0
-    game = Game(A, scale * np.eye(2), np.eye(2), np.eye(2), np.eye(2), 9.0, dt=dt)
+    game = Game(A, scale * np.eye(2), E=np.eye(2), Q=np.eye(2), R=np.eye(2), delta=9.0, dt=dt)
     exact = solve(game)
     found = graded(game, 0.2 * exact.K)
     s = 1j * np.linspace(0.0, 3.0, 3001)
@@ -204,7 +204,7 @@ def test_a_mode_reached_by_1e_8(factor: float, above: float) -> None:
 
 
 def test_without_state_cost_zero_gain_is_optimal() -> None:
-    game = Game(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 5.0)
+    game = Game(-np.eye(2), np.eye(2), E=np.eye(2), Q=np.zeros((2, 2)), R=np.eye(2), delta=5.0)
     assert judged(game, np.zeros((2, 2))).is_optimal
     assert math.isinf(judged(game, 1e-3 * np.eye(2)).low)
 

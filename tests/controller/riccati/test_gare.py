@@ -65,7 +65,7 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
 
 def test_a_defective_plant_without_cost_has_zero_value() -> None:
     """A stable plant with a defective eigenvalue and without cost has P = 0 and delta_min 0."""
-    game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], I2, 0.0 * I2, [[1.0]], 0.01)
+    game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], E=I2, Q=0.0 * I2, R=[[1.0]], delta=0.01)
     assert not solve(game).P.any()
     assert (minimum_delta(game).value, minimum_delta(game).refused) == (0.0, 0.0)
 
@@ -103,7 +103,7 @@ def test_a_missing_lqr_solution_names_the_mode(
     A: object, B: object, Q: object, message: str
 ) -> None:
     """If no LQR solution exists, a one-line message names the responsible mode."""
-    game = Game(A, B, I2, Q, [[1.0]], 10.0)  # type: ignore[arg-type]
+    game = Game(A, B, E=I2, Q=Q, R=[[1.0]], delta=10.0)  # type: ignore[arg-type]
     pattern = message.replace("+", r"\+")
     for solver in (solve, minimum_delta):
         with pytest.raises(NoSolutionError, match=pattern) as refusal:
@@ -164,7 +164,7 @@ def value_of_long_games(game: Game) -> np.ndarray | None:
 def test_a_game_just_below_the_smallest_delta_has_no_value(dt: bool | None) -> None:
     """Values of ever longer games have a limit 0.1 % above it, which is P, and none 0.1 % below."""
     A, B, E = (np.random.default_rng(1).standard_normal((3, k)) for k in (3, 2, 1))
-    game = Game(0.5 * A, B, E, np.eye(3), np.eye(2), dt=dt)
+    game = Game(0.5 * A, B, E=E, Q=np.eye(3), R=np.eye(2), dt=dt)
     smallest = minimum_delta(game).value
     above, below = (game.with_delta(factor * smallest) for factor in (1.001, 0.999))
     assert pytest.approx(value_of_long_games(above), rel=1e-8) == solve(above).P
@@ -176,7 +176,7 @@ def test_a_game_just_below_the_smallest_delta_has_no_value(dt: bool | None) -> N
 @pytest.mark.parametrize("q", [1.0, 1e-6, 1e-10, 1e-14])
 def test_the_smallest_delta_is_right_where_q_is_small(q: float) -> None:
     """Of x' = a x + b u + e d it is e / sqrt(b²/r + a²/q)."""
-    game = Game([[-1.5]], [[1.0]], [[1.0]], [[q]], [[1.0]])
+    game = Game([[-1.5]], [[1.0]], E=[[1.0]], Q=[[q]], R=[[1.0]])
     assert minimum_delta(game).value == pytest.approx((1.0 + 2.25 / q) ** -0.5, rel=3e-6)
 
 
@@ -190,7 +190,7 @@ def test_an_undamped_costless_mode_is_named(size: float, seed: int) -> None:
     rows = np.linalg.inv(modes).round()
     A = size * modes @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ rows
     B = rng.standard_normal((3, 1))
-    game = Game(A, B, np.zeros((3, 1)), np.outer(rows[2], rows[2]), np.eye(1), math.inf)
+    game = Game(A, B, E=np.zeros((3, 1)), Q=np.outer(rows[2], rows[2]), R=np.eye(1), delta=math.inf)
     with pytest.raises(NoSolutionError, match="is not detectable: the undamped mode"):
         solve(game)
 
@@ -216,7 +216,9 @@ def test_the_printed_gain_stabilizes(slow: float, is_refined: bool) -> None:
     modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
     A = modes @ np.diag([1e3, slow]) @ modes.T
     B = 100.0 * modes @ [[1.0], [1.0]]
-    solution = solve(Game(A, B, np.zeros((2, 1)), 4e-12 * np.eye(2), np.eye(1), math.inf))
+    solution = solve(
+        Game(A, B, E=np.zeros((2, 1)), Q=4e-12 * np.eye(2), R=np.eye(1), delta=math.inf)
+    )
     printed = printed_matrices(solution.report())["K"]
     assert np.linalg.eigvals(A - B @ printed).real.max() < 0.0
     assert (np.linalg.eigvals(A - B @ solution.K.round(4)).real.max() > 0.0) == is_refined

@@ -73,7 +73,7 @@ def test_the_disk_margin_agrees_with_python_control(inputs: int) -> None:
     for seed in range(2):
         rng = np.random.default_rng(seed)
         A, B = rng.standard_normal((4, 4)), rng.standard_normal((4, inputs))
-        game = Game(A, B, np.eye(4), np.eye(4), np.eye(inputs), 1e3)
+        game = Game(A, B, E=np.eye(4), Q=np.eye(4), R=np.eye(inputs), delta=1e3)
         K = 2.0 * rng.uniform(0.5, 1.0, (inputs, 1)) * solve(game).K
         loop = control.ss(A, B, K, 0.0)
         grid = np.concatenate([[1e-6], np.geomspace(1e-2, 1e2, 400)])
@@ -87,7 +87,7 @@ def test_gain_and_phase_of_a_disk_margin_are_the_textbooks() -> None:
 
     Of the loop 3 / (s - 1) it is 2 / max |S - T| with S - T = (s - 4) / (s + 2).
     """
-    game = Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], 10.0)
+    game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=10.0)
     found = disk_margin(game, np.array([[3.0]]))
     assert (found.disk, found.gain, found.phase) == pytest.approx((1.0, 3.0, 53.13010235), rel=1e-6)
     solution = solve(game)

@@ -29,8 +29,10 @@ from hfa import Game
 BITS = 256
 #: Games of both times with one state, whose solutions are known in closed form.
 SCALAR = {
-    "continuous": Game([[1.0]], [[1.0]], [[1.0]], [[3.0]], [[1.0]]),  # P² - 2P - 3 = 0: 3 and -1
-    "discrete": Game([[2.0]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], dt=True),  # P = 3 and 0
+    "continuous": Game(
+        [[1.0]], [[1.0]], E=[[1.0]], Q=[[3.0]], R=[[1.0]]
+    ),  # P² - 2P - 3 = 0: 3 and -1
+    "discrete": Game([[2.0]], [[1.0]], E=[[1.0]], Q=[[0.0]], R=[[1.0]], dt=True),  # P = 3 and 0
 }
 ROOTS = {"continuous": (3.0, -1.0), "discrete": (3.0, 0.0)}
 #: Loops of both players at the first root, and Y.
@@ -96,9 +98,14 @@ def test_an_accepted_proposal_contains_the_solution(
     ("game", "P", "Y", "Y_of_control"),
     [
         # A = 1 is unstable without input, and P = -3/2 has the stable loop 1 + P of both.
-        (Game([[1.0]], [[0.0]], [[1.0]], [[0.75]], [[1.0]], delta=1.0), -1.5, 1.0, -0.5),
+        (Game([[1.0]], [[0.0]], E=[[1.0]], Q=[[0.75]], R=[[1.0]], delta=1.0), -1.5, 1.0, -0.5),
         # The loop of both is A / (1 - P), and the disturbance gains P - 1 in each step.
-        (Game([[0.5]], [[0.0]], [[1.0]], [[2.5]], [[1.0]], delta=1.0, dt=True), 2.0, 4 / 3, 4 / 3),
+        (
+            Game([[0.5]], [[0.0]], E=[[1.0]], Q=[[2.5]], R=[[1.0]], delta=1.0, dt=True),
+            2.0,
+            4 / 3,
+            4 / 3,
+        ),
     ],
 )
 def test_a_stabilizing_solution_may_be_no_value(

@@ -94,7 +94,7 @@ def test_two_inputs_that_only_act_together_need_a_weight(share: float) -> None:
 
 def test_gain_and_margins_of_a_scalar_loop() -> None:
     """x+ = .8 x + u + w with u = -.3 x: gain of (x, u), and gain margins, in closed form."""
-    game = Game([[0.8]], [[1.0]], [[1.0]], [[1.0]], [[4.0]], dt=0.2)
+    game = Game([[0.8]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[4.0]], dt=0.2)
     K = np.array([[0.3]])
     output = math.sqrt(1.0 + 4.0 * 0.3**2)
     assert bounded_real_gain(game, K) == pytest.approx(output / 0.5, rel=1e-8)

@@ -165,7 +165,7 @@ def test_the_box_extends_to_the_nearer_limit(speed: float, half_width: float | N
     model = Model("toy", states, inputs, equations, trim={"speed": 120.0})
     condition = TrimCondition(model, {"speed": speed}, limits={"speed": (0.0, 300.0)})
     linear = linearize(model, trim(model, condition))
-    game = game_on(linear, np.eye(2), np.eye(1))
+    game = game_on(linear, Q=np.eye(2), R=np.eye(1))
     box = verify(game, from_gain(game, np.ones((1, 2)))).box
     if half_width is None:
         assert box.name == "balanced box"
@@ -182,7 +182,7 @@ def test_a_wrong_row_or_column_is_detected(state: float, of_input: float) -> Non
     """A wrong factor on a row or a column of K, and a wrong entry of P, are detected in any units."""
     u, v = np.array([1.0, state]), np.array([1.0, of_input])
     A = np.array([[-1.0, 0.2], [0.1, -1.0]]) * u[:, None] / u
-    game = Game(A, np.diag(u / v), np.diag(u), u**-2, v**-2, 5.0)
+    game = Game(A, np.diag(u / v), E=np.diag(u), Q=u**-2, R=v**-2, delta=5.0)
     assert verify(game, from_gain(game, gain(game))).ok
     off = 1.0 + 1e-4
     for change in ([1.0, off], [[1.0], [off]]):
@@ -210,7 +210,7 @@ def test_errors_are_those_of_their_definitions() -> None:
     rng = np.random.default_rng(8)
     A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
     R = np.array([[4.0, 1.0], [1.0, 9.0]])
-    game = Game(A, B, E, np.diag([1.0, 1e4, 1e-3]), R, 1e3)
+    game = Game(A, B, E=E, Q=np.diag([1.0, 1e4, 1e-3]), R=R, delta=1e3)
     exact = solved(game)
     units = verify(game, exact).box.half_widths
     K = exact.K + 0.1 * rng.standard_normal((2, 3))

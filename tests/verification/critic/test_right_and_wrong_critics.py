@@ -56,12 +56,12 @@ def case_of(time: str) -> Case:
     rng = np.random.default_rng(4)
     A, B, E = (rng.standard_normal((3, columns)) for columns in (3, 2, 1))
     Q, R = np.diag([1.0, 2.0, 0.5]), np.diag([1.0, 0.6])
-    game: hfa.Game = hfa.Game(A, B, 0.3 * E, Q, R, 4.0)
+    game: hfa.Game = hfa.Game(A, B, E=0.3 * E, Q=Q, R=R, delta=4.0)
     if time == "discrete":
-        step = hfa.Game(np.eye(3) + 0.15 * A, 0.3 * B, 0.1 * E, Q, R, 30.0)
+        step = hfa.Game(np.eye(3) + 0.15 * A, 0.3 * B, E=0.1 * E, Q=Q, R=R, delta=30.0)
         game = in_steps(step, 0.97)
     if time == "sampled":
-        game = hfa.Game(A, B, 0.3 * E, Q, R, 4.0).sampled(0.05, 0.999)
+        game = hfa.Game(A, B, E=0.3 * E, Q=Q, R=R, delta=4.0).sampled(0.05, 0.999)
     exact = solve(game)
     return Case(game, exact.P, exact.K)
 

@@ -84,7 +84,7 @@ def test_each_kind_of_check_has_its_grade(
     checks = [Check(f"{each} {i}", 0.0, 0.0, True, "", kind=each) for i, each in enumerate(kinds)]
     if kind:
         checks.insert(2, Check("failed", off, 0.0, False, "it failed", kind=kind))
-    game = Game([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], 5.0)
+    game = Game([[-1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=5.0)
     verdict = replace(verify(game, solve(game)), checks=tuple(checks), cost_lost=cost_lost)
     assert verdict.grade == grade
     assert verdict.ok is not bool(kind)
@@ -103,7 +103,7 @@ def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy() -> None:
     rng = np.random.default_rng(6)
     A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
     N = 0.1 * rng.standard_normal((3, 2))
-    game = in_steps(Game(0.4 * A, B, E, np.eye(3), np.diag([1.0, 2.0]), 1e3, N), 0.8)
+    game = in_steps(Game(0.4 * A, B, E=E, Q=np.eye(3), R=np.diag([1.0, 2.0]), delta=1e3, N=N), 0.8)
     exact = solve(game)
     K = 0.9 * exact.K
     verdict = verify(game, from_gain(game, K))

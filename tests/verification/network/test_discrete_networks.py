@@ -20,7 +20,7 @@ Z = ca.SX.sym("z", 2)
 
 
 def problem_of(delta: float = 20.0, discount: float = 1.0, N: float = 0.0) -> Game:
-    step = Game(A, B, 0.1 * np.eye(2), np.eye(2), np.eye(1), delta)
+    step = Game(A, B, E=0.1 * np.eye(2), Q=np.eye(2), R=np.eye(1), delta=delta)
     return in_steps(replace(step, N=np.full((2, 1), N)), discount)
 
 

@@ -121,7 +121,7 @@ def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box() -> None:
     """V relative to b'|P|b, slopes and inputs to their largest; none below 1e-5 of the largest."""
     A = np.array([[-0.5, 1.0], [-1.0, 0.2]])
     B = np.array([[0.0, 1.0], [1.0, 0.0]])
-    game = Game(A, B, np.eye(2), np.eye(2), np.diag([4.0, 1e14]), 50.0)
+    game = Game(A, B, E=np.eye(2), Q=np.eye(2), R=np.diag([4.0, 1e14]), delta=50.0)
     P, K = solve(game).P, solve(game).K
     b = np.array([2.0, 0.3])
     z = ca.SX.sym("z", 2)

@@ -59,7 +59,7 @@ def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
     """
     Q, R = weights_at(deployed, equilibrium)
     E = np.eye(len(equilibrium.A))
-    return Game(equilibrium.A, equilibrium.B, E, Q, R, math.inf)
+    return Game(equilibrium.A, equilibrium.B, E=E, Q=Q, R=R, delta=math.inf)
 
 
 def _above(game: Game, optimum: np.ndarray, chain: Chain) -> CostAboveOptimum:

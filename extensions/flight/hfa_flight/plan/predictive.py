@@ -281,7 +281,7 @@ def predictive(
     if budget is not None and not budget > 0.0:
         raise BadInputError(f"budget is {shown(budget)}; give a time above 0 s")
     problem = flight_problem(model, point, Q, R, inputs, limits)
-    at_end = game(problem.linear, problem.Q, problem.R, delta=delta)
+    at_end = game(problem.linear, Q=problem.Q, R=problem.R, delta=delta)
     scaled = ScaledProblem(problem)
     grid = grid_of(scaled, dt, horizon)
     P, K = _end_of(scaled, grid.dt, at_end)

@@ -347,7 +347,7 @@ def flight_problem(
         for name in inputs:
             refuse_unknown("there is no input", name, linear.inputs)
         linear = linear.select(inputs=tuple(inputs))
-    lqr = game(linear, Q, R, np.inf)
+    lqr = game(linear, Q=Q, R=R, delta=np.inf)
     lqr.refuse_cross_weights("the cost of these flights")
     solution = solve(lqr)
     envelope = flight_envelope(model, point, limits)

@@ -249,7 +249,7 @@ def state_dependent(
     if not 0.0 <= limit_weight < math.inf:
         raise BadInputError(f"limit_weight is {shown(limit_weight)}; give a number of at least 0")
     problem = flight_problem(model, point, Q, R, limits=limits)
-    at_trim = game(problem.linear, problem.Q, problem.R, delta=delta, E=E)
+    at_trim = game(problem.linear, Q=problem.Q, R=problem.R, delta=delta, E=E)
     scaled = ScaledProblem(problem)
     of_states = problem.sizes[0][: scaled.sizes[0]]
     P = np.array(solve(at_trim).P) * np.outer(of_states, of_states)

@@ -461,7 +461,7 @@ class Flight(StatesAndInputs, Result, Reported):
         if cost is None:
             return None
         try:
-            return solve(game(self.point.linearize(), cost.Q, cost.R, np.inf)).P
+            return solve(game(self.point.linearize(), Q=cost.Q, R=cost.R, delta=np.inf)).P
         except NoSolutionError:
             return None
 

@@ -27,7 +27,7 @@ def gain_case(scale=1.0, **timing):
     model = model_of(GTM)
     point = hfa.trim(model, at=45.0)
     linear = hfa.linearize(model, point)
-    K = scale * hfa.solve(hfa.game(linear, Q, R)).K
+    K = scale * hfa.solve(hfa.game(linear, Q=Q, R=R)).K
     o = ca.SX.sym("o", 4)
     gain = {"file": ca.Function("gain", [o], [-ca.DM(K) @ o])}
     timing = {"dt": DT, **timing}
@@ -108,7 +108,7 @@ def test_costs_equal_scipy():
     """
     found, linear, K = gain_case(1.3)
     lost = found.cost
-    game = hfa.game(linear, Q, R)
+    game = hfa.game(linear, Q=Q, R=R)
     cost, cross, price, Phi, Gamma = integrated_weights(game.A, game.B, game.Q, game.R, DT)
     optimum = solve_discrete_are(Phi, Gamma, cost, price, s=cross)
     closed = Phi - Gamma @ K
@@ -130,7 +130,7 @@ def test_the_cost_of_an_observed_input_is_that_of_a_state_more(case):
         timing={"dt": DT},
     )
     (loop,) = hfa.assess(model_of(GTM), deployment, [linear.point], samples=0).points
-    game = hfa.game(linear, Q, R)
+    game = hfa.game(linear, Q=Q, R=R)
     cost, cross, price, Phi, Gamma = integrated_weights(game.A, game.B, game.Q, game.R, DT)
     command = np.hstack([-K, np.diag([0.4, 0.0])])
     closed = np.vstack([np.hstack([Phi, np.zeros((4, 2))]) + Gamma @ command, command])

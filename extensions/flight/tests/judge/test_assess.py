@@ -87,7 +87,7 @@ def stiff_case() -> tuple[hfa.Model, Deployment, float]:
         trim={"v": 0.0},
     )
     linear = hfa.linearize(model, hfa.trim(model))
-    K = np.asarray(hfa.solve(hfa.game(linear, [1.0], [1.0])).K).item()
+    K = np.asarray(hfa.solve(hfa.game(linear, Q=[1.0], R=[1.0])).K).item()
     o = ca.SX.sym("o")
     deployment = Deployment(
         policy={"file": ca.Function("gain", [o], [-K * o])},

@@ -73,7 +73,7 @@ def test_an_environment_needs_no_deployment() -> None:
     linear = hfa.linearize(model, env.point)
     weights = (nominal, [signal.nominal for signal in model.inputs.values()])
     Q, R = (np.power(sizes, -2.0) for sizes in weights)
-    K = hfa.solve(hfa.game(linear, Q, R)).K
+    K = hfa.solve(hfa.game(linear, Q=Q, R=R)).K
     poles = [np.linalg.eigvals(each) for each in (linear.A, linear.A - linear.B @ K)]
     assert env.dt * np.abs(poles).max() <= 1.0 < 2.5 * env.dt * np.abs(poles).max()
     assert env.model == model

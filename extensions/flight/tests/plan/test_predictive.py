@@ -287,7 +287,7 @@ def test_a_delay_is_bridged_by_the_commands_under_way() -> None:
 def test_the_game_of_a_finite_delta_is_at_the_end() -> None:
     """Near the trim, K is that of the game with held inputs, by SciPy; it acts harder than the LQR."""
     linear = hfa.linearize(PENDULUM, UPRIGHT)
-    delta = 1.5 * hfa.solve(hfa.game(linear, *WEIGHTS, delta=1e3)).delta_min
+    delta = 1.5 * hfa.solve(hfa.game(linear, Q=WEIGHTS[0], R=WEIGHTS[1], delta=1e3)).delta_min
     calm = predictive(PENDULUM, UPRIGHT, *WEIGHTS)
     tense = predictive(PENDULUM, UPRIGHT, *WEIGHTS, delta=delta)
     dt, plant = tense.dt, np.array(linear.A)

@@ -40,7 +40,7 @@ def test_at_the_trim_it_is_the_exact_policy_of_the_game() -> None:
     """The gradient at the trim is the game's K for a finite delta too, and a smaller delta than the
     least is refused with it.
     """
-    game = hfa.game(hfa.linearize(GTM, LEVEL), np.eye(4), np.eye(2), delta=50.0)
+    game = hfa.game(hfa.linearize(GTM, LEVEL), Q=np.eye(4), R=np.eye(2), delta=50.0)
     exact = hfa.solve(game)
     policy = hfa.state_dependent(GTM, LEVEL, game.Q, game.R, delta=50.0)
     np.testing.assert_allclose(policy.K, exact.K, rtol=1e-7)

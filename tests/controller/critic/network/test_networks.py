@@ -172,7 +172,9 @@ def test_a_state_dict_needs_its_activation() -> None:
 
     Without the activation, the command is refused, and the error ends with the complete command.
     """
-    plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
+    plant = Game(
+        [[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], E=np.eye(2), Q=[1, 1], R=[1], delta=np.inf
+    )
     K = solve(plant).K
     np.savez("plant.npz", A=plant.A, B=plant.B, Q=plant.Q, R=plant.R)
     torch_file("policy.pt", {"0.weight": 1e-4 * np.eye(2), "2.weight": -1e4 * K})
@@ -219,7 +221,7 @@ def test_the_policy_of_a_value_contains_the_cross_weights() -> None:
 def test_the_gain_at_a_kink_is_the_mean_of_both_sides(sides: tuple[float, float]) -> None:
     """u = -a z for z > 0, -b z for z < 0, of a ReLU network: K is the mean, and a kink is named."""
     a, b = sides
-    game = Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], np.inf)
+    game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[1.0], R=[1.0], delta=np.inf)
     layers = {"0.weight": [[1.0], [-1.0]], "2.weight": [[-a, b]]}
     np.savez("relu.npz", **{name: np.array(layer) for name, layer in layers.items()})
     critic = read_critic("relu.npz", game, activation="relu")
