@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_support.matrices import balanced, spectral_radius
-from hfa_support.reporting.checks import Check, below
 
 
 def spectrum(matrix: np.ndarray) -> np.ndarray:
@@ -44,22 +43,6 @@ def stability(loop: np.ndarray, *, is_discrete: bool) -> Stability:
     return Stability(spectral_radius(loop) if is_discrete else abscissa_of(loop), limit)
 
 
-def loop_check(
-    name: str, what: str, loop: np.ndarray, *, is_discrete: bool, kind: str = ""
-) -> Check:
-    """Return the check NAME_abscissa that a loop is stable, in discrete time NAME_radius.
-
-    what: the loop in words, such as "A - B K"
-    kind: as in `Check`
-    """
-    value, limit = stability(loop, is_discrete=is_discrete)
-    if is_discrete:
-        unstable = f"{what} has the spectral radius {value:.7g}"
-        return below(f"{name}_radius", value, limit, unstable, kind=kind)
-    unstable = f"{what} is not Hurwitz (abscissa {value:+.3g} 1/s)"
-    return below(f"{name}_abscissa", value, limit, unstable, kind=kind)
-
-
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """Return the Hamiltonian matrix [[A, -S], [-Q, -A']], (2n, 2n)."""
     rows = np.concatenate([A, -S], axis=1), np.concatenate([-Q, -A.T], axis=1)
@@ -93,12 +76,6 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
 def largest(matrix: np.ndarray) -> float:
     """Return the largest magnitude of an entry of a matrix."""
     return float(np.abs(matrix).max())
-
-
-def largest_or_1(matrix: np.ndarray) -> float:
-    """Return the largest magnitude of an entry of a matrix, or 1 if this is not positive."""
-    size = largest(matrix)
-    return size if size > 0.0 else 1.0
 
 
 def norms(matrices: np.ndarray) -> np.ndarray:

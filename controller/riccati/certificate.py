@@ -213,11 +213,3 @@ def _signs(count: int) -> np.ndarray:
     """Return the signs of sin(k² + 1), (count,), which have no pattern."""
     k = np.arange(count)
     return np.sign(np.sin(k**2 + 1.0))
-
-
-def form_of(game):  # type: ignore[no-untyped-def]  # until verification uses the enclosures
-    """Return the form in which a game was solved in doubles."""
-    from controller.riccati.normal_form import NormalForm
-    from controller.riccati.step_form import StepForm
-
-    return StepForm.of(game) if game.is_discrete else NormalForm.of(game)

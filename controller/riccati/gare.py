@@ -99,18 +99,6 @@ class Solution(Result, Reported):
         """Weight of u + K z in the cost above V*: R, in discrete time R + α B'P B, (m, m)."""
         return self.game.excess_weight(self.P)
 
-    price = excess_weight  # until verification uses the new name
-
-    @property
-    def certified(self) -> Any:  # until verification uses the enclosure
-        """P in the coordinates of the solver in doubles."""
-        from types import SimpleNamespace
-
-        from controller.riccati.certificate import form_of
-
-        form = form_of(self.game)
-        return SimpleNamespace(form=form, X=form.of_value(self.P))
-
     @property
     def names(self) -> PlantNames:
         """Names and units of the game's states and inputs."""

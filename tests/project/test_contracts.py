@@ -47,7 +47,7 @@ BREACHES = {
         "controller/game/basis.py": "controller.riccati.gare",
     },
     "What learns knows critics": {"controller/game/weights.py": "controller.critic.critic"},
-    "Nonlinear games": {"controller/riccati/meaning.py": "controller.expansion.series"},
+    "Nonlinear games": {"controller/riccati/level.py": "controller.expansion.series"},
     "Solutions do not know": {"controller/riccati/gare.py": "controller.riccati.solution_report"},
     "Expansions do not know": {
         "controller/expansion/expansion.py": "controller.expansion.radius",
@@ -89,7 +89,7 @@ BREACHES = {
     "Doors:": {"hfa_aircraft/units.py": "hfa_support.entry_points"},
     "What learns never imports": {
         "controller/learning/recording.py": "controller.riccati.gare",
-        "controller/learning/q_learning.py": "controller.riccati.step_form",
+        "controller/learning/q_learning.py": "controller.riccati.proof",
     },
     "Only the commands that learn": {
         "hfa/options/game.py": "controller.learning.policy_iteration",

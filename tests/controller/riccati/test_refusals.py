@@ -1,0 +1,56 @@
+"""Proofs that a game has no value, asked of games that have one and of games that have none."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from stored_games import KINDS, stored
+
+from controller.riccati.balls import BITS, Balls, precision
+from controller.riccati.enclosure import enclosed_in_bits
+from controller.riccati.equation import equation_of
+from controller.riccati.proposal import first_units
+from controller.riccati.refusal import why_never, why_never_at, why_no_value
+from hfa import Game
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_proof_says_that_a_game_with_a_value_has_none(kind: str) -> None:
+    """The proofs are asked directly: `solve` asks them only after another proof has failed."""
+    values = [each for each in (stored(kind, number) for number in range(12)) if each.exists]
+    assert values
+    for each in values:
+        game = each.game
+        found = enclosed_in_bits(game, 2 * BITS).proved
+        with precision(2 * BITS):
+            assert why_no_value(found.equation, found, in_bits=False) == ""
+            assert why_no_value(found.equation, None, in_bits=False) == ""
+        assert why_never(game) == ""
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("k", [1, 2])
+@pytest.mark.parametrize("dt", [None, True])
+def test_a_frequency_proves_that_the_disturbance_gains_too_much(
+    n: int, k: int, dt: bool | None
+) -> None:
+    """Of x' = -x + d, or x⁺ = x / 2 + d, and of n copies of it without input."""
+    rate = -1.0 if dt is None else 0.5
+    E = np.eye(n)[:, :1] @ np.ones((1, k)) / math.sqrt(k)
+    gain = 1.0 if dt is None else 2.0
+    for factor, has_none in ((0.99, True), (1.01, False)):
+        game = Game(
+            rate * np.eye(n), np.zeros((n, 1)), E=E, Q=np.eye(n), R=[1.0], delta=factor * gain, dt=dt
+        )
+        with precision(BITS):
+            equation = equation_of(game, first_units(game, game.delta), Balls)
+            assert bool(why_no_value(equation, None, in_bits=False)) == has_none
+
+
+def test_an_eigenvalue_exactly_on_the_axis_is_decided_in_rationals() -> None:
+    """Of x' = -x + d with the gain 1: H has a double eigenvalue 0 at δ = 1, and none above."""
+    game = Game([[-1.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]])
+    assert "at least 1" in why_never_at(game, 1.0)
+    assert why_never_at(game, 1.0 + 2.0**-52) == ""
