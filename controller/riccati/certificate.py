@@ -76,9 +76,10 @@ def certificate_of(enclosure: Enclosure) -> Certificate:
     elif game.is_discrete:
         proved.append("the disturbance pays: delta^2 - E'P E > 0")
     if enclosure.is_raised:
+        proved = [text.replace(", and P is positive semidefinite", "") for text in proved]
         proved.append(
-            "Q, R and N are positive semidefinite up to rounding only: a value is proved for"
-            " weights whose diagonals are larger by 2e-12"
+            "Q, R and N are positive semidefinite up to rounding only: a value, with P positive"
+            " semidefinite, is proved for weights whose diagonals are larger by 2e-12"
         )
     with precision(enclosure.bits):
         changes = last_digits(enclosure)

@@ -143,7 +143,8 @@ def _rational(number: float) -> fmpq:
 def _rationals(matrix: np.ndarray) -> fmpq_mat:
     from flint import fmpq_mat
 
-    return fmpq_mat(*matrix.shape, [_rational(entry) for entry in matrix.ravel().tolist()])
+    rows, columns = matrix.shape
+    return fmpq_mat(rows, columns, [_rational(entry) for entry in matrix.ravel().tolist()])
 
 
 def _balls(matrix: fmpq_mat) -> arb_mat:

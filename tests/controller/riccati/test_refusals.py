@@ -42,7 +42,13 @@ def test_a_frequency_proves_that_the_disturbance_gains_too_much(
     gain = 1.0 if dt is None else 2.0
     for factor, has_none in ((0.99, True), (1.01, False)):
         game = Game(
-            rate * np.eye(n), np.zeros((n, 1)), E=E, Q=np.eye(n), R=[1.0], delta=factor * gain, dt=dt
+            rate * np.eye(n),
+            np.zeros((n, 1)),
+            E=E,
+            Q=np.eye(n),
+            R=[1.0],
+            delta=factor * gain,
+            dt=dt,
         )
         with precision(BITS):
             equation = equation_of(game, first_units(game, game.delta), Balls)
