@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controller.riccati.balls import DoubleBalls, ball_matrix, midpoints, precision
+from controller.riccati.balls import DoubleBalls, midpoints, precision
 from controller.riccati.enclosure import Enclosure, uncertainty
 from controller.riccati.equation import StepEquation
 from controller.riccati.level import levelled
-from controller.riccati.proposal import lyapunov_of
+from controller.riccati.proposal import FailedError, lyapunov_in_bits, lyapunov_of
 from hfa_support.reporting.results import Result
+
+if TYPE_CHECKING:
+    from flint import arb_mat
 
 #: Largest change of K by the last digits of the game's entries.
 GAIN_CHANGE = 0.01
@@ -121,58 +124,89 @@ def last_digits(enclosure: Enclosure) -> LastDigits:
 
     The changes of the entries move P by the solution of a Lyapunov equation. Each entry of A, B
     and E is multiplied by a factor f = 1 ± eps, and the entries ij of Q, N and R by f_i f_j, with
-    which the weights remain semidefinite.
+    which the weights remain semidefinite. All is computed in the arithmetic of the proof.
     """
-    found = enclosure.proved
-    is_fast = found.bounds.arithmetic is DoubleBalls
-    equation = found.bounds if is_fast else found.equation.with_arithmetic(DoubleBalls)
-    n, m = equation.n, equation.R.nrows()
-    A, B, E = equation.A.midpoint, equation.B.midpoint, equation.E.midpoint
-    Q, N, R = equation.Q.midpoint, equation.N.midpoint, midpoints(equation.R)
-    X, k = midpoints(found.X), midpoints(found.gains)
-    signs = _signs(A.size + B.size + E.size)
-    of_A, of_B, of_E = np.split(np.finfo(float).eps * signs, np.cumsum([A.size, B.size]))
-    of_states, of_inputs = of_A[:n], of_B[:m]
-    dA, dB, dE = (M * f.reshape(M.shape) for M, f in ((A, of_A), (B, of_B), (E, of_E)))
-    dQ = Q * np.add.outer(of_states, of_states)
-    dN = N * np.add.outer(of_states, of_inputs)
-    dR = R * np.add.outer(of_inputs, of_inputs)
-    K = k[:m]
     with np.errstate(all="ignore"):
-        L = -k[m:] if len(k) > m else float(equation.w) * E.T @ X
-        pushed = dA - dB @ K + (dE @ L if equation.is_disturbed else 0.0)
-        moved = dQ - dN @ K - (dN @ K).T + K.T @ dR @ K
-        if isinstance(equation, StepEquation):
-            F = A - B @ K + (E @ L if equation.is_disturbed else 0.0)
-            cross = F.T @ X @ pushed
-        else:
-            cross = X @ pushed
-        moved = moved + cross + cross.T
-        Z = _moved_value(enclosure, moved)
-        if Z is None:
+        try:
+            return _last_digits(enclosure)
+        except (FailedError, np.linalg.LinAlgError, ValueError, ZeroDivisionError):
             return LastDigits(math.inf)
-        if isinstance(equation, StepEquation):
-            G = equation.G.midpoint
-            dG = np.hstack([dB, dE]) if equation.is_disturbed else dB
-            right = G.T @ (Z @ F + X @ pushed) + dG.T @ X @ F
-            right[:m] += dN.T - dR @ K
-            assert isinstance(found.equation, StepEquation)
-            if is_fast:
-                dK = np.linalg.solve(midpoints(equation.W) + G.T @ X @ G, right)[:m]
-            else:
-                price = found.equation.price(found.X).mid()
-                dK = midpoints(price.solve(ball_matrix(right)).mid())[:m]
-        else:
-            dK = np.linalg.solve(R, B.T @ Z + dB.T @ X + dN.T - dR @ K)
-        size = max(float(np.linalg.norm(B @ K)), NOTICED * float(np.linalg.norm(A))) or 1.0
-        change = float(np.linalg.norm(B @ dK)) / size
-        gain = change if math.isfinite(change) else math.inf
-        if is_fast:  # a pole so near the boundary is not proved stable in doubles
-            return LastDigits(gain)
-        return _with_poles(gain, enclosure, dA - dB @ K - B @ dK)
 
 
-def _with_poles(gain: float, enclosure: Enclosure, dF: np.ndarray) -> LastDigits:
+def _last_digits(enclosure: Enclosure) -> LastDigits:
+    found = enclosure.proved
+    equation = found.bounds
+    number = equation.arithmetic
+    n, m = equation.n, equation.R.nrows()
+    A, B, E, Q, N, R = (
+        *(equation.A, equation.B, equation.E, equation.Q, equation.N),
+        number.of(equation.R),
+    )
+    signs = _signs(n * (n + m + enclosure.game.E.shape[1]))
+    of_A, of_B, of_E = np.split(np.finfo(float).eps * signs, [n * n, n * (n + m)])
+    of_states, of_inputs = of_A[:n], of_B[:m]
+
+    def changed(matrix: Any, factors: np.ndarray) -> Any:
+        middle = _middle(matrix)
+        return number.of(middle * factors.reshape(middle.shape))
+
+    dA, dB, dE = changed(A, of_A), changed(B, of_B), changed(E, of_E)
+    dQ = changed(Q, np.add.outer(of_states, of_states))
+    dN = changed(N, np.add.outer(of_states, of_inputs))
+    dR = changed(R, np.add.outer(of_inputs, of_inputs))
+    X, gains = number.of(found.X), number.of(found.gains.mid())
+    K, F = gains.block(slice(m), slice(None)), equation.loop(X, gains)
+    pushed = dA - dB @ K
+    if equation.is_disturbed:
+        L = -gains.block(slice(m, None), slice(None))
+        if not equation.is_discrete:
+            L = (E.T @ X).times(equation.w)
+        pushed = pushed + dE @ L
+    crossed = dN @ K
+    moved = dQ - crossed - crossed.T + K.T @ (dR @ K)
+    cross = F.T @ (X @ pushed) if equation.is_discrete else X @ pushed
+    moved = moved + cross + cross.T
+    Z = number.of(_moved_value(F, moved, is_discrete=equation.is_discrete))
+    own = dN.T - dR @ K
+    if isinstance(equation, StepEquation):
+        dG = dB.beside(dE) if equation.is_disturbed else dB
+        right = equation.G.T @ (Z @ F + X @ pushed) + dG.T @ (X @ F)
+        others = number.of(np.zeros((n, gains.rows - m)))
+        right = right + own.T.beside(others).T
+        price = number.of(equation.W) + equation.G.T @ (X @ equation.G)
+        dK = number.of(_solved(price, right)).block(slice(m), slice(None))
+    else:
+        dK = number.of(_solved(R, B.T @ Z + dB.T @ X + own))
+    pushed_by_K, change = (float(np.linalg.norm(_middle(B @ each))) for each in (K, dK))
+    size = max(pushed_by_K, NOTICED * float(np.linalg.norm(_middle(A)))) or 1.0
+    gain = change / size if math.isfinite(change) else math.inf
+    if number is DoubleBalls:  # a pole so near the boundary is not proved stable in doubles
+        return LastDigits(gain)
+    return _with_poles(gain, enclosure, (dA - dB @ K - B @ dK).matrix)
+
+
+def _middle(matrix: Any) -> np.ndarray:
+    """Return the midpoints of a matrix of balls of either arithmetic."""
+    is_fast = isinstance(matrix, DoubleBalls)
+    return matrix.midpoint if is_fast else midpoints(matrix.matrix)
+
+
+def _moved_value(F: Any, moved: Any, *, is_discrete: bool) -> np.ndarray | arb_mat:
+    """Return Z of F'Z + Z F + moved = 0, (n, n), in discrete time F'Z F - Z + moved = 0."""
+    if isinstance(F, DoubleBalls):
+        solver = lyapunov_of(F.midpoint, is_discrete=is_discrete)
+        return solver.solve(-moved.midpoint)[0]
+    return lyapunov_in_bits(F.matrix.mid(), moved.matrix.mid(), is_discrete=is_discrete)
+
+
+def _solved(matrix: Any, right: Any) -> np.ndarray | arb_mat:
+    """Return matrix⁻¹ right."""
+    if isinstance(matrix, DoubleBalls):
+        return np.linalg.solve(matrix.midpoint, right.midpoint)
+    return matrix.matrix.mid().solve(right.matrix.mid()).mid()
+
+
+def _with_poles(gain: float, enclosure: Enclosure, dF: arb_mat) -> LastDigits:
     """Return the changes with that of the damping of a pole.
 
     dF: change of A - B K, (n, n), in the units of the enclosure
@@ -181,33 +215,15 @@ def _with_poles(gain: float, enclosure: Enclosure, dF: np.ndarray) -> LastDigits
 
     level, game = levelled(enclosure), enclosure.game
     values, left, right = eig(math.sqrt(game.discount) * level.loop, left=True)
-    moved = np.abs(np.einsum("ij,ij->j", left.conj(), level.into @ dF @ level.back @ right))
-    moved /= np.abs(np.vecdot(left.T, right.T))
+    moved = midpoints(level.to_level * dF * level.from_level)
+    sizes = np.abs(np.einsum("ij,ij->j", left.conj(), moved @ right))
+    sizes /= np.abs(np.vecdot(left.T, right.T))
     damping = 1.0 - np.abs(values) if game.is_discrete else -values.real
     # Only such a damping may be rounding of the entries.
     small = damping < UNDAMPED * float(np.abs(values).max(initial=0.0))
-    changes = np.where(small & (moved > 0.0), moved / np.maximum(damping, 0.0), 0.0)
+    changes = np.where(small & (sizes > 0.0), sizes / np.maximum(damping, 0.0), 0.0)
     worst = int(np.argmax(changes))
     return LastDigits(gain, float(changes[worst]), complex(values[worst]))
-
-
-def _moved_value(enclosure: Enclosure, moved: np.ndarray) -> np.ndarray | None:
-    """Return Z of F'Z + Z F + moved = 0, (n, n), in discrete time F'Z F - Z + moved = 0."""
-    found = enclosure.proved
-    equation = found.equation
-    T = S = np.eye(equation.n)
-    if found.bounds.arithmetic is DoubleBalls:
-        gains = found.bounds.arithmetic.of(found.gains)
-        F = found.bounds.loop(found.P, gains).midpoint
-    else:
-        level = levelled(enclosure)
-        F, T, S = level.game_loop, level.into, level.back
-    try:
-        solver = lyapunov_of(F, is_discrete=equation.is_discrete)
-        Z, _ = solver.solve(-S.T @ moved @ S)
-    except (np.linalg.LinAlgError, ValueError):
-        return None
-    return T.T @ Z @ T
 
 
 def _signs(count: int) -> np.ndarray:

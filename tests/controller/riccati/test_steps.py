@@ -81,15 +81,14 @@ def test_two_inputs_that_only_act_together_need_a_weight(share: float) -> None:
         np.array([[0.125], [0.75]]),
         np.array([[1.0], [share]]),
     )
-    for R in (1e-15, 1e-30):
+    for R in (1e-15, 1e-30, 1e-40):
         game = Game(A, push @ both.T, Q=np.eye(2), R=R * np.eye(2), dt=True)
         # The cheapest inputs of a push are proportional to their shares of it.
         one = Game(A, push, Q=np.eye(2), R=[[R / (1.0 + share**2)]], dt=True)
         shared = both / (1.0 + share**2) @ hfa.solve(one).K
         np.testing.assert_allclose(hfa.solve(game).K, shared, rtol=1e-14)
-    for R, reason in ((1e-40, "they do not determine K"), (0.0, "is singular for every P")):
-        with pytest.raises(NoSolutionError, match=reason):
-            hfa.solve(replace(game, R=R * np.eye(2)))
+    with pytest.raises(NoSolutionError, match="is singular for every P"):
+        hfa.solve(replace(game, R=0.0 * np.eye(2)))
 
 
 def test_gain_and_margins_of_a_scalar_loop() -> None:
