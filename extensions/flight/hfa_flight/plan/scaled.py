@@ -75,7 +75,7 @@ class ScaledProblem:
         """Half-widths of the usual box of initial deviations, (k,)."""
         return usual_box(self.problem) / self.problem.sizes[0][: self.sizes[0]]
 
-    def price(self, P: np.ndarray) -> float:
+    def excess_weight(self, P: np.ndarray) -> float:
         """Return the relative increase of the mean cost z'Pz over the usual box, against the
         linear optimum without holds.
 
