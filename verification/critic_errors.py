@@ -20,6 +20,7 @@ from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError
 from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.checks import Check, at_most
+from hfa_support.reporting.text import percent
 from verification.box import balanced_units
 
 #: Default limit of the errors of P, K, V, its gradient and the policies, and of the residual.
@@ -81,7 +82,8 @@ def error_check(name: str, error: float, limit: float, what: str) -> Check:
     limit: the limit
     what: quantity with the error, for the reason of a failure: "K" gives "K is off by 0.1"
     """
-    return at_most(name, error, limit, f"{what} is off by {error:.2g}", kind="error")
+    size = percent(error, up=True).removesuffix(" %")
+    return at_most(name, error, limit, f"{what} is off by {size}", kind="error")
 
 
 def critic_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -> list[Check]:
@@ -210,17 +212,28 @@ def q_function_errors(critic: Critic, exact: Solution, limit: float) -> list[Che
                 f"L is {shape_text(L.shape)}; give {shape_text(exact_L.shape)} for this plant"
             )
         checks.append(error_check("L_rel_error", relative_error(L, exact_L), limit, "L"))
-    exact_H = exact.H
-    if critic.H is not None and exact_H is not None:
-        size = len(critic.H)
-        if size < len(exact_H):  # over (x, u), for the worst w
-            crossed = exact_H[:size, size:]
-            by_worst = crossed @ np.linalg.solve(exact_H[size:, size:], crossed.T)
-            exact_H = exact_H[:size, :size] - by_worst
-        sizes = np.sqrt(np.abs(np.diag(exact_H)))
-        error = float(np.max(np.abs(critic.H - exact_H) / np.outer(sizes, sizes)))
+    right = exact_action_value(critic, exact)
+    if critic.H is not None and right is not None:
+        sizes = np.sqrt(np.abs(np.diag(right)))
+        error = float(np.max(np.abs(critic.H - right) / np.outer(sizes, sizes)))
         checks.append(error_check("H_entry_error", error, limit, "an entry of H"))
     return checks
+
+
+def exact_action_value(critic: Critic, exact: Solution) -> np.ndarray | None:
+    """Return the exact H for the signals of a critic's H, or None without one.
+
+    An H over (x, u) is that for the worst w.
+    """
+    exact_H = exact.H
+    if critic.H is None or exact_H is None:
+        return None
+    size = len(critic.H)
+    if size < len(exact_H):  # over (x, u), for the worst w
+        crossed = exact_H[:size, size:]
+        by_worst = crossed @ np.linalg.solve(exact_H[size:, size:], crossed.T)
+        exact_H = exact_H[:size, :size] - by_worst
+    return exact_H
 
 
 def value_matrix(critic: Critic, exact: Solution) -> np.ndarray:

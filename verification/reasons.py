@@ -18,7 +18,8 @@ from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
 from verification.box import balanced_units
-from verification.critic_errors import matrix_errors, relative_error
+from verification.critic_errors import exact_action_value, matrix_errors, relative_error
+from verification.other_games import other_games
 
 #: Largest error of an entry without the mistake, and largest part of the error with the mistake.
 RIGHT, SHARE = 1e-3, 0.03
@@ -84,15 +85,24 @@ def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
     limit: largest relative error of a correct P
     """
     game = exact.game
+    if critic.H is not None and (reason := _reason_for_action_value(exact, critic, critic.H)):
+        return reason
     if critic.P is None:
-        gains = _gains(exact, critic.K)
-        return _first_mistake(gains, _of_gain(game, gains))
+        return _reason_for_gain(exact, critic.K)
     if all(check.ok for check in matrix_errors("P", critic.P, exact, limit)):
         return _reason_for_policy(exact, critic, critic.P)
     sizes = _sizes_of_states(exact)
     values = Compared("P", critic.P, exact.P, np.outer(sizes, sizes))
-    mistakes = itertools.chain(_of_value(game, values), _of_weights(critic))
-    return _first_mistake(values, mistakes) or _not_of_value(exact, critic.K, critic.P)
+    mistakes = itertools.chain(
+        _of_value(game, values), _of_weights(critic), _of_other_games(exact, values)
+    )
+    return _first_mistake(values, mistakes) or _not_of_value(exact, critic, critic.P)
+
+
+def _reason_for_gain(exact: Solution, K: np.ndarray) -> str:
+    gains = _gains(exact, K)
+    mistakes = itertools.chain(_of_gain(exact.game, gains), _of_other_games(exact, gains))
+    return _first_mistake(gains, mistakes)
 
 
 def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray) -> str:
@@ -102,17 +112,61 @@ def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray) -> str:
             "P is right within the limit; the K that follows from it is off by"
             f" {relative_error(critic.K, exact.K):.2g}: it needs more digits of P"
         )
-    gains = _gains(exact, critic.K)
     return (
         _beyond_quadratic(critic)
-        or _first_mistake(gains, _of_gain(exact.game, gains))
-        or _not_of_value(exact, critic.K, P)
+        or _reason_for_gain(exact, critic.K)
+        or _not_of_value(exact, critic, P)
     )
 
 
-def _not_of_value(exact: Solution, K: np.ndarray, P: np.ndarray) -> str:
-    """Return a sentence that K is not the gain that P implies, or "" if it is."""
-    difference = K - exact.game.gain(P)
+def _reason_for_action_value(exact: Solution, critic: Critic, H: np.ndarray) -> str:
+    """Return a sentence that names the mistake in the matrix H of an action value, or ""."""
+    right = exact_action_value(critic, exact)
+    if right is None:
+        return ""
+    diagonal = np.sqrt(np.abs(np.diag(right)))
+    sizes = _floored(diagonal)
+    values = Compared("H", H, right, np.outer(sizes, sizes))
+    n, m = exact.game.B.shape
+    orders = {"(u, x)": [*range(m, m + n), *range(m)]}
+    if len(H) > n + m:
+        k = len(H) - n - m
+        orders = {
+            "(u, x, w)": [*range(m, m + n), *range(m), *range(n + m, n + m + k)],
+            "(u, w, x)": [*range(m + k, m + k + n), *range(m + k)],
+            "(x, w, u)": [*range(n), *range(n + k, n + k + m), *range(n, n + k)],
+        }
+    meant = "(x, u, w)" if len(H) > n + m else "(x, u)"
+
+    def mistakes() -> Iterator[Mistake]:
+        for order, places in orders.items():
+            says = f"H is in the order {order}; it must be in the order {meant}"
+            yield Mistake(says, H[np.ix_(places, places)])
+        says = "the action value has the wrong sign: it is of rewards; Q is of costs"
+        yield Mistake(says, -H)
+        yield from _factors("action value", "Q is [x; u; w]'H [x; u; w], without 1/2", values)
+
+    return _first_mistake(values, mistakes())
+
+
+def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
+    """Yield that P or K is exact for a game that differs by one number."""
+    kind, given, right, _ = compared
+    numbers = np.triu(right) if kind == "P" else right
+    if np.count_nonzero(numbers) < 2:
+        return  # a single number agrees with many games
+    for other in other_games(exact, kind, given):
+        yield Mistake(f"{kind} is {other.says}", given - other.matrix + right)
+
+
+def _not_of_value(exact: Solution, critic: Critic, P: np.ndarray) -> str:
+    """Return a sentence that K is not the gain that P implies, or "" if it is.
+
+    K and P of an action value are not stored.
+    """
+    if critic.H is not None:
+        return ""
+    difference = critic.K - exact.game.gain(P)
     if relative_error(exact.K + difference, exact.K) <= APART:
         return ""
     return (
@@ -224,6 +278,7 @@ def _of_gain(game: Game, gains: Compared) -> Iterator[Mistake]:
         says = f"R⁻¹ is missing: this is {paid}, and K is R⁻¹{paid}"
         yield Mistake(says, np.linalg.solve(game.R, K))
     yield from _factors("gain", "the policy is u = -K z", gains)
+    yield from _unmoved(game, gains)
     if K.shape[0] == K.shape[1]:
         yield Mistake("K is transposed", K.T)
     says = "K was read row by row, but its entries are stored column by column"
@@ -234,6 +289,41 @@ def _of_gain(game: Game, gains: Compared) -> Iterator[Mistake]:
         for says, undone in _of_rows("state", UNITS_OF_STATES, right.T, exact.T):
             yield Mistake(first + says, undone.T)
     yield from _one_entry(gains)
+    yield from _multiples(game, gains)
+
+
+def _unmoved(game: Game, gains: Compared) -> Iterator[Mistake]:
+    """Yield that K never moves some inputs, whose rows are 0."""
+    still: np.ndarray = np.logical_not(gains.given.any(axis=1))
+    if still.any() and not still.all():
+        names = [name for name, each in zip(game.names.inputs, still, strict=True) if each]
+        verb = "is" if len(names) == 1 else "are"
+        says = f"{' and '.join(names)} {verb} never moved; the other rows of K are exact"
+        yield Mistake(says, np.where(still[:, None], gains.exact, gains.given))
+
+
+def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
+    """Yield that each row of K, or each column, is a multiple of the exact one.
+
+    Actions that are not mapped to the inputs give rows, and a normalized state gives columns.
+    """
+    K, exact, sizes = gains.given, gains.exact, gains.sizes
+    weighed, right = K / sizes, exact / sizes
+    for axis, noun, why, names in (
+        (1, "row", "as of actions that are not mapped to the inputs", game.names.inputs),
+        (0, "column", "as of a state that is normalized", game.names.states),
+    ):
+        if min(exact.shape) < 2:
+            continue  # any K has such multiples
+        with np.errstate(all="ignore"):
+            factors = np.sum(weighed * right, axis) / np.sum(right**2, axis)
+            undone = K / np.expand_dims(factors, axis)
+        if not (np.isfinite(undone).all() and factors.all()):
+            continue
+        listed = ", ".join(
+            f"{name} {factor:.4g}" for name, factor in zip(names, factors, strict=True)
+        )
+        yield Mistake(f"each {noun} of K is a multiple of the exact one ({listed}), {why}", undone)
 
 
 def _of_rows(

@@ -462,7 +462,7 @@ _TOGETHER = 1e-6
 def from_weights(
     game: Game,
     weights: ArrayLike,
-    basis: Basis | str | ca.Function = "quadratic",
+    basis: Basis | str | list[str] | ca.Function = "quadratic",
     constant: float = 0.0,
     precision: str = "float64",
 ) -> Critic:
@@ -472,8 +472,8 @@ def from_weights(
 
     game: the game whose solution the critic approximates
     weights: W, (M,)
-    basis: the name of a basis, a list of functions "x1**2, x1*x2", a basis, or a CasADi Function
-        z (n,) -> ψ(z) (M,)
+    basis: the name of a basis, functions "x1**2, x1*x2" or ["x1**2", "x1*x2"], a basis, or a
+        CasADi Function z (n,) -> ψ(z) (M,)
     constant: constant term of V, which is V(0) if ψ(0) = 0
     precision: floating-point type of the numbers in the critic's file
 

@@ -34,16 +34,18 @@ _LONGEST = 20_000
 
 
 def basis_of(
-    basis: Basis | ca.Function | str, states: int, names: tuple[str, ...]
+    basis: Basis | ca.Function | str | list[str], states: int, names: tuple[str, ...]
 ) -> Basis | ca.Function:
     """Return the functions ψ of weights. A basis or a CasADi Function is returned unchanged.
 
-    basis: also the name of a basis, or a list of formulas (`listed_functions`)
+    basis: also the name of a basis, or formulas (`listed_functions`), as a text or a list
     states: n
     names: names of the states, for a list of formulas
 
     Raises BadInputError for an unknown name, and for a faulty list.
     """
+    if isinstance(basis, list):
+        basis = ", ".join(map(str, basis))
     if not isinstance(basis, str):
         return basis
     if is_list(basis):

@@ -131,6 +131,7 @@ class Game(ByValue, Reported):
         if self.N.any() and not is_semidefinite(self.weights):
             raise BadInputError(_indefinite_weights(self))
         _check_discount(self.dt, self.discount)
+        vars(self)["discount"] = float(self.discount)
         names = self.names.completed(*self.B.shape)
         vars(self).update(delta=_checked_delta(self.delta), names=names)
 

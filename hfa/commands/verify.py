@@ -57,7 +57,7 @@ def _about_weights() -> str:
     known = (*MATRIX_FILES, ".toml")
     others = [suffix for suffix in critic_suffixes() if suffix not in known]
     return (
-        f"critic to check: W, P or K ({' '.join(MATRIX_FILES)}), or a "
+        f"critic to check: W, P, K or H ({' '.join(MATRIX_FILES)}), or a "
         f"network of V, dV/dx or u ({' '.join(others)}), or a deployment file (.toml); several "
         "files or a folder of checkpoints are reported in one table"
     )

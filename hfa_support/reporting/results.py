@@ -89,7 +89,7 @@ def _is_empty(value: Any) -> bool:
     """Return whether a value is None, an empty list or tuple, or an array without elements."""
     if isinstance(value, np.ndarray):
         return value.size == 0
-    return value is None or value in ([], ())
+    return value is None or (isinstance(value, list | tuple) and not value)
 
 
 class ByValue:

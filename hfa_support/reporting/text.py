@@ -219,6 +219,7 @@ def percent(value: float, count: int = 2, *, up: bool = False) -> str:
     is_whole = 100.0 <= abs(value) < 1e6
     place = Decimal(1).scaleb(0 if is_whole else exact.adjusted() - count + 1)
     rounded = float(exact.quantize(place, ROUND_CEILING if up else ROUND_HALF_EVEN))
+    is_whole = 10.0**count <= abs(rounded) < 1e6
     return f"{rounded:.0f} %" if is_whole else f"{rounded:.{count}g} %"
 
 

@@ -15,7 +15,8 @@ from game_samples import failed_names, game_models
 from planted_critics import gain, other_root, value, weights_of
 from stored_games import in_units, stored as stored_game
 
-from hfa import Critic, Game, from_gain, from_network, from_value, from_weights, verify
+from controller import critic_in
+from hfa import Critic, Game, from_gain, from_network, from_value, from_weights, solve, verify
 from hfa.main import DONE, FAILED
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -129,7 +130,6 @@ def test_a_planted_mistake_fails_and_is_named(
 @pytest.mark.parametrize(
     "critic",
     [
-        lambda game: from_value(game, value(game.with_delta(np.inf))),
         lambda game: from_value(game, other_root(game)),
         lambda game: from_value(game, value(replace(game, A=game.A * 1.01))),
         lambda game: from_gain(game, np.zeros_like(game.B.T)),
@@ -139,6 +139,75 @@ def test_a_planted_mistake_fails_and_is_named(
 def test_another_mistake_fails_without_a_reason(game: Game, critic: Any) -> None:
     verdict = verify(game, critic(game))
     assert (verdict.ok, verdict.reason) == (False, "")
+
+
+TWO_INPUTS = Game(
+    [[-1.0, 0.4, 0.0], [0.1, 0.5, 1.0], [0.3, 0.0, -2.0]],
+    [[1.0, 0.0], [0.5, 1.0], [0.0, 0.3]],
+    E=[[0.3], [0.1], [0.2]],
+    Q=np.eye(3),
+    R=[1.0, 0.5],
+    delta=6.0,
+)
+SAMPLED = TWO_INPUTS.sampled(0.02, 0.99)
+#: Game of which the gain is exact, on which game it is judged, and the reason.
+OTHER_GAMES = {
+    "delta": (TWO_INPUTS.with_delta(9.0), TWO_INPUTS, "K is exact for delta 9, not 6"),
+    "no disturbance": (TWO_INPUTS.with_delta(np.inf), TWO_INPUTS, "without disturbance"),
+    "R": (replace(TWO_INPUTS, R=4.0 * TWO_INPUTS.R), TWO_INPUTS, "exact for R 4 times as large"),
+    "sampled": (TWO_INPUTS.sampled(0.05), TWO_INPUTS, "sampled with dt 0.05 s"),
+    "discount": (TWO_INPUTS.sampled(0.02, 0.97), SAMPLED, "for discount 0.97, not 0.99"),
+    "dt": (TWO_INPUTS.sampled(0.05, 0.99), SAMPLED, "for dt 0.05 s, not 0.02 s"),
+    "continuous": (TWO_INPUTS, SAMPLED, "K is exact for the game in continuous time"),
+}
+
+
+@pytest.mark.parametrize("number", OTHER_GAMES)
+def test_the_game_of_which_a_gain_is_exact_is_named(number: str) -> None:
+    """One number explains it: the same gain with one entry changed has no such reason."""
+    trained, game, says = OTHER_GAMES[number]
+    K = gain(trained)
+    assert says in verify(game, from_gain(game, K)).reason
+    other = K * (1.0 + 0.02 * np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]]))
+    assert "exact for" not in verify(game, from_gain(game, other)).reason
+
+
+def test_multiples_of_rows_and_columns_are_named() -> None:
+    """Actions that are not mapped to the inputs, a normalized state, and an input that never moves."""
+    K = gain(TWO_INPUTS)
+    rows = verify(TWO_INPUTS, from_gain(TWO_INPUTS, K * [[0.2], [0.7]])).reason
+    assert rows.startswith("each row of K is a multiple of the exact one (u1 0.2, u2 0.7)")
+    columns = verify(TWO_INPUTS, from_gain(TWO_INPUTS, K * [0.2, 3.0, 7.0])).reason
+    assert "(x1 0.2, x2 3, x3 7), as of a state that is normalized" in columns
+    still = verify(TWO_INPUTS, from_gain(TWO_INPUTS, K * [[0.0], [1.0]])).reason
+    assert still == "u1 is never moved; the other rows of K are exact"
+
+
+def test_a_network_that_moves_nothing_is_named() -> None:
+    z = ca.SX.sym("z", 3)
+    exact = -ca.DM(gain(TWO_INPUTS)) @ z
+    for u, says in (
+        (0.0 * exact, "the policy never moves an input"),
+        (ca.vertcat(0.0, exact[1]), "u1 is never moved; otherwise the policy is exact"),
+    ):
+        critic = from_network(TWO_INPUTS, ca.Function("policy", [z], [ca.densify(u)]))
+        assert says in verify(TWO_INPUTS, critic, flights=1).reason
+
+
+@pytest.mark.parametrize("delta", [6.0, np.inf])
+def test_the_order_of_an_action_value_is_named(delta: float) -> None:
+    game = SAMPLED.with_delta(delta)
+    H = solve(game).H
+    first = [*range(3, 5), *range(3), *range(5, len(H))]
+    order = "(u, x, w)" if delta == 6.0 else "(u, x)"
+    for matrix, says in (
+        (H[np.ix_(first, first)], f"H is in the order {order}; it must be in the order"),
+        (H / 2.0, "the action value is half the exact one"),
+    ):
+        verdict = verify(game, critic_in(stored("H.npz", H=matrix), game))
+        assert not verdict.ok
+        assert verdict.reason.startswith(says)
+    assert verify(game, critic_in(stored("H.npz", H=H), game)).ok
 
 
 ONE_INPUT = Game([[-1.0, 0.4], [0.1, -2.0]], [[1.0], [0.5]], Q=np.eye(2), R=[[1.0]])

@@ -210,6 +210,9 @@ def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
         return critic_in(given, game, Reading(linear=linear))
     if isinstance(given, (np.ndarray, list)):
         array = numbers_in("critic", given)
+        n, m = game.B.shape
+        if m == 1 and array.shape == (n,) != (n * (n + 1) // 2,):
+            array = array[None]  # K of a single input
         instead = "write hfa.from_value(game, P) or hfa.from_gain(game, K)"
         return from_parts(game, {part_by_shape(array, game, instead): array})
     if isinstance(given, (TrainingRun, Solution)):

@@ -6,6 +6,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.riccati.gare import Solution
+from hfa_support.reporting.text import percent
 
 #: Number of random states in the box, half of them corners, and the same for a wide network.
 STATES = 8000
@@ -33,19 +34,27 @@ def mistake_of_policy(critic: Critic, exact: Solution, box: np.ndarray, limit: f
     bias = critic.u(np.zeros(len(box)))
     sizes = np.maximum(np.abs(exact.K) @ box, np.finfo(float).tiny)
     errors = np.abs(u - bias + states @ exact.K.T) / sizes
+    if np.all(u == u[0]):
+        return "the policy never moves an input: u is the same in the whole box"
     rest = 0.0
-    clips = []
+    clips, still = [], []
     for name, unit, values, error in zip(
         exact.names.inputs, exact.names.input_units, u.T, errors.T, strict=True
     ):
-        extremes = (values[::2].min(), values[::2].max())
+        extremes = (values[::2].min() + 0.0, values[::2].max() + 0.0)  # no -0
+        if extremes[0] == extremes[1]:
+            still.append(name)
+            continue
         levels = [level for level in extremes if np.sum(values[::2] == level) >= CLIPPED]
         clipped = np.isin(values, levels)
         rest = max(rest, float(error[~clipped].max(initial=0.0)))
         if levels:
             at = " and ".join(f"{level:.4g}" for level in levels) + _shown(unit)
-            clips.append(f"{name} is clipped at {at} in {100.0 * clipped[::2].mean():.2g} %")
+            share = percent(100.0 * float(clipped[::2].mean()))
+            clips.append(f"{name} is clipped at {at} in {share}")
     facts = [bias_text(critic, exact)] if np.any(np.abs(bias) > limit * sizes) else []
+    if still:
+        facts.append(f"{' and '.join(still)} {'is' if len(still) == 1 else 'are'} never moved")
     if clips:
         facts.append(f"{', '.join(clips)} of the box")
     if not facts or not rest <= REST:

@@ -102,8 +102,11 @@ RIGHT: dict[str, Callable[[Case], Any]] = {
 WRONG: dict[str, tuple[Callable[[Case], Critic], tuple[str, ...]]] = {
     "without factor 2": (lambda case: read(case, W=case.P[np.triu_indices(3)]), ("factor 2",)),
     "per degree": (lambda case: read(case, K=case.K * [1.0, DEGREE, DEGREE]), ("degrees",)),
-    "other delta": (lambda case: read(case, P=case.with_delta(1.3)), ()),
-    "without disturbance": (lambda case: read(case, P=case.with_delta(np.inf)), ()),
+    "other delta": (lambda case: read(case, P=case.with_delta(1.3)), ("P is exact for delta",)),
+    "without disturbance": (
+        lambda case: read(case, P=case.with_delta(np.inf)),
+        ("P is exact without disturbance (delta inf)",),
+    ),
     "biased": (lambda case: network(case, weight=-case.K, bias=np.ones(2)), ("at the origin",)),
     "half a network": (
         lambda case: network(

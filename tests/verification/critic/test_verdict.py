@@ -21,6 +21,7 @@ from hfa import (
     verify,
 )
 from hfa.extend import Check
+from hfa_support.reporting.text import percent
 from tests.support.steps_of import in_steps
 
 network_files = Extension("network_files")
@@ -128,3 +129,21 @@ def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy() -> None:
     for wrong in (z[0, :2], np.ones((1, 2, 3)), 1.0):
         with pytest.raises(BadInputError, match=r"z has shape .*; give \(3,\) or \(N, 3\)"):
             verdict.critic.u(wrong)
+
+
+@pytest.mark.parametrize(
+    ("value", "up", "text"),
+    [
+        (31.23, True, "32 %"),
+        (31.23, False, "31 %"),
+        (634.2, True, "635 %"),
+        (634.2, False, "634 %"),
+        (-0.0, False, "0 %"),
+        (7.53e-5, False, "7.5e-05 %"),
+        (7.53e-5, True, "7.6e-05 %"),
+        (99.96, True, "100 %"),
+        (2.5e7, False, "2.5e+07 %"),
+    ],
+)
+def test_percentages_and_upper_bounds(value: float, up: bool, text: str) -> None:
+    assert percent(value, up=up) == text

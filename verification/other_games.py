@@ -1,0 +1,184 @@
+"""Search for another game of which a critic is exact: one that differs by a single number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balls import BITS, midpoints, precision
+from controller.riccati.equation import scaled_balls
+from controller.riccati.gare import Solution, solve
+from controller.riccati.proposal import FailedError, in_doubles
+from hfa_support.errors import BadInputError, NoSolutionError
+
+#: Logarithms of the numbers that are tried first, relative to the one in the middle.
+_GRID = np.linspace(-3.0, 3.0, 19) * math.log(10.0)
+#: Games with more states are not searched: it takes a few hundred solutions.
+MOST_STATES = 16
+#: Largest error of P or K in doubles, relative to its largest entry, with which a game is solved.
+_NEAR = 1e-2
+#: A logarithm of the number is sought to this accuracy: numbers are printed with four digits.
+_ACCURACY = 1e-7
+
+
+class Family(NamedTuple):
+    """Games that differ by one number.
+
+    says: number -> sentence that a matrix is exact for it, after "K is"
+    middle: number about which others are tried, by factors up to 1000
+    game: number -> the game; raises BadInputError if there is none
+    """
+
+    says: Callable[[float], str]
+    middle: float
+    game: Callable[[float], Game]
+
+
+class OtherGame(NamedTuple):
+    """A game of which a critic may be exact.
+
+    says: the sentence, after "K is"
+    matrix: its exact P or K
+    """
+
+    says: str
+    matrix: np.ndarray
+
+
+def other_games(exact: Solution, of: str, given: np.ndarray) -> Iterator[OtherGame]:
+    """Yield the games that differ by one number of which P or K is nearest to a given one.
+
+    exact: solution of the game
+    of: "P" or "K"
+    given: P or K of the critic
+    """
+    if len(given.T) > MOST_STATES:
+        return
+    game = exact.game
+    if np.isfinite(game.delta) and game.E.any():
+        says = "exact without disturbance (delta inf)"
+        with suppress(NoSolutionError):
+            yield OtherGame(says, getattr(solve(game.with_delta(math.inf)), of))
+    for family in _families(exact):
+        found = _nearest(family, of, given)
+        if found is not None:
+            yield found
+    if not game.is_discrete:
+        return
+    plant = continuous(game)
+    if plant is not None:
+        with suppress(NoSolutionError, BadInputError):
+            yield OtherGame("exact for the game in continuous time", getattr(solve(plant), of))
+
+
+def _families(exact: Solution) -> Iterator[Family]:
+    game = exact.game
+    if game.E.any():
+        own = math.isfinite(game.delta)
+        middle = game.delta if own else max(exact.delta_min, np.finfo(float).tiny)
+        instead = f", not {game.delta:.4g}" if own else ""
+        yield Family(lambda delta: f"exact for delta {delta:.4g}{instead}", middle, game.with_delta)
+    if not game.N.any():
+        yield Family(_times_R, 1.0, lambda factor: replace(game, R=factor * game.R))
+    if not game.is_discrete:
+        slowest = 1.0 / max(float(np.abs(np.linalg.eigvals(game.A)).max()), 1e-12)
+        yield Family(
+            lambda dt: f"exact for the game sampled with dt {dt:.4g} s", 0.1 * slowest, game.sampled
+        )
+        return
+    # 1 - discount, by factors
+    rest = (1.0 - game.discount) or 0.01
+    yield Family(
+        lambda less: f"exact for discount {1.0 - less:.6g}, not {game.discount:.6g}",
+        rest,
+        lambda less: replace(game, discount=1.0 - less),
+    )
+    plant = continuous(game)
+    if plant is not None and isinstance(game.dt, float):
+        own_dt = game.dt
+        yield Family(
+            lambda dt: f"exact for dt {dt:.4g} s, not {own_dt:.4g} s",
+            own_dt,
+            lambda dt: plant.sampled(dt, game.discount),
+        )
+
+
+def _times_R(factor: float) -> str:
+    return f"exact for R {factor:.4g} times as large"
+
+
+def continuous(game: Game) -> Game | None:
+    """Return the game that is sampled, or None if the step does not come from one."""
+    from scipy.linalg import logm
+
+    if not isinstance(game.dt, float):
+        return None
+    n, held = len(game.A), np.hstack([game.B, game.E])
+    size = n + held.shape[1]
+    step = np.eye(size)
+    step[:n, :n], step[:n, n:] = game.A, held
+    try:
+        rates = logm(step) / game.dt
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+    if np.iscomplexobj(rates) and np.abs(rates.imag).max() > 1e-9 * np.abs(rates).max():
+        return None
+    A, B, E = np.split(np.real(rates[:n]), [n, n + game.B.shape[1]], axis=1)
+    weights = {name: getattr(game, name) / game.dt for name in "QRN"}
+    delta = game.delta / math.sqrt(game.dt)
+    try:
+        return Game(A, B, E=E, delta=delta, names=game.names, **weights)
+    except BadInputError:  # R is singular
+        return None
+
+
+def _nearest(family: Family, of: str, given: np.ndarray) -> OtherGame | None:
+    """Return the game of a family of which P or K is nearest to a given one.
+
+    None if it is not near, or at an end of the searched range, as a gain of 0 is for an infinite R.
+    """
+    from scipy.optimize import minimize_scalar
+
+    size = float(np.abs(given).max())
+    if size == 0.0:
+        return None
+
+    def game_at(logarithm: float) -> Game:
+        return family.game(family.middle * math.exp(logarithm))
+
+    def error(logarithm: float) -> float:
+        with suppress(FailedError, BadInputError), np.errstate(all="ignore"):
+            return float(np.linalg.norm((_proposed(game_at(logarithm), of) - given) / size))
+        return math.inf
+
+    errors = [error(each) for each in _GRID]
+    best = int(np.argmin(errors))
+    if not (math.isfinite(errors[best]) and 0 < best < len(_GRID) - 1):
+        return None
+    ends = _GRID[best - 1], _GRID[best + 1]
+    options = {"xatol": _ACCURACY}
+    place = float(minimize_scalar(error, bounds=ends, method="bounded", options=options).x)
+    if not error(place) <= _NEAR:
+        return None
+    with suppress(NoSolutionError):
+        nearest = getattr(solve(game_at(place)), of)
+        return OtherGame(family.says(family.middle * math.exp(place)), nearest)
+    return None
+
+
+def _proposed(game: Game, of: str) -> np.ndarray:
+    """Return P or K of a game in doubles, which nothing proves.
+
+    Raises FailedError.
+    """
+    proposal = in_doubles(game, game.delta)
+    states = proposal.equation.units.states
+    with precision(BITS):
+        P = midpoints(scaled_balls(proposal.X, -states, -states))
+    return P if of == "P" else game.gain(P)
