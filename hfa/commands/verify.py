@@ -223,6 +223,12 @@ def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Ver
     """Return the report of the verdicts, file -> verdict."""
     if len(verdicts) > 1:
         report = verdicts_report(verdicts, request.limit_cost)
+        notes = [
+            f"{path}: {note}"
+            for path, verdict in verdicts.items()
+            for note in verdict.critic.stated.notes
+        ]
+        report = replace(report, parts=(*report.parts, *notes))
     else:
         ((source, verdict),) = verdicts.items()
         lines = [named.weights_line()]

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cli import hfa as hfa_command
 from network_files import safetensors_file, torch_file
 
 import hfa
@@ -252,3 +253,15 @@ def test_each_example_of_a_refusal_is_accepted(name: str) -> None:
         assert key not in typed
         typed[key] = value
     raise AssertionError(typed)
+
+
+def test_the_table_of_several_files_says_what_is_not_used() -> None:
+    """Also with -q, in the text and in the JSON."""
+    matrices = {"A": GAME.A, "B": GAME.B, "Q": GAME.Q, "R": GAME.R}
+    Path("plant.json").write_text(
+        json.dumps({key: each.tolist() for key, each in matrices.items()})
+    )
+    files = [str(ZIPS / f"{name}.zip") for name in ("sac", "ars")]
+    for words in (("-q",), ("-q", "--json")):
+        said = hfa_command("verify", "--model", "plant.json", "--weights", *files, *words).out
+        assert "not used: actor.log_std" in " ".join(said.split())
