@@ -31,15 +31,16 @@ if TYPE_CHECKING:
 
 #: Largest number of sheets.
 _MOST_SHEETS = 100
-#: Number of an airplane class -> its Roman number.
+#: Number of an airplane class -> its Roman number; class II alone is that on land.
 _ROMAN = {"1": "i", "2": "ii", "3": "iii", "4": "iv"}
+_ON_LAND = {"ii": "ii-l"}
 
 
 def _airplane_class(text: str) -> str:
-    """Return the class of an airplane, "iii" or "3", in upper case and Roman numbers."""
+    """Return the class of an airplane, "iii", "3" or "2", in upper case and Roman numbers."""
     number, dash, letter = text.partition("-")
     roman = f"{_ROMAN.get(number, number)}{dash}{letter}"
-    return one_of(*(name.lower() for name in CLASSES))(roman).upper()
+    return one_of(*(name.lower() for name in CLASSES))(_ON_LAND.get(roman, roman)).upper()
 
 
 def _category(text: str) -> str:

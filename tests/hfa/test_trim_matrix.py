@@ -145,6 +145,15 @@ def test_a_row_is_chosen_by_its_name(verb: str, book: Path) -> None:
     assert of_row == answer(*words, *typed, "gamma")["operating_point"]["states"]
 
 
+def test_a_stall_is_said_by_linearize_too(book: Path) -> None:
+    """The first lines of a turn have its load factor."""
+    words = ("linearize", "--aircraft", str(book / "uav.toml"), "--conditions")
+    run = command(*words, str(book / "conditions.csv"), "--row", "stall", "-q")
+    assert "STALLED: CL" in run.out.partition("\n\n")[0]
+    run = command(*words, str(book / "conditions.csv"), "--row", "turn", "-q")
+    assert "load_factor 1.3" in run.out.partition("\n\n")[0]
+
+
 REFUSED = [
     ("trim", "", "name,speed\n", "has no conditions"),
     ("trim", "", "name,speed\na,3x\n", "row 2 (a), column speed is '3x'; give a finite number"),

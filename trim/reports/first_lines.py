@@ -24,12 +24,15 @@ from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE
 from trim.reports.doubts import doubts_of
+from trim.reports.performance import stalled_at
 from trim.reports.trimmed import Trimmed
 
 #: Growth of a mode relative to the fastest mode that rounding and the tolerance of a trim cause.
 _NEUTRAL = 1e-8
 #: Smaller flight-path angles and turn rates, rad and rad/s, are those of level, straight flight.
 _LEVEL = 1e-7
+#: Difference of load factors that is said: that of a bank of 8 deg.
+_LOAD = 1e-2
 #: Names of inputs and parameters that belong to one of several engines.
 _ENGINE = re.compile(r"(throttle|thrust|power|engine)_?(?P<number>\d+|left|right)")
 #: Largest numbers of imposed values and of modes in first lines.
@@ -44,8 +47,8 @@ def without_lines(notes: Iterable[str]) -> list[str]:
 
 def first_line(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str:
     """Return what was done, the equations and the condition, and below it the unstable modes: "HFA
-    (published) trimmed: level, 68 ft/s, 40,000 ft, dihedral 10 deg", "unstable: none". What the
-    trim does not determine follows, and doubts.
+    (published) trimmed: level, 68 ft/s, 40,000 ft, dihedral 10 deg", "unstable: none".
+    Then come a stall, what the trim does not determine, and doubts.
 
     done: "trimmed" or "linearized"
     modes: modes of the linear model at the point, or None for a point that is not a trim
@@ -55,7 +58,7 @@ def first_line(trimmed: Trimmed, done: str, modes: Iterable[Mode] | None) -> str
     lines = [f"{subject(model)} {done}" + f": {condition}" * bool(condition)]
     if modes is not None:
         lines.append(_unstable([*modes], model.time_unit))
-    lines += uniqueness_lines(trimmed.given)
+    lines += [*stalled_at(trimmed), *uniqueness_lines(trimmed.given)]
     lines += [f"Check: {doubt}" for doubt in doubts_of(trimmed)]
     return wrapped("\n".join(lines), WIDTH)
 
@@ -139,7 +142,7 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
         if ISA in model.parameters and model.parameters[ISA].start:
             yield f"ISA {model.parameters[ISA].start:+g} K"
         names = [model.schedule] if model.schedule in (*model.states, *model.inputs) else []
-        names += ["load_factor"] if "accelerated" in path and "load_factor" in model.outputs else []
+        names += ["load_factor"] * _has_own_load_factor(trimmed)
         engines_out = _engines_out(trimmed, imposed)
         said = {speed, "altitude", "gamma", "turn_rate", *typed, *engines_out}
         wanted = dict.fromkeys((*names, *changed))
@@ -151,6 +154,14 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
         for name, rate in condition.rates.items():
             if rate:
                 yield f"{name}_dot {_number(model, f'{name}_dot', rate)}"
+
+
+def _has_own_load_factor(trimmed: Trimmed) -> bool:
+    """Return whether the load factor is not that of steady flight along a straight path, cos γ."""
+    if "load_factor" not in trimmed.model.outputs:
+        return False
+    path = 0.0 if math.isnan(trimmed.flight_path) else trimmed.flight_path
+    return abs(trimmed["load_factor"] - math.cos(path)) > _LOAD
 
 
 def _path_words(trimmed: Trimmed) -> Iterator[str]:
@@ -174,7 +185,7 @@ def _engines_out(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[str, str]
     """Return input or switch -> "engine 1 out (throttle1)" for each engine whose input is held at
     its lowest value, or whose switch engine1 is held at 0, while that of another one is not.
 
-    The number is that in the name of the input or parameter.
+    The first engine is engine 1, whatever the number in its name (throttle0).
     """
     model = trimmed.given.model
     all_out: dict[str, str] = {}
@@ -183,8 +194,9 @@ def _engines_out(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[str, str]
         (model.parameters, dict(zip(model.parameters, model.p.tolist(), strict=True))),
     ):
         found = {name: match for name in engines if (match := _ENGINE.fullmatch(name))}
+        in_order = sorted(found, key=lambda name: (len(name), name))
         out = {
-            name: f"engine {match['number']} out ({name})"
+            name: f"engine {_engine(match['number'], in_order.index(name))} out ({name})"
             for name, match in found.items()
             if name in imposed or engines is model.parameters
             if values[name] - max(engines[name].min, 0.0) <= ROUNDING * engines[name].nominal
@@ -192,6 +204,15 @@ def _engines_out(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[str, str]
         if len(out) < len(found):
             all_out |= out
     return all_out
+
+
+def _engine(number: str, place: int) -> str:
+    """Return the number of an engine, counted from 1, or its side.
+
+    number: number or side in its name
+    place: its place among the engines, from 0
+    """
+    return str(place + 1) if number.isdigit() else number
 
 
 def _named(point: OperatingPoint, name: str) -> str:

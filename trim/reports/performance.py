@@ -140,6 +140,13 @@ def stall_speed(trimmed: Trimmed, share: float) -> Iterator[Row]:
         yield Row("stall speed at 1 g", equivalent, "kt", f"Vs, KEAS; {true:.4g} KTAS")
 
 
+def stalled_at(trimmed: Trimmed) -> list[str]:
+    """Return sentences on a trim beyond the largest lift."""
+    if not trimmed.given.ok or not {"speed", "alpha"} <= {*trimmed.roles}:
+        return []
+    return stalled(Sheet.of([("", [*lift_and_drag(trimmed), *stall(trimmed)], ())]))
+
+
 def stalled(sheet: Sheet) -> list[str]:
     """Return sentences on a trim beyond the largest lift, by the rows of its sheet."""
     rows = {row.name: row for row in sheet}

@@ -121,7 +121,7 @@ def report_of(
     parts += [tuple(sentences)] if sentences else []
     parts += others
     controls = control_lines(trimmed, {row.name: row for row in sheet}.get("L/D"))
-    title = "\n".join(filter(None, [title_of(trimmed), *stalls, controls]))
+    title = "\n".join(filter(None, [title_of(trimmed), controls]))
     notes = point.warnings if full else without_lines(point.warnings)
     data = {
         "schema": "hfa.trim/1",

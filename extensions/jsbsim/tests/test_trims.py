@@ -226,8 +226,8 @@ def test_throttles_are_equal_and_a_stopped_engine_is_named_as_typed():
     assert point["throttle0"] == pytest.approx(point["throttle1"], abs=1e-12)
     assert abs(point["rudder"]) < 1e-12
     for failed, words in (
-        (trim(model, hold={"throttle0": 0.0}), "engine 0 out (throttle0)"),
-        (trim(model.with_parameters(engine1=0.0)), "engine 1 out (engine1)"),
+        (trim(model, hold={"throttle0": 0.0}), "engine 1 out (throttle0)"),
+        (trim(model.with_parameters(engine1=0.0)), "engine 2 out (engine1)"),
     ):
         assert abs(failed["rudder"]) > 0.05
         title = failed.report().title.replace("\n", " ")
