@@ -246,65 +246,106 @@ def _structure(
     )
 
 
+class _Expressions(NamedTuple):
+    """Equations of a trim in the units of the model, as expressions of its symbols.
+
+    given: imposed value that is not 0 -> its symbol
+    free: variable that is not imposed -> its symbol
+    p: symbols of the parameters
+    x, u, y: states, inputs, and watched states and outputs
+    residual: r in scaled units, (e, 1)
+    """
+
+    given: dict[str, ca.SX]
+    free: dict[str, ca.SX]
+    p: ca.SX
+    x: ca.SX
+    u: ca.SX
+    y: ca.SX
+    residual: ca.SX
+
+
+def _expressions(structure: Structure) -> _Expressions:
+    """Return the model's equations at the variables of a trim, with its imposed values."""
+    layout = structure.layout
+    (p,) = layout.symbols("p")
+    given = {name: ca.SX.sym(name) for name in structure.given}
+    free = {unknown.name: ca.SX.sym(unknown.name) for unknown in structure.unknowns}
+    variables = {**dict.fromkeys(layout.variables, ca.SX(0)), **given, **free}
+    # A variable whose effect a zero parameter switches off is in no equation.
+    parameters = _column(
+        ca.SX(0) if name in structure.zero else symbol
+        for name, symbol in zip(layout.names.parameters, components(p), strict=True)
+    )
+    outputs = [row.name for row in structure.rows if not row.is_rate]
+    watched = [signal.name for signal in structure.watched]
+    x, u, f, seen = layout.in_variables(variables, parameters, (*outputs, *watched))
+    rates = dict(zip(layout.names.states, components(f), strict=True))
+    seen_by_name = dict(zip((*outputs, *watched), components(seen), strict=True))
+    residual = _column(
+        ((rates if row.is_rate else seen_by_name)[row.name] - given.get(row.imposed, 0.0))
+        / row.scale
+        for row in structure.rows
+    )
+    y = _column(seen_by_name[name] for name in watched)
+    return _Expressions(given, free, p, x, u, y, residual)
+
+
+class _Dependence(NamedTuple):
+    """Rows (equations) and columns (unknowns) of a Jacobian by its pattern of zeros.
+
+    moved: equations that depend on an unknown
+    unmoved: the other equations
+    active: unknowns that are in an equation
+    """
+
+    moved: list[int]
+    unmoved: list[int]
+    active: list[int]
+
+
+def _dependence(jacobian: ca.SX) -> _Dependence:
+    """Return which equations depend on an unknown, and which unknowns are in an equation."""
+    has_entry = ca.DM(ca.sparsify(jacobian).sparsity(), 1).full() != 0.0
+    depends, acts = has_entry.any(axis=1), has_entry.any(axis=0)
+    return _Dependence(*(np.flatnonzero(mask).tolist() for mask in (depends, ~depends, acts)))
+
+
 @lru_cache(maxsize=16)
 def equations(structure: Structure) -> Equations:
     """Return the equations of a trim as CasADi expressions.
+
+    The free variables that are in an equation become the unknowns z, divided by their scales.
 
     structure: unknowns and equations
 
     Raises BadInputError for a free variable that affects the equations only in steps.
     """
-    layout = structure.layout
-    (p,) = layout.symbols("p")
-    given = {name: ca.SX.sym(name) for name in structure.given}
-    free = {unknown.name: ca.SX.sym(unknown.name) for unknown in structure.unknowns}
-    values = {**dict.fromkeys(layout.variables, ca.SX(0)), **given, **free}
-    outputs = [row.name for row in structure.rows if not row.is_rate]
-    watched = [signal.name for signal in structure.watched]
-    # A variable whose effect a zero parameter switches off is in no equation.
-    in_equations = _column(
-        ca.SX(0) if name in structure.zero else symbol
-        for name, symbol in zip(layout.names.parameters, components(p), strict=True)
-    )
-    x, u, f, seen = layout.in_variables(values, in_equations, (*outputs, *watched))
-    rates = dict(zip(layout.names.states, components(f), strict=True))
-    seen_by_name = dict(zip((*outputs, *watched), components(seen), strict=True))
-
-    residuals = []
-    for row in structure.rows:
-        value = rates[row.name] if row.is_rate else seen_by_name[row.name]
-        residuals.append((value - given.get(row.imposed, 0.0)) / row.scale)
-    sensitivity = ca.jacobian(ca.vertcat(*residuals), _column(free.values()))
-    layout.refuse_steps(sensitivity, list(free))
-    depends = ca.DM(ca.sparsify(sensitivity).sparsity(), 1).full() != 0.0
-    affected = np.flatnonzero(depends.any(axis=1)).tolist()  # rows
-    unaffected = np.flatnonzero(~depends.any(axis=1)).tolist()
-    active = np.flatnonzero(depends.any(axis=0)).tolist()  # columns
+    e = _expressions(structure)
+    of_all = ca.jacobian(e.residual, _column(e.free.values()))
+    structure.layout.refuse_steps(of_all, list(e.free))
+    moved, unmoved, active = _dependence(of_all)
+    jacobian = ca.sparsify(of_all)[moved, active]
     solved = tuple(structure.unknowns[column] for column in active)
-    idle = tuple(name for name in free if name not in {unknown.name for unknown in solved})
-    jacobian = ca.sparsify(sensitivity)[affected, active]
-    is_square = bool(active) and len(affected) == len(active)
+    names = {unknown.name for unknown in solved}
+    idle = tuple(name for name in e.free if name not in names)
 
     z = ca.SX.sym("z", len(solved))
     scales = ca.DM([unknown.scale for unknown in solved])
-    sought = _column(free[unknown.name] for unknown in solved)
-    parts = [
-        x,
-        u,
-        _column(seen_by_name[name] for name in watched),
-        ca.vertcat(*(residuals[row] for row in (*affected, *unaffected))),
-        ca.densify(jacobian) @ ca.diag(scales),
-    ]
+    sought = _column(e.free[unknown.name] for unknown in solved)
+    in_order = e.residual[[*moved, *unmoved]]
+    parts = [e.x, e.u, e.y, in_order, ca.densify(jacobian) @ ca.diag(scales)]
     x, u, y, residual, jacobian_of_z = ca.substitute(parts, [sought], [z * scales])
+    is_square = bool(active) and len(moved) == len(active)
     return Equations(
-        layout=layout,
+        layout=structure.layout,
         solved=solved,
         idle=idle,
-        rows=tuple(structure.rows[row] for row in (*affected, *unaffected)),
-        moved=len(affected),
+        rows=tuple(structure.rows[row] for row in (*moved, *unmoved)),
+        moved=len(moved),
         constants=(*structure.given, *idle),
         z=z,
-        c=_column((*given.values(), *(free[name] for name in idle), *components(p))),
+        c=_column((*e.given.values(), *(e.free[name] for name in idle), *components(e.p))),
         x=x,
         u=u,
         y=ca.densify(y),
