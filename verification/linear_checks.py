@@ -12,11 +12,12 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import stability
+from controller.riccati.balls import ball_matrix
 from controller.riccati.bilinear import System
 from controller.riccati.excess import Excess, excess_of, without_bound
-from controller.riccati.frequency_response import bounded_real_gain, loop_gain
+from controller.riccati.frequency_response import loop_gain
 from controller.riccati.gare import Solution
-from controller.riccati.margins import DiskMargin, disk_margin
+from controller.riccati.margins import DiskMargin, disk_of
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import balanced
 from hfa_support.reporting.checks import Check, at_least
@@ -105,7 +106,8 @@ def _stability_checks(
     is_exact: whether K is that of the exact solution
     """
     game = exact.game
-    value, limit = stability(game.A - game.B @ critic.K, is_discrete=game.is_discrete)
+    loop = exact.level.with_gain(ball_matrix(critic.K))
+    value, limit = stability(loop, is_discrete=game.is_discrete)
     if not game.is_discrete:
         unstable = f"A - B K is not Hurwitz (abscissa {value:+.3g} 1/s)"
         name = "control_loop_abscissa"
@@ -125,34 +127,35 @@ def _stability_checks(
 
 def _graded(exact: Solution, critic: Critic, excess: Excess) -> GradedLoop:
     """Return cost, L2 gain and distance to instability of a loop, and those of the optimum."""
-    game, K = exact.game, critic.K
     is_stable = excess.is_stable
     return GradedLoop(
         worst=100.0 * excess.high,
         mean=100.0 * excess.mean,
         at=excess.worst if _has_worst(excess) else None,
-        gain=bounded_real_gain(game, K) if is_stable else math.inf,
-        exact_gain=bounded_real_gain(game, exact.K),
-        distance=_distance(game, K) if is_stable else 0.0,
-        exact_distance=_distance(game, exact.K),
+        gain=exact.level.l2_gain(ball_matrix(critic.K)) if is_stable else math.inf,
+        exact_gain=exact.l2_gain,
+        distance=_distance(exact.game, critic.K) if is_stable else 0.0,
+        exact_distance=_distance(exact.game, exact.K),
     )
 
 
 def _distance(game: Game, K: np.ndarray) -> float:
     """Return the distance to instability of a stable loop: 1 / max |(s - M)⁻¹| over the boundary,
-    relative to the norm of M, with M = A - B K in balanced units.
+    relative to the norm of M, with M = A - B K in balanced units; 0 where rounding of M hides it.
     """
     M, _ = balanced(game.A - game.B @ K)
     one = np.eye(len(M))
-    resolvent = loop_gain(System(M, one, one, 0.0 * one), is_discrete=game.is_discrete)
     norm = float(np.linalg.norm(M, 2))
-    return 1.0 / (resolvent.high * norm) if norm > 0.0 else 0.0
+    with suppress(NoSolutionError):
+        resolvent = loop_gain(System(M, one, one, 0.0 * one), is_discrete=game.is_discrete)
+        return 1.0 / (resolvent.high * norm) if norm > 0.0 else 0.0
+    return 0.0
 
 
 def _loop_section(exact: Solution, K: np.ndarray, excess: Excess, graded: GradedLoop) -> Section:
     """Return the section with cost, gain, distance to instability and margins of a loop."""
     game = exact.game
-    learned, best = _disk_margin(game, K), _disk_margin(game, exact.K)
+    learned, best = _disk_margin(exact, K), exact.disk_margin
     rows = [
         ("% above the optimum, worst case", _percent(excess, excess.high), "0"),
         ("% above the optimum, mean over cases", _percent(excess, excess.mean), "0"),
@@ -221,12 +224,12 @@ def value_check(exact: Solution, P: np.ndarray, box: np.ndarray, limit: float) -
     return at_least("P_smallest_eigenvalue", smallest / unit, least, indefinite, kind="cost")
 
 
-def _disk_margin(game: Game, K: np.ndarray) -> DiskMargin | None:
+def _disk_margin(exact: Solution, K: np.ndarray) -> DiskMargin | None:
     """Return the disk margin of u = -K z, or None if the loop is not stable."""
     if not np.isfinite(K).all():
         return None
     with suppress(NoSolutionError):
-        return disk_margin(game, K)
+        return disk_of(exact.level.at_inputs(ball_matrix(K)))
     return None
 
 

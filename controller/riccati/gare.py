@@ -13,13 +13,11 @@ from controller.game.q_function import q_function
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
 from controller.riccati.balls import ball_matrix, identity, midpoints, precision
-from controller.riccati.bilinear import System
 from controller.riccati.certificate import Certificate, certificate_of
 from controller.riccati.enclosure import Enclosure, decided, lyapunov_enclosure
-from controller.riccati.frequency_response import loop_gain
 from controller.riccati.level import Level, levelled
 from controller.riccati.loop_margins import LoopMargin, named_margins, single_margin
-from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of, loop_of
+from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of
 from controller.riccati.refusal import ModeError, why_never
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_aircraft.names import PlantNames
@@ -112,11 +110,7 @@ class Solution(Result, Reported):
     @cached_property
     def l2_gain(self) -> float:
         """L2 gain of the closed loop with u = -K z, from d to the cost (`bounded_real_gain`)."""
-        root = math.sqrt(self.game.discount)
-        outputs, E = self.level.outputs, root * self.level.disturbances
-        through = np.zeros((len(outputs), E.shape[1]))
-        system = System(root * self.level.loop, E, outputs, through)
-        return loop_gain(system, is_discrete=self.game.is_discrete).high
+        return self.level.l2_gain(self.enclosure.K)
 
     @cached_property
     def closed_loop_eigenvalues(self) -> Roots:
@@ -190,8 +184,7 @@ class Solution(Result, Reported):
     @cached_property
     def _loop_at_inputs(self) -> ClosedLoop:
         """M = S - I/2 at all inputs of the closed loop."""
-        level = self.level
-        return loop_of(level.loop, level.inputs, -level.rows(self.enclosure.K), self.game)
+        return self.level.at_inputs(self.enclosure.K)
 
     @cached_property
     def loops(self) -> tuple[LoopMargin, ...]:

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.riccati.balls import Balls, ball_matrix, identity, midpoints, precision
+from controller.riccati.bilinear import System
 from controller.riccati.equation import scaled_balls
-from controller.riccati.frequency_response import scaled_root
+from controller.riccati.frequency_response import loop_gain, scaled_root
+from controller.riccati.margins import ClosedLoop, loop_of
 
 if TYPE_CHECKING:
     from flint import arb_mat
@@ -64,18 +66,15 @@ class Level:
     @cached_property
     def loop(self) -> np.ndarray:
         """A - B K, (n, n), without discount."""
-        return self._of_gain(self.enclosure.K)
+        return self.with_gain(self.enclosure.K)
 
     @cached_property
     def worst_loop(self) -> np.ndarray:
         """A - B K + E L, (n, n), without discount."""
         return self.game_loop / math.sqrt(self.enclosure.game.discount)
 
-    def with_gain(self, K: np.ndarray) -> np.ndarray:
+    def with_gain(self, K: arb_mat) -> np.ndarray:
         """Return A - B K of any gain, (n, n), without discount."""
-        return self._of_gain(ball_matrix(K))
-
-    def _of_gain(self, K: arb_mat) -> np.ndarray:
         game, states = self.enclosure.game, self.enclosure.proved.equation.units.states
         with precision(self.enclosure.bits):
             loop = ball_matrix(game.A) - ball_matrix(game.B) * K
@@ -104,12 +103,25 @@ class Level:
         with precision(self.enclosure.bits):
             return midpoints(scaled_balls(matrix, none, states) * self.from_level)
 
-    @cached_property
-    def outputs(self) -> np.ndarray:
-        """C with y'C'C y = z'(Q - N K - K'N' + K'R K) z, the cost rate of u = -K z, (n + m, n)."""
+    def l2_gain(self, K: arb_mat) -> float:
+        """Return the L2 gain from d to the cost with u = -K z, as `bounded_real_gain` does.
+
+        Raises NoSolutionError as `loop_gain` does.
+        """
         game = self.enclosure.game
-        both = np.vstack([self.rows(identity(len(game.A))), -self.rows(self.enclosure.K)])
-        return scaled_root(game.weights).T @ both
+        root = math.sqrt(game.discount)
+        both = np.vstack([self.rows(identity(len(game.A))), -self.rows(K)])
+        outputs, E = scaled_root(game.weights).T @ both, root * self.disturbances
+        through = np.zeros((len(outputs), E.shape[1]))
+        system = System(root * self.with_gain(K), E, outputs, through)
+        return loop_gain(system, is_discrete=game.is_discrete).high
+
+    def at_inputs(self, K: arb_mat) -> ClosedLoop:
+        """Return M = S - I/2 at all inputs of the closed loop with u = -K z.
+
+        Raises NoSolutionError if a pole is not stable.
+        """
+        return loop_of(self.with_gain(K), self.inputs, -self.rows(K), self.enclosure.game)
 
 
 def levelled(enclosure: Enclosure) -> Level:
