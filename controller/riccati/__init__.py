@@ -1,1 +1,1 @@
-"""Exact solutions of games, each certified by two independent derivations."""
+"""Exact solutions of games, each proved in ball arithmetic."""
