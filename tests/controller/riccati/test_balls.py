@@ -1,0 +1,97 @@
+"""Balls in doubles contain what the arithmetic of FLINT computes with many bits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from flint import arb, arb_mat
+
+from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, midpoints, precision
+
+#: Sums of thirds cancel: only their last digits remain.
+OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
+    "sum": lambda left, right: left + right,
+    "difference": lambda left, right: left - right,
+    "product": lambda left, right: left @ right,
+    "transpose": lambda left, right: left.T @ right.T,
+    "multiple": lambda left, right: left.times(arb(1) / 3),
+    "beside": lambda left, right: left.beside(right),
+    "block": lambda left, right: (-left).block(slice(1, 3), slice(2)),
+}
+
+
+def samples(seed: int) -> list[arb_mat]:
+    """Return two matrices of thirds, (4, 4), whose differences and products nearly cancel."""
+    rng = np.random.default_rng(seed)
+    third = arb(1) / 3
+    numbers = rng.integers(-9, 10, (4, 4)).astype(float)
+    first = ball_matrix(numbers) * third
+    second = first + ball_matrix(rng.standard_normal((4, 4)) * 2.0**-50)
+    return [first.mid(), second.mid()]
+
+
+@pytest.mark.parametrize("operation", OPERATIONS)
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("radius", [None, 0.0, 1e-3])
+def test_an_operation_contains_the_exact_result(
+    operation: str, seed: int, radius: float | None
+) -> None:
+    """Of exact doubles, of thirds in balls, and of the corners of wider balls."""
+    compute = OPERATIONS[operation]
+    with precision(256):
+        exact = samples(seed)
+        if radius is None:
+            radius, exact = 0.0, [ball_matrix(midpoints(each)) for each in exact]
+            wide = [DoubleBalls.of(midpoints(each)) for each in exact]
+        else:
+            wide = [DoubleBalls.of(each) for each in exact]
+        wide = [DoubleBalls(each.midpoint, each.radius + radius) for each in wide]
+        found = compute(*wide)
+        ones = ball_matrix(np.ones((4, 4)) * radius)
+        for signs in ((0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+            moved = [Balls(each + ones * sign) for each, sign in zip(exact, signs, strict=True)]
+            result = compute(*moved).matrix
+            error = result - ball_matrix(found.midpoint)
+            limits = ball_matrix(found.radius).entries()
+            assert all(abs(e) <= limit for e, limit in zip(error.entries(), limits, strict=True))
+
+
+@pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
+def test_norms_are_upper_bounds(arithmetic: type[Balls | DoubleBalls]) -> None:
+    """Also of a tiny or an undefined row, which hides nothing."""
+    with precision(256):
+        for seed in range(5):
+            matrix = np.random.default_rng(seed).standard_normal((4, 4))
+            values = np.linalg.svd(matrix, compute_uv=False)
+            balls = arithmetic.of(matrix)
+            assert balls.norm() >= arb(values[0] * (1 - 1e-12))
+            assert balls.inverse_norm() >= arb((1 - 1e-9) / values[-1])
+        assert arithmetic.of(np.diag([1e-300, 1e-200])).norm() >= arb(1e-200)
+        for rows in ([1.0, np.nan], [np.nan, 1.0]):
+            assert not arithmetic.of(np.diag(rows)).norm().is_finite()
+        assert not arithmetic.of(np.ones((2, 2))).inverse_norm().is_finite()
+
+
+@pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
+def test_only_positive_matrices_are_proved_positive(
+    arithmetic: type[Balls | DoubleBalls],
+) -> None:
+    """In balls, all of which must be positive."""
+    with precision(256):
+        for seed in range(5):
+            modes = np.linalg.qr(np.random.default_rng(seed).standard_normal((4, 4)))[0]
+            for least, is_positive in ((0.1, True), (-1e-3, False), (-1e-13, False)):
+                matrix = modes @ np.diag([least, 1.0, 2.0, 3.0]) @ modes.T
+                balls = arithmetic.of((matrix + matrix.T) / 2.0)
+                assert balls.is_positive_definite() == is_positive
+            middle = ball_matrix((modes @ np.diag([0.1, 1.0, 2.0, 3.0]) @ modes.T).round(6))
+            middle = (middle + middle.transpose()) * 0.5
+            for size, is_positive in ((1e-3, True), (0.5, False)):
+                around = arithmetic.around(middle.mid(), [arb(size)] * 4)
+                assert around.is_positive_definite() == is_positive
+        assert not arithmetic.of(np.ones((2, 2))).is_positive_definite()
+        assert not arithmetic.of(np.diag([1.0, np.nan])).is_positive_definite()
+        assert not arithmetic.of(np.diag([1.0, 0.0])).is_positive_definite()

@@ -1,0 +1,88 @@
+"""Games that were once solved wrongly, or wrongly refused, through the public face."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from stored_games import stored
+
+from controller import minimum_delta
+from hfa import Game, NoSolutionError, solve
+
+#: COMPleib's AC4 (F. Leibfritz, COMPleib: COnstraint Matrix-optimization Problem library, 2004).
+AC4 = json.loads((Path(__file__).parent / "compleib_ac4.json").read_text(encoding="utf-8"))
+
+
+def ac4(delta: float = math.inf) -> Game:
+    return Game(**{name: np.array(AC4[name]) for name in "ABEQRN"}, delta=delta)
+
+
+def test_the_smallest_delta_of_compleib_ac4() -> None:
+    """It is 0.019678875, whose plant has rates of 0.009 to 30 1/s and weights up to rounding."""
+    smallest = minimum_delta(ac4())
+    assert smallest.refused < 0.019678875 < smallest.value
+    assert smallest.value <= smallest.refused * 1.000001
+    for delta in (0.0198, 0.019678877):
+        assert solve(ac4(delta=delta)).poles().real.max() < 0.0
+    with pytest.raises(NoSolutionError, match="delta_min"):
+        solve(ac4(delta=0.019678873))
+
+
+def test_poles_of_a_gain_that_hides_a_mode() -> None:
+    """The input reaches the mode of 0.5 by 1e-8, and K is 1e8: A - B K is not computed in doubles."""
+    game = Game(
+        [[-0.04, -0.72], [-0.72, -0.46]],
+        [[0.599999992], [0.8000000060000001]],
+        Q=np.eye(2),
+        R=[[1.0]],
+    )
+    solution = solve(game)
+    poles = np.sort(solution.poles().real)
+    np.testing.assert_allclose(poles, [-(2.0**0.5), -0.5], rtol=1e-7)
+
+
+def of_cross_weights(N: list[list[float]], R: float) -> Game:
+    """Return a game with Q = N R⁻¹ N', in which u = -R⁻¹ N' z costs nothing."""
+    A, B, E = [[-1.0, 0.3], [0.2, -2.0]], [[1.0], [0.4]], [[1.0], [0.5]]
+    return Game(A, B, E=E, Q=np.array(N) @ np.transpose(N) / R, R=[[R]], N=N)
+
+
+def test_weights_without_cost_have_zero_value() -> None:
+    """If Q = N R⁻¹ N', P is 0 and K is R⁻¹ N'; up to rounding, if Q is rounded."""
+    exact = solve(of_cross_weights([[1.0], [2.0]], 4.0))
+    assert not exact.P.any()
+    np.testing.assert_array_equal(exact.K, [[0.25, 0.5]])
+    rounded = solve(of_cross_weights([[1.43], [0.91]], 1.69))
+    assert np.abs(rounded.P).max() < 1e-15
+    np.testing.assert_allclose(rounded.K, [[1.43 / 1.69, 0.91 / 1.69]], rtol=1e-14)
+    assert not any(", and P is positive" in line for line in rounded.certificate.proved)
+
+
+def test_an_undamped_mode_up_to_rounding_is_refused() -> None:
+    """The rotation by 1.035 rad has no cost, and |0.5105 ± 0.8599i| is 1 up to the last digit."""
+    A = [
+        [0.5104936203013956, 0.8598815404644844, 0.0],
+        [-0.8598815404644844, 0.5104936203013956, 0.0],
+        [0.0, 0.0, 1.0],
+    ]
+    game = Game(A, [[-0.32], [1.37], [0.26]], Q=np.diag([0.0, 0.0, 1.0]), R=[[1.0]], dt=True)
+    with pytest.raises(NoSolutionError, match=r"eigenvalue 0\.5 ± 0\.8599i .* undamped"):
+        solve(game)
+
+
+@pytest.mark.parametrize("kind", ["disturbance", "cross", "discrete", "scaled"])
+def test_no_value_just_below_the_smallest_delta(kind: str) -> None:
+    """The stored smallest delta is right to 5e-9."""
+    each = next(
+        found
+        for found in (stored(kind, number) for number in range(50))
+        if found.delta_min > 0.0 and found.game.E.any()
+    )
+    with pytest.raises(NoSolutionError):
+        solve(each.game.with_delta(each.delta_min * (1.0 - 1e-7)))
+    above = each.game.with_delta(each.delta_min * (1.0 + 1e-7))
+    assert np.linalg.eigvalsh(solve(above).P).min() >= -1e-9 * np.abs(solve(above).P).max()

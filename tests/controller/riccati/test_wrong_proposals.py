@@ -1,0 +1,252 @@
+"""The checker refuses wrong proposals for games of several states, however they are made.
+
+The games are uncoupled scalar games, whose roots are known, in other states.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from flint import arb, arb_mat
+
+from controller.riccati.balls import Balls, DoubleBalls, ball_matrix, precision
+from controller.riccati.equation import Equation, equation_of, users_units
+from controller.riccati.proof import (
+    NotProvedError,
+    Stabilizing,
+    lyapunov_ball,
+    prove_value,
+    stabilizing,
+)
+from hfa import Game
+
+BITS = 256
+#: States z = T y of the uncoupled ones, with an inverse of integers.
+T = np.array([[1.0, 2.0], [1.0, 3.0]])
+T_INVERSE = np.array([[3.0, -2.0], [-1.0, 1.0]])
+
+
+class Roots(NamedTuple):
+    """Game of two states, and the roots of its uncoupled equations as fractions.
+
+    right: of the stabilizing solution
+    wrong: the other ones
+    """
+
+    game: Game
+    right: tuple[tuple[int, int], tuple[int, int]]
+    wrong: tuple[tuple[int, int], tuple[int, int]]
+
+
+def in_other_states(
+    a: list[float], b: list[float], e: list[float], q: list[float], **others: object
+) -> Game:
+    A, B, E = T @ np.diag(a) @ T_INVERSE, T @ np.diag(b), T @ np.diag(e)
+    Q = T_INVERSE.T @ np.diag(q) @ T_INVERSE
+    return Game(A, B, E=E, Q=Q, R=np.eye(2), **others)  # type: ignore[arg-type]
+
+
+ONES = [1.0, 1.0]
+GAMES = {
+    # P² - 2 a P - q = 0
+    "continuous": Roots(
+        in_other_states([1.0, -1.0], ONES, ONES, [3.0, 8.0]),
+        ((3, 1), (2, 1)),
+        ((-1, 1), (-4, 1)),
+    ),
+    # P² - 8/3 a P - 4/3 q = 0
+    "disturbed": Roots(
+        in_other_states([0.75, 1.5], ONES, ONES, [2.25, 9.0], delta=2.0),
+        ((3, 1), (6, 1)),
+        ((-1, 1), (-2, 1)),
+    ),
+    # (1 + P) (1 + other P) = a², and the product of the roots is -q.
+    "discrete": Roots(
+        in_other_states([2.0, 2.0], ONES, ONES, [0.0, 3.5], dt=True),
+        ((3, 1), (7, 1)),
+        ((0, 1), (-1, 2)),
+    ),
+    # The same for 15/16 P.
+    "discrete, disturbed": Roots(
+        in_other_states([2.0, 3.0], ONES, ONES, [0.0, 0.0], delta=4.0, dt=True),
+        ((16, 5), (128, 15)),
+        ((0, 1), (0, 1)),
+    ),
+}  # fmt: skip
+
+
+def solution(roots: list[tuple[int, int]]) -> arb_mat:
+    """Return T'⁻¹ diag(roots) T⁻¹."""
+    first, second = (arb(above) / below for above, below in roots)
+    back = ball_matrix(T_INVERSE)
+    return back.transpose() * arb_mat([[first, 0], [0, second]]) * back
+
+
+def solved(F: arb_mat, *, is_discrete: bool) -> arb_mat:
+    """Return Y of F'Y + Y F = -1, in discrete time of F'Y F - Y = -1, as one linear system."""
+    n = F.nrows()
+    rows = []
+    for i, j in product(range(n), repeat=2):
+        row = []
+        for k, m in product(range(n), repeat=2):
+            if is_discrete:
+                row.append(F[k, i] * F[m, j] - (i == k and j == m))
+            else:
+                row.append((j == m) * F[k, i] + (i == k) * F[m, j])
+        rows.append(row)
+    right = arb_mat([[-arb(int(i == j))] for i, j in product(range(n), repeat=2)])
+    entries = arb_mat(rows).solve(right).entries()
+    return arb_mat([entries[n * i : n * i + n] for i in range(n)]).mid()
+
+
+def exact_Y(equation: Equation[Balls], X: arb_mat) -> arb_mat:
+    """Return Y of the loop of both players at X."""
+    gains, _ = equation.gains_and_residual(X.mid())
+    F = equation.loop(Balls(X.mid()), Balls(gains)).matrix
+    return solved(F.mid(), is_discrete=equation.is_discrete)
+
+
+def around(found: Stabilizing[Balls]) -> arb_mat:
+    return Balls.around(found.X, found.spread).matrix
+
+
+def contains(balls: arb_mat, exact: arb_mat) -> bool:
+    pairs = zip(balls.entries(), exact.entries(), strict=True)
+    return all(ball.overlaps(entry) for ball, entry in pairs)
+
+
+@pytest.mark.parametrize("name", GAMES)
+@pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
+def test_other_invariant_subspaces_are_refused(
+    name: str, arithmetic: type[Balls | DoubleBalls]
+) -> None:
+    """They solve the equation, and an indefinite Y solves that of their unstable loop."""
+    game, right, wrong = GAMES[name]
+    with precision(BITS):
+        equation = equation_of(game, users_units(game), Balls)
+        truth = solution(list(right))
+        Y = exact_Y(equation, truth)
+        assert contains(around(stabilizing(equation, truth, Y, arithmetic)), truth)
+        for mixed in ([wrong[0], right[1]], [right[0], wrong[1]], list(wrong)):
+            X = solution(mixed)
+            own = exact_Y(equation, X)
+            for lie in (own, -own, Y):
+                with pytest.raises(NotProvedError):
+                    stabilizing(equation, X, lie, arithmetic)
+
+
+@pytest.mark.parametrize("name", GAMES)
+@pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
+def test_accepted_proposals_contain_the_solution_and_its_gains(
+    name: str, arithmetic: type[Balls | DoubleBalls]
+) -> None:
+    """However far X is changed, with the exact Y of X and with that of the solution."""
+    game, right, _ = GAMES[name]
+    rng = np.random.default_rng(1)
+    accepted = 0
+    with precision(BITS):
+        equation = equation_of(game, users_units(game), Balls)
+        truth = solution(list(right))
+        gains = equation.gains_and_residual(truth)[0]
+        for size in (0.0, 1e-40, 1e-12, 1e-6, 1e-3, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0):
+            change = T_INVERSE.T @ rng.standard_normal((2, 2)) @ T_INVERSE
+            X = truth + ball_matrix(size * (change + change.T))
+            for lie in (exact_Y(equation, X), exact_Y(equation, truth)):
+                try:
+                    found = stabilizing(equation, X, lie, arithmetic)
+                except NotProvedError:
+                    assert size > 1e-6
+                    continue
+                accepted += 1
+                assert contains(around(found), truth)
+                assert contains(found.gains, gains)
+    assert accepted >= 8
+
+
+@pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
+@pytest.mark.parametrize(
+    "game",
+    [
+        # P² - 2 P + 1.1 = 0 has no root.
+        in_other_states([-1.0, -1.0], [0.0, 1.0], [1.0, 0.0], [1.1, 8.0], delta=1.0),
+        # P² - 1.05 P + 0.3 = 0, too.
+        in_other_states([0.5, 2.0], [0.0, 1.0], [1.0, 0.0], [0.3, 3.5], delta=1.0, dt=True),
+    ],
+)
+def test_nothing_is_accepted_where_there_is_no_solution(
+    game: Game, arithmetic: type[Balls | DoubleBalls]
+) -> None:
+    """With the exact Y of the stable loop of each proposal; its second root is right."""
+    second = 7 if game.is_discrete else 2
+    with precision(BITS):
+        equation = equation_of(game, users_units(game), Balls)
+        for hundredths in range(0, 48, 4) if game.is_discrete else range(-100, 100, 10):
+            X = solution([(hundredths, 100), (second, 1)])
+            with pytest.raises(NotProvedError):
+                stabilizing(equation, X, exact_Y(equation, X), arithmetic)
+
+
+@pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
+def test_nothing_is_accepted_just_below_the_smallest_delta(
+    arithmetic: type[Balls | DoubleBalls],
+) -> None:
+    """P² - (0.75 + q) P + q = 0 has the double root 0.5 at q = 0.25, and none just above."""
+    game = Game([[0.5]], [[0.0]], E=[[1.0]], Q=[[0.2505]], R=[[1.0]], delta=1.0, dt=True)
+    with precision(BITS):
+        equation = equation_of(game, users_units(game), Balls)
+        for X in np.linspace(0.3, 0.49, 20):
+            proposal = ball_matrix(np.array([[X]]))
+            with pytest.raises(NotProvedError):
+                stabilizing(equation, proposal, exact_Y(equation, proposal), arithmetic)
+
+
+@pytest.mark.parametrize("arithmetic", [Balls, DoubleBalls])
+@pytest.mark.parametrize(
+    ("game", "roots", "control"),
+    [
+        # The loop without disturbance is 1, the one with it -1/2.
+        (
+            in_other_states([1.0, -1.0], [0.0, 1.0], [1.0, 0.0], [0.75, 8.0], delta=1.0),
+            [(-3, 2), (2, 1)],
+            [1.0, -3.0],
+        ),
+        # The disturbance gains 2 - 1 in each step.
+        (
+            in_other_states([0.5, 2.0], [0.0, 1.0], [1.0, 0.0], [2.5, 3.5], delta=1.0, dt=True),
+            [(2, 1), (7, 1)],
+            [0.5, 0.25],
+        ),
+    ],
+)
+def test_a_stabilizing_solution_of_two_states_may_be_no_value(
+    game: Game,
+    roots: list[tuple[int, int]],
+    control: list[float],
+    arithmetic: type[Balls | DoubleBalls],
+) -> None:
+    with precision(BITS):
+        equation = equation_of(game, users_units(game), Balls)
+        X = solution(roots)
+        shape = exact_Y(equation, X)
+        found = stabilizing(equation, X, shape, arithmetic)
+        loop = ball_matrix(T @ np.diag(control) @ T_INVERSE)
+        own = solved(loop, is_discrete=game.is_discrete)
+        for lie in (None, own, -own, shape):
+            with pytest.raises(NotProvedError):
+                prove_value(found, lie)
+
+
+@pytest.mark.parametrize("is_discrete", [False, True])
+def test_no_lyapunov_ball_of_an_unstable_loop(is_discrete: bool) -> None:
+    """Though D and an indefinite Y solve their equations."""
+    rates = [0.5, 3.0] if is_discrete else [-1.0, 2.0]
+    with precision(BITS):
+        F = ball_matrix(T @ np.diag(rates) @ T_INVERSE)
+        Y = solved(F, is_discrete=is_discrete)
+        one = ball_matrix(np.eye(2))
+        for lie in (Y, -Y):
+            with pytest.raises(NotProvedError):
+                lyapunov_ball(F, one, Y, lie, is_discrete=is_discrete)
