@@ -9,7 +9,7 @@ import pytest
 from project import ROOT
 
 import hfa
-from hfa_aircraft.units import in_si
+from hfa_aircraft import in_si
 
 UAV = hfa.load_model(f"{ROOT}/examples/uav.toml")
 #: Output -> factor of a mistake, and a word of its doubt.

@@ -12,7 +12,6 @@ from known_models import game_at, model_at
 import hfa
 from controller import bounded_real_gain, disk_margin
 from hfa import solve, verify
-from hfa_support.reporting.results import plain
 from verification import nonlinear_plant
 
 
@@ -29,7 +28,7 @@ def test_a_gain_above_delta_fails_and_margins_are_of_both_policies() -> None:
     assert gain.value > gain.limit == game.delta
     assert (gain.ok, verdict.stabilizing, verdict.grade) == (False, True, "fail")
     assert replace(verdict, cost_lost=0.1).grade == "fail"
-    data = plain(verdict)
+    data = verdict.to_dict()
     assert data["disk_margin"] == pytest.approx(disk_margin(game, K).disk)
     assert data["disk_margin_exact"] == pytest.approx(disk_margin(game, solve(game).K).disk)
     assert data["disk_margin"] != pytest.approx(data["disk_margin_exact"], rel=1e-3)
