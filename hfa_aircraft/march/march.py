@@ -65,25 +65,6 @@ def saturated(value: Any, lowest: Any, highest: Any) -> Any:
     return ca.fmin(ca.fmax(value, lowest), highest)
 
 
-class Free:
-    """Loop without held inputs.
-
-    starts: initial states, (N, n)
-    """
-
-    def __init__(self, stepper: Stepper, starts: np.ndarray) -> None:
-        self.stepper = stepper
-        self._starts = starts
-
-    def start(self) -> np.ndarray:
-        """Return the initial states, (N, n)."""
-        return self._starts
-
-    def hold(self, tick: int, time: float, state: np.ndarray, flying: np.ndarray) -> np.ndarray:
-        """Return an array (F, 0)."""
-        return state[:, :0]
-
-
 class Rows:
     """Loop of many flights x' = f(x, u), by Runge-Kutta steps.
 

@@ -237,7 +237,10 @@ class Recursion:
     def seen(self, y):
         """Return y with the speed without what the predicted updraft adds to it."""
         V, alpha, pitch = (y + self.trim)[:3]
-        path, w = pitch - alpha, self.known.winds_at(self.x).get("updraft", 0.0)
+        winds = self.known.W @ self.x[len(self.known.states) :]
+        winds = np.clip(winds, -self.known.strongest, self.known.strongest)
+        of = dict(zip(self.known.winds, winds, strict=True))
+        path, w = pitch - alpha, of.get("updraft", 0.0)
         return np.append(np.hypot(V * np.cos(path), V * np.sin(path) - w) - self.trim[0], y[1:])
 
     def __call__(self, y, u_of):

@@ -200,11 +200,6 @@ class KalmanFilter(Result):
         """Names of the k linear states."""
         return tuple(self.drift)
 
-    def winds_at(self, x: np.ndarray) -> dict[str, float]:
-        """Return the winds of some states (n,), by name, within 4 standard deviations."""
-        w = np.clip(self.W @ x[len(self.states) :], -self.strongest, self.strongest)
-        return dict(zip(self.winds, w.tolist(), strict=True))
-
     @cached_property
     def innovation(self) -> np.ndarray:
         """Standard deviations of the innovations y - C x, (p,)."""
