@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import some_of
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 class LinearizeRequest(Request, TrimOptions):
     """Options of `hfa linearize`."""
 
-    aircraft: str | None = option(aircraft_help, "FILE.py:NAME", former=("--model",))
+    moved: ClassVar = {"--model": "type --aircraft"}
+    aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     picture: Path | None = picture_option("Bode plots from each input to each output")
     states: tuple[str, ...] | None = option(
         "states of the model, in order; default: those of its linear model", "a,b,...", some_of()

@@ -33,9 +33,6 @@ class Option:
     first: whether the option comes first in its group, as required ones do
     rare: whether only `--help more` explains the option, and `--help` lists its name
     group: heading in the help, or "" for the common options
-    package: package of an extension that the option requires, or "". Without the package, the help
-        omits the option
-    former: earlier names, whose refusal names the option
     """
 
     about: str | Callable[[], str]
@@ -50,8 +47,6 @@ class Option:
     first: bool = False
     rare: bool = False
     group: str = ""
-    package: str = ""
-    former: tuple[str, ...] = ()
 
 
 def option(

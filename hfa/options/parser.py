@@ -7,10 +7,9 @@ import re
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 from typing import Any, NoReturn
 
-from hfa.options.option import Option, is_installed
+from hfa.options.option import Option
 from hfa_support.errors import BadInputError, advice, shortened
 
 #: Heading of the options that only `--help more` explains.
@@ -45,8 +44,6 @@ class Parser(argparse.ArgumentParser):
         for name, option in options.items():
             names = option.names
             kind = option.kind
-            if option.package and not is_installed(option.package):
-                kind = partial(_refuse_without, option.package)
             how: dict[str, Any] = {"help": ""}
             if names[0].startswith("-"):
                 how |= {"dest": name, "default": argparse.SUPPRESS, "required": option.required}
@@ -81,8 +78,6 @@ class Parser(argparse.ArgumentParser):
             if option is None:
                 continue
             about = option.about() if callable(option.about) else option.about
-            if option.package and not is_installed(option.package):
-                about = ""
             if about and option.rare and not more:
                 rare.append(action.option_strings[-1])
                 about = ""
@@ -111,11 +106,8 @@ class Parser(argparse.ArgumentParser):
         option_words = words
         if "--" in words:
             option_words = words[: words.index("--")]
-        former = {old: each.names[-1] for each in self.options.values() for old in each.former}
         for word in option_words:
             name = word.partition("=")[0]
-            if name in former:
-                raise BadInputError(f"{name} is called {former[name]} now; type {former[name]}")
             if name in self.moved and name not in actions:
                 raise BadInputError(f"{name} is not an option of {self.prog}; {self.moved[name]}")
             if name.startswith("--") and name not in actions:
@@ -159,11 +151,6 @@ class Parser(argparse.ArgumentParser):
         raise BadInputError(
             complaint if complaint != message else f"{message} (see `{self.prog} --help`)"
         )
-
-
-def _refuse_without(package: str, *_: str) -> NoReturn:
-    """Raise BadInputError for a value of an option whose package is not installed."""
-    raise BadInputError(f"requires the package {package}; install this package")
 
 
 class _Help(argparse.Action):

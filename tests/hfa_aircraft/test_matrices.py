@@ -100,4 +100,4 @@ def test_modes_of_given_matrices_are_printed(folder: Path) -> None:
 def test_a_plant_is_an_aircraft_of_these_commands(command: str, folder: Path) -> None:
     """The word --model of before is refused with the one that took its place."""
     result = cli.hfa(*command.split(), "--model", "plant.json")
-    cli.assert_refused(result, 2, "--model is called --aircraft now")
+    cli.assert_refused(result, 2, "; type --aircraft")

@@ -115,14 +115,17 @@ def actuators_option() -> Any:
 _FILTERED_MARGIN = 0.1
 
 
+#: Options of an earlier version, which --policy replaces.
+FORMER_POLICIES = dict.fromkeys(("--law", "--weights", "--controller"), "type --policy")
+
+
 def policy_option(about: str, *words: str, **more: Any) -> Any:
     """Return the option --policy, whose value is one of some words, or the path of a file.
 
     about: help text
     more: further fields of the option
     """
-    former = ("--law", "--weights", "--controller")
-    return option(about, "WHAT", partial(_word_or_file, words), former=former, **more)
+    return option(about, "WHAT", partial(_word_or_file, words), **more)
 
 
 def _word_or_file(words: tuple[str, ...], text: str) -> str | Path:

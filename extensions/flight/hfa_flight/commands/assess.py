@@ -57,6 +57,7 @@ def _deployment_path(text: str) -> Path:
 _FLY = "type `hfa fly --policy DEPLOYMENT.toml --samples 20"
 #: Options of an earlier version.
 _MOVED = {
+    "--model": "type --aircraft",
     "--law": "type `hfa fly --policy NAME --samples 20`",
     "--noise": f"{_FLY} --noise NAME=VALUE`",
     "--turbulence": f"{_FLY} --turbulence LEVEL:ALTITUDE`",
@@ -73,7 +74,7 @@ class AssessRequest(Request, SeveralTrims):
 
     moved = _MOVED
     units: None = None
-    aircraft: str | None = option(aircraft_help, "FILE.py:NAME", former=("--model",))
+    aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     file: Path | None = option(
         "deployment file (observations, actions and timing of a policy), or, with "
         "--sample-time, file with a gain K",

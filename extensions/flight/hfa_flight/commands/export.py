@@ -21,6 +21,7 @@ from hfa_flight.export.c_text import write_texts
 from hfa_flight.options import (
     DEPLOYMENT,
     EXACT,
+    FORMER_POLICIES,
     PolicyOptions,
     actuators_of,
     actuators_option,
@@ -52,6 +53,7 @@ _DIHEDRAL = math.radians(15.0)
 class ExportRequest(Request, PolicyOptions):
     """Options of `hfa export`."""
 
+    moved = FORMER_POLICIES
     units: None = None
     horizon: None = None
     margin: None = None

@@ -26,6 +26,7 @@ from hfa_flight.air.signals import CommandedStates
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
     DEPLOYMENT,
+    FORMER_POLICIES,
     NONE,
     SMALLEST,
     TABLE,
@@ -94,6 +95,7 @@ class PlannedFlight(NamedTuple):
 class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
     """Options of `hfa fly`."""
 
+    moved = FORMER_POLICIES
     output: Path | None = output_option(
         stores=(".zarr",), purpose=" (flights of --samples or --draws)"
     )

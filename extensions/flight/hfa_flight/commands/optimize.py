@@ -25,6 +25,7 @@ from hfa.options.trims import GivenTrim, TrimInput, TrimOptions, trim_input
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
     EXACT,
+    FORMER_POLICIES,
     NONE,
     exact_policy,
     kind_of,
@@ -48,6 +49,7 @@ _EXACT = "exact game policy, saturated"
 class OptimizeRequest(Request, TrimOptions, WeightOptions):
     """Options of `hfa optimize`."""
 
+    moved = FORMER_POLICIES | {"--start": "type --initial"}
     units: None = None
     start: None = None
     limit: Mapping[str, str] = field(default_factory=dict)
@@ -65,7 +67,6 @@ class OptimizeRequest(Request, TrimOptions, WeightOptions):
         "initial deviations of states from the trim, degrees for angles",
         "NAME=VALUE,...",
         names="--initial",
-        former=("--start",),
         named=True,
     )
     to: Mapping[str, str] = option(
