@@ -306,7 +306,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         }
 
     @cached_property
-    def coherent(self) -> OperatingPoint:
+    def in_coherent_units(self) -> OperatingPoint:
         """The point in radians and coherent units (`hfa_aircraft.units.coherent`), from which the
         figures of reports are computed.
         """

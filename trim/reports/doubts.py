@@ -112,7 +112,7 @@ def _flight_options(trimmed: Trimmed) -> str:
         flown = trim(model, release(condition, hold=hold, free=free))
     except (BadInputError, NoSolutionError):
         return ""
-    if not hold or abs(math.degrees(flown.coherent[alpha])) > _STEEPEST:
+    if not hold or abs(math.degrees(flown.in_coherent_units[alpha])) > _STEEPEST:
         return ""
     held = [f"--hold {name}={shown_value(hold[name], model.unit(name))}" for name in hold]
     return " ".join([*held, *(f"--free {name}" for name in free)])

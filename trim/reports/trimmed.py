@@ -96,7 +96,7 @@ class Trimmed:
 
     def __init__(self, given: OperatingPoint) -> None:
         self.given = given
-        self.point = given.coherent
+        self.point = given.in_coherent_units
         self.model: Model = self.point.model
         self.roles = recognized(self.model.states)
 
