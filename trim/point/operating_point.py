@@ -94,7 +94,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return cls(evaluation.x, evaluation.u, residuals, status, problem.model, started, problem)
 
     @cached_property
-    def posed(self) -> TrimProblem:
+    def trim_problem(self) -> TrimProblem:
         """The solved problem, or that of the declared trim for a point not found by a search."""
         if self.problem is not None:
             return self.problem
@@ -227,9 +227,9 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         """Margins of each state, input and relevant output, name -> `Margin` (`all_margins`)."""
         from trim.point.margins import all_margins
 
-        posed = self.posed
-        left = (*posed.idle, *posed.kept)
-        return all_margins(self.model, posed.asked, self.states, self.inputs, left)
+        problem = self.trim_problem
+        left = (*problem.idle, *problem.kept)
+        return all_margins(self.model, problem.asked, self.states, self.inputs, left)
 
     @cached_property
     def _one_of_many(self) -> tuple[list[str], int]:

@@ -99,7 +99,7 @@ def _flight_options(trimmed: Trimmed) -> str:
     """Return the options that hold speed and altitude at the start values of the model and free its
     inputs, or "" if they lead to no trim, or to one that is as steep.
     """
-    model, condition = trimmed.given.model, trimmed.given.posed.condition
+    model, condition = trimmed.given.model, trimmed.given.trim_problem.condition
     alpha, speed = trimmed.roles["alpha"], trimmed.roles.get("speed", "")
     taken = {*condition.imposed}
     if not taken.isdisjoint(model.airspeeds):

@@ -109,9 +109,9 @@ def changes(trimmed: Trimmed) -> Iterator[Row]:
     """Yield the rates that the condition does not balance and that are not 0."""
     model = trimmed.given.model
     for name, rate in trimmed.rates.items():
-        if name not in trimmed.given.posed.asked.rates and abs(rate) > BALANCE * model.rate_scale(
-            name
-        ):
+        if name not in trimmed.given.trim_problem.asked.rates and abs(
+            rate
+        ) > BALANCE * model.rate_scale(name):
             yield Row(f"{name}_dot", rate, model.rate_unit(name), "not balanced")
 
 

@@ -36,7 +36,7 @@ def performance_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         rows += [*lift_and_drag(trimmed), *thrust(trimmed), *stall(trimmed)]
     yield from rows
     model = trimmed.given.model
-    known = {*_KNOWN, *model.variables, *trimmed.given.posed.asked.imposed}
+    known = {*_KNOWN, *model.variables, *trimmed.given.trim_problem.asked.imposed}
     known |= {row.name.replace(" ", "_") for row in rows}
     others = tuple(name for name in model.outputs if name not in known)
     yield from outputs(trimmed, others, rare=True)

@@ -22,7 +22,7 @@ def equations_of(point: OperatingPoint) -> dict[str, dict[str, Any]]:
     """Return data on each equation of a trim, state or output -> data."""
     # The data are the imposed value, the residual, its tolerance, the unit, and whether the
     # equation balances.
-    condition = point.posed.asked
+    condition = point.trim_problem.asked
     imposed = {**condition.imposed, **condition.rates}
     equations = {}
     for name, residual in point.residuals.items():
@@ -110,7 +110,7 @@ def other_trims(problem: TrimProblem, point: OperatingPoint) -> list[OperatingPo
 
 def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
     """Return data on the search for a trim, and sentences on unusual features of the search."""
-    problem = point.posed
+    problem = point.trim_problem
     equations, unknowns = problem.count
     sentences = []
     others: list[OperatingPoint] = []

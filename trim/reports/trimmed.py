@@ -263,7 +263,7 @@ class Trimmed:
         given = self.given
         speed = self.roles["speed"]
         knot = conversion("kt", given.model.unit(speed))
-        held = given.posed.condition
+        held = given.trim_problem.condition
         if knot is None or speed not in held.imposed or name in held.imposed:
             return None
         values = []
