@@ -60,8 +60,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     status: "trimmed", "beyond limits" or "no trim"; "failed" if the point belongs to a `TrimError`,
         which states the reason.
     model: the model that was trimmed.
-    started: 0 if the search began at the default initial point, otherwise the number of another
-        initial point (of `STARTS`).
+    initial_point: 0 if the search began at the default initial point, otherwise the number of
+        another one (of `STARTS`).
     problem: the solved problem, or None for a point that was loaded or computed otherwise.
 
     >>> import hfa
@@ -77,21 +77,23 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     residuals: dict[str, float]
     status: Status
     model: Model = field(compare=False)
-    started: int = field(default=0, compare=False)
+    initial_point: int = field(default=0, compare=False)
     problem: TrimProblem | None = field(default=None, compare=False)
 
     @classmethod
     def _of(
-        cls, problem: TrimProblem, z: np.ndarray, status: Status, started: int = 0
+        cls, problem: TrimProblem, z: np.ndarray, status: Status, initial_point: int = 0
     ) -> OperatingPoint:
         """Return the operating point of a trim problem for scaled unknowns z, (k,).
 
         status: status of the result
-        started: number of the initial point of the search, 0 for the default one
+        initial_point: number of the initial point of the search, 0 for the default one
         """
         evaluation = problem.at(z)
         residuals = problem.residuals(z)
-        return cls(evaluation.x, evaluation.u, residuals, status, problem.model, started, problem)
+        return cls(
+            evaluation.x, evaluation.u, residuals, status, problem.model, initial_point, problem
+        )
 
     @cached_property
     def trim_problem(self) -> TrimProblem:
@@ -185,15 +187,15 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def scheduled(self) -> dict[str, float] | None:
-        """Value of the scheduling variable, name -> value.
+        """Entry `scheduled` of files: scheduling variable -> value, or {} if the model has none or
+        it is a parameter.
 
-        The mapping is empty without a scheduling variable and for a parameter. It is None for the
-        flexible aircraft, whose files have an entry of their own for it (`dihedral_deg`).
+        Files of the paper's aircraft have the entry `dihedral_deg` in its place: None.
         """
+        schedule = self.model.schedule
         if self.model.about.names_schedule:
             return None
-        name = self.model.schedule
-        return {name: self.values[name]} if name in self.values else {}
+        return {schedule: self.values[schedule]} if schedule in self.values else {}
 
     @property
     def at_scheduled(self) -> str:

@@ -75,7 +75,7 @@ def trim(
       near the initial point.
     - If the first search fails, further searches begin at the least-squares solution within the
       limits, follow a path from the trim that the model declares (continuation), and begin at
-      `STARTS` other points within the limits. `started` of the result is the number of the
+      `STARTS` other points within the limits. `initial_point` of the result is the number of the
       successful point, or 0 for the first search.
 
     model: model of the aircraft

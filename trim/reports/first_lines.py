@@ -75,7 +75,7 @@ def title_of(trimmed: Trimmed) -> str:
     lines = [first_line(trimmed, str(point.status), trimmed.modes if has_modes else None)]
     if point._far_out:
         lines.append(f"Far out: {point._far_out[0]}")
-    if point.started:
+    if point.initial_point:
         lines.append("Not from the default initial point")
     return "\n".join(lines)
 

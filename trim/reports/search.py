@@ -121,10 +121,12 @@ def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
                 f"Least effort: {unknowns} unknowns for {equations} equations, so this is the trim "
                 "with the least Σ (input / scale)² near the initial point"
             )
-    if point.started:
+    if point.initial_point:
         usual = failure(problem, problem.newton(problem.clip(problem.system.start)))
         sentences.append(f"From the default initial point: {usual}")
-        sentences.append(f"Found from initial point {point.started} of {STARTS} between the limits")
+        sentences.append(
+            f"Found from initial point {point.initial_point} of {STARTS} between the limits"
+        )
     limits = problem.system.limits
     free = np.isinf(limits.lowest) & np.isinf(limits.highest)
     if free.any():
@@ -138,7 +140,7 @@ def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
         "equations": equations,
         "unknowns": unknowns,
         "least_effort": unknowns > equations,
-        "start": point.started,
+        "start": point.initial_point,
         "idle": list(problem.idle),
         "kept": list(problem.kept),
         "undetermined": point._one_of_many[0],
