@@ -301,7 +301,7 @@ def _commanded_trims(
 ) -> tuple[CommandedTrim, ...]:
     """Return the trims at each command, at those without sines together, and at all together."""
     point = linear.point
-    if point is None or point.problem is None:
+    if point is None or point.found_by is None:
         return ()
     values = (reference.constant + reference.slope * duration).tolist()
     rows = zip(linear.states, values, reference.moving, strict=True)

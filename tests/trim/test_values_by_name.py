@@ -115,7 +115,7 @@ def test_a_plot_of_point_shows_its_limits() -> None:
     """`point.plot` draws each variable, labeled with its name, at its share of its range; a point
     that was not found by a search, too.
     """
-    axes = replace(trim(MODEL), problem=None).plot()
+    axes = replace(trim(MODEL), found_by=None).plot()
     labels = [label.get_text() for label in axes.get_yticklabels()]
     row = next(row for row, label in enumerate(labels) if label.startswith("elevator_outer"))
     margin = trim(MODEL).margins["elevator_outer"]

@@ -41,7 +41,7 @@ def _beside(model: LinearModel) -> Beside:
     names_of_print = (LINEAR_STATES, INPUTS)
     if aircraft.name not in VARIANTS or (model.states, model.inputs) != names_of_print:
         return Beside(_accuracy(None, model, None), [], [], {}, {})
-    problem = model.point.problem
+    problem = model.point.found_by
     bands = None
     if problem is not None and has_bands(parameters_of(aircraft.native)):
         bands = entry_bands(default_parameters(), problem.asked, model)

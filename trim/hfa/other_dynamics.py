@@ -41,12 +41,12 @@ def with_other_dynamics(point: OperatingPoint) -> LinearModel | None:
     dynamics have no trim there.
     """
     model = point.model
-    if model.name not in VARIANTS or model.native is not model or point.problem is None:
+    if model.name not in VARIANTS or model.native is not model or point.found_by is None:
         return None
     name = next(each for each in VARIANTS if each != model.name)
     other = aircraft(name, parameters_of(model))
     with suppress(BadInputError, NoSolutionError):
-        return trim(other, point.problem.asked.at(), point).linearize()
+        return trim(other, point.found_by.asked.at(), point).linearize()
     return None
 
 

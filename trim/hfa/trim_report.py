@@ -34,7 +34,7 @@ def trim_report(
         participation of the states in the modes
     airplane: as in `sheet_of`
     """
-    if point.problem is None:
+    if point.found_by is None:
         return saved_report(point)
     trimmed = Trimmed(point)
     other = with_other_dynamics(point) if point.ok and is_hfa(point.model) else None

@@ -72,7 +72,7 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
     point: the trim; its problem is known
     command: state -> deviation from the trim, in the units of the model
     """
-    assert point.problem is not None  # required by the docstring
+    assert point.found_by is not None  # required by the docstring
     for name in command:
         if name not in point.model.holdable and not _is_path(point.model, name):
             return CommandedTrim(command, {}, {}, point.model, unheld=name)
@@ -104,14 +104,14 @@ def _held(
 
     Raises TrimError or BadInputError if no trim is found.
     """
-    assert point.problem is not None  # required by the caller
+    assert point.found_by is not None  # required by the caller
     held = {name: point[name] + value for name, value in command.items()}
     pitch = None
     if "pitch" in held and "pitch" not in point.model.holdable:
         pitch = held.pop("pitch")
         held["gamma"] = point["gamma"] + command["pitch"] - command.get("alpha", 0.0)
     for _ in range(_MOST_PITCHES):
-        condition = release(point.problem.asked, hold=held)
+        condition = release(point.found_by.asked, hold=held)
         limits = {name: condition.limits_of(name) for name in condition.free}
         wide = release(condition, limits=dict.fromkeys(limits, (-math.inf, math.inf)))
         found = trim(point.model, wide, point)

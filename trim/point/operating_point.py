@@ -62,7 +62,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     model: the model that was trimmed.
     initial_point: 0 if the search began at the default initial point, otherwise the number of
         another one (of `STARTS`).
-    problem: the solved problem, or None for a point that was loaded or computed otherwise.
+    found_by: the problem whose search found the point, or None for one that was loaded or computed.
 
     >>> import hfa
     >>> point = hfa.trim(hfa.aircraft())
@@ -78,7 +78,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     status: Status
     model: Model = field(compare=False)
     initial_point: int = field(default=0, compare=False)
-    problem: TrimProblem | None = field(default=None, compare=False)
+    found_by: TrimProblem | None = field(default=None, compare=False)
 
     @classmethod
     def _of(
@@ -98,8 +98,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     @cached_property
     def trim_problem(self) -> TrimProblem:
         """The solved problem, or that of the declared trim for a point not found by a search."""
-        if self.problem is not None:
-            return self.problem
+        if self.found_by is not None:
+            return self.found_by
         from trim.point.condition import usual_condition
         from trim.point.problem import TrimProblem
 
@@ -236,16 +236,16 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     @cached_property
     def _one_of_many(self) -> tuple[list[str], int]:
         """The free variables that the equations do not determine, and how many of them to hold."""
-        if self.problem is None or not self.ok:
+        if self.found_by is None or not self.ok:
             return [], 0
         from trim.point.uniqueness import undetermined
 
-        return undetermined(self.problem, self.problem.unknowns(self.values))
+        return undetermined(self.found_by, self.found_by.unknowns(self.values))
 
     @property
     def _far_out(self) -> list[str]:
         """Texts on free angles without limits that exceed 90 deg, such as "bank 154 deg"."""
-        return [] if self.problem is None else self.problem.far_out(self.values)
+        return [] if self.found_by is None else self.found_by.far_out(self.values)
 
     @property
     def _unmoved(self) -> list[str]:

@@ -85,8 +85,8 @@ def uniqueness_lines(point: OperatingPoint) -> list[str]:
     and on the variables that remain free in a trim that is one of many.
     """
     lines = []
-    if point.problem is not None and point.problem.kept:
-        kept = ", ".join(_named(point, name) for name in point.problem.kept)
+    if point.found_by is not None and point.found_by.kept:
+        kept = ", ".join(_named(point, name) for name in point.found_by.kept)
         lines.append(f"At its start value, as the trim does not determine it: {kept}")
     names, count = point._one_of_many
     if names:
@@ -126,7 +126,7 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
     model without a speed, they are the first imposed values.
     """
     point, model = trimmed.given, trimmed.given.model
-    condition = None if point.problem is None else point.problem.asked
+    condition = None if point.found_by is None else point.found_by.asked
     imposed = {} if condition is None else condition.imposed
     changed = {} if condition is None else condition.changes.get("imposed", {})
     speed = trimmed.roles.get("speed", "")

@@ -148,7 +148,7 @@ def _kept_values(
             point = trim(model, condition_at(system.condition, variables, row))
         except (BadInputError, NoSolutionError):
             continue
-        kept = () if point.problem is None else point.problem.kept
+        kept = () if point.found_by is None else point.found_by.kept
         return {name: point.values[name] for name in kept}
     return {}
 

@@ -120,7 +120,7 @@ def test_a_point_survives_its_file_bit_for_bit(point: OperatingPoint, tmp_path: 
         point,
         states=type(point.states)(*values[:7]),
         inputs=type(point.inputs)(*values[4:]),
-        problem=None,
+        found_by=None,
     )
     planted.save(tmp_path / "point.json")
     loaded = OperatingPoint.load(tmp_path / "point.json", point.model)

@@ -122,7 +122,7 @@ def test_imposed_rates_are_balanced_and_freed(published_aircraft: Model) -> None
     assert thrust[1] - thrust[0] == pytest.approx(0.5 * mass, rel=0.02)
     assert report.data["equations"]["speed"]["imposed"] == 0.5
     assert "accelerated" in report.title
-    condition = point.problem.asked
+    condition = point.found_by.asked
     assert condition.in_words() == "dihedral 10 deg, speed_dot 0.5 ft/s^2"
     assert condition.changes["rates"]["speed"] == 0.5
     again = release(condition, free=("speed_dot", "throttle"), hold={"alpha": 0.05})
