@@ -10,13 +10,13 @@ import numpy as np
 
 from controller.riccati.balls import DoubleBalls, midpoints, precision
 from controller.riccati.enclosure import Enclosure, uncertainty
-from controller.riccati.equation import StepEquation
+from controller.riccati.equation import StepEquation, scaled_balls
 from controller.riccati.level import levelled
 from controller.riccati.proposal import FailedError, lyapunov_in_bits, lyapunov_of
 from hfa_support.reporting.results import Result
 
 if TYPE_CHECKING:
-    from flint import arb_mat
+    from flint import arb, arb_mat
 
 #: Largest change of K by the last digits of the game's entries.
 GAIN_CHANGE = 0.01
@@ -70,7 +70,7 @@ def certificate_of(enclosure: Enclosure) -> Certificate:
         if game.discount != 1.0:
             loops = tuple(f"sqrt(discount) ({loop})" for loop in loops)
     proved = [
-        f"P, K and L are enclosed; each is right to the last digit (radius {radius:.1g},"
+        f"P and K are right to the last digit (enclosed with the radius {radius:.1g},"
         f" {enclosure.bits} bits)",
         f"{' and '.join(loops)} are {stable}, and P is positive semidefinite",
     ]
@@ -78,6 +78,8 @@ def certificate_of(enclosure: Enclosure) -> Certificate:
         proved[1] = f"{loops[1]} is {stable}, and P is positive semidefinite"
     elif game.is_discrete:
         proved.append("the disturbance pays: delta^2 - E'P E > 0")
+    if equation.is_disturbed:
+        proved.append(f"L is enclosed with the radius {_radius_of_L(enclosure):.1g}")
     if enclosure.is_raised:
         proved = [text.replace(", and P is positive semidefinite", "") for text in proved]
         proved.append(
@@ -87,6 +89,24 @@ def certificate_of(enclosure: Enclosure) -> Certificate:
     with precision(enclosure.bits):
         changes = last_digits(enclosure)
     return Certificate(tuple(proved), radius, enclosure.bits, changes)
+
+
+def _radius_of_L(enclosure: Enclosure) -> float:
+    """Return the largest radius of L, relative to the largest entry of its row in units of the
+    proof; inf if no digit of a row is known.
+    """
+    units = enclosure.proved.equation.units.states
+    with precision(enclosure.bits):
+        L = scaled_balls(enclosure.L, np.zeros(enclosure.L.nrows(), dtype=int), units)
+        worst = 0.0
+        for row in L.tolist():
+            radius, largest = max(entry.rad() for entry in row), max(map(_size, row))
+            worst = max(worst, float((radius / largest).upper()) if radius > 0 else 0.0)
+    return worst if math.isfinite(worst) else math.inf
+
+
+def _size(entry: arb) -> arb:
+    return abs(entry.mid())
 
 
 class LastDigits(NamedTuple):

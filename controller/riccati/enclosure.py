@@ -105,8 +105,13 @@ class Enclosure:
                 return ball_matrix(np.zeros(game.E.T.shape))
             if not equation.is_discrete:
                 return ball_matrix(game.E).transpose() * self.P * equation.w
-            gains = part(self.proved.gains, slice(len(units.inputs), None), slice(None))
-            return scaled_balls(-gains, units.disturbances, -units.states)
+            # (δ² - E'P E) L = E'P (A - B K) keeps the digits of a small L.
+            P = Balls.around(self.proved.X, self.proved.spread)
+            price = equation.disturbance_price(P)
+            assert price is not None
+            ahead = P @ equation.control_loop(P, Balls(self.proved.gains))
+            L = price.matrix.solve((equation.E.T @ ahead).matrix)
+            return scaled_balls(L, units.disturbances, -units.states)
 
 
 class UndecidedError(NoSolutionError):

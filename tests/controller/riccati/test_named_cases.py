@@ -11,7 +11,7 @@ import pytest
 from stored_games import stored
 
 from controller import minimum_delta
-from hfa import Game, NoSolutionError, solve
+from hfa import Game, NoSolutionError, from_gain, solve, verify
 
 #: COMPleib's AC4 (F. Leibfritz, COMPleib: COnstraint Matrix-optimization Problem library, 2004).
 AC4 = json.loads((Path(__file__).parent / "compleib_ac4.json").read_text(encoding="utf-8"))
@@ -32,8 +32,11 @@ def test_the_smallest_delta_of_compleib_ac4() -> None:
         solve(ac4(delta=0.019678873))
 
 
-def test_poles_of_a_gain_that_hides_a_mode() -> None:
-    """The input reaches the mode of 0.5 by 1e-8, and K is 1e8: A - B K is not computed in doubles."""
+def test_poles_and_costs_of_a_gain_that_hides_a_mode() -> None:
+    """The input reaches the mode of 0.5 by 1e-8, and K is 1e8: A - B K is not computed in doubles.
+
+    The costs are those above the optimum, with 50 digits.
+    """
     game = Game(
         [[-0.04, -0.72], [-0.72, -0.46]],
         [[0.599999992], [0.8000000060000001]],
@@ -43,6 +46,24 @@ def test_poles_of_a_gain_that_hides_a_mode() -> None:
     solution = solve(game)
     poles = np.sort(solution.poles().real)
     np.testing.assert_allclose(poles, [-(2.0**0.5), -0.5], rtol=1e-7)
+    for factor, excess, error in ((1.0, 0.0, 1e-9), (1.01, 7.5e-5, 1e-6), (0.9, 0.00914, 1e-5)):
+        verdict = verify(game, from_gain(game, factor * solution.K))
+        lost = verdict.to_dict()["graded"]["cost_lost_worst_percent"]
+        assert lost == pytest.approx(100.0 * excess, abs=100.0 * error)
+
+
+@pytest.mark.parametrize("delta", [10.0, 1e10, 1e44])
+@pytest.mark.parametrize("discount", [1.0, 0.9])
+def test_a_small_gain_of_the_disturbance_keeps_its_digits(delta: float, discount: float) -> None:
+    """(δ² - α E'P E) L = α E'P (A - B K), also if δ² is 1e88 times P."""
+    matrices = {"A": [[0.5]], "B": [[1.0]], "E": [[1.0]], "Q": [[1.0]], "R": [[1.0]]}
+    game = Game(**matrices, delta=delta, dt=True, discount=discount)  # type: ignore[arg-type]
+    solution = solve(game)
+    P, rest = solution.P[0, 0], 0.5 - solution.K[0, 0]
+    expected = discount * P * rest / (delta**2 - discount * P)
+    assert solution.L[0, 0] == pytest.approx(expected, rel=1e-14)
+    last = next(line for line in solution.certificate.proved if line.startswith("L is enclosed"))
+    assert float(last.split()[-1]) < 1e-16
 
 
 def of_cross_weights(N: list[list[float]], R: float) -> Game:
