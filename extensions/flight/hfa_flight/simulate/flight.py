@@ -47,10 +47,9 @@ from hfa_flight.simulate.envelope import (
 )
 from hfa_flight.simulate.flight_figure import Curve, flight_figure, signals_of
 from hfa_flight.simulate.limit_cycle import (
-    Decay,
     LimitCycle,
     duration_for,
-    oscillation,
+    limit_cycle,
     slowest_recognized,
 )
 from hfa_flight.simulate.returned import RULE, has_returned
@@ -92,7 +91,7 @@ _STORED = (
     *("largest_deviation", "rms_error", "share_at_limits", "policy", "warnings"),
 )
 _STORED_IF_ANY = (
-    *("decay", "integration", "largest_difference_from_linear"),
+    *("integration", "largest_difference_from_linear"),
     *("cost", "cost_to_go", "returned"),
 )
 #: Nominal values of the states to which changes of smaller deviations are relative.
@@ -243,10 +242,10 @@ def fly_within(
     left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
     if left_at is None and not is_limited(envelope):
         left_at = divergence(flight, loop.plant.point, growth, loop.driven_until)
-    cycle, decay = None, None
+    cycle = None
     if left_at is None:
-        cycle, decay = oscillation(loop.plant.point.model, flight, loop.scenario.driven_until)
-    return Flight(envelope, loop, flight, left_at, cycle, decay=decay)
+        cycle = limit_cycle(loop.plant.point.model, flight, loop.scenario.driven_until)
+    return Flight(envelope, loop, flight, left_at, cycle)
 
 
 def _refuse_invalid(point: OperatingPoint, flight: Deviations) -> None:
@@ -281,7 +280,6 @@ class Flight(StatesAndInputs, Result, Reported):
     cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit, or null if there is
         none.
     predicted: flight of the linear model, or None if it was not simulated
-    decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
     integration: change of the reported figures with half the integration step, or None for a policy
         that cannot be simulated with it
 
@@ -300,7 +298,6 @@ class Flight(StatesAndInputs, Result, Reported):
     departure: Departure | None
     cycle: LimitCycle | None
     predicted: Deviations | None = None
-    decay: Decay | None = None
     integration: IntegrationError | None = None
 
     @property
@@ -522,8 +519,6 @@ class Flight(StatesAndInputs, Result, Reported):
         lines = [f"{verdict_text(self.ok)}: {outcome}", flight]
         if not has_envelope:
             lines.append(GIVE_LIMIT)
-        if self.decay is not None:
-            lines.append(self.decay.text())
         lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
         if self.integration is not None and not self.integration.is_resolved:
             lines.append(self.integration.text())

@@ -17,8 +17,6 @@ CROSSINGS = 4
 LASTING = 0.9
 #: ... and at least this fraction of the nominal size of the variable.
 VISIBLE = 0.01
-
-
 #: A decay is steady if its rate in the last quarter is at least this fraction of that in the third
 #: ...
 _EVEN = 0.5
@@ -58,26 +56,6 @@ class LimitCycle(NamedTuple):
         return f"limit cycle: {self.motion()}; the flight has not settled"
 
 
-class Decay(NamedTuple):
-    """The largest oscillation that decays steadily, relative to the nominal size of its variable.
-
-    name: name of an input or state
-    time_to_half: s
-    frequency: rad/s
-    """
-
-    name: str
-    time_to_half: float
-    frequency: float
-
-    def text(self) -> str:
-        """Return a sentence on the decaying oscillation."""
-        return (
-            f"{self.name} oscillates at {self.frequency:.3g} rad/s and decays: half in "
-            f"{self.time_to_half:.3g} s"
-        )
-
-
 def slowest_recognized(seconds: float) -> float:
     """Return the frequency of the slowest oscillation that a flight recognizes, rad/s.
 
@@ -107,26 +85,22 @@ def duration_for(growing: np.ndarray) -> float:
     return float(min(_LONGEST, _WHOLE * np.ceil(longest / _WHOLE)))
 
 
-def oscillation(
-    model: Model, flight: Deviations, driven_until: float
-) -> tuple[LimitCycle | None, Decay | None]:
-    """Return the largest oscillation that persists at the end of a flight, or else that decays.
+def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | None:
+    """Return the largest oscillation that persists at the end of a flight, or None.
 
-    An oscillation counts only if it meets the limits `CROSSINGS`, `LASTING` and `VISIBLE`. Sizes
-    are relative to the nominal size of the variable, in the second half of the flight. Both are
-    None if the excitation ends in this half, or if the flight has too few steps.
+    An oscillation counts only if it meets the limits `CROSSINGS`, `LASTING` and `VISIBLE`, and does
+    not decay steadily. Sizes are relative to the nominal size of the variable, in the second half
+    of the flight. None if the excitation ends in this half, or if the flight has too few steps.
 
     driven_until: time at which the last exciting signal ends, s
     """
     times = flight.times
     middle = times[-1] / 2
     if len(times) < 8 * CROSSINGS or driven_until > middle:
-        return None, None
+        return None
     third = (times >= middle) & (times < 1.5 * middle)
     fourth = times >= 1.5 * middle
-    cycle: LimitCycle | None = None
-    decay: Decay | None = None
-    shares = {LimitCycle: VISIBLE, Decay: VISIBLE}
+    found, largest = None, VISIBLE
     columns = np.hstack([flight.inputs, flight.states]).T
     for name, column in zip((*model.inputs, *model.states), columns, strict=True):
         before = _swings(times[third], column[third])
@@ -134,14 +108,11 @@ def oscillation(
         if before is None or after is None or after.amplitude < LASTING * before.amplitude:
             continue
         share = after.amplitude / model.signals[name].nominal
-        is_even = after.rate > max(_EVEN * before.rate, _NO_DECAY / (middle / 2))
-        if is_even and share >= shares[Decay]:
-            decay = Decay(name, float(np.log(2.0) / after.rate), after.frequency)
-            shares[Decay] = share
-        elif not is_even and share >= shares[LimitCycle]:
-            cycle = LimitCycle(name, after.amplitude, after.frequency, model.unit(name))
-            shares[LimitCycle] = share
-    return cycle, None if cycle else decay
+        decays = after.rate > max(_EVEN * before.rate, _NO_DECAY / (middle / 2))
+        if share >= largest and not decays:
+            found = LimitCycle(name, after.amplitude, after.frequency, model.unit(name))
+            largest = share
+    return found
 
 
 class _Swings(NamedTuple):
