@@ -48,7 +48,7 @@ def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim()
         environment(model, DEPLOYMENT, [point], vary={"panel_mass": (MASS, MASS)}), start
     )
     heavier = model.with_parameters(panel_mass=MASS)
-    moved = replace(point, model=heavier, problem=None)
+    moved = replace(point, model=heavier, found_by=None)
     load_factor = model.outputs_at(point.states, point.inputs, ("load_factor",))["load_factor"]
     frozen = DEPLOYMENT.changed(
         observation={
