@@ -270,7 +270,7 @@ def solve(game: Game) -> Solution:
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
 
     >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
     >>> solution = hfa.solve(game)
     >>> solution.K.round(4).tolist(), round(solution.delta_min, 4)
     ([[3.0972]], 1.0)

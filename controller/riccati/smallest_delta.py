@@ -95,7 +95,7 @@ def minimum_delta(game: Game) -> DeltaMin:
 
     >>> import hfa
     >>> from controller import minimum_delta
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
+    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
     >>> round(minimum_delta(game).value, 4)
     1.0
     """
