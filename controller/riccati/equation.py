@@ -66,17 +66,17 @@ def scaled_balls(matrix: arb_mat, rows: np.ndarray, columns: np.ndarray) -> arb_
 
 
 class Sensitivity(NamedTuple):
-    """Bounds of the changes if X is changed by a symmetric Z, (n, n), with |Z| <= most.
+    """Bounds of the changes if X is changed by a symmetric Z, (n, n), with price |Z| <= 1/2.
 
     loop: |change of the loop F of both players| <= loop |Z|
     gains: if |Z| <= Y and F'Y F <= Y, in discrete time, |change of column j of the gains| is at
         most gains |s| s_j, with the roots s of the diagonal of Y
-    most: largest |Z|
+    price: in discrete time, relative change of the price W + G'X G <= price |Z|; otherwise 0
     """
 
     loop: arb
     gains: arb
-    most: arb
+    price: arb
 
 
 class Equation(ABC, Generic[Matrix]):
@@ -249,10 +249,10 @@ class ContinuousEquation(Equation[Matrix]):
         """Return None: in continuous time, d costs δ²."""
 
     def sensitivity(self, X: Matrix, loop: Matrix) -> Sensitivity:
-        """Return |S|, |R⁻¹ B'| and inf: the equation is quadratic."""
+        """Return |S|, |R⁻¹ B'| and 0: the equation is quadratic."""
         from flint import arb
 
-        return Sensitivity(self.S.norm(), self._B_over_R.norm(), arb("inf"))
+        return Sensitivity(self.S.norm(), self._B_over_R.norm(), arb(0))
 
     def hamiltonian(self) -> arb_mat:
         """Return [[A - B R⁻¹N', -S], [-(Q - N R⁻¹N'), -(A - B R⁻¹N')']], (2n, 2n), in `Balls`."""
@@ -331,7 +331,7 @@ class StepEquation(Equation[Matrix]):
         G = self.G.norm()
         inverse = (self.arithmetic.of(self.W) + self.G.T @ (X @ self.G)).inverse_norm()
         gains = 2 * inverse * G
-        return Sensitivity(gains * G * loop.norm(), gains, 1 / (2 * inverse * G**2))
+        return Sensitivity(gains * G * loop.norm(), gains, inverse * G**2)
 
     def pencil(self) -> tuple[arb_mat, arb_mat]:
         """Return L and M, (2n + m + k, 2n + m + k), in `Balls`, whose pencil L - z M is singular at

@@ -84,7 +84,8 @@ def stabilizing(
     sensitivity = bounds.sensitivity(arithmetic.of(X), loop)
     moved = sensitivity.loop * farthest  # bound of the change of the loop
     through = loop.norm() if equation.is_discrete else 1
-    if not (farthest < sensitivity.most and rho + farthest * moved * through <= 0.75 * zeta):
+    is_near = sensitivity.price * farthest <= 0.5
+    if not (is_near and rho + farthest * moved * through <= 0.75 * zeta):
         raise NotProvedError("the residual of X")
     twice = 2 * through + moved if equation.is_discrete else 2
     if not size * moved * twice < 0.5:  # with the defect, less than 1

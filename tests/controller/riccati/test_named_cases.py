@@ -66,6 +66,15 @@ def test_a_small_gain_of_the_disturbance_keeps_its_digits(delta: float, discount
     assert float(last.split()[-1]) < 1e-16
 
 
+@pytest.mark.parametrize("rate", [0.5, -0.25])
+@pytest.mark.parametrize("q", [0.0, 3.0])
+def test_steps_without_an_input_have_their_value(rate: float, q: float) -> None:
+    """P is q / (1 - a²), also without any cost."""
+    solution = solve(Game([[rate]], [[0.0]], E=[[1.0]], Q=[[q]], R=[[1.0]], dt=True))
+    assert solution.P[0, 0] == pytest.approx(q / (1.0 - rate**2), rel=1e-15)
+    assert solution.K[0, 0] == 0.0
+
+
 def of_cross_weights(N: list[list[float]], R: float) -> Game:
     """Return a game with Q = N R⁻¹ N', in which u = -R⁻¹ N' z costs nothing."""
     A, B, E = [[-1.0, 0.3], [0.2, -2.0]], [[1.0], [0.4]], [[1.0], [0.5]]
