@@ -181,7 +181,7 @@ def _cost_text(verdict: Verdict) -> str:
     """Return the cost of the critic relative to the optimum, as text."""
     excess = verdict.excess
     if excess is not None:
-        return _enclosed_cost(verdict, excess)
+        return _enclosed_cost(excess)
     if math.isinf(verdict.cost_lost):
         return "cost without bound"
     if math.isnan(verdict.cost_lost):
@@ -193,7 +193,7 @@ def _cost_text(verdict: Verdict) -> str:
     return text if is_at_trim else f"{text} about its equilibrium"
 
 
-def _enclosed_cost(verdict: Verdict, excess: Excess) -> str:
+def _enclosed_cost(excess: Excess) -> str:
     """Return the cost of a linear policy, as far as its bounds are known."""
     if excess.is_optimal:
         return "optimal cost"

@@ -112,7 +112,7 @@ def export(request: ExportRequest, given: GivenTrim) -> Outcome:
     target = request.output
     assert target is not None  # required
     if target.suffix.lower() == ".m":
-        return _show_written(request, given, [_write_function(target)])
+        return _show_written(given, [_write_function(target)])
     is_fmu = target.suffix.lower() == ".fmu"
     if not is_fmu:
         refuse(request, ("actuators",), "applies only to an FMU; remove this option")
@@ -130,7 +130,7 @@ def export(request: ExportRequest, given: GivenTrim) -> Outcome:
         written = _write_fmu(request, target, given, point)
     else:
         written = _write_source(request, target, given, point)
-    return _show_written(request, given, written, point.warnings)
+    return _show_written(given, written, point.warnings)
 
 
 def _check_filter(request: ExportRequest) -> None:
@@ -223,9 +223,7 @@ def _filtered(
     return filter(linear, noise, air).policy(policy)
 
 
-def _show_written(
-    request: ExportRequest, given: GivenTrim, written: list[Path], notes: Iterable[str] = ()
-) -> Outcome:
+def _show_written(given: GivenTrim, written: list[Path], notes: Iterable[str] = ()) -> Outcome:
     """Print the list of the written files, and return exit code 0."""
     return Outcome(report=_report(written), source=given.source, notes=notes, is_written=True)
 
