@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import abscissa_of
+from controller.riccati.balls import ball_matrix, identity
+from controller.riccati.gare import Solution
 from hfa_aircraft.waveform import Harmonic, Waveform
 from hfa_support.errors import BadInputError
 
@@ -22,7 +23,7 @@ class Feedforward:
         -s' = (A - S P)'s + P r,   -c' = 2 s'r - s'S s,
         u = -R⁻¹(B'(P z + s) + N'z),   d = δ⁻²E'(P z + s).
 
-    game: the game of regulation
+    solution: of the game of regulation
     reference: x_d, (n,)
     forcing: r, (n,)
     costate: s, (n,)
@@ -30,10 +31,15 @@ class Feedforward:
     Source: Athans and Falb, Optimal Control, Section 9.9, with S in place of B R⁻¹B'.
     """
 
-    game: Game
+    solution: Solution
     reference: Waveform
     forcing: Waveform
     costate: Waveform
+
+    @property
+    def game(self) -> Game:
+        """The game of regulation."""
+        return self.solution.game
 
     @property
     def inputs(self) -> Waveform:
@@ -70,25 +76,36 @@ def particular(M: np.ndarray, forcing: Waveform) -> Waveform:
     return Waveform(constant, slope, tuple(waves))
 
 
-def feedforward(game: Game, P: np.ndarray, reference: Waveform) -> Feedforward:
+def feedforward(solution: Solution, reference: Waveform) -> Feedforward:
     """Return the exact feedforward of a game for a reference of its states.
 
-    P: (n, n), the stabilizing solution
+    The costate is computed in the states of `Solution.level`, where its loop keeps its digits.
 
-    Raises BadInputError if the game is in discrete time, if the reference has another number of
-    states than the game, or if A - S P is not Hurwitz.
+    Raises BadInputError if the game is in discrete time, or if the reference has another number of
+    states than the game.
     """
+    game, level = solution.game, solution.level
     game.refuse_steps("a reference")
     if reference.size != len(game.A):
         raise BadInputError(
             f"the reference has {reference.size} states; the game has {len(game.A)}"
         )
-    plain = game.without_cross_weights
-    loop = plain.A - plain.S @ P
-    abscissa = abscissa_of(loop)
-    if abscissa >= 0.0:
-        raise BadInputError(
-            f"A - S P has abscissa {abscissa:+.4g} 1/s; give the stabilizing P of the game"
-        )
     driving = forcing(game.A, reference)
-    return Feedforward(game, reference, driving, particular(-loop.T, driving.through(-P)))
+    pushed = driving.through(-level.rows(solution.enclosure.P).T)
+    costate = particular(-level.worst_loop.T, pushed)
+    into = level.columns(np.eye(len(game.A)))
+    return Feedforward(solution, reference, driving, costate.through(into.T))
+
+
+def late_error(exact: Feedforward, K: np.ndarray, inputs: Waveform) -> Waveform:
+    """Return the error z(t), (n,), of z' = (A - B K) z + B inputs + r after the transients.
+
+    K: (m, n)
+    inputs: (m,)
+    """
+    solution = exact.solution
+    level = solution.level
+    loop = level.with_gain(ball_matrix(K))
+    into, back = level.columns(np.eye(len(loop))), level.rows(identity(len(loop)))
+    pushed = inputs.through(level.inputs) + exact.forcing.through(into)
+    return particular(loop, pushed).through(back)

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.reference import Feedforward, feedforward, particular
+from controller.reference import Feedforward, feedforward, late_error
 from controller.riccati.balancing import abscissa_of
+from controller.riccati.balls import ball_matrix
 from controller.riccati.gare import Solution
 from hfa_aircraft.waveform import Waveform, channel, constant, stacked
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive
@@ -91,8 +92,7 @@ class Tracking(Result, Reported):
 
         inputs: (m,)
         """
-        pushed = inputs.through(self.game.B) + self.exact.forcing
-        return particular(self.game.A - self.game.B @ self.K, pushed)
+        return late_error(self.exact, self.K, inputs)
 
     def _rms(self, error: Waveform) -> np.ndarray:
         squares = error.sampled(self._times) ** 2
@@ -259,27 +259,26 @@ def track(
             channels[name] = channel(value if isinstance(value, str) else f"{value:.17g}")
         reference = stacked(channels, linear.states)
     gain = solution.K if K is None else solution.game.checked_gain(K)
-    return tracked(linear, solution.game, solution.P, gain, reference, duration)
+    return tracked(linear, solution, gain, reference, duration)
 
 
 def tracked(
     linear: LinearModel,
-    game: Game,
-    P: np.ndarray,
+    solution: Solution,
     K: np.ndarray,
     reference: Waveform,
     duration: float = DURATION,
 ) -> Tracking:
     """Return the tracking of a reference of the states, (n,), by a policy with the gain K.
 
-    P: (n, n), of the exact value z'P z
+    solution: exact solution of the game
     K: (m, n)
 
-    Raises BadInputError unless A - B K is Hurwitz.
+    Raises BadInputError unless A - B K is proved Hurwitz.
     """
-    exact = feedforward(game, P, reference)
-    abscissa = abscissa_of(game.A - game.B @ K)
-    if abscissa >= 0.0:
+    exact = feedforward(solution, reference)
+    if not solution.stabilizes(K):
+        abscissa = abscissa_of(solution.level.with_gain(ball_matrix(K)))
         raise BadInputError(
             f"tracking: A - B K has abscissa {abscissa:+.4g} 1/s; give a K that stabilizes the game"
         )

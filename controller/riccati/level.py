@@ -83,14 +83,15 @@ class Level:
     @cached_property
     def inputs(self) -> np.ndarray:
         """B, (n, m)."""
-        return self._columns(self.enclosure.game.B)
+        return self.columns(self.enclosure.game.B)
 
     @cached_property
     def disturbances(self) -> np.ndarray:
         """E, (n, k)."""
-        return self._columns(self.enclosure.game.E)
+        return self.columns(self.enclosure.game.E)
 
-    def _columns(self, matrix: np.ndarray) -> np.ndarray:
+    def columns(self, matrix: np.ndarray) -> np.ndarray:
+        """Return columns in the user's states, such as B, in the new states."""
         states = self.enclosure.proved.equation.units.states
         none = np.zeros(matrix.shape[1], dtype=int)
         with precision(self.enclosure.bits):

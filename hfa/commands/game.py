@@ -112,7 +112,7 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
         expanded = expansion.report()
         parts = (*report.parts, expanded.title, *expanded.parts)
         report = replace(report, parts=parts).with_data(expanded.data)
-    report = with_tracking(report, reference, named, solution.P, solution.K)
+    report = with_tracking(report, reference, named, solution, solution.K)
     return Outcome(
         report=report.with_data(named),
         source=named.source,

@@ -208,7 +208,7 @@ def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
             )
     report = _report(request, named, verdicts)
     *_, last = verdicts.values()
-    report = with_tracking(report, reference, named, last.exact.P, last.critic.K)
+    report = with_tracking(report, reference, named, last.exact, last.critic.K)
     figure = partial(verdicts_figure, verdicts)
     return Outcome(
         report=report,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.riccati.balancing import abscissa_of
+from controller.riccati.balls import ball_matrix
 from controller.tracking import tracked
 from hfa.options.argument_types import each_of, linear_state
 from hfa.options.option import option
@@ -18,6 +19,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 
 if TYPE_CHECKING:
+    from controller.riccati.gare import Solution
     from hfa.options.games import NamedGame
 
 
@@ -56,22 +58,22 @@ def reference_option() -> Any:
 
 
 def with_tracking(
-    report: Report, reference: Mapping[str, Waveform], named: NamedGame, P: Any, K: Any
+    report: Report, reference: Mapping[str, Waveform], named: NamedGame, solution: Solution, K: Any
 ) -> Report:
     """Return a report with a section on tracking if a reference is given.
 
     reference: state -> signal, as of `reference_of`
-    P: (n, n), of the exact value z'P z
+    solution: exact solution of the game
     K: gain of the feedback, (m, n)
     """
     if not reference or named.linear is None:
         return report
-    abscissa = abscissa_of(named.game.A - named.game.B @ K)
-    if abscissa >= 0.0:
+    if not solution.stabilizes(K):
+        abscissa = abscissa_of(solution.level.with_gain(ball_matrix(K)))
         said = f"Tracking: no late errors, A - B K has abscissa {abscissa:+.4g} 1/s"
         return replace(report, parts=(*report.parts, said))
     commands = stacked(reference, named.linear.states)
-    tracking = tracked(named.linear, named.game, P, K, commands)
+    tracking = tracked(named.linear, solution, K, commands)
     section = tracking.report()
     parts = (*report.parts, section.title, *section.parts)
     return replace(report, parts=parts).with_data(tracking=tracking)

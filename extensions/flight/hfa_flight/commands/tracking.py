@@ -32,8 +32,7 @@ def tracking_of(
             "gain K, as `hfa solve -o FILE` writes without --order, or a law"
         )
     commands = stacked(reference, linear.states)
-    P = solve(game).P
-    return tracked(linear, game, P, policy.gain, commands)
+    return tracked(linear, solve(game), policy.gain, commands)
 
 
 def with_tracking(report: Report, tracking: Tracking, flown: Flight, plain: Flight) -> Report:
