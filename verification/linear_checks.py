@@ -207,8 +207,8 @@ def state_text(exact: Solution, state: np.ndarray) -> str:
 def value_check(exact: Solution, P: np.ndarray, box: np.ndarray, limit: float) -> Check:
     """Return the check that P of a critic is not indefinite.
 
-    In units of the box, its smallest eigenvalue is at least that of P* minus the change that
-    |P - P*| <= limit |P*| permits (Weyl).
+    In units of the box, its smallest eigenvalue is at least 0, or that of P* as rounded if this is
+    below, minus the change that |P - P*| <= limit |P*| permits (Weyl).
 
     P: (n, n)
     box: half-widths of the box of states, (n,)
@@ -220,7 +220,7 @@ def value_check(exact: Solution, P: np.ndarray, box: np.ndarray, limit: float) -
     smallest = float(np.linalg.eigvalsh((P + P.T) / 2.0 * scales)[0])
     unit = size or 1.0
     indefinite = f"P is indefinite (smallest eigenvalue {smallest / unit:.3g} of the exact P)"
-    least = float(of_exact[0]) / unit - limit
+    least = min(0.0, float(of_exact[0])) / unit - limit
     return at_least("P_smallest_eigenvalue", smallest / unit, least, indefinite, kind="cost")
 
 

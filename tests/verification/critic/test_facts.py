@@ -34,6 +34,15 @@ def test_a_gain_above_delta_fails_and_margins_are_of_both_policies() -> None:
     assert data["disk_margin"] != pytest.approx(data["disk_margin_exact"], rel=1e-3)
 
 
+def test_a_positive_definite_value_below_the_exact_one_is_not_indefinite():
+    """Its error is told by other checks, and that it is positive definite by this one."""
+    game = hfa.Game(np.diag([-1.0, -2.0]), np.eye(2), Q=np.eye(2), R=np.eye(2))
+    for size, is_ok in ((0.5, True), (-0.5, False)):
+        P = size * solve(game).P
+        checks = {check.name: check.ok for check in verify(game, hfa.from_value(game, P)).checks}
+        assert checks["P_smallest_eigenvalue"] == is_ok
+
+
 def test_a_wide_limit_permits_its_error_of_a_semidefinite_value() -> None:
     """With a limit of 1 %, P may be indefinite by as much; with the usual limit it may not."""
     game = hfa.Game(
