@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import builtins
 import inspect
 import os
 import sys
@@ -129,7 +130,7 @@ def _defines(kind: type, attribute: str) -> bool:
 def _stated(name: str, module: str) -> Any:
     """Return the object that an annotation names, also one that is imported for types only."""
     first, *others = name.split(".")
-    names = vars(sys.modules[module])
+    names = vars(builtins) | vars(sys.modules[module])
     found = names[first] if first in names else _imported_for_types(module, first)
     for each in others:
         found = getattr(found, each)

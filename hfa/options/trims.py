@@ -68,7 +68,7 @@ class TrimOptions(AircraftOptions):
         "FILE",
         rare=True,
     )
-    conditions: Path | None = conditions_option("of which --row names one")
+    conditions: Path | None = option("a .csv file of conditions; --row names one", "FILE")
     row: str | None = option("name of the condition in the file of --conditions", "NAME")
     start: str | None = option(
         "initial point of the trim search: an operating point (.json), or NAME=VALUE,NAME=VALUE",

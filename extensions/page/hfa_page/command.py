@@ -58,6 +58,8 @@ class ReportRequest(Request, SeveralTrims):
     units: None = None
     mass: None = None
     isa: None = None
+    conditions: None = None
+    row: None = None
     dihedral: str | None = dihedral_option(
         f"angles shown in detail: {SEVERAL}; default: the printed 5 and 15", "RANGE"
     )

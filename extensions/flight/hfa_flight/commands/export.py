@@ -93,7 +93,7 @@ def _given_trim(request: ExportRequest) -> GivenTrim:
     All options are checked, also those of the trim that the output does not use.
     """
     asked = trim_input(request)
-    if asked.at is None and request.aircraft is None:
+    if asked.at is None and not asked.rows and request.aircraft is None:
         return asked.trim(_DIHEDRAL, asked.held())
     return asked.single()
 

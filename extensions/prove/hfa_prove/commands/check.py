@@ -22,6 +22,8 @@ class CheckRequest(Request, TrimOptions, WeightOptions):
 
     units: None = None
     start: None = None
+    conditions: None = None
+    row: None = None
     at: str | None = at_option("value or interval that the certificate must contain", "LOW:HIGH")
     dihedral: str | None = dihedral_option(
         "value or interval of the dihedral angle that the certificate must contain", "DEG|LOW:HIGH"

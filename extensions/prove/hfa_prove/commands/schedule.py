@@ -35,6 +35,8 @@ class ScheduleRequest(Request, TrimOptions, WeightOptions):
 
     units: None = None
     start: None = None
+    conditions: None = None
+    row: None = None
     at: str | None = at_option("interval that the proof covers", "LOW:HIGH")
     dihedral: str | None = dihedral_option("interval of the dihedral angle", "LOW:HIGH")
     weights: Path | None = option(
