@@ -1,7 +1,5 @@
 """The advice of a failed trim is obeyed, and leads to the flight that was asked for."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -29,7 +27,7 @@ GLIDER = Model("glider", STATES, INPUTS, equations, trim=TRIM)
 """
 
 
-def heavy(folder: Path) -> str:
+def heavy(folder):
     """Return a table of the small aircraft whose mass is in slug in place of kg."""
     text = (ROOT / "examples/uav.toml").read_text("utf-8")
     path = folder / "heavy.toml"
@@ -37,7 +35,7 @@ def heavy(folder: Path) -> str:
     return str(path)
 
 
-def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder: Path) -> None:
+def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder):
     """With full thrust, sin(pitch) = (5 - 1) / 9.81; too little lift in a turn frees no pitch rate."""
     Path("glider.py").write_text(GLIDER, "utf-8")
     words = ("trim", "--aircraft", "glider.py:GLIDER")
@@ -51,7 +49,7 @@ def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder: Path) 
     assert (turn.code, "_dot" in turn.err) == (1, False)
 
 
-def test_a_held_rate_of_climb_frees_the_path_and_stays_held() -> None:
+def test_a_held_rate_of_climb_frees_the_path_and_stays_held():
     """The advice for --hold altitude_dot=2 can be added to the command, which then climbs by 2."""
     words = ("trim", "--aircraft", UAV, "--hold", "altitude_dot=2")
     advice = re.search(r"with (--free \S+) \(", hfa(*words).err)
@@ -64,7 +62,7 @@ def test_a_held_rate_of_climb_frees_the_path_and_stays_held() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["bank", "heavy", "climb"])
-def test_no_advice_leads_to_a_falling_aircraft(case: str, tmp_path: Path) -> None:
+def test_no_advice_leads_to_a_falling_aircraft(case, tmp_path):
     """No rate of an attitude is freed by advice without a load factor. Freed by the user, the first
     line says "accelerated" and the load factor, where a trim exists.
     """
@@ -84,7 +82,7 @@ def test_no_advice_leads_to_a_falling_aircraft(case: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_a_pull_up_is_advised_and_its_first_line_says_so() -> None:
+def test_a_pull_up_is_advised_and_its_first_line_says_so():
     """With a load factor held, the rate of pitch is freed by advice, and the trim is accelerated."""
     words = ("trim", "--aircraft", UAV, "--hold", "load_factor=2")
     assert "--free pitch_dot" in hfa(*words).err

@@ -1,10 +1,7 @@
 """Output of `hfa` commands: text, JSON with provenance, and exit codes."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +13,7 @@ from hfa.paper import default_parameters
 from hfa_model import INPUTS, LINEAR_STATES, save_parameters
 
 
-def text(*words: str, code: int = DONE) -> str:
+def text(*words, code=DONE):
     """Run `hfa` with these words and return the printed text.
 
     The function asserts the exit code, an empty standard error, no control characters and no
@@ -29,7 +26,7 @@ def text(*words: str, code: int = DONE) -> str:
     return result.out
 
 
-def test_the_json_of_trim_has_the_balanced_point() -> None:
+def test_the_json_of_trim_has_the_balanced_point():
     """The point of the paper's level flight with its scaled residuals, and no second angle."""
     data = answer("trim", "--dihedral", "10")
     point = data["operating_point"]
@@ -41,7 +38,7 @@ def test_the_json_of_trim_has_the_balanced_point() -> None:
     assert point["states"]["alpha"] == point["states"]["pitch"] == alpha
 
 
-def test_options_are_in_degrees_and_json_in_radians() -> None:
+def test_options_are_in_degrees_and_json_in_radians():
     """Angles of --hold and --limit are read in degrees, and JSON output is in radians."""
     held = ("--hold", "gamma=-1.5", "--hold", "aileron_center=2")
     words = ("--dihedral", "10", *held, "--limit", "elevator_outer=-25:25")
@@ -57,7 +54,7 @@ def test_options_are_in_degrees_and_json_in_radians() -> None:
     )
 
 
-def test_the_json_of_linearize_has_printed_matrix_and_modes() -> None:
+def test_the_json_of_linearize_has_printed_matrix_and_modes():
     """A agrees with the printed matrix within 1.5e-4, and the modes are the eigenvalues of A.
 
     The printed matrix is omitted at another speed.
@@ -72,7 +69,7 @@ def test_the_json_of_linearize_has_printed_matrix_and_modes() -> None:
     assert "printed" not in answer("linearize", "--dihedral", "15", "--hold", "speed=70")
 
 
-def test_failed_sweep_points_are_rows_with_reasons() -> None:
+def test_failed_sweep_points_are_rows_with_reasons():
     """A sweep point without a trim is a row of nulls with a reason.
 
     The first line states the number of trimmed points. If no point has a trim, the exit code is 1.
@@ -92,7 +89,7 @@ def test_failed_sweep_points_are_rows_with_reasons() -> None:
         assert failed.out.startswith(f"Sweep, published dynamics: {verdict}\n")
 
 
-def test_regenerate_passes_with_the_shipped_parameters() -> None:
+def test_regenerate_passes_with_the_shipped_parameters():
     """With the identified parameters, all printed entries are within 1.3 half units."""
     shown = text("regenerate")
     assert "Both printed pairs regenerated: yes\n" in shown
@@ -107,7 +104,7 @@ def test_regenerate_passes_with_the_shipped_parameters() -> None:
     )
 
 
-def test_regenerate_fails_with_other_parameters() -> None:
+def test_regenerate_fails_with_other_parameters():
     """The parameters of the released simulation do not regenerate the printed pairs."""
     assert "Both printed pairs regenerated: NO\n" in text(
         "regenerate", "--parameters", "gibson-2011-simulation", code=FAILED
@@ -126,7 +123,7 @@ CHOSEN = (
 )
 
 
-def test_names_select_rows_and_columns_in_order() -> None:
+def test_names_select_rows_and_columns_in_order():
     """--states, --inputs and --outputs select rows and columns of A to E in the given order."""
     whole = answer("linearize", *AT_15, "--outputs", "load_factor,dihedral")
     part = answer("linearize", *AT_15, *CHOSEN)
@@ -151,7 +148,7 @@ def test_names_select_rows_and_columns_in_order() -> None:
 
 
 @pytest.fixture(scope="module")
-def heavy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def heavy(tmp_path_factory):
     """Write a parameter file of the identified aircraft with heavier panels and return its path."""
     usual = default_parameters()
     path = tmp_path_factory.mktemp("heavy") / "heavy.toml"
@@ -162,7 +159,7 @@ def heavy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_the_json_contains_the_whole_condition(heavy: Path) -> None:
+def test_the_json_contains_the_whole_condition(heavy):
     """The provenance in JSON contains the trim condition, changed parameters and the command."""
     words = (
         "--dihedral",

@@ -1,7 +1,5 @@
 """Trim conditions given by the same options to every command that trims one point or many."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -28,9 +26,7 @@ CLIMBER = Model("climber", STATES, INPUTS, equations, outputs={"climb": Signal("
 
 
 @pytest.mark.parametrize("altitude", ["altitude", "z_up"])
-def test_a_climb_of_a_model_with_altitude_is_advised_and_found(
-    altitude: str, tmp_path: Path
-) -> None:
+def test_a_climb_of_a_model_with_altitude_is_advised_and_found(altitude, tmp_path):
     """The refusal of --hold gamma says --free altitude_dot, and that command finds the climb."""
     text = CLIMBER.replace("altitude", altitude)
     (tmp_path / "climber.py").write_text(text, encoding="utf-8")
@@ -43,7 +39,7 @@ def test_a_climb_of_a_model_with_altitude_is_advised_and_found(
     assert thrust == pytest.approx(9.81 * np.sin(np.radians(4.0)), rel=1e-9)
 
 
-def test_ranges_and_lists_have_units() -> None:
+def test_ranges_and_lists_have_units():
     """Each number of a range or a list may have a unit. The three numbers have the same one."""
     words = ("sweep", "--aircraft", str(EXAMPLES / "uav.toml"), "--hold")
     knot = 1852.0 / 3600.0

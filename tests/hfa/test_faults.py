@@ -1,9 +1,5 @@
 """Faults of the system: a full disk, closed streams, and no home folder."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 from system_faults import NO_HOME, has_no_room, on_linux, shell, small_disk, works_without_a_home
 
@@ -14,14 +10,14 @@ __all__ = ["small_disk"]
 
 
 @pytest.mark.parametrize("lost", [pytest.param("2>&-", marks=pytest.mark.slow), "2>/dev/full"])
-def test_a_refusal_without_streams_has_exit_code_2(tmp_path: Path, lost: str) -> None:
+def test_a_refusal_without_streams_has_exit_code_2(tmp_path, lost):
     """If standard error is closed or full, bad input still gives exit code 2."""
     done = shell(f'exec "$0" "$@" {lost}', "trim", "--dihedral", "abc", folder=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")
 
 
 @pytest.mark.slow
-def test_a_closed_standard_output_is_refused(tmp_path: Path) -> None:
+def test_a_closed_standard_output_is_refused(tmp_path):
     """If standard output is closed, the command is refused with exit code 2 and a reason."""
     done = shell('exec "$0" "$@" >&-', "trim", "--dihedral", "15", folder=tmp_path)
     assert (done.returncode, done.stdout) == (BAD_INPUT, "")
@@ -37,7 +33,7 @@ PICTURE = "linearize --dihedral 15 --picture a.png"
 
 @pytest.mark.slow
 @pytest.mark.parametrize("home", NO_HOME)
-def test_a_missing_home_folder_keeps_the_result(tmp_path: Path, home: str) -> None:
+def test_a_missing_home_folder_keeps_the_result(tmp_path, home):
     """A sweep with a picture succeeds if the home folder is missing or not writable."""
     works_without_a_home(tmp_path, "sweep --dihedral 14:16:1 --picture a.png", home)
 
@@ -50,6 +46,6 @@ def test_a_missing_home_folder_keeps_the_result(tmp_path: Path, home: str) -> No
         pytest.param(PICTURE, 4, marks=pytest.mark.slow),
     ],
 )
-def test_a_full_disk_leaves_no_result(small_disk: Path, words: str, left: int) -> None:
+def test_a_full_disk_leaves_no_result(small_disk, words, left):
     """If the disk is full, no part of a result is left."""
     has_no_room(small_disk, words, left)

@@ -1,12 +1,9 @@
 """Files written by `hfa`: precision, names, units, schema, reproducible bytes, and reports."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +32,7 @@ COMMANDS = {
 }
 
 
-def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
+def written(folder, name, suffix):
     """Run a command with -o and --json, and return (path of the file, printed JSON data).
 
     The function asserts that the command writes no other file.
@@ -53,7 +50,7 @@ def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
     return path, json.loads(result.out)
 
 
-def numbers(data: Any) -> list[float]:
+def numbers(data):
     """Return all numbers in nested JSON data, in order. null becomes nan, true 1 and false 0."""
     return [
         np.nan if value is None else float(value)
@@ -62,16 +59,16 @@ def numbers(data: Any) -> list[float]:
     ]
 
 
-def without_inf(values: list[Any]) -> Any:
+def without_inf(values):
     """Return numbers with nan in place of inf, for which JSON has no number."""
     return np.where(np.isinf(values), np.nan, values)
 
 
-def texts(data: Any) -> list[str]:
+def texts(data):
     return [value for _, value in leaves(data) if isinstance(value, str)]
 
 
-def plain(value: Any) -> Any:
+def plain(value):
     """Return data read by `loadmat` as nested dictionaries, lists and scalars, as in JSON."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items() if not key.startswith("__")}
@@ -81,7 +78,7 @@ def plain(value: Any) -> Any:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_npz_files_contain_every_number_and_name(tmp_path: Path, name: str) -> None:
+def test_npz_files_contain_every_number_and_name(tmp_path, name):
     """A .npz file contains exactly the numbers and texts of the JSON, and no pickled object."""
     path, data = written(tmp_path, name, "npz")
     assert data["schema"].startswith("hfa.")
@@ -105,7 +102,7 @@ def test_npz_files_contain_every_number_and_name(tmp_path: Path, name: str) -> N
 
 
 @pytest.mark.parametrize("name", ["full", "trim"])  # test_conditions.py tests stacked matrices
-def test_mat_files_contain_every_number_and_name(tmp_path: Path, name: str) -> None:
+def test_mat_files_contain_every_number_and_name(tmp_path, name):
     """A .mat file contains all keys, numbers and nonempty texts of the JSON data."""
     path, data = written(tmp_path, name, "mat")
     loaded = plain(loadmat(path, simplify_cells=True))
@@ -126,9 +123,7 @@ def test_mat_files_contain_every_number_and_name(tmp_path: Path, name: str) -> N
         for suffix in SUFFIXES
     ],
 )
-def test_two_runs_write_the_same_bytes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, suffix: str
-) -> None:
+def test_two_runs_write_the_same_bytes(tmp_path, monkeypatch, name, suffix):
     """Two runs at different times write equal bytes, because files contain no time of writing."""
     first, data = written(tmp_path / "first", name, suffix)
     # The second run is on another day. Files must not contain the time of writing.
@@ -147,7 +142,7 @@ def test_two_runs_write_the_same_bytes(
         ("md", b"# HFA"),
     ],
 )
-def test_a_result_is_written_as_its_report(suffix: str, opening: bytes) -> None:
+def test_a_result_is_written_as_its_report(suffix, opening):
     """save("FILE.html"), .pdf and .md write the sheet of a point and the report of a model."""
     point = toolchain.trim(toolchain.aircraft(), dihedral=0.1)
     for result in (point, point.linearize()):

@@ -1,7 +1,5 @@
 """Exchange of files with other tools: plants, gains, and tables for pandas and polars."""
 
-from __future__ import annotations
-
 import csv
 import importlib.util
 import json
@@ -32,9 +30,7 @@ TABLES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", TABLES)
-def test_csv_tables_are_read_by_pandas_and_polars(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_csv_tables_are_read_by_pandas_and_polars(command, tmp_path, monkeypatch):
     """pandas and polars read every number of a .csv table of `hfa` within 1e-15.
 
     Each column states its unit in its name or in the column "unit", except for the listed names.
@@ -59,7 +55,7 @@ def test_csv_tables_are_read_by_pandas_and_polars(
         assert data["provenance"]["command"].startswith(f"hfa {command}")
 
 
-def is_number(cell: str) -> bool:
+def is_number(cell):
     """Return whether a cell is a number or empty."""
     try:
         float(cell or "nan")
@@ -68,7 +64,7 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def has_unit(name: str, header: list[str]) -> bool:
+def has_unit(name, header):
     beside = (
         name in ("value", "band", "learned", "exact", "printed", "computed") and "unit" in header
     )
@@ -77,7 +73,7 @@ def has_unit(name: str, header: list[str]) -> bool:
 
 @pytest.mark.parametrize("dt", [np.ones((2, 4)), [], -0.1, np.nan, np.inf, "fast"], ids=str)
 @pytest.mark.usefixtures("folder")
-def test_an_entry_dt_that_is_no_sample_time_is_refused(dt: object) -> None:
+def test_an_entry_dt_that_is_no_sample_time_is_refused(dt):
     """Files of plants and of gains are refused in one line, by every command that reads them."""
     plant = {"A": [[0.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": np.eye(2), "R": [[1.0]]}
     np.savez("right.npz", **plant)
@@ -108,7 +104,7 @@ def test_an_entry_dt_that_is_no_sample_time_is_refused(dt: object) -> None:
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_names_and_units_of_a_critic_are_noted(entries: dict[str, object], said: str) -> None:
+def test_names_and_units_of_a_critic_are_noted(entries, said):
     """`hfa verify` says which names of a file it took for which, and what it converted."""
     names = {"states": ["speed", "alpha"], "inputs": ["push"]}
     units = {"state_units": ["ft/s", "rad"], "input_units": ["lbf"]}
@@ -119,7 +115,7 @@ def test_names_and_units_of_a_critic_are_noted(entries: dict[str, object], said:
     assert said in notes
 
 
-def test_a_solution_of_another_trim_is_named(tmp_path: Path) -> None:
+def test_a_solution_of_another_trim_is_named(tmp_path):
     """`hfa verify` says of which trim, and of which delta, a file of `hfa solve` is, if the game is
     of another.
     """

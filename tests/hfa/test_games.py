@@ -1,11 +1,8 @@
 """`hfa solve`, `hfa learn` and `hfa verify` on the aircraft and on plants from files."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +18,7 @@ from hfa_model import INPUTS, LINEAR_STATES
 
 
 @pytest.mark.parametrize(("degrees", "dynamics"), [("5", "published"), ("15", "newton")])
-def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None:
+def test_solve_gives_the_certified_solution(degrees, dynamics):
     """`hfa solve` reports P, K and the smallest delta of `hfa.solve`, with names and units."""
     data = answer("solve", "--dihedral", degrees, "--dynamics", dynamics)
     assert set(data) >= {"schema", "certificate", "disk_margin"} | LABELS
@@ -43,7 +40,7 @@ def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None
         ("113.5", "P is indefinite"),
     ],
 )
-def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str) -> None:
+def test_solve_below_the_smallest_delta_names_the_remedy(delta, failed):
     """If delta is below delta_min, `hfa solve` fails, advises a larger delta and writes no file."""
     result = hfa("solve", *AT_15, "--delta", delta, "--json", "-o", "solution.json")
     assert (result.code, result.out) == (FAILED, "")
@@ -66,7 +63,7 @@ THREE_STATES = {
     [{"delta": math.inf}, THREE_STATES],
     ids=["delta inf", "two free states"],
 )
-def test_commands_accept_plants_with_missing_entries(changes: dict[str, Any]) -> None:
+def test_commands_accept_plants_with_missing_entries(changes):
     """`hfa solve`, `learn` and `verify` accept plants without E, delta or cost of some states."""
     plant = small("plant.json", **changes)
     assert answer("solve", "--model", plant)["certificate"]["ok"] is True
@@ -82,7 +79,7 @@ def test_commands_accept_plants_with_missing_entries(changes: dict[str, Any]) ->
 
 STEPS = {"A": [[1.0, 0.1], [0.0, 0.9]], "B": [[0.0], [0.1]], "Q": np.eye(2), "R": [[1.0]]}
 #: Plants that a law solves, learns wrongly, or learns in discrete time: options, entries of the file.
-LEARNED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
+LEARNED = {
     "policy iteration": ((), SMALL),
     "published": (
         ("--law", "published"),
@@ -96,7 +93,7 @@ LEARNED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "case",
     [pytest.param(case, marks=pytest.mark.slow if case == "published" else ()) for case in LEARNED],
 )
-def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case: str) -> None:
+def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case):
     """The file has the last weights, and `verify` computes the checks that `learn` has printed."""
     options, entries = LEARNED[case]
     plant = stored("plant.json", **entries)

@@ -1,7 +1,5 @@
 """The help of every command, which is short and ends with an example that runs."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 
@@ -20,7 +18,7 @@ QUICK = [name for name in ("trim", "linearize", "sweep", "solve") if name in NAM
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_help_is_short_and_ends_with_an_example(name: str) -> None:
+def test_help_is_short_and_ends_with_an_example(name):
     """The help of a command has at most 60 lines and ends with the example of the command.
 
     No line of the long help exceeds 80 columns.
@@ -37,14 +35,12 @@ def test_help_is_short_and_ends_with_an_example(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_help_loads_no_aircraft(name: str) -> None:
+def test_help_loads_no_aircraft(name):
     """The help of a command is the same with an aircraft, also one that does not exist."""
     assert hfa(name, "--aircraft", "nowhere.py:X", "--help").out == hfa(name, "--help").out
 
 
-def ran(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, examples: list[str], *more: str
-) -> dict[str, int]:
+def ran(tmp_path, monkeypatch, examples, *more):
     """Run example commands one after the other in a folder, and return the exit code of each.
 
     more: words added to each example
@@ -55,16 +51,14 @@ def ran(
     return {example: hfa(*shlex.split(example)[1:], *more).code for example in examples}
 
 
-def test_the_quick_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_quick_examples_run(tmp_path, monkeypatch):
     """The examples of quick commands return exit code 0."""
     codes = ran(tmp_path, monkeypatch, [commands()[name].example for name in QUICK])
     assert list(codes.values()) == [0 for _ in QUICK]
 
 
 @pytest.mark.slow
-def test_every_example_runs_and_prints_json(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_example_runs_and_prints_json(tmp_path, monkeypatch):
     """The example of each command returns exit code 0 with --json."""
     codes = ran(tmp_path, monkeypatch, EXAMPLES, "--json")
     assert {name: code for name, code in codes.items() if code} == {}

@@ -3,8 +3,6 @@
 `make fuzz` runs many more of them.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -19,7 +17,7 @@ pytestmark = pytest.mark.filterwarnings("default")
 IN_FILES = needs("hfa_jsbsim", "hfa_prove")
 
 
-def marks_of(way: str) -> list[pytest.MarkDecorator]:
+def marks_of(way):
     """Return the marks of a kind of inputs. Those in files are slow: the files are made first."""
     return [IN_FILES, pytest.mark.slow] * bool(WAYS[way])
 
@@ -27,7 +25,7 @@ def marks_of(way: str) -> list[pytest.MarkDecorator]:
 @pytest.mark.slow
 @pytest.mark.parametrize("way", [pytest.param(way, marks=marks_of(way)) for way in WAYS])
 @given(data=st.data())
-def test_a_hostile_input_gives_a_result_or_error(way: str, data: st.DataObject) -> None:
+def test_a_hostile_input_gives_a_result_or_error(way, data):
     """Every hostile variant of one kind of input gives a result, or an error of one line."""
     pytest.importorskip("hfa_flight")
     words, files = data.draw(hostile_case(way))
@@ -37,7 +35,7 @@ def test_a_hostile_input_gives_a_result_or_error(way: str, data: st.DataObject) 
 @pytest.mark.parametrize(
     "way", [pytest.param(way, marks=marks_of(way)) for way in WAYS if WAYS[way]]
 )
-def test_the_unchanged_file_is_accepted(way: str) -> None:
+def test_the_unchanged_file_is_accepted(way):
     """Each input file is accepted before it is corrupted."""
     for name, content in seeds().items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)

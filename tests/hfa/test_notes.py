@@ -1,7 +1,5 @@
 """Notes and progress on standard error, and text on terminals."""
 
-from __future__ import annotations
-
 import re
 import time
 
@@ -11,7 +9,7 @@ from cli import Terminal, hfa
 from hfa.extend import ProgressLine
 
 
-def test_quiet_suppresses_all_but_errors() -> None:
+def test_quiet_suppresses_all_but_errors():
     """--quiet suppresses notes and progress, but not errors."""
     words = ("sweep", "--dihedral", "14:16:2")
     assert hfa(*words, "-q", err=Terminal()) == hfa(*words)._replace(err="")
@@ -24,9 +22,7 @@ COLOR = re.compile("\033\\[[0-9;]*m")
 
 
 @pytest.mark.parametrize(("environment", "colored"), [({}, True), ({"NO_COLOR": "1"}, False)])
-def test_a_terminal_gets_colors(
-    environment: dict[str, str], colored: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_terminal_gets_colors(environment, colored, monkeypatch):
     """Text is colored on a terminal unless colors are turned off. Pipes and JSON have no color.
 
     The words are the same in all cases.
@@ -43,9 +39,7 @@ def test_a_terminal_gets_colors(
     assert COLOR.sub("", shown).split() == plain.split()
 
 
-def test_a_run_of_a_minute_is_announced_once(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_of_a_minute_is_announced_once(monkeypatch, capsys):
     """A run expected to take more than a minute is announced once.
 
     A shorter run is not announced.

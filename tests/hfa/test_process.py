@@ -1,7 +1,5 @@
 """`hfa` as a child process: exit codes, pipes, full disks, terminals, and imported modules."""
 
-from __future__ import annotations
-
 import os
 import pty
 import re
@@ -17,7 +15,7 @@ from hfa.main import BAD_INPUT, DONE, FAILED
 
 
 @pytest.mark.slow
-def test_output_of_a_process_ignores_settings(tmp_path: Path) -> None:
+def test_output_of_a_process_ignores_settings(tmp_path):
     """The output of a child process does not depend on the hash seed or on color settings."""
     words = ("sweep", "--dihedral", "14:16:1")
     inside = hfa(*words)
@@ -34,7 +32,7 @@ def test_output_of_a_process_ignores_settings(tmp_path: Path) -> None:
         ("sweep --dihedral 60 -q", FAILED, "1"),
     ],
 )
-def test_a_closed_pipe_changes_no_exit_code(words: str, code: int, unbuffered: str) -> None:
+def test_a_closed_pipe_changes_no_exit_code(words, code, unbuffered):
     """If the reader of the pipe has stopped, exit code and standard error are unchanged."""
     reader, writer = os.pipe()
     os.close(reader)
@@ -51,7 +49,7 @@ def test_a_closed_pipe_changes_no_exit_code(words: str, code: int, unbuffered: s
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
-def test_a_full_standard_output_is_refused() -> None:
+def test_a_full_standard_output_is_refused():
     """If standard output is a full disk, the command prints one line and returns exit code 2."""
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
@@ -72,7 +70,7 @@ def test_a_full_standard_output_is_refused() -> None:
         pytest.param("SIGHUP", 143, "terminated", marks=pytest.mark.slow),
     ],
 )
-def test_a_signal_ends_the_run_in_one_line(tmp_path: Path, name: str, code: int, said: str) -> None:
+def test_a_signal_ends_the_run_in_one_line(tmp_path, name, code, said):
     """A run that is ended while it executes an aircraft's file prints one line."""
     (tmp_path / "own.py").write_text(f"import os, signal\nos.kill(os.getpid(), signal.{name})\n")
     ended = hfa_process("trim", "--aircraft", "own.py:X", folder=tmp_path)
@@ -80,7 +78,7 @@ def test_a_signal_ends_the_run_in_one_line(tmp_path: Path, name: str, code: int,
 
 
 @pytest.mark.slow
-def test_progress_is_erased_at_the_end(tmp_path: Path) -> None:
+def test_progress_is_erased_at_the_end(tmp_path):
     """On a pseudo-terminal, the progress line is erased at the end."""
     controller, terminal = pty.openpty()
     with os.fdopen(terminal, "wb") as stream:
@@ -121,7 +119,7 @@ for commands in {lists}:
 
 
 @pytest.mark.parametrize("count", [1, pytest.param(len(LIGHT), marks=pytest.mark.slow)])
-def test_commands_import_no_packages_that_they_do_not_need(count: int) -> None:
+def test_commands_import_no_packages_that_they_do_not_need(count):
     """No command imports a heavy package or an extension without need, no trim a game.
 
     count: number of the lists that are run, of which the first is fast

@@ -1,7 +1,5 @@
 """The option --reference of the commands."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cli import answer, hfa
@@ -13,7 +11,7 @@ COMMAND = ("--reference", "speed=7+0.01t+2sin(0.5t),alpha=5.73,dihedral=28.65")
 
 
 @pytest.mark.slow
-def test_a_command_is_typed_in_degrees() -> None:
+def test_a_command_is_typed_in_degrees():
     """The commanded angles reach the tracking in rad, and in SI units nothing but units changes."""
     data = answer("solve", *AT_15, *COMMAND)["tracking"]
     assert data["reachable"] is False
@@ -34,7 +32,7 @@ def test_a_command_is_typed_in_degrees() -> None:
         (("--reference", "speed"), "is not NAME=VALUE"),
     ],
 )
-def test_a_wrong_reference_is_refused_in_one_line(words: tuple[str, ...], said: str) -> None:
+def test_a_wrong_reference_is_refused_in_one_line(words, said):
     """Unknown states and other texts are refused before anything is computed."""
     result = hfa("solve", *AT_15, *words)
     assert (result.code, result.out) == (BAD_INPUT, "")

@@ -1,11 +1,7 @@
 """Refused requests give exit code 1 or 2 and one line with cause and remedy, and write no file."""
 
-from __future__ import annotations
-
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +15,7 @@ DIGITS = "9" * 5000
 F16 = f"{Path(__file__).parents[2] / 'examples/f16.py'}:F16"
 
 
-def snapshot(folder: Path) -> dict[str, bytes | None]:
+def snapshot(folder):
     """Return path -> content for everything below a folder. The content of a folder is None."""
     return {
         str(path): path.read_bytes() if path.is_file() else None
@@ -28,7 +24,7 @@ def snapshot(folder: Path) -> dict[str, bytes | None]:
 
 
 @pytest.fixture(autouse=True)
-def untouched(tmp_path: Path) -> Iterator[None]:
+def untouched(tmp_path):
     """Create files and folders before a test, and assert afterwards that they are unchanged.
 
     Files named `given...`, which the test creates, are ignored.
@@ -140,7 +136,7 @@ REFUSED = {
     ("command", "words", "named"),
     [(command, *case) for command, some in REFUSED.items() for case in some],
 )
-def test_bad_requests_are_refused_in_one_line(command: str, words: str, named: str) -> None:
+def test_bad_requests_are_refused_in_one_line(command, words, named):
     """Each bad request gives exit code 2 and one short, printable line that names the fault."""
     small("given.json")
     stored("given.npz", W=np.ones(21))
@@ -167,7 +163,7 @@ def test_bad_requests_are_refused_in_one_line(command: str, words: str, named: s
         *((f"{command} --frobnicate", f"hfa {command} --help") for command in commands()),
     ],
 )
-def test_unknown_commands_and_options_are_refused(words: str, named: str) -> None:
+def test_unknown_commands_and_options_are_refused(words, named):
     """An unknown command or option is refused, and the message suggests the nearest name."""
     pytest.importorskip("hfa_flight")
     assert_refused(hfa(*shlex.split(words)), BAD_INPUT, named)
@@ -184,7 +180,7 @@ def test_unknown_commands_and_options_are_refused(words: str, named: str) -> Non
         ({"A": [[1.0, 0.0], [0.0, -1.0]]}, FAILED, "is not stabilizable: no input reaches"),
     ],
 )
-def test_bad_plants_are_refused_in_one_line(changes: dict[str, Any], code: int, named: str) -> None:
+def test_bad_plants_are_refused_in_one_line(changes, code, named):
     """Each faulty plant file is refused in one line that names the fault."""
     assert_refused(
         hfa("solve", "--model", small("given.json", **changes), "-o", "result.json"), code, named

@@ -4,7 +4,6 @@ import csv
 import json
 import math
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,12 +50,12 @@ def book(tmp_path_factory):
     return path
 
 
-def rows_of(path: Path) -> dict[str, dict[str, str]]:
+def rows_of(path):
     """Return name of the condition -> cells by heading."""
     return {row["name"]: row for row in csv.DictReader(path.read_text("utf-8").splitlines())}
 
 
-def test_each_row_balances_in_an_independent_simulation(book: Path) -> None:
+def test_each_row_balances_in_an_independent_simulation(book):
     """The rates of the rigid body are 0, but for the pitch of the pull-up, within 1e-5 of 1.5 g."""
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
     for name, cells in rows_of(book / "matrix.csv").items():
@@ -89,7 +88,7 @@ def test_each_row_balances_in_an_independent_simulation(book: Path) -> None:
     assert float(in_knots["speed [m/s]"]) == pytest.approx(70.0 * KNOT)
 
 
-def test_the_file_that_comes_out_runs_again(book: Path) -> None:
+def test_the_file_that_comes_out_runs_again(book):
     """Its columns before `results` state the conditions; all figures are the same."""
     first, again = rows_of(book / "matrix.csv"), rows_of(book / "again.csv")
     assert [*first] == [*again]
@@ -104,7 +103,7 @@ def test_the_file_that_comes_out_runs_again(book: Path) -> None:
                 assert other == text, heading
 
 
-def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book: Path) -> None:
+def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book):
     """The sentences are cells of the matrix, entries of JSON, and rows in Python."""
     cells = rows_of(book / "matrix.csv")
     assert "CL_max" in cells["stall"]["stalled"]
@@ -136,7 +135,7 @@ def test_a_stall_a_doubt_and_a_failure_are_in_every_file(book: Path) -> None:
 
 
 @pytest.mark.parametrize("verb", ["trim", "linearize"])
-def test_a_row_is_chosen_by_its_name(verb: str, book: Path) -> None:
+def test_a_row_is_chosen_by_its_name(verb, book):
     """Its trim is that of the options that state it."""
     words = (verb, "--aircraft", str(book / "uav.toml"))
     listed = ("--conditions", str(book / "conditions.csv"), "--row", "glide")
@@ -145,7 +144,7 @@ def test_a_row_is_chosen_by_its_name(verb: str, book: Path) -> None:
     assert of_row == answer(*words, *typed, "gamma")["operating_point"]["states"]
 
 
-def test_a_stall_is_said_by_linearize_too(book: Path) -> None:
+def test_a_stall_is_said_by_linearize_too(book):
     """The first lines of a turn have its load factor."""
     words = ("linearize", "--aircraft", str(book / "uav.toml"), "--conditions")
     run = command(*words, str(book / "conditions.csv"), "--row", "stall", "-q")
@@ -177,7 +176,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("verb", "option", "text", "said"), REFUSED)
-def test_a_wrong_file_is_refused(verb, option, text, said, tmp_path: Path) -> None:
+def test_a_wrong_file_is_refused(verb, option, text, said, tmp_path):
     """The line names the file, the row, the column and the condition."""
     path = tmp_path / "conditions.csv"
     path.write_text(text, "utf-8")
@@ -185,14 +184,14 @@ def test_a_wrong_file_is_refused(verb, option, text, said, tmp_path: Path) -> No
     assert_refused(command(*words, *filter(None, [option])), 2, said)
 
 
-def test_a_repeated_condition_is_noted(tmp_path: Path) -> None:
+def test_a_repeated_condition_is_noted(tmp_path):
     path = tmp_path / "conditions.csv"
     path.write_text("name,speed\na,30\nb,35\nc,30\n", "utf-8")
     run = command("trim", "--aircraft", f"{ROOT}/examples/uav.toml", "--conditions", str(path))
     assert "condition c is that of condition 1 again" in run.out + run.err
 
 
-def test_a_center_of_gravity_is_a_share_in_percent(tmp_path: Path) -> None:
+def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):
     """c.g. [%] is cg in chords."""
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
     model = hfa.from_derivatives({**table, "cg": 0.25})

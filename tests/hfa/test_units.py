@@ -1,9 +1,5 @@
 """The option --units si: units are converted, and physical laws are satisfied."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from cli import answer, hfa
@@ -12,7 +8,7 @@ FOOT = 0.3048
 TRIM = ("trim", "--dihedral", "12")
 
 
-def test_trims_in_si_satisfy_physical_laws() -> None:
+def test_trims_in_si_satisfy_physical_laws():
     """A trim in SI units satisfies four laws with the numbers of the standard air within 1e-4."""
     data = answer(*TRIM, "--units", "si")
     performance = {name: row["value"] for name, row in data["sheet"].items()}
@@ -28,7 +24,7 @@ def test_trims_in_si_satisfy_physical_laws() -> None:
     assert performance["weight"] == pytest.approx(weight, rel=1e-4)
 
 
-def test_matrices_in_si_are_similar() -> None:
+def test_matrices_in_si_are_similar():
     """In SI units A becomes T A T⁻¹, where T converts the states. B to F are converted likewise."""
     words = ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha")
     before = answer(*words)
@@ -57,7 +53,7 @@ def test_matrices_in_si_are_similar() -> None:
 
 
 @pytest.mark.parametrize("suffix", ["json", pytest.param("mat", marks=pytest.mark.slow)])
-def test_plants_in_si_are_read(tmp_path: Path, suffix: str) -> None:
+def test_plants_in_si_are_read(tmp_path, suffix):
     """A plant written in SI units names them when it is read."""
     plant = str(tmp_path / f"plant.{suffix}")
     assert hfa("linearize", "--dihedral", "12", "--units", "si", "-o", plant).code == 0

@@ -1,7 +1,5 @@
 """`hfa verify` passes correct critics, and fails planted mistakes with their reason."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -10,7 +8,7 @@ import pytest
 from cli import answer, hfa
 from game_files import AT_15, stored
 
-from hfa import Game, solve
+from hfa import solve
 from hfa.main import FAILED
 
 # Verify.
@@ -19,7 +17,7 @@ from hfa.main import FAILED
 # The cost of a critic.
 
 
-def test_the_cost_limit_decides_the_exit_code(game: Game) -> None:
+def test_the_cost_limit_decides_the_exit_code(game):
     """The cost of a critic is reported. With --limit-cost, the cost decides the exit code."""
     file = stored("P.json", P=1.004 * solve(game).P)
     words = ("verify", *AT_15, "--weights", file)
@@ -43,7 +41,7 @@ def test_the_cost_limit_decides_the_exit_code(game: Game) -> None:
 
 
 @pytest.mark.slow
-def test_several_critics_give_a_table_and_a_curve(game: Game) -> None:
+def test_several_critics_give_a_table_and_a_curve(game):
     """Several critics and a folder of checkpoints give one table and a learning curve."""
     exact = solve(game)
     Path("runs").mkdir()

@@ -27,7 +27,7 @@ def system(update, **more):
     )
 
 
-def test_a_system_of_python_control_is_traced() -> None:
+def test_a_system_of_python_control_is_traced():
     """A converted python-control system keeps names, parameters and outputs.
 
     The linear model agrees with the finite differences of python-control. Converted back, the
@@ -73,7 +73,7 @@ def test_a_system_of_python_control_is_traced() -> None:
         ),
     ],
 )
-def test_an_untraceable_system_is_refused(made, words: str) -> None:
+def test_an_untraceable_system_is_refused(made, words):
     """A system that cannot be evaluated with symbols is refused with a one-line message."""
     with pytest.raises(BadInputError) as caught:
         from_control(made(), {})

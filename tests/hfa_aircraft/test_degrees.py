@@ -1,9 +1,5 @@
 """Warning about equations that compute the sine, cosine or tangent of a signal in degrees."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import casadi as ca
 import pytest
 
@@ -12,13 +8,13 @@ from hfa import Model, Signal
 from hfa_aircraft import in_si
 
 
-def pendulum(torque: Any) -> Model:
+def pendulum(torque):
     """Return a pendulum whose angle is declared in degrees.
 
     torque: function of the angle
     """
 
-    def equations(x: Any, u: Any, _p: Any, _w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, _p, _w):
         rates = {"angle": x.rate, "rate": u.moment - torque(x.angle) - x.rate}
         return rates, {"height": x.angle * 0.1}
 
@@ -40,7 +36,7 @@ def pendulum(torque: Any) -> Model:
         (lambda angle: angle - ca.tan(angle), "tan"),
     ],
 )
-def test_a_sine_of_degrees_causes_a_warning(torque: Any, function: str) -> None:
+def test_a_sine_of_degrees_causes_a_warning(torque, function):
     """A trigonometric function of an angle in degrees causes a warning that names the function.
 
     The trim has the same warning.
@@ -53,7 +49,7 @@ def test_a_sine_of_degrees_causes_a_warning(torque: Any, function: str) -> None:
     assert hfa.trim(in_si(model), free="angle_dot").warnings == [note]
 
 
-def test_converted_angles_cause_no_warning() -> None:
+def test_converted_angles_cause_no_warning():
     """Equations that convert degrees to radians cause no warning."""
     model = pendulum(lambda angle: ca.sin(angle * ca.pi / 180))
     assert hfa.trim(model, free="angle_dot").warnings == []

@@ -1,7 +1,5 @@
 """The stated error of the integration; extensions/flight/tests compares flights with references."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -13,11 +11,11 @@ pytestmark = pytest.mark.usefixtures("flights")
 
 
 @pytest.fixture
-def flights() -> None:
+def flights():
     pytest.importorskip("hfa_flight")
 
 
-def test_the_stated_change_is_that_with_half_the_step() -> None:
+def test_the_stated_change_is_that_with_half_the_step():
     """A flight of a large swing with steps of 0.2 s, compared with its flight in half steps."""
     swing = Model(
         "swing",
@@ -28,7 +26,7 @@ def test_the_stated_change_is_that_with_half_the_step() -> None:
     )
     point = hfa.trim(swing)
 
-    def flown(step: float) -> hfa.Flight:
+    def flown(step):
         scenario = Scenario(4.0, step=step, tick=0.2, initial=np.array([1.5, 0.0]))
         return hfa.fly(swing, point, None, scenario=scenario)
 

@@ -1,9 +1,6 @@
 """Aircraft files that call sys.exit() or are not regular files."""
 
-from __future__ import annotations
-
 import os
-from pathlib import Path
 
 import pytest
 from cli import assert_refused, hfa
@@ -30,14 +27,12 @@ CAR = Model(
 """
 
 
-def write_aircraft(path: Path, in_equations: str = "pass", at_the_end: str = "") -> None:
+def write_aircraft(path, in_equations="pass", at_the_end=""):
     path.write_text(AIRCRAFT.format(in_equations=in_equations, at_the_end=at_the_end))
 
 
 @pytest.mark.parametrize("calls", [0, 1])
-def test_equations_that_end_the_program_are_refused(
-    calls: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_equations_that_end_the_program_are_refused(calls, tmp_path, monkeypatch):
     """sys.exit() in the equations is reported in one line, when they are loaded or later."""
     monkeypatch.chdir(tmp_path)
     write_aircraft(tmp_path / "late.py", in_equations=f"len(calls) > {calls} and sys.exit()")
@@ -45,7 +40,7 @@ def test_equations_that_end_the_program_are_refused(
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFO on this system")
-def test_a_fifo_is_refused_as_aircraft(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fifo_is_refused_as_aircraft(tmp_path, monkeypatch):
     """A FIFO is refused as an aircraft file without waiting for its content."""
     monkeypatch.chdir(tmp_path)
     for name in ("pipe.py", "pipe.xml"):

@@ -1,10 +1,7 @@
 """Hash of a model. The hash covers imported local modules and data that the model reads."""
 
-from __future__ import annotations
-
 import pickle
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -23,9 +20,7 @@ PLANT = Model(
 
 
 @pytest.mark.parametrize("outer", [False, True])
-def test_a_changed_module_changes_the_hash(
-    outer: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_changed_module_changes_the_hash(outer, tmp_path, monkeypatch):
     """A change of a module that is imported indirectly changes the hash, also without effect.
 
     outer: whether the module is imported from the enclosing package
@@ -48,9 +43,7 @@ def test_a_changed_module_changes_the_hash(
     assert hashes[0] == hashes[1] != hashes[2]
 
 
-def test_a_file_imports_the_modules_beside_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_imports_the_modules_beside_it(tmp_path, monkeypatch):
     """A file imports modules and packages in its folder, of which each folder has its own.
 
     The folder is not the working folder. A changed module is imported again. Neither the search
@@ -74,7 +67,7 @@ def test_a_file_imports_the_modules_beside_it(
         sys.modules.pop(name)
 
 
-def test_the_hash_covers_a_neighboring_table(tmp_path: Path) -> None:
+def test_the_hash_covers_a_neighboring_table(tmp_path):
     """The hash covers numbers that the equations or the limits read from a .csv file.
 
     Models with the same hash share their equations.

@@ -1,7 +1,5 @@
 """Linear models from given matrices, without an aircraft."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cli
@@ -16,7 +14,7 @@ A = np.array([[0.0, 1.0], [2.0, -0.3]])
 B = np.array([[0.0], [1.0]])
 
 
-def test_lqr_of_matrices_equals_python_control() -> None:
+def test_lqr_of_matrices_equals_python_control():
     """lqr, and the game of a linear model, give the gain that python-control returns."""
     expected, _, _ = control.lqr(A, B, np.eye(2), np.eye(1))
     for found in (
@@ -39,7 +37,7 @@ def test_lqr_of_matrices_equals_python_control() -> None:
             call()
 
 
-def test_a_linear_model_is_read_from_its_file(tmp_path: Path) -> None:
+def test_a_linear_model_is_read_from_its_file(tmp_path):
     """A saved linear model is loaded with its matrices, names and units. Another file is refused."""
     model = hfa.aircraft()
     linear = hfa.linearize(model, hfa.trim(model))
@@ -58,7 +56,7 @@ def test_a_linear_model_is_read_from_its_file(tmp_path: Path) -> None:
         hfa.LinearModel.load(tmp_path / "point.json")
 
 
-def test_labelled_matrices_are_put_in_order() -> None:
+def test_labelled_matrices_are_put_in_order():
     """Tables of pandas name the states and inputs, in any order of rows and columns.
 
     Wrong labels are refused, and labels where no order is known.
@@ -80,7 +78,7 @@ def test_labelled_matrices_are_put_in_order() -> None:
     assert hfa.from_gain(game, gain).K.tolist() == [[1.0, 2.0]]
 
 
-def test_the_margins_of_a_gain_are_those_of_python_control() -> None:
+def test_the_margins_of_a_gain_are_those_of_python_control():
     linear = hfa.LinearModel.of(A, B, [[1.0, 0.0]], [[0.5]])
     K = np.array([[5.0, 2.0]])
     _, phase, _, crossover = control.margin(control.ss(A, B, K, 0.0))
@@ -88,7 +86,7 @@ def test_the_margins_of_a_gain_are_those_of_python_control() -> None:
     assert (margin.phase, margin.crossover) == pytest.approx((phase, crossover), rel=1e-6)
 
 
-def test_modes_of_given_matrices_are_printed(folder: Path) -> None:
+def test_modes_of_given_matrices_are_printed(folder):
     """`hfa linearize --aircraft FILE` reports the eigenvalues of A, which may be alone in the file."""
     Path("plant.json").write_text('{"A": [[0.0, 1.0], [-2.0, -0.3]]}')
     (mode,) = cli.answer("linearize", "--aircraft", "plant.json")["modes"]
@@ -97,7 +95,7 @@ def test_modes_of_given_matrices_are_printed(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["linearize", "assess K.npz"])
-def test_a_plant_is_an_aircraft_of_these_commands(command: str, folder: Path) -> None:
+def test_a_plant_is_an_aircraft_of_these_commands(command, folder):
     """The word --model of before is refused with the one that took its place."""
     result = cli.hfa(*command.split(), "--model", "plant.json")
     cli.assert_refused(result, 2, "; type --aircraft")

@@ -1,10 +1,6 @@
 """Faulty declarations of a model, which are refused with a message of one line."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -13,16 +9,16 @@ import pytest
 from hfa import BadInputError, Model, Signal, trim
 
 
-def cart(**declared: Any) -> Model:
+def cart(**declared):
     """Return the cart x' = v, v' = force with the output position = x.
 
     declared: arguments of `Model` that replace the usual ones
     """
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         return {"x": x.v, "v": u.force}, {"position": x.x}
 
-    settings: dict[str, Any] = {
+    settings = {
         "name": "cart",
         "states": {"x": Signal("m"), "v": Signal("m/s")},
         "inputs": {"force": Signal("N")},
@@ -58,7 +54,7 @@ def cart(**declared: Any) -> Model:
         ({"states": {"x": Signal(3)}}, "x: the unit is 3; give the unit as text"),  # type: ignore[arg-type]
     ],
 )
-def test_wrong_declarations_are_refused(declared: dict[str, Any], message: str) -> None:
+def test_wrong_declarations_are_refused(declared, message):
     """Each faulty declaration is refused with a message that names the fault."""
     with pytest.raises(BadInputError, match=message):
         cart(**declared)
@@ -66,7 +62,7 @@ def test_wrong_declarations_are_refused(declared: dict[str, Any], message: str) 
 
 STRAY = ca.SX.sym("stray")
 #: What is wrong in equations of v' -> rates and outputs, or the rate of v alone.
-EQUATIONS: dict[str, Callable[[Any, Any], Any]] = {
+EQUATIONS = {
     "the equations return no rate of v": lambda x, u: ({"x": x.v}, {"position": x.x}),
     "undeclared rate of 'q'; choose from x, v": lambda x, u: ({"x": x.v, "v": u.force, "q": 0}, {}),
     "undeclared name of inputs, 'gas'; choose from force": lambda x, u: u.gas,
@@ -92,10 +88,10 @@ EQUATIONS: dict[str, Callable[[Any, Any], Any]] = {
 
 
 @pytest.mark.parametrize("message", EQUATIONS)
-def test_wrong_equations_are_refused(message: str) -> None:
+def test_wrong_equations_are_refused(message):
     """Equations that fail at a trim are refused in one line that names the fault."""
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+    def equations(x, u, p, w):
         found = EQUATIONS[message](x, u)
         is_rate = not isinstance(found, tuple) or not found
         return ({"x": x.v, "v": found}, {"position": x.x}) if is_rate else found
@@ -106,7 +102,7 @@ def test_wrong_equations_are_refused(message: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_division_by_zero_returns_infinity() -> None:
+def test_division_by_zero_returns_infinity():
     """Equations evaluated with numbers return inf for 1 / 0, as compiled equations do."""
     model = cart(
         equations=lambda x, u, p, w: ({"x": x.v, "v": u.force / x.x}, {"position": x.v / x.x})

@@ -1,7 +1,5 @@
 """Random parameters have the stated covariance; another [covariance] is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -11,7 +9,7 @@ from project import ROOT
 pytest.importorskip("hfa_flight")
 
 
-def found(aircraft: str, names: str, rows: str) -> str:
+def found(aircraft, names, rows):
     """Write a file of identified parameters with a covariance, and return its path."""
     text = f"aircraft = '{ROOT}/examples/{aircraft}.toml'\n"
     Path("found.toml").write_text(f"{text}[covariance]\nnames = {names}\nrows = {rows}\n")
@@ -33,14 +31,14 @@ INDEFINITE = "is not a covariance matrix"
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_another_covariance_is_refused(names: str, rows: str, said: str) -> None:
+def test_another_covariance_is_refused(names, rows, said):
     """Names of parameters and a symmetric, positive semidefinite matrix of their size are needed."""
     words = ("fly", "--aircraft", found("uav", names, rows), "--draws", "2", "--duration", "0.1")
     assert_refused(hfa(*words), 2, f"found.toml: [covariance] {said}")
 
 
 @pytest.mark.usefixtures("folder")
-def test_drawn_aircraft_do_not_depend_on_units() -> None:
+def test_drawn_aircraft_do_not_depend_on_units():
     """Mass and lift slope are drawn together: the drawn aircraft fly the same in SI."""
     path = found("cessna182", '["mass", "CL_alpha"]', "[[16.0, 0.4], [0.4, 0.04]]")
     words = ("fly", "--aircraft", path, "--policy", "exact", "--draws", "3", "--duration", "0.1")

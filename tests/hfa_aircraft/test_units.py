@@ -1,13 +1,9 @@
 """Models converted to SI units agree with the original models after conversion."""
 
-from __future__ import annotations
-
 import math
 import pickle
 import random
 import re
-from collections.abc import Mapping
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -29,7 +25,7 @@ FACTORS = {
 }
 
 
-def si_factor(unit: str) -> float:
+def si_factor(unit):
     """Return the factor of a product or quotient of units, with whole powers."""
     factor = 1.0
     above, _, below = unit.partition("/")
@@ -43,11 +39,11 @@ def si_factor(unit: str) -> float:
 MODELS = [hfa.aircraft("published"), hfa.aircraft("newton")]
 
 
-def factors(model: Model, names: tuple[str, ...]) -> np.ndarray:
+def factors(model, names):
     return np.array([si_factor(model.unit(name)) for name in names])
 
 
-def test_parameters_envelope_and_pickles_are_converted() -> None:
+def test_parameters_envelope_and_pickles_are_converted():
     """A model in SI units accepts a mass in kg, and its envelope is converted.
 
     A pickled copy has the same equations.
@@ -70,7 +66,7 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
     )
 
 
-def test_conditions_and_points_in_other_units_are_refused() -> None:
+def test_conditions_and_points_in_other_units_are_refused():
     """A model in SI units refuses trim conditions and operating points in English units."""
     model = MODELS[0]
     converted = in_si(model)
@@ -99,7 +95,7 @@ READERS = {
         for each in READERS
     ],
 )
-def test_an_aircraft_of_each_reader_is_the_same_in_si(reader: str) -> None:
+def test_an_aircraft_of_each_reader_is_the_same_in_si(reader):
     """Trim, limits, A and B in SI are those in English units times the factor of each."""
     model = hfa.load_model(READERS[reader]) if READERS[reader] else hfa.aircraft()
     metric = in_si(model)
@@ -128,7 +124,7 @@ def test_an_aircraft_of_each_reader_is_the_same_in_si(reader: str) -> None:
 
 
 #: Kind of quantity -> its units, each with the number of SI units (NIST SP 811), SI first.
-SIZES: dict[str, dict[str, float]] = {
+SIZES = {
     "speed": {"m/s": 1.0, "kt": 1852.0 / 3600.0, "km/h": 1.0 / 3.6, "mph": 0.44704},
     "angle": {"rad": 1.0, "deg": math.pi / 180.0},
     "length": {"m": 1.0, "ft": 0.3048, "km": 1000.0, "nmi": 1852.0},
@@ -140,7 +136,7 @@ SIZES: dict[str, dict[str, float]] = {
 }
 
 
-def plane(units: Mapping[str, str]) -> Model:
+def plane(units):
     """An aircraft with equations in SI, whose signals are in the units of each quantity."""
     size = {kind: SIZES[kind][unit] for kind, unit in units.items()}
     size["turn"] = size["angle"] / size["time"]
@@ -150,10 +146,10 @@ def plane(units: Mapping[str, str]) -> Model:
     kinds |= {"lift": "force", "drag": "force", "dynamic_pressure": "pressure", "power": "power"}
     sizes = {name: size[kind] for name, kind in kinds.items()}
 
-    def signal(name: str, *numbers: float) -> Signal:
+    def signal(name, *numbers):
         return Signal(words[kinds[name]], *(number / sizes[name] for number in numbers))
 
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def equations(x, u, p, w):
         V, alpha, pitch, q, height = (getattr(x, name) * sizes[name] for name in x._fields)
         elevator, thrust = u.elevator * sizes["elevator"], u.thrust * sizes["thrust"]
         mass, gravity, climb = p.mass * size["mass"], 9.80665, pitch - alpha
@@ -202,7 +198,7 @@ def plane(units: Mapping[str, str]) -> Model:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed: int) -> None:
+def test_an_aircraft_in_any_units_is_in_si_its_twin_of_si(seed):
     """Signals, trim, A, B, poles, sheet, game and verdict in SI are those of the twin.
 
     The twin is the same aircraft with signals in SI. The units are random; those without a second

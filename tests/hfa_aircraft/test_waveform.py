@@ -1,9 +1,5 @@
 """Waveforms: values, sums, rates and matrices against their formula."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -16,7 +12,7 @@ SOLUTION = hfa.solve(hfa.Game(PLANT.A, PLANT.B, Q=np.eye(2), R=np.eye(2)))
 TIMES = np.linspace(0.0, 5.0, 23)
 
 
-def commanded(**texts: str) -> Any:
+def commanded(**texts):
     """Return the reference of a command to track, (x1, x2)."""
     return hfa.track(PLANT, SOLUTION, texts).exact.reference
 
@@ -30,7 +26,7 @@ def commanded(**texts: str) -> Any:
         ("1e-1+2t-3sin(.2t)", lambda t: 0.1 + 2.0 * t - 3.0 * np.sin(0.2 * t)),
     ],
 )
-def test_a_text_is_a_signal_with_its_rate(text: str, value) -> None:  # type: ignore[no-untyped-def]
+def test_a_text_is_a_signal_with_its_rate(text, value):  # type: ignore[no-untyped-def]
     """The signal, its expression and its rate are those of the formula."""
     wave = commanded(x1=text)
     np.testing.assert_allclose(wave.sampled(TIMES)[:, 0], value(TIMES), atol=1e-12)
@@ -41,7 +37,7 @@ def test_a_text_is_a_signal_with_its_rate(text: str, value) -> None:  # type: ig
     np.testing.assert_allclose(wave.rate().sampled(TIMES)[:, 0], slope, atol=1e-7)
 
 
-def test_sums_and_matrices_act_on_the_values() -> None:
+def test_sums_and_matrices_act_on_the_values():
     """A sum joins equal frequencies; M s(t) has its values."""
     a = commanded(x1="1+2t+sin(t)", x2="cos(4t)")
     b = commanded(x1="3-t+2sin(t)+cos(4t)", x2="sin(t)+cos(t)")
@@ -60,7 +56,7 @@ def test_sums_and_matrices_act_on_the_values() -> None:
         ("sin(t)cos(t)", r"'cos\(t\)' is no term"),
     ],
 )
-def test_another_text_is_refused(text: str, says: str) -> None:
+def test_another_text_is_refused(text, says):
     """Only sums of numbers, ramps, sines and cosines are signals."""
     with pytest.raises(BadInputError, match=says):
         commanded(x1=text)

@@ -1,7 +1,5 @@
 """Density and speed of sound in models, compared with the package `ambiance`."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from ambiance import Atmosphere
@@ -26,9 +24,7 @@ KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # kg/m^3 per slug/ft^3
         (36_200.0, 65_000.0, 3.5e-6),
     ],
 )
-def test_the_air_of_aircraft_agrees_with_ambiance(
-    lowest: float, highest: float, tolerance: float
-) -> None:
+def test_the_air_of_aircraft_agrees_with_ambiance(lowest, highest, tolerance):
     """Dynamic pressure and Mach number of the flexible aircraft and of a table agree with it.
 
     The constants of tables are JSBSim's, which differ by 2e-5.
@@ -55,7 +51,7 @@ def test_the_air_of_aircraft_agrees_with_ambiance(
 
 
 @pytest.mark.parametrize("altitude", [65_001.0, -1.0, float("nan")])
-def test_altitudes_outside_the_layers_are_refused(altitude: float) -> None:
+def test_altitudes_outside_the_layers_are_refused(altitude):
     """An altitude outside 0 to 65,000 ft raises BadInputError."""
     model = hfa.aircraft()
     point = hfa.trim(model)

@@ -1,9 +1,6 @@
 """The equations of motion, compared with a second derivation and with MuJoCo."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -22,10 +19,10 @@ from random_points import (
 )
 from standard_air import density
 
-from hfa_model import STATES, Parameters, State
+from hfa_model import STATES, State
 
 
-def function_of(rates: Callable[..., State]) -> ca.Function:
+def function_of(rates):
     """Return the CasADi Function (x, u, p, w) -> dX/dt of these equations."""
     (x, u, p), w = symbols(), ca.SX.sym("w", len(WINDS))
     wind = wind_of(ca.vertsplit(w))
@@ -33,14 +30,14 @@ def function_of(rates: Callable[..., State]) -> ca.Function:
 
 
 @cache
-def euler_lagrange_rates() -> ca.Function:
+def euler_lagrange_rates():
     """Return the CasADi Function (x, u, p, w) -> dX/dt of the Euler-Lagrange equations."""
     return function_of(
         lambda x, u, p, w: lagrangian_rates(x, u, density(x.altitude), p, winds_of(w))
     )
 
 
-def disagreement(dynamics: str, parameters: Parameters) -> State:
+def disagreement(dynamics, parameters):
     """Return the largest difference of each rate between a variant and the Euler-Lagrange equations.
 
     Each difference is divided by the rate or, near zero, by the scale of the rate. 100 random states,
@@ -59,12 +56,12 @@ def disagreement(dynamics: str, parameters: Parameters) -> State:
     return State(*worst.tolist())
 
 
-def test_newton_equals_the_euler_lagrange_equations(parameters: Parameters) -> None:
+def test_newton_equals_the_euler_lagrange_equations(parameters):
     """In wind, the rates of "newton" equal the Euler-Lagrange equations at random states."""
     assert max(disagreement("newton", parameters)) <= 1e-11
 
 
-def test_published_differs_from_newton_in_two_equations_only(parameters: Parameters) -> None:
+def test_published_differs_from_newton_in_two_equations_only(parameters):
     """The rates of "published" differ from the Euler-Lagrange equations only in q' and η''."""
     worst = disagreement("published", parameters)._asdict()
     assert worst.pop("pitch_rate") > 0.1
@@ -75,7 +72,7 @@ def test_published_differs_from_newton_in_two_equations_only(parameters: Paramet
 # Rigid bodies.
 
 
-def test_newton_equals_the_rigid_bodies_of_mujoco(parameters: Parameters) -> None:
+def test_newton_equals_the_rigid_bodies_of_mujoco(parameters):
     """With inertias that a body can have, the rates of "newton" are MuJoCo's to 1e-8.
 
     MuJoCo's rates, of which those of speed and alpha are differences, were stored by

@@ -1,37 +1,30 @@
 """Loads and outputs, checked in steady flight and by derivatives of the motion."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from random_points import equations, random_points, wind_of
 
 import hfa_model
-from hfa import Model
-from hfa_model import STATES, Input, Parameters, State
+from hfa_model import STATES, Input, State
 
 
-def outputs(
-    aircraft: Model, x: np.ndarray, u: np.ndarray, updraft: float = 0.0
-) -> dict[str, float]:
+def outputs(aircraft, x, u, updraft=0.0):
     dynamics, p = hfa_model.variant_of(aircraft), hfa_model.parameters_of(aircraft)
     found = equations(State(*x), Input(*u), p, dynamics, wind_of(updraft=updraft))[1]
     return {name: float(value) for name, value in found.items()}
 
 
-def center_height(dihedral: float, p: Parameters) -> float:
+def center_height(dihedral, p):
     """Return the distance of the center panel below the center of mass, ft."""
     return p.panel_span / 3 * np.sin(dihedral)
 
 
-def outer_height(dihedral: float, p: Parameters) -> float:
+def outer_height(dihedral, p):
     """Return the distance of an outer panel below the center of mass, ft."""
     return -p.panel_span / 6 * np.sin(dihedral)
 
 
-def place_of_panel(x: np.ndarray, height: Callable, side: float, p: Parameters) -> np.ndarray:
+def place_of_panel(x, height, side, p):
     """Return the position of a panel relative to the center of mass, (north, east, down), ft.
 
     height: function (dihedral, p) -> distance of the panel below the center of mass, ft
@@ -45,9 +38,7 @@ def place_of_panel(x: np.ndarray, height: Callable, side: float, p: Parameters) 
     )
 
 
-def velocity_of_panel(
-    aircraft: Model, x: np.ndarray, u: np.ndarray, height: Callable, side: float
-) -> np.ndarray:
+def velocity_of_panel(aircraft, x, u, height, side):
     """Return the velocity of a panel, (north, east, down), ft/s.
 
     The result is the velocity of the center of mass plus the rate of the panel's relative position.
@@ -65,7 +56,7 @@ def velocity_of_panel(
     return path + (places[0] - places[1]) / 2e-6
 
 
-def later(aircraft: Model, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray:
+def later(aircraft, x, u, t):
     """Return the state t seconds later, computed by one step of the midpoint rule."""
     return np.asarray(x + t * aircraft.at(x + t / 2 * aircraft.at(x, u).f, u).f)
 
@@ -74,9 +65,7 @@ def later(aircraft: Model, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray
     ("name", "height", "side"),
     [("load_factor_center", center_height, 0.0), ("load_factor_outer", outer_height, 1.0)],
 )
-def test_panel_load_factors_follow_the_moving_panels(
-    aircraft: Model, name: str, height: Callable, side: float
-) -> None:
+def test_panel_load_factors_follow_the_moving_panels(aircraft, name, height, side):
     """The load factor of a panel is gravity minus acceleration, normal to the panel, divided by g.
 
     The acceleration is computed by differences along the motion.

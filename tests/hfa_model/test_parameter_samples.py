@@ -1,9 +1,6 @@
 """Random samples of the HFA's parameters and their published standard errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +9,7 @@ from hfa import BadInputError
 from hfa_model import Parameters, sample_parameters
 
 
-def test_each_parameter_has_its_standard_error(parameter_set: Any) -> None:
+def test_each_parameter_has_its_standard_error(parameter_set):
     """Samples have the standard errors within 3 %, the correlations and the signs of the parameters.
 
     The parameters that were not identified are constant.
@@ -34,7 +31,7 @@ def test_each_parameter_has_its_standard_error(parameter_set: Any) -> None:
     np.testing.assert_allclose(np.corrcoef(drawn.T), known, atol=0.05)
 
 
-def test_unusable_sampling_arguments_are_refused(parameter_set: Any) -> None:
+def test_unusable_sampling_arguments_are_refused(parameter_set):
     """Parameters without covariance or with value 0, and wrong counts and seeds, are refused."""
     with pytest.raises(
         BadInputError, match="the parameters have no covariance, which random samples"

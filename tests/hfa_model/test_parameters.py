@@ -1,12 +1,8 @@
 """Parameter files are restored bit for bit or refused in one line. Checks of the printed
 matrices."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +11,7 @@ from cli import refusal
 from hfa_model import Parameters, load_parameters, save_parameters
 
 
-def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: Any) -> None:
+def test_round_trip_is_bit_for_bit(tmp_path, parameter_set):
     """Parameters of extreme size and a covariance of rank one are saved and loaded bit for bit."""
     rng = np.random.default_rng(1)
     count = len(parameter_set.identified)
@@ -39,9 +35,7 @@ COVARIANCE = "[covariance] must list the identified parameters and be symmetric"
 
 
 @pytest.mark.parametrize("units", [1.0, 1e100])
-def test_a_covariance_with_a_negative_eigenvalue_is_refused(
-    tmp_path: Path, parameter_set: Any, units: float
-) -> None:
+def test_a_covariance_with_a_negative_eigenvalue_is_refused(tmp_path, parameter_set, units):
     """A symmetric covariance with positive variances and a correlation above 1 is refused."""
     covariance = np.eye(len(parameter_set.identified)) * 1e-6
     covariance[0, 1] = covariance[1, 0] = 2e-6
@@ -73,9 +67,7 @@ def test_a_covariance_with_a_negative_eigenvalue_is_refused(
         (r"^\[covariance\]\n(.*\n)*", "[covariance]\nnames = 3\n", "covariance.names is 3"),
     ],
 )
-def test_wrong_entries_are_refused(
-    tmp_path: Path, parameter_set: Any, pattern: str, replacement: str, named: str
-) -> None:
+def test_wrong_entries_are_refused(tmp_path, parameter_set, pattern, replacement, named):
     """A parameter file with a wrong entry is refused, and the message names the entry."""
     path = tmp_path / "aircraft.toml"
     save_parameters(parameter_set, path, "")

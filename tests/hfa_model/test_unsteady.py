@@ -1,10 +1,6 @@
 """The unsteady dynamics compared with a derivation from energies, with the functions of Theodorsen, Wagner and Küssner, and with the steady limit."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,7 +21,7 @@ LAG_STATES = tuple(UNSTEADY.states)[len(STATES) :]
 Lag = tuple[tuple[float, float], tuple[float, float]]
 
 
-def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def points(count, seed):
     """Return random states (with lag states), inputs and winds for `count` points.
 
     The ranges are wider than those of any trim.
@@ -36,7 +32,7 @@ def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarr
     return list(zip(np.hstack([states, lags]), inputs, winds, strict=True))
 
 
-def by_name(*vectors: Any) -> tuple[Any, ...]:
+def by_name(*vectors):
     return tuple(
         UNSTEADY.layout.record(*vector)
         for vector in zip("xupw", map(ca.vertsplit, vectors), strict=True)
@@ -44,20 +40,20 @@ def by_name(*vectors: Any) -> tuple[Any, ...]:
 
 
 @cache
-def rates_of(equations: Callable[..., dict[str, Any]]) -> ca.Function:
+def rates_of(equations):
     """Return the function (x, u, p, w) -> x' of these equations."""
     vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(WINDS))]
     found = equations(*by_name(*vectors))
     return ca.Function("rates", vectors, [ca.vertcat(*(found[name] for name in UNSTEADY.states))])
 
 
-def by_energies(x: Any, u: Any, p: Any, w: Any) -> dict[str, Any]:
+def by_energies(x, u, p, w):
     """Return the rates by name from the second derivation."""
     seven, lags = derived_unsteady(x, u, density(x.altitude), p, winds_of(w))
     return {**seven._asdict(), **lags}
 
 
-def test_rates_equal_those_from_energies() -> None:
+def test_rates_equal_those_from_energies():
     """The rates equal those of the Euler-Lagrange equations, which include the carried air.
 
     The test uses no effect, all effects, each effect alone, and random fractions of all effects.
@@ -75,7 +71,7 @@ def test_rates_equal_those_from_energies() -> None:
 
 
 @cache
-def half_chords() -> tuple[np.ndarray, float]:
+def half_chords():
     """Return the linear equations of the four lag states of the center wing, (4, 6), and V/b, 1/s.
 
     The columns are A over the lag states, A over alpha, and E over the updraft. V is the speed and
@@ -92,7 +88,7 @@ def half_chords() -> tuple[np.ndarray, float]:
     ), flow
 
 
-def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
+def response(kind, lag, k):
     """Return the complex lift of the center wing per unit angle, divided by the steady lift.
 
     The lift follows from the rows of the lag states in A and E.
@@ -113,14 +109,14 @@ def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
     return 1 - (1 - z) @ np.array(lag[0])
 
 
-def theodorsen(k: np.ndarray) -> np.ndarray:
+def theodorsen(k):
     """Return Theodorsen's function C(k) = H1 / (H1 + i H0), with Hankel functions of the second
     kind.
     """
     return special.hankel2(1, k) / (special.hankel2(1, k) + 1j * special.hankel2(0, k))
 
 
-def sears(k: np.ndarray) -> np.ndarray:
+def sears(k):
     """Return Sears's function, with the phase of the gust referred to the leading edge."""
     of_the_middle = (special.j0(k) - 1j * special.j1(k)) * theodorsen(k) + 1j * special.j1(k)
     return of_the_middle * np.exp(-1j * k)
@@ -130,16 +126,14 @@ def sears(k: np.ndarray) -> np.ndarray:
     ("kind", "of", "lag", "most"),
     [("lag", theodorsen, MOTION, 0.0144), ("gust", sears, GUST, 0.1173)],
 )
-def test_lags_approximate_theodorsen_and_sears(
-    kind: str, of: Callable[[np.ndarray], np.ndarray], lag: Lag, most: float
-) -> None:
+def test_lags_approximate_theodorsen_and_sears(kind, of, lag, most):
     """Jones's two lags approximate the lift of an oscillation and of a gust so far, k = .05 to 2."""
     k = np.linspace(0.05, 2.0, 400)
     assert np.abs(response(kind, lag, k) - of(k)).max() == pytest.approx(most, rel=0.01)
 
 
 @pytest.mark.parametrize("degrees", [11.0, 20.0])
-def test_unsteady_trims_equal_quasi_steady_trims(degrees: float) -> None:
+def test_unsteady_trims_equal_quasi_steady_trims(degrees):
     """The inputs of a trim equal those with quasi-steady loads, finite span and downwash.
 
     The two lag states of each strip are equal. lag_tip_1 and gust_outer_1 are 0. Without finite

@@ -1,7 +1,5 @@
 """Commands of the core run with `--dynamics unsteady`."""
 
-from __future__ import annotations
-
 import numpy as np
 from cli import answer
 
@@ -11,7 +9,7 @@ LAG_STATES = tuple(UNSTEADY.states)[len(STATES) :]
 UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
 
 
-def test_trims_and_models_contain_the_lag_states() -> None:
+def test_trims_and_models_contain_the_lag_states():
     """Trims with unsteady dynamics contain all lag states.
 
     Linear models omit the lag states of gusts, unless `--states` lists them.

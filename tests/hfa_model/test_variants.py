@@ -1,17 +1,13 @@
 """The variants, compared with the equations of Gibson, Annaswamy, Lavretsky, AIAA 2011-6202."""
 
-from __future__ import annotations
-
 from math import cos, sin
-from typing import Any
 
 import casadi as ca
 from random_points import random_points
 
 import hfa
 import hfa_model
-from hfa import Model
-from hfa_model import VARIANTS, Parameters, State
+from hfa_model import VARIANTS, State
 
 Published, Newton = (type(VARIANTS[name]) for name in ("published", "newton"))
 
@@ -21,13 +17,13 @@ class GibsonsLever(Published):  # type: ignore[misc, valid-type]
 
     outer_lever = Newton.outer_lever
 
-    def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
+    def hinge_inertia(self, dihedral, p):
         """Return I_xx + m s²/4 + (m s²/6) cos² η, slug ft^2, with the roll inertia I_xx of a
         panel."""
         return p.inertia_roll + p.panel_mass * p.panel_span**2 * (1 / 4 + ca.cos(dihedral) ** 2 / 6)
 
 
-def accelerations(x: State, found: State, loads: Any, p: Parameters) -> tuple[float, float]:
+def accelerations(x, found, loads, p):
     """Return q' and η'' of Eqs. (42) and (44) to (46).
 
     The printed H of Eq. (44) lacks its lever arm s/2, which is added here.
@@ -64,7 +60,7 @@ def accelerations(x: State, found: State, loads: Any, p: Parameters) -> tuple[fl
     return pitch, (hinge + elastic + m * s / 2 * d1 - d2) / d3
 
 
-def worst(aircraft: Model) -> float:
+def worst(aircraft):
     """Return the largest relative difference of q' and η'' between the aircraft and
     `accelerations`.
 
@@ -87,9 +83,7 @@ def worst(aircraft: Model) -> float:
     return max(differences)
 
 
-def test_published_differs_from_gibson_in_two_terms(
-    parameters: Parameters,
-) -> None:
+def test_published_differs_from_gibson_in_two_terms(parameters):
     """With the report's lever arm and hinge inertia, "published" equals the report's equations."""
     assert worst(hfa.aircraft(GibsonsLever(), parameters)) < 1e-12
     assert worst(hfa.aircraft("published", parameters)) > 1e-2

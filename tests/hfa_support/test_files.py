@@ -1,12 +1,9 @@
 """Files that are read: regular, of limited size, never overwritten. Files are written whole."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +18,7 @@ AT_15 = "--dihedral 15"
 NO_TEXT = ("is not a TOML file", "is not JSON")
 NO_FILE = "no parameters and no readable file of this name"
 #: Fault -> call that makes the file, and the reasons that `trim` and `verify` give.
-UNREADABLE: dict[str, tuple[Any, str, str]] = {
+UNREADABLE = {
     "fifo": (os.mkfifo, NO_FILE, "not a regular file"),
     "large": (
         lambda path: os.truncate(os.open(path, os.O_CREAT | os.O_RDWR), 2**28 + 1),
@@ -41,7 +38,7 @@ UNREADABLE: dict[str, tuple[Any, str, str]] = {
 @pytest.mark.parametrize(
     "words", [f"trim {AT_15} --parameters a.toml", f"verify {AT_15} --weights a.json"]
 )
-def test_an_unreadable_file_is_refused(fault: str, words: str) -> None:
+def test_an_unreadable_file_is_refused(fault, words):
     """FIFOs, folders, large, missing and damaged files are refused in one line, without blocking."""
     name = words.split()[-1]
     make, *said = UNREADABLE[fault]
@@ -49,10 +46,10 @@ def test_an_unreadable_file_is_refused(fault: str, words: str) -> None:
     assert_refused(run(*words.split()), 2, name, said[words.startswith("verify")])
 
 
-def test_a_full_disk_is_told_with_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_told_with_the_file(monkeypatch):
     """An output that the disk cannot hold is refused by its name, and nothing remains."""
 
-    def full(*_: Any) -> None:
+    def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(Path, "replace", full)
@@ -76,7 +73,7 @@ INPUT = "is an input of this run; name another file"
         (f"trim {AT_15} -o fifo.json", "plant.json", "is not a regular file"),
     ],
 )
-def test_an_output_replaces_no_input(words: str, kept: str, said: str) -> None:
+def test_an_output_replaces_no_input(words, kept, said):
     """An output that is an input of the run, another output or no regular file is refused."""
     np.savetxt("A.csv", [[0.0, 1.0], [-1.0, -1.0]], delimiter=",")
     np.savetxt("B.csv", [[0.0], [1.0]], delimiter=",")
@@ -93,13 +90,13 @@ def test_an_output_replaces_no_input(words: str, kept: str, said: str) -> None:
     assert (Path(kept).read_bytes(), set(Path().iterdir())) == (before, names)
 
 
-def test_an_interrupted_write_keeps_the_old_file(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_write_keeps_the_old_file(monkeypatch):
     """If writing is interrupted, the old file remains, and no temporary file is left."""
     game = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
     hfa.solve(game).save("kept.npz")
     before = Path("kept.npz").read_bytes()
 
-    def broken(stream: Any, **arrays: Any) -> None:
+    def broken(stream, **arrays):
         stream.write(b"half")
         raise KeyboardInterrupt
 

@@ -5,8 +5,6 @@ import re
 import subprocess
 import sys
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +18,7 @@ STUBS = [
 ]
 
 
-def test_the_core_stubs_name_no_extension() -> None:
+def test_the_core_stubs_name_no_extension():
     """The stubs of core packages, except `hfa`, import no name of an extension."""
     core = [stub for stub in STUBS if "extensions" not in stub.parts and stub.parent.name != "hfa"]
     assert len(core) >= 6
@@ -29,14 +27,14 @@ def test_the_core_stubs_name_no_extension() -> None:
         assert set(known) <= {"hfa_aircraft", "hfa_model", "hfa_support"}
 
 
-def stub_names() -> set[str]:
+def stub_names():
     """Return the names that the stub of `hfa` imports."""
     tree = ast.parse((FOLDERS["hfa"] / "__init__.pyi").read_text("utf-8"))
     imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
     return {alias.asname or alias.name for node in imports for alias in node.names}
 
 
-def test_hfa_has_the_names_of_its_stub_and_no_other() -> None:
+def test_hfa_has_the_names_of_its_stub_and_no_other():
     """`dir(hfa)` is the stub. Functions of other packages and earlier names do not exist."""
     pytest.importorskip("hfa_flight")
     assert set(dir(hfa)) == stub_names()
@@ -45,7 +43,7 @@ def test_hfa_has_the_names_of_its_stub_and_no_other() -> None:
 
 
 @cache
-def plant() -> dict[str, Any]:
+def plant():
     model = hfa.aircraft()
     point = hfa.trim(model)
     linear = hfa.linearize(model, point)
@@ -59,7 +57,7 @@ def plant() -> dict[str, Any]:
     }
 
 
-def test_a_matrix_k_is_a_critic_and_a_policy() -> None:
+def test_a_matrix_k_is_a_critic_and_a_policy():
     """`hfa.verify` and `hfa.fly` take the matrix K of u = u0 - K z."""
     pytest.importorskip("hfa_flight")
     solution, point = plant()["solution"], plant()["point"]
@@ -70,7 +68,7 @@ def test_a_matrix_k_is_a_critic_and_a_policy() -> None:
     np.testing.assert_allclose(change, -0.01 * solution.K[:, alpha], rtol=1e-9, atol=1e-12)
 
 
-def test_a_state_space_gives_the_game_of_its_linear_model() -> None:
+def test_a_state_space_gives_the_game_of_its_linear_model():
     """`hfa.game` takes the `StateSpace` of python-control, with its names."""
     linear = plant()["linear"]
     games = [hfa.game(plant, Q=np.ones(6), R=np.ones(5)) for plant in (linear, linear.to_control())]
@@ -79,7 +77,7 @@ def test_a_state_space_gives_the_game_of_its_linear_model() -> None:
 
 
 @pytest.mark.parametrize("name", ["trim", "controller"])
-def test_a_file_that_hides_a_package_is_named(name: str, tmp_path: Path) -> None:
+def test_a_file_that_hides_a_package_is_named(name, tmp_path):
     """A user's own trim.py beside his script is named in one line that says to rename it."""
     own = tmp_path / f"{name}.py"
     own.write_text("x = 1\n")

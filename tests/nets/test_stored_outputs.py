@@ -3,11 +3,6 @@
 The stored files change in a commit that changes nothing else and says what differs, and why.
 """
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import pytest
 from stored_outputs import OUTPUTS, cases, machine, prepare, stored
 
@@ -16,13 +11,13 @@ EQUAL = 1e-6
 
 
 @pytest.fixture(scope="module")
-def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def inputs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("inputs")
     prepare(folder)
     return folder
 
 
-def difference(now: Any, before: Any, path: str) -> list[str]:
+def difference(now, before, path):
     """Return a line for each entry of a leaf that differs."""
     if isinstance(before, list) and isinstance(now, list) and len(now) == len(before):
         pairs = zip(now, before, strict=True)
@@ -37,7 +32,7 @@ def difference(now: Any, before: Any, path: str) -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", cases()["json"])
-def test_json_has_the_stored_keys_and_numbers(name: str, inputs: Path) -> None:
+def test_json_has_the_stored_keys_and_numbers(name, inputs):
     """Exit code, keys and numbers of each command are the stored ones."""
     before = stored("json")[name]
     now = OUTPUTS["json"](cases()["json"][name], inputs)
@@ -48,7 +43,7 @@ def test_json_has_the_stored_keys_and_numbers(name: str, inputs: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", cases()["flights"])
-def test_a_flight_equals_the_stored_one(name: str, inputs: Path) -> None:
+def test_a_flight_equals_the_stored_one(name, inputs):
     """On the machine that stored it a flight is equal bit for bit, elsewhere at its end."""
     before = stored("flights")[name]
     now = OUTPUTS["flights"](cases()["flights"][name], inputs)
@@ -63,7 +58,7 @@ def test_a_flight_equals_the_stored_one(name: str, inputs: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", cases()["certificates"])
-def test_no_changed_certificate_is_accepted_that_was_refused(name: str, inputs: Path) -> None:
+def test_no_changed_certificate_is_accepted_that_was_refused(name, inputs):
     """A stored certificate is verified, and each copy with one changed entry is judged as stored.
 
     Entries that were accepted leave the claim true: a wider limit of an unused variable, say.
@@ -75,7 +70,7 @@ def test_no_changed_certificate_is_accepted_that_was_refused(name: str, inputs: 
 
 
 @pytest.mark.parametrize("name", cases()["help"])
-def test_help_equals_the_stored_text(name: str, tmp_path: Path) -> None:
+def test_help_equals_the_stored_text(name, tmp_path):
     """Every help is the stored text."""
     assert OUTPUTS["help"](cases()["help"][name], tmp_path) == stored("help")[name]
 
@@ -92,6 +87,6 @@ def test_help_equals_the_stored_text(name: str, tmp_path: Path) -> None:
         (True, False, 1),
     ],
 )
-def test_a_planted_difference_is_found(now: Any, before: Any, lines: int) -> None:
+def test_a_planted_difference_is_found(now, before, lines):
     """Each number that differs by more than 1e-6, text, length or missing value is a difference."""
     assert len(difference(now, before, "path")) == lines

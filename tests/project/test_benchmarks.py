@@ -1,7 +1,5 @@
 """Tests of the benchmarks: equal results of peers, stored figures, and the table of the page."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,14 +8,14 @@ from benchmarks import __main__ as bench, jobs, report
 from hfa.paper import level_flight
 
 
-def found(condition: hfa.TrimCondition) -> jobs.Found:
+def found(condition):
     point = hfa.trim(condition.model, condition)
     A = hfa.linearize(condition.model, point).A
     return jobs.Found(np.array(point.states), np.array(point.inputs), np.array(A))
 
 
 @pytest.mark.filterwarnings("ignore:number of constraints")
-def test_a_job_refuses_a_peer_with_another_result() -> None:
+def test_a_job_refuses_a_peer_with_another_result():
     """python-control finds the trim and A of the HFA, and an error of either is found."""
     condition = level_flight(0.1)
     ours = found(condition)
@@ -33,13 +31,13 @@ def test_a_job_refuses_a_peer_with_another_result() -> None:
 
 
 @pytest.mark.slow
-def test_every_job_runs(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_job_runs(capsys, monkeypatch):
     """Every job runs at a toy size, and no result is stored."""
     monkeypatch.setattr(report, "store", lambda *_: pytest.fail("stored"))
     assert bench.main(["--quick"]) == 0
     assert capsys.readouterr().out.count("| job |") == len(jobs.JOBS)
 
 
-def test_the_page_shows_the_stored_figures() -> None:
+def test_the_page_shows_the_stored_figures():
     """The page shows the stored results; nothing else compares the two."""
     assert report.shown(report.stored()) in report.PAGE.read_text("utf-8")

@@ -2,12 +2,8 @@
 in one line that names what to call.
 """
 
-from __future__ import annotations
-
 import importlib
 import inspect
-from collections.abc import Callable
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -35,7 +31,7 @@ SOLVED = {"Solution", "solve", "bounded_real_gain", "disk_margin", "minimum_delt
 JUDGED = {"learn", "verify", "Verdict", "from_gain", "from_value", "from_weights", "from_network"}
 JUDGED |= {"read_critic", "critic_in", "solution_report"}
 #: Public name -> a call that is refused.
-REFUSED: dict[str, Callable[[], Any]] = {
+REFUSED = {
     "fly": lambda: hfa.fly(hfa.aircraft(), hfa.trim(hfa.aircraft()), EXACT),
     "track": lambda: hfa.track(LINEAR, EXACT, {"x1": 1.0}),
     "expand": lambda: hfa.expand(LINEAR, EXACT, 3),
@@ -46,7 +42,7 @@ REFUSED: dict[str, Callable[[], Any]] = {
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_the_tables_have_every_function_that_takes_a_game() -> None:
+def test_the_tables_have_every_function_that_takes_a_game():
     """No public function with an argument of the type Game or Solution is missing below."""
     found = set()
     for package in map(importlib.import_module, PACKAGES):
@@ -64,7 +60,7 @@ def test_the_tables_have_every_function_that_takes_a_game() -> None:
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_a_game_in_discrete_time_is_refused(name: str) -> None:
+def test_a_game_in_discrete_time_is_refused(name):
     """Each other function refuses it in one line with the functions that accept it."""
     with pytest.raises(BadInputError) as refusal:
         REFUSED[name]()
@@ -86,7 +82,7 @@ def test_a_game_in_discrete_time_is_refused(name: str) -> None:
         (None, 0.1, True),
     ],
 )
-def test_a_gain_for_another_step_is_refused(stored: Any, dt: Any, is_read: bool) -> None:
+def test_a_gain_for_another_step_is_refused(stored, dt, is_read):
     """The sample time in a critic's file is that of the game, or one of the two is not known."""
     entries = {} if stored is None else {"dt": stored}
     np.savez("K.npz", K=EXACT.K, **entries)
@@ -100,7 +96,7 @@ def test_a_gain_for_another_step_is_refused(stored: Any, dt: Any, is_read: bool)
 
 CONTINUOUS = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0)
 #: What is judged on a game in the other kind of time.
-OF_THE_OTHER: dict[str, Callable[[], Any]] = {
+OF_THE_OTHER = {
     "gain": lambda: hfa.verify(GAME, hfa.from_gain(CONTINUOUS, EXACT.K)),
     "value": lambda: hfa.verify(CONTINUOUS, hfa.from_value(GAME, EXACT.P)),
     "weights": lambda: hfa.verify(CONTINUOUS, hfa.from_weights(GAME, WEIGHTS)),
@@ -113,6 +109,6 @@ OF_THE_OTHER: dict[str, Callable[[], Any]] = {
 
 
 @pytest.mark.parametrize("kind", OF_THE_OTHER)
-def test_a_critic_of_the_other_time_is_refused(kind: str) -> None:
+def test_a_critic_of_the_other_time_is_refused(kind):
     with pytest.raises(BadInputError, match=r"discrete time"):
         OF_THE_OTHER[kind]()

@@ -1,10 +1,6 @@
 """Circular imports between modules, including imports inside functions."""
 
-from __future__ import annotations
-
 import ast
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +8,7 @@ from project import FOLDERS
 from scipy.sparse.csgraph import connected_components
 
 
-def modules() -> dict[str, Path]:
+def modules():
     """Return dotted name -> file for all modules of the core and the extensions."""
     found = {}
     for folder in FOLDERS.values():
@@ -22,7 +18,7 @@ def modules() -> dict[str, Path]:
     return found
 
 
-def imports_of(source: str) -> Iterator[str]:
+def imports_of(source):
     """Yield the name of each import, also of those in functions and for type checkers."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.ImportFrom):
@@ -32,7 +28,7 @@ def imports_of(source: str) -> Iterator[str]:
             yield from (alias.name for alias in node.names)
 
 
-def circles(sources: dict[str, str]) -> list[set[str]]:
+def circles(sources):
     """Return the groups of modules that import each other, directly or indirectly.
 
     sources: dotted name -> text
@@ -44,14 +40,14 @@ def circles(sources: dict[str, str]) -> list[set[str]]:
             if imported in sources:
                 graph[place, names.index(imported)] = True
     count, labels = connected_components(graph, directed=True, connection="strong")
-    groups: list[set[str]] = [set() for _ in range(count)]
+    groups = [set() for _ in range(count)]
     for name, label in zip(names, labels, strict=True):
         groups[label].add(name)
     return [group for group in groups if len(group) > 1]
 
 
 @pytest.mark.slow
-def test_no_modules_import_each_other() -> None:
+def test_no_modules_import_each_other():
     """No modules import each other, even in functions or for type checkers."""
     sources = {name: path.read_text("utf-8") for name, path in modules().items()}
     assert {"trim.point.operating_point", "hfa_prove.check.schedule"} <= set(sources)

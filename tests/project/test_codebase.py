@@ -1,12 +1,9 @@
 """The wheel contains all modules and data, and the root only what is named here."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys
 import zipfile
-from pathlib import Path
 
 import pytest
 from project import FOLDERS, ROOT
@@ -18,7 +15,7 @@ DATA = {
 
 
 @pytest.mark.slow
-def test_the_wheel_contains_all_modules_and_data(tmp_path: Path) -> None:
+def test_the_wheel_contains_all_modules_and_data(tmp_path):
     """A wheel built from the sources contains exactly the modules and data of the packages."""
     sources = tmp_path / "sources"
     wheels = tmp_path / "wheels"
@@ -67,7 +64,7 @@ AT_THE_ROOT = {
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout of git")
-def test_the_root_contains_only_the_named_files() -> None:
+def test_the_root_contains_only_the_named_files():
     """The tracked names of the root are those listed here: no notes, no output."""
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
     assert {

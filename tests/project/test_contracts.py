@@ -1,7 +1,5 @@
 """The import contracts in pyproject.toml cover every package and detect violations."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -9,7 +7,6 @@ import subprocess
 import sys
 from itertools import cycle
 from pathlib import Path
-from typing import Any
 
 import pytest
 from project import FOLDERS, ROOT, SETTINGS
@@ -130,13 +127,13 @@ PLACES = (
 )
 
 
-def contract(begin: str) -> dict[str, Any]:
+def contract(begin):
     """Return the contract whose name begins with this text."""
     (found,) = (each for each in CONTRACTS if each["name"].startswith(begin))
     return found
 
 
-def test_contracts_name_every_package() -> None:
+def test_contracts_name_every_package():
     """The contracts list every package."""
     assert set(SETTINGS["importlinter"]["root_packages"]) == PACKAGES
     core = contract("The core imports no extension")
@@ -149,12 +146,12 @@ def test_contracts_name_every_package() -> None:
     assert contract("Readers of aircraft import")["modules"] == doors
 
 
-def test_no_import_is_ignored() -> None:
+def test_no_import_is_ignored():
     """No contract has an exception, for type checkers or in functions."""
     assert [line for each in CONTRACTS for line in each.get("ignore_imports", [])] == []
 
 
-def complaints(output: str) -> dict[str, str]:
+def complaints(output):
     """Return the linter's text on each broken contract, name -> text."""
     texts = output.partition("Broken contracts")[2]
     heads = re.split(r"\n([^\n]+)\n-{3,}\n", texts)
@@ -162,7 +159,7 @@ def complaints(output: str) -> dict[str, str]:
 
 
 @pytest.mark.slow
-def test_planted_forbidden_imports_are_detected(tmp_path: Path) -> None:
+def test_planted_forbidden_imports_are_detected(tmp_path):
     """The linter reports each planted import under the contract that forbids it, and each contract
     has one.
     """

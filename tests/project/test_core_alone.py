@@ -1,11 +1,8 @@
 """The core works without extensions. `make test-core` runs all its tests in this way."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from project import ROOT
@@ -41,7 +38,7 @@ print(json.dumps(answers))
 
 
 @pytest.mark.slow
-def test_tests_of_the_core_pass_without_extensions() -> None:
+def test_tests_of_the_core_pass_without_extensions():
     """A sample of the core's tests passes in an environment without extensions."""
     words = [sys.executable, CORE_ALONE, "-n", "0", "-m", "not slow", *TESTS]
     done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
@@ -50,7 +47,7 @@ def test_tests_of_the_core_pass_without_extensions() -> None:
 
 
 @pytest.mark.slow
-def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
+def test_the_core_trims_without_extensions(tmp_path):
     """Without extensions, the core trims, and names of extensions are refused in one line.
 
     These names are commands, options, aircraft formats and public functions. The help
@@ -65,7 +62,7 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     lines = [words.split() for words in LINES]
     program = PROGRAM.format(lines=lines)
 
-    def run_without_extensions(program: str, check: bool) -> subprocess.CompletedProcess[str]:
+    def run_without_extensions(program, check):
         """Run a Python program in the environment without extensions.
 
         The current folder is not the project's folder, which may contain metadata of entry points.
@@ -80,7 +77,7 @@ def test_the_core_trims_without_extensions(tmp_path: Path) -> None:
     assert "hfa.fly requires the package hfa_flight; install this package" in refused.stderr
     answers = dict(zip(LINES, json.loads(done.stdout), strict=True))
 
-    def run(*words: str) -> tuple[int, str]:
+    def run(*words):
         return tuple(answers[" ".join(words)])
 
     code, output = run("--help")

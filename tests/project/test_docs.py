@@ -16,8 +16,6 @@ A table may have columns with the heading `hfa COMMAND`: each cell has options t
 the command is run.
 """
 
-from __future__ import annotations
-
 import contextlib
 import doctest
 import importlib
@@ -30,10 +28,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import pytest
 from cli import Result, hfa
@@ -51,13 +47,13 @@ SOURCE = re.compile(
 _NONE = Block("", "", 0, slow=False)
 
 
-def complaints(document: str, *, name: str = "document", slow: bool = False) -> list[str]:
+def complaints(document, *, name="document", slow=False):
     """Run the blocks of a document in the current folder and return their faults.
 
     name: name of the document in the faults
     slow: whether slow blocks are run too
     """
-    namespace: dict[str, Any] = {"__name__": "__main__"}
+    namespace = {"__name__": "__main__"}
     blocks = [block for block in blocks_of(document) if slow or not block.slow]
     found = [
         f"{name}, line {block.line}: {wrong}"
@@ -71,9 +67,7 @@ def complaints(document: str, *, name: str = "document", slow: bool = False) -> 
     return found
 
 
-def _wrong(
-    before: Block, block: Block, after: Block, namespace: dict[str, Any], name: str
-) -> Iterator[str]:
+def _wrong(before, block, after, namespace, name):
     if block.language == "text" and before.language != "python":
         yield "no python block before this text prints it"
     if block.language == "python":
@@ -85,7 +79,7 @@ def _wrong(
             yield wrong and f"$ {command[1]}\n{wrong}"
 
 
-def _run_python(block: Block, namespace: dict[str, Any], name: str) -> tuple[str, str]:
+def _run_python(block, namespace, name):
     file = re.match(r"# (\w+\.py)\n", block.text)
     if file is not None:
         Path(file[1]).write_text(block.text, encoding="utf-8")
@@ -107,7 +101,7 @@ def _run_python(block: Block, namespace: dict[str, Any], name: str) -> tuple[str
     return out.getvalue(), ""
 
 
-def _wrong_with(command: str, code: int, expected: str) -> str:
+def _wrong_with(command, code, expected):
     words = shlex.split(command.replace("\\\n", " "))
     if words[0] == "make":
         targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
@@ -130,7 +124,7 @@ def _wrong_with(command: str, code: int, expected: str) -> str:
     return difference(expected, output + result.err)
 
 
-def _study(module: str, words: list[str]) -> Result:
+def _study(module, words):
     """Run `python -m MODULE words...` and return the result."""
     done = subprocess.run(
         [sys.executable, "-m", module, *words], cwd=ROOT, capture_output=True, text=True
@@ -144,11 +138,11 @@ DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 RUN_HERE = [path for path in DOCUMENTS if path != PAGE]
 
 
-def text_of(path: Path) -> str:
+def text_of(path):
     return path.read_text(encoding="utf-8")
 
 
-def is_slow(path: Path) -> bool:
+def is_slow(path):
     return any(block.slow for block in blocks_of(text_of(path)))
 
 
@@ -165,9 +159,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("path", "slow"), CASES)
-def test_blocks_print_the_shown_output(
-    path: Path, slow: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_blocks_print_the_shown_output(path, slow, tmp_path, monkeypatch):
     """Each block of a document prints the shown output and draws the stored pictures."""
     monkeypatch.chdir(tmp_path)
     assert blocks_of(text_of(path)), "it shows nothing that can be checked"
@@ -178,14 +170,14 @@ def test_blocks_print_the_shown_output(
             assert looks_like(picture, tmp_path / picture.name), "run `make pictures`"
 
 
-def complaints_here(document: Path, *, slow: bool = False) -> list[str]:
+def complaints_here(document, *, slow=False):
     """Run the blocks of a document and return their faults. Files remain in the current folder."""
     for name in ("examples", "studies"):
         Path(name).symlink_to(ROOT / name)
     return complaints(text_of(document), name=document.name, slow=slow)
 
 
-def commands_in_tables(document: str) -> list[str]:
+def commands_in_tables(document):
     """Return the commands of the tables whose columns have commands as headings."""
     found = []
     for table in re.findall(r"^\|.*\| `hfa .*\n\|[-|]+\n(?:\|.*\n)+", document, re.M):
@@ -209,14 +201,14 @@ TABLED = [
 
 
 @pytest.mark.parametrize("command", TABLED)
-def test_commands_in_tables_run(command: str, folder: Path) -> None:
+def test_commands_in_tables_run(command, folder):
     """Each flight that a table shows has a trim, and so has each of a list of speeds."""
     for name in ("examples", "studies"):
         Path(name).symlink_to(ROOT / name)
     assert _wrong_with(command, 0, "...") == ""
 
 
-def illustrate() -> None:
+def illustrate():
     """Run the documents with pictures and store the pictures that they draw."""
     for stored in sorted(path for path in PICTURES.iterdir() if path.is_dir()):
         with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
@@ -228,7 +220,7 @@ def illustrate() -> None:
 @pytest.mark.parametrize(
     "path", [*DOCUMENTS, ROOT / "CHANGELOG.md", ROOT / "ARCHITECTURE.md"], ids=lambda p: p.stem
 )
-def test_links_lead_to_files_and_headings(path: Path) -> None:
+def test_links_lead_to_files_and_headings(path):
     """Each local link in a document leads to an existing file and heading."""
     for link in re.findall(r"\[[^\]]*\]\(([^)\s]+)\)", text_of(path)):
         if re.match(r"https?://", link):
@@ -239,7 +231,7 @@ def test_links_lead_to_files_and_headings(path: Path) -> None:
         assert not heading or heading in headings(text_of(file)), link
 
 
-def headings(document: str) -> list[str]:
+def headings(document):
     """Return the anchors that GitHub makes from the headings of a document."""
     titles = re.findall(r"^#+ (.*)$", document, re.M)
     return [re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles]
@@ -259,9 +251,7 @@ SCRIPTS = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.ste
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
-def test_example_scripts_print_the_shown_output(
-    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
+def test_example_scripts_print_the_shown_output(path, tmp_path, monkeypatch, capsys):
     """Each example script prints the output shown in its docstring and writes no file."""
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(path), run_name="__main__")
@@ -273,7 +263,7 @@ def test_example_scripts_print_the_shown_output(
     assert list(tmp_path.iterdir()) == []
 
 
-def entries() -> list[Any]:
+def entries():
     """Return ("package.name", object) for every public class and function."""
     names = [
         (package, name)
@@ -285,7 +275,7 @@ def entries() -> list[Any]:
 
 
 @cache
-def examples_of_docstrings() -> dict[Any, doctest.DocTest]:
+def examples_of_docstrings():
     """Return the examples of each public class and function that has some."""
     parser = doctest.DocTestParser()
     found = {
@@ -296,7 +286,7 @@ def examples_of_docstrings() -> dict[Any, doctest.DocTest]:
 
 
 @pytest.mark.parametrize("part", range(45))
-def test_docstring_examples_print_the_shown_results(part: int) -> None:
+def test_docstring_examples_print_the_shown_results(part):
     """The examples in docstrings of public names print the shown results."""
     failures = io.StringIO()
     runner = doctest.DocTestRunner(verbose=False)
@@ -305,7 +295,7 @@ def test_docstring_examples_print_the_shown_results(part: int) -> None:
     assert failures.getvalue() == ""
 
 
-def test_every_name_of_scripts_has_an_example() -> None:
+def test_every_name_of_scripts_has_an_example():
     """Every name of `hfa` has an example, except the two exception classes."""
     with_example = examples_of_docstrings()
     without = [

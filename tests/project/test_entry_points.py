@@ -3,8 +3,6 @@
 A broken package is reported in one line.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -13,7 +11,6 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from pathlib import Path
 
 import pytest
 from cli import Result, hfa_process
@@ -23,7 +20,7 @@ from project import ROOT
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def site(tmp_path_factory):
     """Return a folder with the example package of docs/extending.md and its metadata."""
     site = tmp_path_factory.mktemp("site")
     write_package(site)
@@ -36,7 +33,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return site
 
 
-def run(site: Path, folder: Path, *words: str) -> Result:
+def run(site, folder, *words):
     """Run `hfa words...` with the packages installed in `site` and return the result."""
     return hfa_process(*words, folder=folder, PYTHONPATH=str(site))
 
@@ -56,7 +53,7 @@ print(json.dumps(results))
 """
 
 
-def run_in_turn(site: Path, folder: Path, *commands: str) -> list[Result]:
+def run_in_turn(site, folder, *commands):
     """Run several `hfa` commands in one new process and return their results.
 
     site: folder of additional installed packages
@@ -95,7 +92,7 @@ OTHERS = (
 
 
 @pytest.fixture(scope="module")
-def results(site: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Result]:
+def results(site, tmp_path_factory):
     """Return the results of the commands in docs/extending.md and of further commands."""
     folder = tmp_path_factory.mktemp("aircraft")
     write_package(folder)
@@ -107,7 +104,7 @@ def results(site: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Result
 
 
 @pytest.mark.slow
-def test_a_package_adds_an_aircraft_and_a_command(results: list[Result]) -> None:
+def test_a_package_adds_an_aircraft_and_a_command(results):
     """A package adds an aircraft file format and a command of two words.
 
     A missing or broken aircraft file is reported in one line.
@@ -130,7 +127,7 @@ def test_a_package_adds_an_aircraft_and_a_command(results: list[Result]) -> None
 
 
 @pytest.mark.slow
-def test_commands_of_the_page_print_shown_output(results: list[Result]) -> None:
+def test_commands_of_the_page_print_shown_output(results):
     """Each command in docs/extending.md returns the shown exit code and prints the shown output."""
     assert len(OF_THE_PAGE) >= 5
     for command, done in zip(OF_THE_PAGE, results, strict=False):
@@ -139,7 +136,7 @@ def test_commands_of_the_page_print_shown_output(results: list[Result]) -> None:
 
 
 @pytest.mark.slow
-def test_provenance_names_the_file_without_a_source(results: list[Result]) -> None:
+def test_provenance_names_the_file_without_a_source(results):
     """If a reader leaves `source` empty, the provenance still names the file and its hash."""
     given, changed = (
         re.search(r"plant (\w+).pm \(SHA-256 (\w+)\)$", each.out) for each in results[-2:]
@@ -151,7 +148,7 @@ def test_provenance_names_the_file_without_a_source(results: list[Result]) -> No
     assert "parameters identified" not in results[-2].out
 
 
-def metadata(site: Path, name: str, entries: str) -> None:
+def metadata(site, name, entries):
     """Write the metadata of an installed package.
 
     entries: content of entry_points.txt
@@ -163,7 +160,7 @@ def metadata(site: Path, name: str, entries: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_broken_package_disables_no_other_command(tmp_path: Path) -> None:
+def test_a_broken_package_disables_no_other_command(tmp_path):
     """A package that cannot be loaded, or offers a suffix that the project reads itself, is named
     in one line where it is used. All other commands run.
     """
@@ -190,7 +187,7 @@ def test_a_broken_package_disables_no_other_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_commands_declared_twice_are_refused_by_the_names_of_their_packages(tmp_path: Path) -> None:
+def test_commands_declared_twice_are_refused_by_the_names_of_their_packages(tmp_path):
     """A command that two packages declare is refused; one of hfa is not replaced. Others run."""
     for name in ("one", "other"):
         metadata(tmp_path, f"{name}-glide", f"[hfa.commands]\nglide = {name}_glide:GLIDE\n")
@@ -222,7 +219,7 @@ for name in ("assess", "fly", "identify", "optimize", "sweep", "verify"):
 
 
 @pytest.mark.slow
-def test_commands_load_without_packages_of_extras() -> None:
+def test_commands_load_without_packages_of_extras():
     """Without optional packages every command and the functions that do not prove are loaded."""
     done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True)
     assert done.stderr == ""

@@ -1,7 +1,5 @@
 """The locked versions can be installed with every supported Python."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import re
 import tomllib
@@ -18,17 +16,17 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 PYTHONS = re.findall(r'"(3\.\d+)"', (ROOT / "noxfile.py").read_text("utf-8"))
 
 
-def entries(lock: str) -> list[str]:
+def entries(lock):
     """Return the entries of a lock file, each a requirement followed by hashes, on one line."""
     lines = (ROOT / lock).read_text("utf-8").replace("\\\n", "").splitlines()
     return [line for line in lines if line and not line.startswith("#")]
 
 
-def pins(lock: str) -> list[Requirement]:
+def pins(lock):
     return [Requirement(line.partition("--hash")[0]) for line in entries(lock)]
 
 
-def without(pythons: str) -> list[str]:
+def without(pythons):
     """Return the supported Python versions that a Requires-Python specifier excludes."""
     return [each for each in PYTHONS if not SpecifierSet(pythons).contains(f"{each}.0")]
 
@@ -42,7 +40,7 @@ LOCKS = (
 
 
 @pytest.mark.parametrize("lock", LOCKS)
-def test_locked_packages_support_every_supported_python(lock: str) -> None:
+def test_locked_packages_support_every_supported_python(lock):
     """Each locked distribution supports every Python version that the project supports.
 
     Only distributions installed here in the locked version are checked: pip itself refuses to
@@ -69,7 +67,7 @@ def test_locked_packages_support_every_supported_python(lock: str) -> None:
     assert excluded == {}
 
 
-def test_each_lock_extends_the_smaller_ones() -> None:
+def test_each_lock_extends_the_smaller_ones():
     """Each lock file contains the packages of its extra and the pins of the report, and the last
     one all pins.
     """
@@ -88,7 +86,7 @@ def test_each_lock_extends_the_smaller_ones() -> None:
 
 
 @pytest.mark.parametrize("lock", LOCKS)
-def test_every_pin_has_hashes_and_names_no_host(lock: str) -> None:
+def test_every_pin_has_hashes_and_names_no_host(lock):
     """Each entry is one exact version with SHA-256 hashes, and the file names no index or path.
 
     A version has the same hashes in all lock files.

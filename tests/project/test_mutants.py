@@ -1,7 +1,5 @@
 """The lists of planted wrong lines, tests/mutants/*.toml, fit the source."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The notebooks in examples/ run, and their stored outputs are current."""
 
-from __future__ import annotations
-
 import ast
 import base64
 import contextlib
@@ -9,7 +7,6 @@ import io
 import json
 import os
 import re
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,7 +20,7 @@ Output = dict[str, Any]
 _PICTURE = r'src="data:image/png;base64,([^"]*)"'
 
 
-def code_cells(path: Path) -> list[tuple[str, list[Output]]]:
+def code_cells(path):
     """Return (source, stored outputs) of each code cell, without lines that begin with %."""
     cells = [
         cell
@@ -36,7 +33,7 @@ def code_cells(path: Path) -> list[tuple[str, list[Output]]]:
     ]
 
 
-def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
+def ran(source, names):
     """Run the source of a cell and return (printed text, value of its last expression).
 
     names: namespace of the notebook
@@ -52,7 +49,7 @@ def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
     return printed.getvalue(), value
 
 
-def stored(outputs: list[Output], kind: str) -> str:
+def stored(outputs, kind):
     """Return the stored text of a cell.
 
     kind: "stream" for printed text, or a MIME type
@@ -64,7 +61,7 @@ def stored(outputs: list[Output], kind: str) -> str:
     return "".join("".join(text) for text in (printed if kind == "stream" else values))
 
 
-def words(text: str) -> str:
+def words(text):
     """Return a text without pictures, in which numbers are replaced by # and blanks are normalized.
 
     Numbers are replaced because rounding differs between processors.
@@ -73,7 +70,7 @@ def words(text: str) -> str:
     return " ".join(re.sub(r"(?<![\w.])[-+]?\d[\w.+-]*", "#", without_pictures).split())
 
 
-def outputs_agree(text: str, old: str) -> bool:
+def outputs_agree(text, old):
     """Return whether two texts have the same words and similar pictures."""
     if words(text) != words(old):
         return False
@@ -81,21 +78,21 @@ def outputs_agree(text: str, old: str) -> bool:
     return all(map(is_drawn_as, pictures, re.findall(_PICTURE, old)))
 
 
-def is_drawn_as(picture: bytes, png: str) -> bool:
+def is_drawn_as(picture, png):
     """Return whether a PNG picture looks like that of a base64 text, which may be empty."""
     return bool(png) and looks_like(io.BytesIO(picture), io.BytesIO(base64.b64decode(png)))
 
 
-def png_of(figure: Figure) -> bytes:
+def png_of(figure):
     """Return a figure as PNG, drawn with the settings of a notebook."""
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=figure.dpi, bbox_inches="tight")
     return file.getvalue()
 
 
-def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
+def complaints(cells):
     """Run the cells of a notebook and return a message for each changed output."""
-    names: dict[str, Any] = {"__name__": "__main__"}
+    names = {"__name__": "__main__"}
     problems = []
     for number, (source, outputs) in enumerate(cells, start=1):
         printed, value = ran(source, names)
@@ -120,7 +117,7 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_cells_reproduce_their_stored_output(path: Path) -> None:
+def test_cells_reproduce_their_stored_output(path):
     """The cells of a notebook reproduce their stored output. No path of a machine is stored."""
     assert complaints(code_cells(path)) == [], "run `make notebooks`"
     text = path.read_text(encoding="utf-8")

@@ -1,12 +1,9 @@
 """The page of `hfa report` in a browser: slider, numbers, widths, printing and file names."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 from chromium import browser, set_page_width
@@ -66,7 +63,7 @@ _TEXTS = (
 )
 
 
-def settles(driver: Any, condition: str) -> bool:
+def settles(driver, condition):
     """Wait at most 10 s until a JavaScript expression is true.
 
     Drawings follow a new width with a delay.
@@ -80,11 +77,11 @@ def settles(driver: Any, condition: str) -> bool:
     )
 
 
-def chosen(driver: Any) -> str:
+def chosen(driver):
     return driver.execute_script("return document.querySelector('#hfa .slider output').value")
 
 
-def move_to(driver: Any, angle: str) -> None:
+def move_to(driver, angle):
     """Move the slider of the page to an angle in deg."""
     driver.execute_script(
         """const slider = document.getElementById('hfa-dihedral');
@@ -96,9 +93,7 @@ def move_to(driver: Any, angle: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_page_shows_numbers_in_a_browser(
-    tmp_path: Path, subtests: pytest.Subtests, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_shows_numbers_in_a_browser(tmp_path, subtests, monkeypatch):
     """The page shows the commands' numbers at the selected angle and fits every window width."""
     monkeypatch.chdir(tmp_path)
     Path(NAME).write_bytes((ROOT / "hfa_model" / "parameters.toml").read_bytes())
@@ -199,7 +194,7 @@ def test_the_page_shows_numbers_in_a_browser(
             assert driver.get_log("browser") == []
 
 
-def compare_with_the_command(driver: Any) -> None:
+def compare_with_the_command(driver):
     """Assert that the page shows the results of `hfa linearize` and `hfa trim`."""
     words = ("--dihedral", AT, "--parameters", NAME, "--json")
     model, trim = (json.loads(hfa(name, *words).out) for name in ("linearize", "trim"))

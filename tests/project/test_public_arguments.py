@@ -1,9 +1,6 @@
 """Arguments of another kind are refused at the door of each public function."""
 
-from __future__ import annotations
-
 import inspect
-from collections.abc import Iterator
 
 import control
 import numpy as np
@@ -18,7 +15,7 @@ class Other:
     """An object of no kind that a function accepts."""
 
 
-def parameters() -> Iterator[tuple[str, str]]:
+def parameters():
     """Yield every public function with each of its parameters that does not accept anything."""
     for name in FUNCTIONS:
         for parameter in inspect.signature(getattr(hfa, name)).parameters.values():
@@ -27,7 +24,7 @@ def parameters() -> Iterator[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("function", "parameter"), parameters())
-def test_an_argument_of_another_kind_is_refused_by_name(function: str, parameter: str) -> None:
+def test_an_argument_of_another_kind_is_refused_by_name(function, parameter):
     """Every public function refuses an object of another kind, and names the parameter."""
     with pytest.raises(hfa.BadInputError, match=f"^{function}: {parameter} is of type Other; give"):
         getattr(hfa, function)(**{parameter: Other()})
@@ -42,13 +39,13 @@ def test_an_argument_of_another_kind_is_refused_by_name(function: str, parameter
         (lambda: hfa.optimize(hfa.aircraft(), inputs="elevator"), "give a list"),
     ],
 )
-def test_the_refusal_names_the_functions_that_return_the_required_kind(call, advised) -> None:
+def test_the_refusal_names_the_functions_that_return_the_required_kind(call, advised):
     """A refusal names the public functions whose results are accepted."""
     with pytest.raises(hfa.BadInputError, match=advised):
         call()
 
 
-def test_a_misspelled_name_gets_the_error_of_python() -> None:
+def test_a_misspelled_name_gets_the_error_of_python():
     """A misspelled argument is not refused by the project."""
     with pytest.raises(TypeError, match="unexpected keyword argument 'gamee'"):
         hfa.solve(gamee=3)

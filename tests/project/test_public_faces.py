@@ -3,8 +3,6 @@
 `inner_imports.toml` names the exceptions, which attack what they import.
 """
 
-from __future__ import annotations
-
 import ast
 import tomllib
 from fnmatch import filter as fnmatch_all
@@ -18,7 +16,7 @@ PUBLIC |= {"hfa_support.errors"}
 EXCEPTIONS = tomllib.loads((ROOT / "tests" / "project" / "inner_imports.toml").read_text("utf-8"))
 
 
-def inner_imports(source: str) -> set[str]:
+def inner_imports(source):
     """Return the inner modules and private names of the packages that a file imports."""
     found = set()
     for node in ast.walk(ast.parse(source)):
@@ -41,14 +39,14 @@ def inner_imports(source: str) -> set[str]:
     return found
 
 
-def files() -> list[str]:
+def files():
     """Return the test files and their helpers, relative to the root."""
     paths = [*ROOT.glob("tests/**/*.py"), *ROOT.glob("extensions/*/tests/**/*.py")]
     return sorted(str(path.relative_to(ROOT)) for path in paths)
 
 
 @pytest.mark.slow
-def test_no_other_test_imports_inner_modules() -> None:
+def test_no_other_test_imports_inner_modules():
     """Only the listed files import inner modules of the packages, and each pattern is needed."""
     inside = [name for name in files() if inner_imports((ROOT / name).read_text("utf-8"))]
     listed = {pattern: fnmatch_all(inside, pattern) for pattern in EXCEPTIONS["attacks"]}

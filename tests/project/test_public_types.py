@@ -1,14 +1,10 @@
 """The types of public names, checked by mypy on the scripts of documents and notebooks."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import subprocess
 import sys
-from collections.abc import Mapping
-from pathlib import Path
 
 import pytest
 from project import FOLDERS, ROOT
@@ -17,7 +13,7 @@ from project import FOLDERS, ROOT
 FOLDERS_ABOVE = {folder.parent for folder in FOLDERS.values()}
 
 
-def scripts_of_documents() -> dict[str, str]:
+def scripts_of_documents():
     """Return name -> Python code of each document and notebook."""
     found = {}
     for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
@@ -36,7 +32,7 @@ def scripts_of_documents() -> dict[str, str]:
 ELSEWHERE = ("None", '"savez"', '"Parameters"')
 
 
-def document_errors(folder: Path, scripts: Mapping[str, str]) -> list[str]:
+def document_errors(folder, scripts):
     """Return the errors of mypy --strict in scripts, apart from `ELSEWHERE`."""
     for name, text in scripts.items():
         (folder / name).write_text(text, encoding="utf-8")
@@ -62,7 +58,7 @@ def document_errors(folder: Path, scripts: Mapping[str, str]) -> list[str]:
 
 
 @pytest.mark.slow
-def test_mypy_accepts_the_documents(tmp_path: Path) -> None:
+def test_mypy_accepts_the_documents(tmp_path):
     """mypy --strict accepts every call in documents and notebooks, and reports a planted one."""
     pytest.importorskip("mypy")
     scripts = scripts_of_documents()

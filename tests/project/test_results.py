@@ -1,11 +1,8 @@
 """Results in Python: reports at the prompt and in notebooks, comparison and pickling."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +29,7 @@ COMPARED = {
 
 
 @lru_cache(maxsize=1)
-def results() -> dict[str, Any]:
+def results():
     aircraft = hfa.aircraft()
     condition = hfa.paper.level_flight(15 * hfa_model.DEGREE)
     point = hfa.trim(aircraft, condition)
@@ -66,7 +63,7 @@ def results() -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_results_display_reports_and_can_be_pickled() -> None:
+def test_results_display_reports_and_can_be_pickled():
     """A result displays its report, also as HTML, and is unchanged by pickling."""
     for name, result in results().items():
         shown = repr(result)
@@ -80,7 +77,7 @@ def test_results_display_reports_and_can_be_pickled() -> None:
 
 
 @pytest.mark.slow
-def test_names_in_brackets_complete() -> None:
+def test_names_in_brackets_complete():
     """Each completed name in brackets is one."""
     named = [results()[name] for name in ("OperatingPoint", "LinearModel", "Sweep")]
     for value in (*named, named[0].states, named[1].A, named[1].modes):
@@ -90,7 +87,7 @@ def test_names_in_brackets_complete() -> None:
             value[key]
 
 
-def test_linear_models_are_equal_by_their_values() -> None:
+def test_linear_models_are_equal_by_their_values():
     """Linear models are compared entry by entry, where nan equals nan, and cannot be hashed."""
     model = model_at(15.0)
     assert model == replace(model, A=model.A.copy())
@@ -106,7 +103,7 @@ def test_linear_models_are_equal_by_their_values() -> None:
         hash(model)
 
 
-def test_a_trimerror_can_be_pickled() -> None:
+def test_a_trimerror_can_be_pickled():
     """A pickled TrimError keeps its message and its nearest point."""
     with pytest.raises(trim.TrimError) as caught:
         hfa.trim(hfa.aircraft(), hfa.paper.level_flight(0.1, speed=30.0))
@@ -114,7 +111,7 @@ def test_a_trimerror_can_be_pickled() -> None:
     assert (str(again), again.attempt) == (str(caught.value), caught.value.attempt)
 
 
-def test_games_are_equal_by_their_values() -> None:
+def test_games_are_equal_by_their_values():
     """Games with equal values are equal and have equal hashes.
 
     Games that differ in delta, or in the last bit of an entry of A, are not equal.

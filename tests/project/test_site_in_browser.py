@@ -1,10 +1,7 @@
 """The site of `make docs` in a browser: nothing is cut off at common window widths."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from chromium import browser, set_page_width
@@ -21,16 +18,16 @@ _CUT = """const boxes = 'article pre, article table, article .table, article .ta
   return cut"""
 
 
-def cut_boxes(driver: object, page: Path, width: int) -> list[str]:
+def cut_boxes(driver, page, width):
     """Return the texts of the boxes that are cut off on a page of this width in pixels."""
     set_page_width(driver, width)
     driver.get(page.as_uri())  # type: ignore[attr-defined]
-    cut: list[str] = driver.execute_script(_CUT)  # type: ignore[attr-defined]
+    cut = driver.execute_script(_CUT)  # type: ignore[attr-defined]
     return cut
 
 
 @pytest.mark.slow
-def test_no_box_of_the_site_is_cut_off(tmp_path: Path) -> None:
+def test_no_box_of_the_site_is_cut_off(tmp_path):
     """No code box or table of the site is cut off."""
     pytest.importorskip("sphinx", reason="needs sphinx: pip install '.[dev]'")
     with browser() as driver:

@@ -1,18 +1,15 @@
 """`hfa report`: one page, or a folder with page, pictures and numbers."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from cli import Result, assert_refused, hfa
+from cli import assert_refused, hfa
 from project import ROOT
 
 pytest.importorskip("hfa_flight")
@@ -26,7 +23,7 @@ from trim.point.condition import usual_condition
 
 
 @pytest.fixture(autouse=True)
-def _in_a_folder(folder: Path) -> None:
+def _in_a_folder(folder):
     """Run each test in a new empty folder."""
 
 
@@ -35,7 +32,7 @@ FLIGHTS = ROOT / "studies" / "best_flights" / "results"
 UAV = str(ROOT / "examples" / "uav.toml")
 
 
-def page_of(path: Path) -> str:
+def page_of(path):
     """Return the page without the script of Plotly."""
     html = path.read_text(encoding="utf-8")
     longest = max(re.findall(r"<script[^>]*>.*?</script>", html, re.S), key=len)
@@ -43,7 +40,7 @@ def page_of(path: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def written_report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+def written_report(tmp_path_factory):
     """Return the result of the command and the folder that it wrote."""
     folder = tmp_path_factory.mktemp("report") / "new"
     words = (
@@ -66,7 +63,7 @@ def written_report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Pa
     return hfa("report", *words), folder
 
 
-def test_a_flight_that_is_not_on_the_page_has_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flight_that_is_not_on_the_page_has_a_sentence(monkeypatch):
     """Without a trim the reason is said, and without the package of flights that it is missing."""
     condition = usual_condition(load_model(UAV))
     nowhere = flight_in_turbulence(Position(0.2, condition, reason="no trim at 11 deg"))
@@ -77,7 +74,7 @@ def test_a_flight_that_is_not_on_the_page_has_a_sentence(monkeypatch: pytest.Mon
 
 
 @pytest.mark.slow
-def test_a_report_replaces_the_pictures_of_an_earlier_one(folder: Path) -> None:
+def test_a_report_replaces_the_pictures_of_an_earlier_one(folder):
     """A report with other angles removes the pictures of the earlier report, and nothing else."""
     words = ("report", "-o", "pages", "--sweep", "5:15:10", "--dihedral")
     assert hfa(*words, "5").code == DONE
@@ -88,7 +85,7 @@ def test_a_report_replaces_the_pictures_of_an_earlier_one(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_folder_contains_page_pictures_and_numbers(written_report: tuple[Result, Path]) -> None:
+def test_the_folder_contains_page_pictures_and_numbers(written_report):
     """The folder contains the page, pictures and numbers. The numbers equal those of other
     commands.
 
@@ -143,7 +140,7 @@ def test_the_folder_contains_page_pictures_and_numbers(written_report: tuple[Res
 
 
 @pytest.mark.slow
-def test_pictures_of_the_documents_are_current() -> None:
+def test_pictures_of_the_documents_are_current():
     """The pictures of the documents equal those that `hfa report` draws."""
     from matplotlib.image import imread
 
@@ -163,7 +160,7 @@ def test_pictures_of_the_documents_are_current() -> None:
 
 
 @pytest.mark.slow
-def test_another_aircraft_is_beside(written_report: tuple[Result, Path]) -> None:
+def test_another_aircraft_is_beside(written_report):
     """The numbers of the other aircraft are those of `hfa trim`, and its sheet is on the page."""
     result, folder = written_report
     sheet = json.loads(hfa("trim", "--aircraft", UAV, "--json").out)
@@ -174,7 +171,7 @@ def test_another_aircraft_is_beside(written_report: tuple[Result, Path]) -> None
 
 
 @pytest.mark.slow
-def test_an_angle_without_trim_is_reported_with_reason(tmp_path: Path) -> None:
+def test_an_angle_without_trim_is_reported_with_reason(tmp_path):
     """An angle without a trim is on the page with the reason, and the command fails."""
     page = tmp_path / "page.html"
     result = hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "20,59")
@@ -188,7 +185,7 @@ def test_an_angle_without_trim_is_reported_with_reason(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_missing_plotly_is_refused_before_the_computation() -> None:
+def test_a_missing_plotly_is_refused_before_the_computation():
     """Without Plotly (hidden here), the page is refused in one line before the computation."""
     program = "import sys; sys.modules['plotly.offline'] = None; import hfa.main; "
     program += "sys.exit(hfa.main.main(['report', '-o', 'page.html']))"
@@ -209,17 +206,17 @@ def test_a_missing_plotly_is_refused_before_the_computation() -> None:
         (f"-o a.html --beside {ROOT}/examples/pendulum.py:PENDULUM", "declares no schedule"),
     ],
 )
-def test_wrong_options_of_report_are_refused(words: str, named: str) -> None:
+def test_wrong_options_of_report_are_refused(words, named):
     """Wrong options of `hfa report` are refused, and no file is written."""
     Path("file").write_text("a file", encoding="utf-8")
     assert_refused(hfa("report", *words.split()), BAD_INPUT, named)
     assert list(Path().iterdir()) == [Path("file")]
 
 
-def test_a_slider_has_ends() -> None:
+def test_a_slider_has_ends():
     """A variable that is 0 at the default trim gives the slider no values unless it has limits."""
 
-    def rates(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    def rates(x, u, p, w):
         return {"speed": u.thrust - x.speed}, {}
 
     states, inputs = {"speed": Signal("m/s")}, {"thrust": Signal("N")}
@@ -239,7 +236,7 @@ def test_a_slider_has_ends() -> None:
 
 
 @pytest.mark.slow
-def test_another_aircraft_fails_and_is_told_from_that_of_the_studies() -> None:
+def test_another_aircraft_fails_and_is_told_from_that_of_the_studies():
     """With other parameters, the pairs are not regenerated, and stored flights are another's."""
     words = ("--dihedral", "15", "--sweep", "15", "--parameters", "gibson-2011-simulation")
     result = hfa("report", "-o", "page.html", *words, "--flights", str(FLIGHTS))
@@ -258,7 +255,7 @@ def test_another_aircraft_fails_and_is_told_from_that_of_the_studies() -> None:
         ("--flights", FLIGHTS / "best_flights.json", ["flights", 0, "best", "cost"]),
     ],
 )
-def test_damaged_results_of_studies_are_refused(option: str, source: Path, place: list) -> None:
+def test_damaged_results_of_studies_are_refused(option, source, place):
     """Files of claims and of flights with a damaged entry are refused before anything is computed."""
     data = json.loads(source.read_text(encoding="utf-8"))
     inner = data

@@ -1,7 +1,5 @@
 """Aircraft from stability files of AVL, compared with AVL's own forces and eigenvalues."""
 
-from __future__ import annotations
-
 import math
 import pickle
 import re
@@ -13,7 +11,7 @@ import pytest
 from cli import assert_refused, hfa
 
 import hfa as tool
-from hfa import BadInputError, Model, linearize, trim
+from hfa import BadInputError, linearize, trim
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PRINTED = (EXAMPLES / "glider.st").read_text()
@@ -41,14 +39,14 @@ AVL_FORCES = [
 
 
 @pytest.fixture
-def glider(folder: Path) -> Path:
+def glider(folder):
     """A folder with the stability file `glider.st` and its table `glider.toml`."""
     Path("glider.st").write_text(PRINTED)
     Path("glider.toml").write_text(TABLE)
     return folder
 
 
-def test_modes_agree_with_those_of_avl() -> None:
+def test_modes_agree_with_those_of_avl():
     """A glide with nearly horizontal body axis has AVL's modes within 2 %, the spiral within 10 %."""
     model = tool.load_model(str(EXAMPLES / "glider.toml"))
     point = trim(model, thrust=0.0, free=("gamma",))
@@ -58,7 +56,7 @@ def test_modes_agree_with_those_of_avl() -> None:
         assert abs(found - printed) < (0.1 if name == "spiral" else 0.02) * abs(printed), name
 
 
-def coefficients(model: Model, angles: tuple, over_speed: tuple) -> tuple[np.ndarray, float, float]:
+def coefficients(model, angles, over_speed):
     """Return Cl, Cm, Cn about body axes, computed from angular accelerations, and CL and CD."""
     alpha, beta, aileron, elevator, rudder = (math.radians(each) for each in angles)
     speed = 35.28865
@@ -78,7 +76,7 @@ def coefficients(model: Model, angles: tuple, over_speed: tuple) -> tuple[np.nda
     return moment / (force * np.array([12.0, 0.75, 12.0])), lift, drag
 
 
-def machine_readable() -> str:
+def machine_readable():
     """Return the machine-readable form of the printed file."""
     value = dict(re.findall(r"([\w'/]+)\s*=\s*(-?[\d.]+)", PRINTED.partition(" Neutral")[0]))
     rows = [
@@ -104,7 +102,7 @@ def machine_readable() -> str:
     return "\n".join(rows)
 
 
-def of_older_version() -> str:
+def of_older_version():
     """Return the file as AVL 3.40 writes it: without CD, Cl and Cn of controls in body axes."""
     lines = [line for line in PRINTED.splitlines() if "force CD" not in line]
     text = "\n".join(lines)
@@ -123,7 +121,7 @@ def of_older_version() -> str:
 
 
 @pytest.mark.parametrize("form", ["printed", "machine_readable", "older"])
-def test_forces_agree_with_those_of_avl(form: str, glider: Path) -> None:
+def test_forces_agree_with_those_of_avl(form, glider):
     """Moments about body axes and CL at other states are those of AVL, in each form of the file."""
     text = {"printed": PRINTED, "machine_readable": machine_readable(), "older": of_older_version()}
     Path("glider.st").write_text(text[form])
@@ -140,7 +138,7 @@ def test_forces_agree_with_those_of_avl(form: str, glider: Path) -> None:
     assert (found_lift, drag) == pytest.approx((0.6, 0.02725), abs=1e-6)
 
 
-def test_a_fixed_control_keeps_its_deflection(glider: Path) -> None:
+def test_a_fixed_control_keeps_its_deflection(glider):
     """A control with one value is no input; its deflection changes the coefficients."""
     Path("glider.toml").write_text(
         TABLE.replace('elevator = ["-25 deg", "25 deg"]', 'elevator = "1 deg"')
@@ -151,7 +149,7 @@ def test_a_fixed_control_keeps_its_deflection(glider: Path) -> None:
     assert moment == pytest.approx(-0.040525 * (1.0 + 0.44993), rel=1e-6)
 
 
-def test_both_ways_name_the_same_aircraft(glider: Path) -> None:
+def test_both_ways_name_the_same_aircraft(glider):
     """`--aircraft glider.st --mass glider.toml` is the aircraft of glider.toml."""
     named = tool.load_model("glider.toml")
     given = tool.load_model("glider.st", mass="glider.toml")
@@ -201,9 +199,7 @@ ENTRIES = [
     ("file", "old", "new", "message"),
     [*(("glider.st", *row) for row in FILES), *(("glider.toml", *row) for row in ENTRIES)],
 )
-def test_faulty_files_are_refused(
-    file: str, old: str, new: str, message: str, glider: Path
-) -> None:
+def test_faulty_files_are_refused(file, old, new, message, glider):
     """Each fault of the stability file or of its table is named in one line."""
     if file == "glider.st":
         Path(file).write_text(PRINTED.replace(old, new))
@@ -219,7 +215,7 @@ def test_faulty_files_are_refused(
         )
 
 
-def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider: Path) -> None:
+def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider):
     """With CD_CL2 or CD_alpha in the table, CD_0 is the total without the induced drag."""
     Path("glider.st").write_text(of_older_version())
     for line, induced in (("CD_CL2 = 0.02", 0.02 * 0.6**2), ("CD_alpha = 0.3", 0.0)):
@@ -230,7 +226,7 @@ def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider: Path) -
         assert "CD_elevator" not in given
 
 
-def test_inviscid_drag_and_another_mach_number_are_noted(glider: Path) -> None:
+def test_inviscid_drag_and_another_mach_number_are_noted(glider):
     """Drag without profile drag, and a file for another Mach number, are noted in reports."""
     assert tool.load_model("glider.toml").about.notes == ()
     changed = PRINTED.replace("CDvis =   0.02000", "CDvis =   0.00000")
@@ -242,7 +238,7 @@ def test_inviscid_drag_and_another_mach_number_are_noted(glider: Path) -> None:
     assert len(tool.load_model("glider.toml").about.notes) == 1
 
 
-def test_names_of_controls_become_identifiers(glider: Path) -> None:
+def test_names_of_controls_become_identifiers(glider):
     """The aircraft with controls `elevon-L` and `1elev` is that with `elevator` and `aileron`."""
     plain = trim(tool.load_model("glider.toml"))
     file = PRINTED.replace("elevator ", "elevon-L ").replace("aileron ", "1elev   ")

@@ -1,7 +1,5 @@
 """Other centers of gravity, compared with own equations in numpy and with AVL at both places."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path
@@ -13,7 +11,7 @@ from project import ROOT
 from six_dof import GRAVITY, SixDof, air
 
 import hfa as tool
-from hfa import BadInputError, Model, from_derivatives, linearize, trim
+from hfa import BadInputError, from_derivatives, linearize, trim
 
 HERE = Path(__file__).parent
 UAV = tomllib.loads((ROOT / "examples/uav.toml").read_text())
@@ -30,7 +28,7 @@ TABLE = UAV | {
 }
 
 
-def assert_equal_rates(model: Model, own: SixDof) -> None:
+def assert_equal_rates(model, own):
     """Compare the rates of a spinning, banked, slipping aircraft with those of the own equations.
 
     Without lift by the rate of alpha, its loads are compared, too.
@@ -69,14 +67,14 @@ def assert_equal_rates(model: Model, own: SixDof) -> None:
 @pytest.mark.parametrize(
     ("cg", "warmer", "lag"), [(0.2, 0.0, 0.0), (0.28, 15.0, 60.0), (0.35, 0.0, 0.0)]
 )
-def test_rates_at_another_center_equal_own_equations(cg: float, warmer: float, lag: float) -> None:
+def test_rates_at_another_center_equal_own_equations(cg, warmer, lag):
     """Rates and loads at three places equal r x F, also in warm air and with lift by alphadot."""
     table = TABLE | {"CL_alphadot": lag}
     model = from_derivatives(table).with_parameters(cg=cg, isa=warmer)
     assert_equal_rates(model, SixDof(table, cg, warmer))
 
 
-def test_a_tail_arm_scales_the_damping() -> None:
+def test_a_tail_arm_scales_the_damping():
     """With lift by rates at a tail, C_mq = -C_Lq l/c, the rates are those of the moved tail."""
     arm, chord, moved = 0.9, 0.18994, 0.1 * 0.18994
     tail = {"CL_q": 5.0, "CL_alphadot": 1.5, "Cm_alphadot": -1.5 * arm / chord, "cg": 0.2}
@@ -89,7 +87,7 @@ def test_a_tail_arm_scales_the_damping() -> None:
 
 
 @pytest.mark.slow
-def test_avl_at_two_centers_is_one_aircraft(folder: Path) -> None:
+def test_avl_at_two_centers_is_one_aircraft(folder):
     """A file about 0.3 moved by 0.1 chord has the matrices and the sheet of a file about 0.375."""
     models = []
     for place, x in (("300", 0.3), ("375", 0.375)):
@@ -113,7 +111,7 @@ def test_avl_at_two_centers_is_one_aircraft(folder: Path) -> None:
     assert x == pytest.approx([0.375, 0.375])
 
 
-def test_the_center_does_not_depend_on_units() -> None:
+def test_the_center_does_not_depend_on_units():
     """A table in ft, slug and lbf has the same flights at the same cg."""
     metric = from_derivatives(TABLE | {"tail_arm": 0.9})
     in_feet = {
@@ -133,7 +131,7 @@ def test_the_center_does_not_depend_on_units() -> None:
     assert eigenvalues[0] == pytest.approx(eigenvalues[1], rel=1e-6, abs=1e-9)
 
 
-def test_the_sheet_repeats_configuration_words(folder: Path) -> None:
+def test_the_sheet_repeats_configuration_words(folder):
     """--hold cg=0.28, and the words of flap and gear, are on the sheet and in its data."""
     text = (ROOT / "examples/uav.toml").read_text()
     Path("uav.toml").write_text('cg = 0.25\nflap = "20 deg, slotted"\ngear = "down"\n' + text)
@@ -143,7 +141,7 @@ def test_the_sheet_repeats_configuration_words(folder: Path) -> None:
     assert (found["flap"]["value"], found["gear"]["value"]) == ("20 deg, slotted", "down")
 
 
-def test_a_center_that_is_not_finite_is_refused() -> None:
+def test_a_center_that_is_not_finite_is_refused():
     """A value of the parameter that is not finite is refused in one line."""
     model = from_derivatives(UAV | {"cg": 0.25})
     for value in (float("nan"), float("inf")):

@@ -21,7 +21,7 @@ from hfa import from_derivatives, linearize, trim
 SLUG_PER_FT3 = 515.3788183931961
 
 
-def density(altitude: float) -> float:
+def density(altitude):
     """Return the density at an altitude in m, kg/m³, from q = ρ/2 at 1 m/s."""
     model = from_derivatives(f"{ROOT}/examples/uav.toml")
     state = [1.0, *[0.0] * 8, altitude]

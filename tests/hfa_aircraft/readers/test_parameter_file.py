@@ -1,7 +1,5 @@
 """TOML files that name another aircraft and new values of its parameters."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
@@ -28,13 +26,13 @@ CAR = Model(
 """
 
 
-def alpha(path: Path | str) -> float:
+def alpha(path):
     """Return the angle of attack, rad, of the trim of an aircraft file."""
     return tool.trim(tool.load_model(str(path)))["alpha"]
 
 
 @pytest.fixture
-def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folders(tmp_path, monkeypatch):
     """Two folders with different aircraft of the same name; the one without `here` is current."""
     here, other = tmp_path / "here", tmp_path / "other"
     for folder in (here, other):
@@ -46,7 +44,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return here
 
 
-def test_the_other_aircraft_is_found_beside_the_file(folders: Path) -> None:
+def test_the_other_aircraft_is_found_beside_the_file(folders):
     """`aircraft = "uav.toml"` is the file in the folder of the TOML, not in the working folder."""
     (folders / "found.toml").write_text('aircraft = "uav.toml"\n[parameters]\nCL_alpha = 3.45\n')
     found = alpha(folders / "found.toml")
@@ -54,7 +52,7 @@ def test_the_other_aircraft_is_found_beside_the_file(folders: Path) -> None:
     assert abs(found - alpha("uav.toml")) > 0.01
 
 
-def test_a_changed_aircraft_is_refused(folders: Path) -> None:
+def test_a_changed_aircraft_is_refused(folders):
     """The SHA-256 of the aircraft is compared; the aircraft that belongs to it is accepted."""
     digest = tool.load_model(str(folders / "uav.toml")).source.digest
     text = f'aircraft = "uav.toml"\nsha256 = "{digest}"\n[parameters]\nCL_alpha = 4.0\n'
@@ -64,7 +62,7 @@ def test_a_changed_aircraft_is_refused(folders: Path) -> None:
     assert_refused(hfa("trim", "--aircraft", "found.toml"), 2, "found.toml", "SHA-256", "sha256")
 
 
-def test_files_that_name_each_other_are_refused(folders: Path) -> None:
+def test_files_that_name_each_other_are_refused(folders):
     """A circle or a long chain of files ends in one line; a short chain to a table is read."""
     (folders / "one.toml").write_text('aircraft = "../here/two.toml"\n')
     (folders / "two.toml").write_text('aircraft = "one.toml"\n')
@@ -95,7 +93,7 @@ def test_files_that_name_each_other_are_refused(folders: Path) -> None:
         ("[sensors]\npitch = nan\n[bands]\npitch = [-1, 1]", "pitch is nan, outside the band"),
     ],
 )
-def test_a_wrong_entry_is_refused(folders: Path, entries: str, message: str) -> None:
+def test_a_wrong_entry_is_refused(folders, entries, message):
     """Each wrong entry of a file of parameters is named in one line."""
     (folders / "wrong.toml").write_text(f'aircraft = "uav.toml"\n{entries}\n')
     with pytest.raises(tool.BadInputError) as refused:
@@ -105,9 +103,7 @@ def test_a_wrong_entry_is_refused(folders: Path, entries: str, message: str) -> 
 
 
 @pytest.mark.parametrize("named", ["car.py:CAR", "car_module:CAR"])
-def test_a_data_file_executes_no_python(
-    named: str, folders: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_data_file_executes_no_python(named, folders, monkeypatch):
     """Python code that a TOML names is not executed; --parameters applies the same file."""
     trace = folders / "trace"
     monkeypatch.syspath_prepend(str(folders))

@@ -1,11 +1,7 @@
 """Tables with usual mistakes are doubted under the first line; right aircraft are not."""
 
-from __future__ import annotations
-
 import re
 import tomllib
-from pathlib import Path
-from typing import Any
 
 import pytest
 from project import ROOT
@@ -13,10 +9,10 @@ from project import ROOT
 import hfa
 
 
-def changed(**values: Any) -> dict[str, Any]:
+def changed(**values):
     """Return the table of the small aircraft with other values."""
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
-    flat: dict[str, Any] = {}
+    flat = {}
     for name, value in table.items():
         flat |= value if isinstance(value, dict) else {name: value}
     return flat | values
@@ -63,7 +59,7 @@ HELD = ("Cm_alpha", "Cm_q", "Cl_p", "Cn_r", "CY_beta", "Ixx", "Iyy", "Izz", "Ixz
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_planted_mistake_is_doubted(mistake: str) -> None:
+def test_a_planted_mistake_is_doubted(mistake):
     """A line names the entry, and the aircraft is still read. A held value has the same line."""
     values, word = MISTAKES[mistake]
     doubts = hfa.from_derivatives(changed(**values)).doubts
@@ -75,7 +71,7 @@ def test_a_planted_mistake_is_doubted(mistake: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["uav.toml", "cessna182.toml", "glider.toml"])
-def test_right_tables_are_not_doubted(name: str) -> None:
+def test_right_tables_are_not_doubted(name):
     """No table of the examples is doubted."""
     assert hfa.load_model(f"{ROOT}/examples/{name}").doubts == ()
 
@@ -88,7 +84,7 @@ MISTAKES_OF_AVL = {
 
 
 @pytest.mark.parametrize("line", MISTAKES_OF_AVL)
-def test_a_changed_file_of_avl_is_doubted(line: str, tmp_path: Path) -> None:
+def test_a_changed_file_of_avl_is_doubted(line, tmp_path):
     """Reference sizes exchanged, and a neutral point that contradicts the derivatives."""
     mistake, word = MISTAKES_OF_AVL[line]
     text = (ROOT / "examples/glider.st").read_text("utf-8")
@@ -101,7 +97,7 @@ def test_a_changed_file_of_avl_is_doubted(line: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("sign", ["Cmq", "CYb", "Cnr"])
-def test_signs_in_a_file_of_avl_are_doubted(sign: str, tmp_path: Path) -> None:
+def test_signs_in_a_file_of_avl_are_doubted(sign, tmp_path):
     """A damping or a side force of the other sign."""
     text = (ROOT / "examples/glider.st").read_text("utf-8")
     wrong = re.sub(rf"({sign} =\s*)-", r"\1 ", text)
@@ -112,7 +108,7 @@ def test_signs_in_a_file_of_avl_are_doubted(sign: str, tmp_path: Path) -> None:
     assert sign[:2] in doubt
 
 
-def test_derivatives_by_speed_are_doubted_far_from_their_condition() -> None:
+def test_derivatives_by_speed_are_doubted_far_from_their_condition():
     """Within 10 % of the speed of the table, there is no doubt."""
     plane = hfa.load_model(f"{ROOT}/examples/cessna182.toml")
     for speed, is_far in ((195.0, True), (200.0, False), (240.0, False), (245.0, True)):

@@ -1,10 +1,7 @@
 """Airspeeds imposed in place of the speed, and air that is warmer than the standard atmosphere."""
 
-from __future__ import annotations
-
 import json
 import tomllib
-from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
@@ -14,10 +11,10 @@ from project import ROOT
 from six_dof import KNOT, air, calibrated, equivalent
 
 import hfa as tool
-from hfa import BadInputError, Model, TrimCondition, trim
+from hfa import BadInputError, TrimCondition, trim
 
 UAV = f"{ROOT}/examples/uav.toml"
-OWN: dict[str, Callable] = {
+OWN = {
     "kcas": calibrated,
     "keas": equivalent,
     "ktas": lambda speed, at: speed / KNOT,
@@ -26,15 +23,13 @@ OWN: dict[str, Callable] = {
 
 
 @pytest.fixture(scope="module")
-def uav() -> Model:
+def uav():
     return tool.load_model(UAV)
 
 
 @pytest.mark.parametrize("name", OWN)
 @pytest.mark.parametrize(("altitude", "warmer"), [(3000.0, 15.0)])
-def test_an_imposed_airspeed_is_that_of_the_flight(
-    name: str, altitude: float, warmer: float, uav: Model
-) -> None:
+def test_an_imposed_airspeed_is_that_of_the_flight(name, altitude, warmer, uav):
     """The true airspeed of a trim has the imposed airspeed, by formulas of the tests."""
     there = air(altitude, warmer)
     value = OWN[name](33.0, there)
@@ -45,7 +40,7 @@ def test_an_imposed_airspeed_is_that_of_the_flight(
     assert outputs == pytest.approx(expected, rel=1e-4)
 
 
-def test_a_sweep_imposes_airspeeds_at_each_altitude(uav: Model) -> None:
+def test_a_sweep_imposes_airspeeds_at_each_altitude(uav):
     """Each point of a sweep over kcas, altitude and isa is the trim of its values."""
     axes = {"kcas": [55.0, 62.0], "altitude": [3000.0], "isa": [0.0, 20.0]}
     for row, (kcas, altitude, isa) in zip(
@@ -56,7 +51,7 @@ def test_a_sweep_imposes_airspeeds_at_each_altitude(uav: Model) -> None:
 
 
 @pytest.mark.parametrize("source", ["HFA", "f16.py:F16"])
-def test_other_aircraft_with_altitude_and_speed_have_airspeeds(source: str) -> None:
+def test_other_aircraft_with_altitude_and_speed_have_airspeeds(source):
     """The paper's aircraft and one of Python's have the airspeed of their own outputs."""
     model = tool.aircraft() if source == "HFA" else tool.load_model(f"{ROOT}/examples/{source}")
     usual = trim(model)
@@ -72,7 +67,7 @@ def test_other_aircraft_with_altitude_and_speed_have_airspeeds(source: str) -> N
         assert again[speed] == pytest.approx(point[speed], rel=1e-9)
 
 
-def test_units_are_read_alike_by_both_ways_in(uav: Model) -> None:
+def test_units_are_read_alike_by_both_ways_in(uav):
     """Texts with units are the same values in Python, on the command line and in a table."""
     typed = {"kcas": "70 mph", "altitude": "FL030", "gamma": "2 deg"}
     point = trim(uav, hold=typed)
@@ -107,7 +102,7 @@ def test_units_are_read_alike_by_both_ways_in(uav: Model) -> None:
         ({"isa": 10.0}, "model.with_parameters(isa=VALUE)"),
     ],
 )
-def test_wrong_airspeeds_are_refused(held: dict, words: str, uav: Model) -> None:
+def test_wrong_airspeeds_are_refused(held, words, uav):
     """Speeds that contradict or are none, and units of other quantities, are refused in one line."""
     with pytest.raises(BadInputError) as caught:
         trim(uav, hold=held)
@@ -124,12 +119,12 @@ def test_wrong_airspeeds_are_refused(held: dict, words: str, uav: Model) -> None
         ("--isa 200", "isa is 200 K; give at most 100 K"),
     ],
 )
-def test_wrong_options_are_refused(words: str, message: str) -> None:
+def test_wrong_options_are_refused(words, message):
     """The command refuses what contradicts or is not finite."""
     assert_refused(hfa("trim", "--aircraft", UAV, *words.split()), 2, message)
 
 
-def test_aircraft_with_air_of_their_own_have_no_deviation() -> None:
+def test_aircraft_with_air_of_their_own_have_no_deviation():
     """--isa of an aircraft whose equations have their own air is refused."""
     run = hfa("trim", "--aircraft", f"{ROOT}/examples/f16.py:F16", "--isa", "15")
     assert_refused(run, 2, "has air of its own")

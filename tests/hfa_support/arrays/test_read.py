@@ -2,10 +2,7 @@
 line.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +19,7 @@ GAME = hfa.Game([[0.0, 1.0], [-2.0, -3.0]], np.eye(2), Q=np.eye(2), R=np.eye(2))
 
 @pytest.mark.slow
 @pytest.mark.parametrize("compressed", [False, True])
-def test_a_damaged_mat_file_is_refused_in_one_line(compressed: bool) -> None:
+def test_a_damaged_mat_file_is_refused_in_one_line(compressed):
     """A file that lacks its last bytes is refused; the whole one gives its matrix."""
     K = np.arange(4.0).reshape(2, 2)
     scipy.io.savemat("K.mat", {"K": K, "text": "wing"}, do_compression=compressed)
@@ -33,7 +30,7 @@ def test_a_damaged_mat_file_is_refused_in_one_line(compressed: bool) -> None:
         hfa.read_critic("a.mat", GAME)
 
 
-def test_a_damaged_npz_file_is_refused_in_one_line() -> None:
+def test_a_damaged_npz_file_is_refused_in_one_line():
     """A file that lacks its last bytes is refused; the whole one gives its matrix."""
     np.savez("K.npz", K=np.eye(2))
     assert np.array_equal(hfa.read_critic("K.npz", GAME).K, np.eye(2))
@@ -55,7 +52,7 @@ HEADED = "speed,alpha\n0,1\n-2,-3\n", '"push"\n0.5\n1\n'
 NAMES = {"states": ["speed", "alpha"], "inputs": ["push"]}
 
 
-def of(**texts: str) -> hfa.Game:
+def of(**texts):
     for name, text in texts.items():
         Path(f"{name}.csv").write_text(text, encoding="utf-8")
     return load_game(f"{next(iter(texts))}.csv", Q=np.eye(2), R=np.eye(1), delta=np.inf)
@@ -71,9 +68,7 @@ def of(**texts: str) -> hfa.Game:
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*not given")
-def test_csv_matrices_are_read_with_optional_names(
-    texts: dict[str, str], names: dict[str, list[str]]
-) -> None:
+def test_csv_matrices_are_read_with_optional_names(texts, names):
     """A and B are read from .csv files with or without names of rows and columns."""
     game = of(**texts)
     np.testing.assert_array_equal(game.A, A)
@@ -107,7 +102,7 @@ def test_csv_matrices_are_read_with_optional_names(
         ({"A": ""}, "A has no numbers"),
     ],
 )
-def test_csv_files_without_a_matrix_are_refused(texts: dict[str, str], said: str) -> None:
+def test_csv_files_without_a_matrix_are_refused(texts, said):
     """.csv files that do not contain a matrix are refused, and the message states the reason."""
     with pytest.raises(BadInputError, match=said):
         of(**texts)
@@ -116,12 +111,12 @@ def test_csv_files_without_a_matrix_are_refused(texts: dict[str, str], said: str
 class RunsCode:
     """An object whose pickle writes the file "ran" when it is loaded."""
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self):
         return Path.touch, (Path("ran"),)
 
 
 @pytest.mark.parametrize("name", ["K.npy", "other.npy", "K.npz"])
-def test_a_file_of_arrays_runs_no_code(name: str) -> None:
+def test_a_file_of_arrays_runs_no_code(name):
     """A pickled object in a .npy or .npz file is refused and not loaded."""
     held = np.array([RunsCode()], dtype=object)
     save = np.savez if name.endswith("z") else np.save

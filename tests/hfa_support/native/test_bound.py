@@ -1,9 +1,6 @@
 """Functions of many rows, and sweeps computed by several threads of one process."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,17 +12,17 @@ from hfa_support.native.bound import RowFunction
 class _Recorded(ca.Callback):
     """x -> 1/x, with the arguments of its evaluations in `seen`."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         ca.Callback.__init__(self)
-        self.seen: list[float] = []
+        self.seen = []
         self.construct("recorded", {})
 
-    def eval(self, arguments: Any) -> list[Any]:
+    def eval(self, arguments):
         self.seen.append(float(arguments[0]))
         return [1.0 / arguments[0]]
 
 
-def test_a_function_is_evaluated_at_the_given_rows_only() -> None:
+def test_a_function_is_evaluated_at_the_given_rows_only():
     """Of a block of 16 rows, the rows that are left over are no other points, such as zeros."""
     recorded = _Recorded()
     (found,) = RowFunction(recorded)(np.arange(1.0, 11.0)[:, None])
@@ -33,10 +30,10 @@ def test_a_function_is_evaluated_at_the_given_rows_only() -> None:
     assert set(recorded.seen) == set(np.arange(1.0, 11.0))
 
 
-def test_concurrent_sweeps_equal_sequential_sweeps() -> None:
+def test_concurrent_sweeps_equal_sequential_sweeps():
     """They are equal bit by bit."""
 
-    def swept(number: int) -> list[bytes]:
+    def swept(number):
         rng = np.random.default_rng(number)
         angles, speeds = np.radians(rng.uniform(0.0, 20.0, 8)), rng.uniform(25.0, 75.0, 6)
         found = hfa.sweep(hfa.aircraft(), {"dihedral": np.sort(angles), "speed": np.sort(speeds)})

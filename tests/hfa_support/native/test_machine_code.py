@@ -1,9 +1,6 @@
 """Machine code: the same results without a working compiler, and a note."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import casadi as ca
 import pytest
@@ -11,9 +8,7 @@ import pytest
 from hfa_support.native.machine_code import machine_code
 
 
-def test_a_function_is_evaluated_without_a_compiler(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_function_is_evaluated_without_a_compiler(tmp_path, monkeypatch, capsys):
     """A compiler that fails is noted, and CasADi evaluates the function."""
     monkeypatch.setattr("hfa_support.native.machine_code.c_compiler", lambda: "false")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

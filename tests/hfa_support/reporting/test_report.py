@@ -1,11 +1,8 @@
 """Reports as text, Markdown, HTML and data files, with every text escaped."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +10,7 @@ import pytest
 from hfa.extend import Report, Table
 
 
-def report() -> Report:
+def report():
     table = Table(("load", "value"), [("lift <1>", "2.5"), ("a|b", "10")])
     inner = Report("Inner", ((table, "below the table"),))
     return Report(
@@ -29,7 +26,7 @@ def report() -> Report:
     )
 
 
-def test_markdown_has_headings_and_tables() -> None:
+def test_markdown_has_headings_and_tables():
     """A report becomes Markdown with headings, escaped tables and notes."""
     assert (
         report().markdown()
@@ -38,14 +35,14 @@ def test_markdown_has_headings_and_tables() -> None:
     )
 
 
-def test_every_line_of_the_provenance_fits_in_80_columns() -> None:
+def test_every_line_of_the_provenance_fits_in_80_columns():
     """Long provenance is wrapped at blanks, and only a word of its own is longer."""
     path = "x" * 90
     lines = replace(report(), source=f"version 1, plant {path}, " + "word " * 40).text().split("\n")
     assert [line for line in lines if len(line) > 80] == [f"{path},"]
 
 
-def test_html_has_real_tables_and_escapes_every_word() -> None:
+def test_html_has_real_tables_and_escapes_every_word():
     """The HTML of a report has headings and tables, and every text is escaped."""
     made = report()
     html = made.html(2)
@@ -60,7 +57,7 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
     )
 
 
-def test_json_and_files_contain_the_data(tmp_path: Path) -> None:
+def test_json_and_files_contain_the_data(tmp_path):
     """.json, .npz, .mat and .csv files contain the data or records. Another suffix is refused."""
     made = report().with_data(more=[1])
     expected = {
@@ -84,7 +81,7 @@ def test_json_and_files_contain_the_data(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["\x1b[31mred", "a\rb", "a\nb", "\u202egpj", "\ud800"])
-def test_control_characters_in_names_are_escaped(name: str, tmp_path: Path) -> None:
+def test_control_characters_in_names_are_escaped(name, tmp_path):
     """Control characters in a name are escaped in text, Markdown and HTML."""
     made = Report(name, (name, Table((name, "value"), [(name, "1")])), notes=(name,))
     for text in (made.text(), made.markdown(), made.html()):
@@ -96,7 +93,7 @@ def test_control_characters_in_names_are_escaped(name: str, tmp_path: Path) -> N
     )  # a cell is one line
 
 
-def test_names_become_no_formulas_links_or_columns(tmp_path: Path) -> None:
+def test_names_become_no_formulas_links_or_columns(tmp_path):
     """A user's name never becomes a spreadsheet formula, or a link, tag or column in Markdown."""
     names = ("=cmd|' /C calc'!A0", "@sum", "-x", "+1e", "-1.5", "<script>", "[a](b)")
     table = Table(("name", "value"), [(name, 1.0) for name in names])

@@ -1,7 +1,5 @@
 """Executors of tasks: processes and clusters."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import time
@@ -13,17 +11,17 @@ from hfa_support.rows import workers as module
 from hfa_support.rows.workers import open_workers
 
 
-def _square(value: int) -> int:
+def _square(value):
     if value < 0:
         raise NoSolutionError(f"no root of {value}")
     return value * value
 
 
-def _die(value: int) -> int:
+def _die(value):
     os._exit(1)
 
 
-def _gone() -> bool:
+def _gone():
     """Wait up to five seconds for all child processes to end, and return whether they did."""
     end = time.monotonic() + 5.0
     while multiprocessing.active_children() and time.monotonic() < end:
@@ -32,7 +30,7 @@ def _gone() -> bool:
 
 
 @pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_every_task_has_its_result(count: int) -> None:
+def test_every_task_has_its_result(count):
     """Each task returns its result, with one and with two processes, and no process remains."""
     tasks = [(key, (key,)) for key in range(20)]
     with open_workers(count) as run:
@@ -42,14 +40,14 @@ def test_every_task_has_its_result(count: int) -> None:
 
 
 @pytest.mark.slow
-def test_an_error_in_a_task_is_raised() -> None:
+def test_an_error_in_a_task_is_raised():
     """An error in a task is raised, and no worker process is left."""
     with open_workers(2) as run, pytest.raises(NoSolutionError, match="no root of -3"):
         list(run(_square, ((key, (-key,)) for key in (0, 3))))
     assert _gone()
 
 
-def test_an_abandoned_job_leaves_no_worker() -> None:
+def test_an_abandoned_job_leaves_no_worker():
     """If the results are not read to the end, no process remains."""
     tasks = ((key, (0.0 if key == 0 else 60.0,)) for key in range(9))
     with open_workers(2) as run:
@@ -58,7 +56,7 @@ def test_an_abandoned_job_leaves_no_worker() -> None:
 
 
 @pytest.mark.slow
-def test_a_dead_worker_is_reported() -> None:
+def test_a_dead_worker_is_reported():
     """The death of a worker is reported in one line that suggests --resume, and no worker is
     left.
     """
@@ -72,7 +70,7 @@ def test_a_dead_worker_is_reported() -> None:
     assert _gone()
 
 
-def test_no_worker_starts_without_free_file_handles() -> None:
+def test_no_worker_starts_without_free_file_handles():
     """If no file handle is free, no worker is started, and the error suggests fewer workers."""
     resource = pytest.importorskip("resource")
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -88,7 +86,7 @@ def test_no_worker_starts_without_free_file_handles() -> None:
 
 
 @pytest.mark.slow
-def test_a_cluster_returns_all_results() -> None:
+def test_a_cluster_returns_all_results():
     """A cluster returns all results.
 
     A task that kills the workers of a cluster raises NoSolutionError.
@@ -113,7 +111,7 @@ def test_a_cluster_returns_all_results() -> None:
 
 
 @pytest.mark.slow
-def test_unusable_workers_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unusable_workers_are_refused(monkeypatch):
     """Zero processes and an unreachable scheduler are refused."""
     with pytest.raises(BadInputError, match="at least 1"), open_workers(0):
         pass

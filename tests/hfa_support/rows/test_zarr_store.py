@@ -1,7 +1,5 @@
 """Jobs in a store: equal bits, killed runs, damaged chunks and metadata."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle
@@ -9,10 +7,8 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +23,7 @@ CHUNK = 3
 NAN = float("nan")
 
 
-def numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
+def numbers(start, stop):
     """Return the arrays of a job for rows start .. stop - 1.
 
     `empty` contains only fill values. `pole` is nan+0j in chunk 1, as for a point without a trim.
@@ -43,7 +39,7 @@ def numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
     }
 
 
-def slow_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
+def slow_numbers(start, stop):
     """Return the arrays of `numbers` after a delay.
 
     The delay is long for all chunks but the first. A signal can then end the job before they are
@@ -53,7 +49,7 @@ def slow_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
     return numbers(start, stop)
 
 
-def row_job(seed: int = 0, unit: str = "ft", function: Callable[..., Any] = numbers) -> RowJob:
+def row_job(seed=0, unit="ft", function=numbers):
     import xarray
 
     arrays = {
@@ -67,7 +63,7 @@ def row_job(seed: int = 0, unit: str = "ft", function: Callable[..., Any] = numb
     return RowJob("test", "row", template, function, lambda start, stop: (start, stop))
 
 
-def contents(folder: Path) -> dict[str, bytes]:
+def contents(folder):
     """Return the bytes of each file in a store by name, without files that a kill left
     unfinished.
     """
@@ -76,26 +72,26 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def finished_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished_store(tmp_path_factory):
     path = tmp_path_factory.mktemp("store") / "a.zarr"
     fill_store(row_job(), path)
     return path
 
 
 @pytest.fixture
-def path(finished_store: Path, tmp_path: Path) -> Path:
+def path(finished_store, tmp_path):
     """Return a copy of a finished store, which a test may damage."""
     return shutil.copytree(finished_store, tmp_path / "a.zarr")
 
 
-def resumed(path: Path, **options: Any) -> list[tuple[float, float]]:
+def resumed(path, **options):
     """Resume a store, and return the reported progress as (chunks done, total chunks)."""
-    told: list[tuple[float, float]] = []
+    told = []
     fill_store(row_job(), path, resume=True, progress=lambda *now: told.append(now), **options)
     return told
 
 
-def test_stored_results_have_names_and_units(finished_store: Path) -> None:
+def test_stored_results_have_names_and_units(finished_store):
     """Results are read from a store with their names, units and coordinates."""
     dataset = open_store(finished_store)
     expected = numbers(0, ROWS)
@@ -107,7 +103,7 @@ def test_stored_results_have_names_and_units(finished_store: Path) -> None:
 
 
 @pytest.mark.slow
-def test_two_processes_write_the_bytes_of_one(finished_store: Path, tmp_path: Path) -> None:
+def test_two_processes_write_the_bytes_of_one(finished_store, tmp_path):
     """Two processes write the same bytes as one, and resuming a complete store changes nothing."""
     fill_store(row_job(), tmp_path / "two.zarr", workers=2)
     assert resumed(tmp_path / "two.zarr") == []  # a warning would be an error
@@ -118,10 +114,10 @@ class Stop(Exception):
     pass
 
 
-def test_only_missing_rows_are_computed(finished_store: Path, tmp_path: Path) -> None:
+def test_only_missing_rows_are_computed(finished_store, tmp_path):
     """A resumed job computes only the missing rows and ends with the same bytes."""
 
-    def stop_after_two(done: float, _: float) -> None:
+    def stop_after_two(done, _):
         if done == 2:
             raise Stop
 
@@ -149,7 +145,7 @@ if __name__ == "__main__":
 
 
 @contextmanager
-def running(folder: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
+def running(folder, *words):
     """Yield a Python process with this file on its path, and kill it on exit.
 
     Its standard error is written to the file log-N of the folder.
@@ -170,16 +166,14 @@ def running(folder: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
         process.wait()
 
 
-def begun(path: Path) -> bool:
+def begun(path):
     """Return whether a chunk of a store is finished."""
     return bool(list(path.glob("pole/c/*")))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
-def test_a_failed_cluster_leaves_the_result_unchanged(
-    finished_store: Path, tmp_path: Path, lost: str
-) -> None:
+def test_a_failed_cluster_leaves_the_result_unchanged(finished_store, tmp_path, lost):
     """If a worker of Dask ends, the job completes. If the scheduler ends, it fails with one line.
 
     In both cases, the store can be resumed to the same bytes.
@@ -207,7 +201,7 @@ def test_a_failed_cluster_leaves_the_result_unchanged(
     assert contents(path) == contents(finished_store)
 
 
-def _flip(file: Path) -> None:
+def _flip(file):
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1
     file.write_bytes(bytes(content))
@@ -225,9 +219,7 @@ def _flip(file: Path) -> None:
     [(_flip, True), (lambda file: file.write_bytes(b""), True), (Path.unlink, False)],
     ids=["flip", "cut", "gone"],
 )
-def test_a_damaged_chunk_is_computed_again(
-    finished_store: Path, path: Path, file: str, damage: Callable[[Path], None], noticed: bool
-) -> None:
+def test_a_damaged_chunk_is_computed_again(finished_store, path, file, damage, noticed):
     """A damaged or deleted chunk is computed again."""
     damage(path / file)
     if noticed:
@@ -241,7 +233,7 @@ def test_a_damaged_chunk_is_computed_again(
 
 
 @pytest.mark.parametrize("file", ["square/zarr.json", "side/c/0", "zarr.json"])
-def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
+def test_other_names_and_units_are_refused(path, file):
     """A store with changed names, units or coordinates is refused."""
     content = (path / file).read_bytes()
     if file == "side/c/0":
@@ -253,7 +245,7 @@ def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
         fill_store(row_job(), path, resume=True)
 
 
-def test_a_store_is_not_overwritten_by_another_job(path: Path, tmp_path: Path) -> None:
+def test_a_store_is_not_overwritten_by_another_job(path, tmp_path):
     """An existing store is not overwritten, and not continued by another job, schema or version."""
     with pytest.raises(BadInputError, match="already exists; continue this store with --resume"):
         fill_store(row_job(), path)
@@ -280,7 +272,7 @@ def test_a_store_is_not_overwritten_by_another_job(path: Path, tmp_path: Path) -
 # Stores from untrusted sources.
 
 
-def of_format_2(path: Path, job: RowJob) -> None:
+def of_format_2(path, job):
     """Write a store in Zarr's format 2 with pickled chunks and with the attributes of a job."""
     path.mkdir()
     (path / ".zgroup").write_text('{"zarr_format": 2}')
@@ -304,16 +296,14 @@ def of_format_2(path: Path, job: RowJob) -> None:
 class Runs:
     """Object that creates a folder when it is unpickled."""
 
-    def __reduce__(self) -> tuple[Any, tuple[str]]:
+    def __reduce__(self):
         return os.mkdir, ("code-was-run",)
 
 
 RUNS = pickle.dumps(Runs())
 
 
-def test_a_store_in_another_format_is_refused(
-    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_store_in_another_format_is_refused(path, tmp_path, monkeypatch):
     """A store in another format is refused, and its pickles are not loaded."""
     monkeypatch.chdir(tmp_path)
     theirs = tmp_path / "theirs.zarr"
@@ -335,7 +325,7 @@ def test_a_store_in_another_format_is_refused(
     assert not (tmp_path / "code-was-run").exists()
 
 
-def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
+def test_a_link_out_of_a_store_is_refused(path, tmp_path):
     """A store with a symbolic link to another folder is refused."""
     (path / "square" / "c").rename(tmp_path / "elsewhere")
     (path / "square" / "c").symlink_to(tmp_path / "elsewhere")

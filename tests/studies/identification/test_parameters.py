@@ -1,17 +1,14 @@
 """Identification of aircraft with known parameters, and of matrices that no aircraft can have."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 import hfa
 from hfa_model import INPUTS, LINEAR_STATES, VARIANTS, Parameters, load_parameters, published_models
-from studies.identification.parameters import ALTERNATIVES, IDENTIFIED, ROUGH, Fit, fit, identify
+from studies.identification.parameters import ALTERNATIVES, IDENTIFIED, ROUGH, fit, identify
 from trim import regenerate
 
 pytestmark = pytest.mark.slow
@@ -22,7 +19,7 @@ ENTRIES = [("A", row, column) for row in MOVED for column in LINEAR_STATES] + [
 ]
 
 
-def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
+def made_up(parameters, rng):
     """Return random parameters: each identified parameter is multiplied by a factor in
     exp(±0.2).
     """
@@ -35,7 +32,7 @@ def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
     )
 
 
-def printed(parameters: Parameters) -> list[Any]:
+def printed(parameters):
     """Return the matrices A and B of an aircraft at both printed angles, rounded as in the
     paper.
     """
@@ -48,7 +45,7 @@ def printed(parameters: Parameters) -> list[Any]:
     return models
 
 
-def changed(matrix: str, row: str, column: str) -> tuple[Any, Any]:
+def changed(matrix, row, column):
     """Return the paper's matrices with 0.01 added to one entry of the pair at 5 deg."""
     at_15, at_5 = published_models()
     entries = getattr(at_5, matrix).copy()
@@ -58,7 +55,7 @@ def changed(matrix: str, row: str, column: str) -> tuple[Any, Any]:
     return at_15, replace(at_5, **{matrix: entries})
 
 
-def errors_in_standard_errors(found: Fit, truth: Parameters) -> np.ndarray:
+def errors_in_standard_errors(found, truth):
     errors = found.parameters.standard_errors
     return np.array(
         [
@@ -69,13 +66,11 @@ def errors_in_standard_errors(found: Fit, truth: Parameters) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def identified() -> tuple[Fit, list[float]]:
+def identified():
     return identify(seed=0)
 
 
-def test_all_initial_guesses_give_the_same_fit(
-    identified: tuple[Fit, list[float]],
-) -> None:
+def test_all_initial_guesses_give_the_same_fit(identified):
     """All rough initial guesses lead to the same fit. Its errors are as small as rounding
     permits.
     """
@@ -91,7 +86,7 @@ def test_all_initial_guesses_give_the_same_fit(
     assert best.largest < 1.5
 
 
-def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: Parameters) -> None:
+def test_known_aircraft_are_recovered_within_their_standard_errors(parameters):
     """The errors of the estimates of twenty known aircraft agree with the standard errors.
 
     The matrices are rounded as in the paper.
@@ -117,9 +112,7 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
 
 
 @pytest.mark.parametrize("matrix_row_column", ENTRIES[1::8], ids="-".join)
-def test_one_changed_entry_prevents_a_fit(
-    parameters: Parameters, matrix_row_column: tuple[str, str, str]
-) -> None:
+def test_one_changed_entry_prevents_a_fit(parameters, matrix_row_column):
     """If one printed entry at 5 deg is changed by 0.01, no parameters fit all entries."""
     near = np.log(
         np.array([getattr(parameters, name) for name in IDENTIFIED]) / list(ROUGH.values())
@@ -131,7 +124,7 @@ def test_one_changed_entry_prevents_a_fit(
 @pytest.mark.parametrize(
     ("description", "variant"), [pytest.param(*each, id=each[0]) for each in ALTERNATIVES]
 )
-def test_each_departure_from_newton_is_needed(description: str, variant: Any) -> None:
+def test_each_departure_from_newton_is_needed(description, variant):
     """If a term of the published dynamics is replaced by Newton's, some entry cannot be fitted.
 
     The largest difference exceeds 1000 half units of the last printed digit.
@@ -140,7 +133,7 @@ def test_each_departure_from_newton_is_needed(description: str, variant: Any) ->
     assert found.largest > 1000.0, description
 
 
-def test_one_angle_determines_all_but_one_combination() -> None:
+def test_one_angle_determines_all_but_one_combination():
     """The printed matrices at one angle determine all parameters except for one combination.
 
     The combination is a factor of the pitch-rate row. It consists of the constant and the sin² part
@@ -162,7 +155,7 @@ def test_one_angle_determines_all_but_one_combination() -> None:
         assert np.abs(factor * row - print_[pitch]).max() < 1e-5 * np.abs(print_[pitch]).max()
 
 
-def test_the_released_constants_lie_within_two_standard_errors(parameter_set: Any) -> None:
+def test_the_released_constants_lie_within_two_standard_errors(parameter_set):
     """The constants of the released simulation are within two standard errors of the identified
     ones.
     """

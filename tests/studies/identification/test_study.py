@@ -1,9 +1,6 @@
 """The study `python -m studies.identification` reproduces the packaged parameters."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,9 +13,7 @@ from studies.identification.parameters import ALTERNATIVES
 
 
 @pytest.mark.slow
-def test_the_study_writes_the_packaged_parameters(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_study_writes_the_packaged_parameters(folder, capsys):
     """The study writes the packaged parameters, standard errors and notes, also as JSON."""
     words = ["-o", "mine.TOML", "--json"]
     assert run_alone(identification, "python -m studies.identification", words) == 0

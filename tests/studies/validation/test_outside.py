@@ -3,11 +3,8 @@
 The data also determine how each inertia depends on the dihedral angle.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,12 +12,10 @@ import pytest
 from standard_air import density
 
 import hfa
-from hfa import Model
 from hfa.paper import level_model
-from hfa_model import VARIANTS, Parameters, load_parameters, published_models
+from hfa_model import VARIANTS, load_parameters, published_models
 from studies.validation import outside
 from studies.validation.outside import (
-    Validation,
     model_at,
     released_trims,
     third_printed_entries,
@@ -29,7 +24,7 @@ from studies.validation.outside import (
 from trim import compare, regenerate
 
 
-def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
+def test_the_identified_aircraft_passes(published_aircraft):
     """The identified aircraft passes all checks at 20 released trims and for 27 printed entries."""
     validation = validate(published_aircraft)
     assert [check for check in validation.checks if not check.ok] == []
@@ -39,7 +34,7 @@ def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
     assert sum(entry.half_unit > 1e-6 for entry in validation.entries) == 27
 
 
-def test_newton_fails_the_released_eigenvalues(parameters: Parameters) -> None:
+def test_newton_fails_the_released_eigenvalues(parameters):
     """The `newton` dynamics fail the checks of the eigenvalues at 30 ft/s and of a third printed
     model.
     """
@@ -59,9 +54,7 @@ def test_newton_fails_the_released_eigenvalues(parameters: Parameters) -> None:
         ("inertia_pitch", 1.01, "third_printed_model_half_units"),
     ],
 )
-def test_a_wrong_parameter_fails_its_check(
-    parameters: Parameters, name: str, factor: float, check: str
-) -> None:
+def test_a_wrong_parameter_fails_its_check(parameters, name, factor, check):
     """A wrong parameter fails the check that is expected for it, and every failed check has a
     reason.
     """
@@ -71,9 +64,7 @@ def test_a_wrong_parameter_fails_its_check(
     assert all(check.reason for check in failed)
 
 
-def test_a_wrong_eigenvalue_fails_its_check(
-    published_aircraft: Model, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wrong_eigenvalue_fails_its_check(published_aircraft, monkeypatch):
     """A wrong eigenvalue of the released simulation fails only the check of this eigenvalue."""
     first, *rest = released_trims()
     moved = first._replace(eigenvalues=(first.eigenvalues[0] + 2e-4, *first.eigenvalues[1:]))
@@ -84,9 +75,7 @@ def test_a_wrong_eigenvalue_fails_its_check(
     assert failed[0].reason.endswith("1/s at 0 deg")
 
 
-def test_the_tolerance_is_half_a_unit(
-    published_aircraft: Model,
-) -> None:
+def test_the_tolerance_is_half_a_unit(published_aircraft):
     """The tolerance of an entry printed with decimals is half a unit of its last digit.
 
     An error of 1e-9 in an entry printed as an integer exceeds 1000 times its tolerance.
@@ -106,7 +95,7 @@ def test_the_tolerance_is_half_a_unit(
     assert planted[exact].half_units > 1000.0
 
 
-def test_released_parameters_pass_with_their_air_density() -> None:
+def test_released_parameters_pass_with_their_air_density():
     """The parameters of the released simulation pass with the air density of this simulation.
 
     In the standard atmosphere, they fail four checks.
@@ -137,7 +126,7 @@ def test_released_parameters_pass_with_their_air_density() -> None:
     )
 
 
-Published: Any = type(VARIANTS["published"])
+Published = type(VARIANTS["published"])
 #: Some dihedral angles of the released simulation at 30 ft/s, deg.
 ANGLES = (0, 15, 30, 45)
 
@@ -148,23 +137,21 @@ class FreeFactor(Published):
     The factor of (m s²/6) cos² η is identified from the printed pairs (A, B).
     """
 
-    def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
+    def hinge_inertia(self, dihedral, p):
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 + 0.039211 * mass_moment / 6 * ca.cos(dihedral) ** 2
 
 
-def failed(found: Validation) -> set[str]:
+def failed(found):
     return {check.name for check in found.checks if not check.ok}
 
 
-def off_at(dihedral: Any, degrees: float, size: float) -> Any:
+def off_at(dihedral, degrees, size):
     """Return a factor that is 1 + size at one dihedral angle, and 1 a few degrees away from it."""
     return 1 + size * ca.exp(-((50 * (dihedral - np.radians(degrees))) ** 2))
 
 
-def test_cos_squared_fits_the_print_and_fails_outside(
-    parameters: Parameters, published_aircraft: Model
-) -> None:
+def test_cos_squared_fits_the_print_and_fails_outside(parameters, published_aircraft):
     """An inertia with cos² η fits the print at both angles, and fails the checks at other angles.
 
     The two printed angles determine the two constants of the inertia. At 45 deg, only the
@@ -195,11 +182,11 @@ def test_cos_squared_fits_the_print_and_fails_outside(
     "degrees",
     [pytest.param(each, marks=[pytest.mark.slow] if each != 15 else []) for each in ANGLES],
 )
-def test_an_inertia_error_at_one_angle_is_detected(parameters: Parameters, degrees: float) -> None:
+def test_an_inertia_error_at_one_angle_is_detected(parameters, degrees):
     """An error of 2e-5 in the hinge inertia at one angle is detected."""
 
     class Off(Published):
-        def hinge_inertia(self, dihedral: Any, p: Parameters) -> Any:
+        def hinge_inertia(self, dihedral, p):
             return super().hinge_inertia(dihedral, p) * off_at(dihedral, degrees, 2e-5)
 
     assert "eigenvalue_30_ft_s" in failed(validate(hfa.aircraft(Off(), parameters)))

@@ -1,7 +1,5 @@
 """The study `python -m studies.validation`: exit codes, data and refusals."""
 
-from __future__ import annotations
-
 import json
 
 import pytest
@@ -19,9 +17,7 @@ from studies.validation.__main__ import validation
         ("--dynamics unsteady", BAD_INPUT),
     ],
 )
-def test_the_exit_code_agrees_with_the_verdict(
-    words: str, code: int, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_exit_code_agrees_with_the_verdict(words, code, capsys):
     """The exit code of the study agrees with the verdict in its JSON data."""
     assert run_alone(validation, "python -m studies.validation", words.split()) == code
     text, said = capsys.readouterr()

@@ -4,11 +4,7 @@ Throttle, elevator, aileron and rudder are moved in steps. Lags of engines and f
 the model. JSBSim's earth is replaced by a sphere without rotation that is large enough to be flat.
 """
 
-from __future__ import annotations
-
 import re
-from collections.abc import Mapping
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -17,9 +13,7 @@ from scipy.optimize import root
 
 from hfa import trim
 from hfa_aircraft.march.steppers import rk4
-from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
-from trim.point.operating_point import OperatingPoint
 
 CONDITIONS = {"737": (250.0, 10000.0), "c172p": (90.0, 3000.0), "DHC6": (110.0, 3000.0)}
 #: Radius of the sphere, ft. The flights cover less than 1e-6 rad of it.
@@ -30,7 +24,7 @@ _OURS = 480
 _COMPARED = ("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch")
 
 
-def trimmed(name: str) -> tuple[Model, OperatingPoint]:
+def trimmed(name):
     """Return an aircraft over a flat earth and its trim at the condition in `CONDITIONS`.
 
     name: value of the option `--aircraft`, such as "jsbsim:737?filters=states"
@@ -41,7 +35,7 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
     return model, trim(model, hold=held)
 
 
-def drawn(point: OperatingPoint, seconds: int, seed: int) -> dict[str, Any]:
+def drawn(point, seconds, seed):
     """Return a request for `responses`: a random flight that begins near a trim.
 
     It has steps of the throttle, and later pulses of elevator, aileron and rudder.
@@ -56,7 +50,7 @@ def drawn(point: OperatingPoint, seconds: int, seed: int) -> dict[str, Any]:
     for name in ("roll_rate", "pitch_rate", "yaw_rate"):
         start[name] += rng.uniform(-0.02, 0.02)
     stick = inputs.get("elevator", 0.0) + rng.uniform(-0.05, 0.05)
-    changes: list[Any] = [
+    changes = [
         [1.0, {"throttle": rng.uniform(0.2, 0.9)}],
         [3.0, {"elevator": stick}],
         [4.0, {"elevator": inputs.get("elevator", 0.0)}],
@@ -66,7 +60,7 @@ def drawn(point: OperatingPoint, seconds: int, seed: int) -> dict[str, Any]:
     return flight | {"rest": _REST, "radius": RADIUS}
 
 
-def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any]) -> float:
+def difference(model, flight, answer):
     """Return the largest difference of a compared state from JSBSim, divided by its nominal value.
 
     The states are compared once per second.
@@ -83,7 +77,7 @@ def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any
     return worst
 
 
-def simulated(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
+def simulated(model, flight, start):
     """Return the states of a flight after each second, (seconds, n), by the classical Runge-Kutta
     method.
 
@@ -104,7 +98,7 @@ def simulated(model: Model, flight: Mapping[str, Any], start: Mapping[str, float
     return np.array(rows)
 
 
-def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
+def _settled(model, flight, start):
     """Return the initial state of a flight, (n,)."""
     u = [flight["commands"][name] for name in model.inputs]
     names = list(model.states)
@@ -113,7 +107,7 @@ def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]
     if not inner:
         return x
 
-    def rates(values: np.ndarray) -> np.ndarray:
+    def rates(values):
         there = x.copy()
         there[inner] = values
         found = model.rates_at(there.tolist(), u)
@@ -123,12 +117,12 @@ def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]
     return x
 
 
-def _second(model: Model) -> ca.Function:
+def _second(model):
     """Return the function (x, u of each step) -> states after each step of one second."""
     x = ca.SX.sym("x", len(model.states))
     u = ca.SX.sym("u", len(model.inputs))
     p = [signal.start for signal in model.parameters.values()]
-    equations: Any = model.equations
+    equations = model.equations
     function = equations.function
     h = 1.0 / _OURS
 
@@ -136,7 +130,7 @@ def _second(model: Model) -> ca.Function:
     return ca.Function("step", [x, u], [after], {"cse": True}).mapaccum("second", _OURS)
 
 
-def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
+def positions(model, inputs):
     """Return the values of JSBSim properties for the inputs of a model that are positions.
 
     JSBSim normally computes these positions from the pilot's commands.

@@ -5,8 +5,6 @@ JSON. It writes each of JSBSim's responses on its own line. Responses written be
 terminates the process are kept. The package jsbsim is required.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -15,10 +13,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 #: Radius of the earth, ft, and standard gravity at its surface, ft/s^2.
 RADIUS = 20925646.32546
@@ -115,7 +111,7 @@ _FINE = 1e-3
 _MISSING = 200
 
 
-def measured(name: str, points: Sequence[Mapping[str, Any]]) -> list[Any]:
+def measured(name, points):
     """Return JSBSim's response at each point, or None for a point at which JSBSim fails.
 
     name: name of an aircraft of JSBSim
@@ -127,7 +123,7 @@ def measured(name: str, points: Sequence[Mapping[str, Any]]) -> list[Any]:
     return [None if answer is None or "error" in answer else answer for answer in answers]
 
 
-def responses(items: Sequence[Mapping[str, Any]]) -> list[Any]:
+def responses(items):
     """Return JSBSim's response to each request, computed in child processes.
 
     The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated or did
@@ -135,7 +131,7 @@ def responses(items: Sequence[Mapping[str, Any]]) -> list[Any]:
 
     items: requests {"aircraft": NAME, "point": {...}, "root": FOLDER}
     """
-    answers: list[Any] = []
+    answers = []
     while len(answers) < len(items):
         waiting = list(items)[len(answers) : len(answers) + _BATCH]
         new_answers = _request(waiting)
@@ -145,7 +141,7 @@ def responses(items: Sequence[Mapping[str, Any]]) -> list[Any]:
     return answers
 
 
-def _request(items: Sequence[Mapping[str, Any]]) -> list[Any]:
+def _request(items):
     """Return the responses that one child process writes within the time limit."""
     command = [sys.executable, __file__]
     try:
@@ -157,14 +153,14 @@ def _request(items: Sequence[Mapping[str, Any]]) -> list[Any]:
             timeout=_SECONDS_OF_CHILD,
             check=False,
         )
-        output: Any = process.stdout
+        output = process.stdout
     except subprocess.TimeoutExpired as late:
         output = late.stdout or ""
     text = output.decode() if isinstance(output, bytes) else output
     return [json.loads(line) for line in text.splitlines() if line.startswith("{")]
 
 
-def main() -> int:
+def main():
     """Read the requests from standard input, write a response for each, and return 0."""
     items = json.load(sys.stdin)
     answers = os.fdopen(os.dup(1), "w")
@@ -175,11 +171,11 @@ def main() -> int:
     return 0
 
 
-def _response(item: Mapping[str, Any]) -> dict[str, Any]:
+def _response(item):
     """Return JSBSim's response to a request, or {"error": message}."""
     # A response with nan is computed again, because JSBSim's first step reads uninitialized memory
     # (fokker50).
-    answer: dict[str, Any] = {}
+    answer = {}
     for _ in range(_TRIES):
         try:
             answer = _found(item)
@@ -190,7 +186,7 @@ def _response(item: Mapping[str, Any]) -> dict[str, Any]:
     return answer
 
 
-def _found(item: Mapping[str, Any]) -> dict[str, Any]:
+def _found(item):
     """Return JSBSim's response to a request: a flight, or one fixed state."""
     point = item["point"]
     simulator = _simulator(item)
@@ -200,7 +196,7 @@ def _found(item: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @lru_cache
-def _missing(aircraft: str, root: str | None) -> list[str]:
+def _missing(aircraft, root):
     """Return the properties that JSBSim reports as missing when an aircraft is initialized."""
     # JSBSim reports each missing property by an exception. A separate simulator is used, because
     # the exceptions affect later results.
@@ -208,7 +204,7 @@ def _missing(aircraft: str, root: str | None) -> list[str]:
     return _run(simulator.run_ic, simulator)
 
 
-def _simulator(item: Mapping[str, Any]) -> Any:
+def _simulator(item):
     """Return a JSBSim simulator with the aircraft of a request."""
     import jsbsim
 
@@ -234,7 +230,7 @@ def _simulator(item: Mapping[str, Any]) -> Any:
     return simulator
 
 
-def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
+def _cut(root, name, held, folder):
     """Copy JSBSim's files of one aircraft to a folder, and return the folder of the copy."""
     copy = folder / "data"
     shutil.copytree(root / "aircraft" / name, copy / "aircraft" / name)
@@ -248,7 +244,7 @@ def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
     return copy
 
 
-def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, float]) -> None:
+def _start(simulator, state, commands):
     """Set the state and the commands of the simulator, and start the engines."""
     wind = [commands.get(f"wind_{axis}", 0.0) for axis in ("north", "east", "down")]
     for name, full_name in _INITIAL.items():
@@ -275,7 +271,7 @@ def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, fl
     _load(simulator, commands)
 
 
-def _fail(simulator: Any, commands: Mapping[str, float]) -> None:
+def _fail(simulator, commands):
     """Stop the engines that the commands set to 0, after five simulated seconds."""
     out = [name for name, value in commands.items() if name.startswith("engine") and value == 0.0]
     for _ in range(5 * _RATE if out else 0):
@@ -284,7 +280,7 @@ def _fail(simulator: Any, commands: Mapping[str, float]) -> None:
         _stop(simulator, int(name.removeprefix("engine")))
 
 
-def _stop(simulator: Any, number: int) -> None:
+def _stop(simulator, number):
     """Stop an engine by cutting its fuel and ignition."""
     index = f"[{number}]" if number else ""
     simulator["propulsion/active_engine"] = number
@@ -295,7 +291,7 @@ def _stop(simulator: Any, number: int) -> None:
     simulator[f"propulsion/engine{index}/set-running"] = 0
 
 
-def _over_ground(state: Mapping[str, float], wind: Sequence[float]) -> list[float]:
+def _over_ground(state, wind):
     """Return the velocity of the aircraft over ground in body axes, ft/s, (3,)."""
     roll, pitch, yaw, alpha, beta = (
         state.get(name, 0.0) for name in ("roll", "pitch", "yaw", "alpha", "beta")
@@ -313,7 +309,7 @@ def _over_ground(state: Mapping[str, float], wind: Sequence[float]) -> list[floa
     ]
 
 
-def _load(simulator: Any, commands: Mapping[str, float]) -> None:
+def _load(simulator, commands):
     """Set the contents of tanks and the weights of point masses."""
     for name, value in commands.items():
         kind = name.rstrip("0123456789")
@@ -325,9 +321,9 @@ def _load(simulator: Any, commands: Mapping[str, float]) -> None:
             simulator[f"inertia/pointmass-weight-lbs{place}"] = value
 
 
-def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
+def _run(step, simulator):
     """Run a step of the simulation, and return the properties that JSBSim reports as missing."""
-    names: list[str] = []
+    names = []
     for _ in range(_MISSING):
         try:
             step()
@@ -344,7 +340,7 @@ def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
     raise RuntimeError("too many properties are missing")
 
 
-def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
+def _settled(simulator, point):
     """Return JSBSim's measurements at a fixed state, after engines and actuators have settled."""
     _freeze_state(simulator)
     commands = point.get("commands", {})
@@ -371,9 +367,7 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
         _load(simulator, commands)  # fuel systems transfer fuel in each step
         tanks = _contents(simulator)  # JSBSim uses the mass before the step
         _run(simulator.run, simulator)
-    answer: dict[str, Any] = tanks | {
-        name: _value(simulator, full_name) for name, full_name in _MEASURED.items()
-    }
+    answer = tanks | {name: _value(simulator, full_name) for name, full_name in _MEASURED.items()}
     answer |= {f"state.{name}": simulator[full_name] for name, full_name in _STATE.items()}
     for number in range(simulator.get_propulsion().get_num_engines()):
         prefix = _engine(number)
@@ -386,13 +380,13 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     return answer
 
 
-def _freeze_state(simulator: Any) -> None:
+def _freeze_state(simulator):
     """Turn off the integration of the equations of motion, so that the state is constant."""
     for name in _INTEGRATORS:
         simulator[name] = 0
 
 
-def _simulated(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
+def _simulated(simulator, point):
     """Simulate a flight in JSBSim and return the final states."""
     # "start" of the result contains the states at the start of the flight, including those of
     # engines, and "states" those at the end of each second. Entries of the request:
@@ -427,7 +421,7 @@ def _simulated(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     return _states(simulator) | {"start": start, "states": states}
 
 
-def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float]) -> None:
+def _lean(simulator, commands, leaned):
     """Set the mixture commands for the current air pressure, as in the model."""
     mixture = commands.get("mixture", 1.0) * simulator["atmosphere/delta"]
     for name in _mixtures(simulator):
@@ -435,18 +429,18 @@ def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float
             simulator[name] = leaned[name] = mixture
 
 
-def _mixtures(simulator: Any) -> list[str]:
+def _mixtures(simulator):
     """Return the property names of the mixture commands of all engines."""
     count = simulator.get_propulsion().get_num_engines()
     return ["fcs/mixture-cmd-norm" + (f"[{number}]" if number else "") for number in range(count)]
 
 
-def _states(simulator: Any) -> dict[str, float]:
+def _states(simulator):
     """Return JSBSim's values of the states of a `Model`, by name."""
     return {name: simulator[full_name] for name, full_name in _STATE.items()}
 
 
-def _of_engines(simulator: Any) -> dict[str, float]:
+def _of_engines(simulator):
     """Return JSBSim's values of the engine states of a `Model`, by name. A missing state is 0."""
     values = {}
     parts = {
@@ -459,7 +453,7 @@ def _of_engines(simulator: Any) -> dict[str, float]:
     return values
 
 
-def _command(simulator: Any, commands: Mapping[str, float]) -> None:
+def _command(simulator, commands):
     """Set the commands of surfaces and throttles."""
     for name, value in commands.items():
         if name != "throttle":
@@ -470,7 +464,7 @@ def _command(simulator: Any, commands: Mapping[str, float]) -> None:
             simulator[f"fcs/throttle-cmd-norm{index}"] = value
 
 
-def _linearized(simulator: Any) -> dict[str, Any]:
+def _linearized(simulator):
     """Return A and B from JSBSim's finite differences, with JSBSim's names."""
     import jsbsim
 
@@ -483,7 +477,7 @@ def _linearized(simulator: Any) -> dict[str, Any]:
     }
 
 
-def _contents(simulator: Any) -> dict[str, float]:
+def _contents(simulator):
     """Return the content of each tank by name, lb."""
     contents = {}
     for number in range(_MOST_TANKS):
@@ -492,7 +486,7 @@ def _contents(simulator: Any) -> dict[str, float]:
     return contents
 
 
-def _unsettled(simulator: Any) -> list[float]:
+def _unsettled(simulator):
     """Return the quantities that become constant when engines settle."""
     count = simulator.get_propulsion().get_num_engines()
     names = [f"{_engine(number)}/propeller-rpm" for number in range(count)]
@@ -500,12 +494,12 @@ def _unsettled(simulator: Any) -> list[float]:
     return [_value(simulator, name) for name in names]
 
 
-def _engine(number: int) -> str:
+def _engine(number):
     """Return the path of an engine's properties; engine 0 has no index."""
     return f"propulsion/engine[{number}]" if number else "propulsion/engine"
 
 
-def _value(simulator: Any, name: str) -> float:
+def _value(simulator, name):
     """Return the value of a property, or 0 if the property does not exist."""
     try:
         return float(simulator[name])

@@ -1,7 +1,6 @@
 """XML files of a small glider for the tests, made of parts of the small jet."""
 
 import importlib.util
-from pathlib import Path
 
 import pytest
 from constructs.jet import AIR, SURFACES, coefficient, slope
@@ -22,7 +21,7 @@ METRICS = """<metrics>
 CONTROL = f'<flight_control name="stick">\n{SURFACES}</flight_control>'
 
 
-def force(axis: str, *terms: str, length: str = "") -> str:
+def force(axis, *terms, length=""):
     """Return an XML <axis> whose value is dynamic pressure times area times the sum of the terms.
 
     length: property of a length by which the value of a moment is multiplied
@@ -42,7 +41,7 @@ REST = force("DRAG", "<v>0.03</v>", slope(0.05, "aero/cl-squared")) + PITCH
 REST += "".join(f'<axis name="{name}"> {AIR[name]} </axis>' for name in ("SIDE", "ROLL", "YAW"))
 
 
-def glider(aerodynamics: str = LIFT + REST, control: str = CONTROL, more: str = "") -> str:
+def glider(aerodynamics=LIFT + REST, control=CONTROL, more=""):
     """Return the XML text of a glider.
 
     aerodynamics, control: content of these sections
@@ -54,7 +53,7 @@ def glider(aerodynamics: str = LIFT + REST, control: str = CONTROL, more: str = 
     )
 
 
-def written(folder: Path, text: str, name: str = "glider") -> str:
+def written(folder, text, name="glider"):
     """Write an aircraft file with this text and return its path."""
     path = folder / "aircraft" / name / f"{name}.xml"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -62,7 +61,7 @@ def written(folder: Path, text: str, name: str = "glider") -> str:
     return str(path)
 
 
-def with_elevator(component: str) -> str:
+def with_elevator(component):
     """Return the text of the glider with another component in place of the elevator's gain."""
     start = CONTROL.index('  <pure_gain name="Elevator')
     end = CONTROL.index('  <pure_gain name="Aileron')

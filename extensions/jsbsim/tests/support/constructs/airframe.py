@@ -1,7 +1,5 @@
 """Constructs for the dimensions, mass, tanks, engines and other sections of a JSBSim file."""
 
-from __future__ import annotations
-
 from constructs.jet import SLOTS, pitching, writing
 
 _EMPTY = SLOTS["mass"]
@@ -10,21 +8,21 @@ _SHARES = SLOTS["shares"]
 _PLACE = '<location unit="IN"> <x> 20 </x> <y> -4 </y> <z> 6 </z> </location>'
 
 
-def _mass(text: str, attributes: str = "") -> dict[str, str]:
+def _mass(text, attributes=""):
     return {"mass": f"{_EMPTY} {text}", "mass_attributes": attributes}
 
 
-def _point(text: str) -> dict[str, str]:
+def _point(text):
     return _mass(
         f'<pointmass name="load"> <weight unit="LBS"> 300 </weight> {_PLACE} {text} </pointmass>'
     )
 
 
-def _tank(text: str) -> dict[str, str]:
+def _tank(text):
     return {"tank": f"{SLOTS['tank']} {text}"}
 
 
-def _second_tank(text: str, kind: str = "FUEL", feed: str = "<feed>1</feed>") -> dict[str, str]:
+def _second_tank(text, kind="FUEL", feed="<feed>1</feed>"):
     return {
         "engine": feed,
         "tanks": (
@@ -33,11 +31,11 @@ def _second_tank(text: str, kind: str = "FUEL", feed: str = "<feed>1</feed>") ->
     }
 
 
-def _turbine(text: str) -> dict[str, str]:
+def _turbine(text):
     return {"turbine": f"{_TURBINE} {text}"}
 
 
-def _external(text: str) -> dict[str, str]:
+def _external(text):
     return {"sections": f"<external_reactions> {text} </external_reactions>"}
 
 
@@ -56,9 +54,7 @@ _TWO = "   10 30\n 0 0.1 0.14\n 0.5 0.09 0.13\n 1 0.05 0.1\n 2 -0.02 0.03"
 _PISTON = "<maxhp> 200 </maxhp> <displacement> 360 </displacement>"
 
 
-def driven(
-    propeller: str = "", data: str = _ONE, engine: str = _PISTON, kind: str = "piston_engine"
-) -> dict[str, str]:
+def driven(propeller="", data=_ONE, engine=_PISTON, kind="piston_engine"):
     """Return the slots, slot -> XML, of a jet in which a propeller replaces the jet engine.
 
     propeller: additional XML of the propeller
@@ -101,7 +97,7 @@ _GEAR = (
     " <retractable>1</retractable> </contact> </ground_reactions>"
 )
 
-CONSTRUCTS: dict[str, dict[str, str]] = {
+CONSTRUCTS = {
     "plain": {},
     "file header": {"head": "<fileheader> <author>A</author> </fileheader>"},
     "output": {"sections": '<output name="a.csv" type="NONE" rate="10"/>'},

@@ -1,7 +1,5 @@
 """Constructs of the flight control system."""
 
-from __future__ import annotations
-
 from constructs.jet import component, pitching
 
 _Q = "velocities/q-rad_sec"
@@ -9,16 +7,16 @@ _STICK = "fcs/elevator-cmd-norm"
 _OUT = "<output>fcs/probe</output>"
 
 
-def _of(kind: str, inside: str, source: str = _STICK, attributes: str = "") -> dict[str, str]:
+def _of(kind, inside, source=_STICK, attributes=""):
     text = f'<{kind} name="fcs/c" {attributes}> <input>{source}</input> {inside} {_OUT} </{kind}>'
     return component(text)
 
 
-def _clip(low: float, high: float, attributes: str = "") -> str:
+def _clip(low, high, attributes=""):
     return f"<clipto {attributes}> <min>{low}</min> <max>{high}</max> </clipto>"
 
 
-def _g(value: float) -> str:
+def _g(value):
     """Return the XML of a user-defined property `fcs/g` with this value."""
     return f'<property value="{value}">fcs/g</property>'
 
@@ -26,11 +24,11 @@ def _g(value: float) -> str:
 _TAKES_G = _of("pure_gain", "<gain>fcs/g</gain>")
 
 
-def _switch(test: str, default: str = '<default value="0.2"/>') -> dict[str, str]:
+def _switch(test, default='<default value="0.2"/>'):
     return component(f'<switch name="fcs/c"> {default} {test} {_OUT} </switch>')
 
 
-def _failure(kind: str, failure: str, value: float) -> dict[str, str]:
+def _failure(kind, failure, value):
     """Return the slots of a construct in which a component fails."""
     ends = _clip(-0.5, 0.5)
     probe = f'<{kind} name="fcs/c"> <input>{_STICK}</input> {ends} {_OUT} </{kind}>'
@@ -39,7 +37,7 @@ def _failure(kind: str, failure: str, value: float) -> dict[str, str]:
     return component(f"{writer} {probe}")
 
 
-def _channel(attributes: str, head: str = "") -> dict[str, str]:
+def _channel(attributes, head=""):
     """Return the slots of a construct with a pitch damper in a channel of the control system."""
     damper = f'<pure_gain name="d"> <input>{_Q}</input> <gain>9</gain> {_OUT} </pure_gain>'
     channel = f'<channel name="damper" {attributes}> {damper} </channel>'
@@ -59,7 +57,7 @@ _TEST = '<test value="0.7"> velocities/vc-kts {} 1 </test>'
 _PROBE = {"control": "<property>fcs/probe</property>"}
 _SENSOR_INPUT = "velocities/r-rad_sec"
 
-CONSTRUCTS: dict[str, dict[str, str]] = {
+CONSTRUCTS = {
     "gain": _of("pure_gain", "<gain>0.5</gain>"),
     "gain of a property": _of("pure_gain", "<gain>aero/alpha-rad</gain>"),
     "gain of a minus property": _of("pure_gain", "<gain>-aero/alpha-rad</gain>"),

@@ -1,7 +1,5 @@
 """Constructs of functions, tables and aerodynamics."""
 
-from __future__ import annotations
-
 from constructs.jet import coefficient, function, pitching, slope
 
 _A = "<p>aero/alpha-rad</p>"
@@ -9,16 +7,16 @@ _B = "<p>aero/beta-rad</p>"
 _V = "<v>0.5</v>"
 
 
-def _of(operation: str, *arguments: str) -> dict[str, str]:
+def _of(operation, *arguments):
     return function(f"<{operation}> {' '.join(arguments)} </{operation}>")
 
 
-def _table(data: str, *variables: str, head: str = "") -> dict[str, str]:
+def _table(data, *variables, head=""):
     names = "".join(variables)
     return function(f"<table> {names} {head} <tableData> {data} </tableData> </table>")
 
 
-def _variable(name: str, lookup: str = "") -> str:
+def _variable(name, lookup=""):
     attribute = f' lookup="{lookup}"' if lookup else ""
     return f"<independentVar{attribute}>{name}</independentVar>"
 
@@ -28,11 +26,11 @@ _COLUMN = _variable("aero/beta-rad", "column")
 _ALPHA = _variable("aero/alpha-rad")
 
 
-def _axis(name: str, text: str, attributes: str = "") -> dict[str, str]:
+def _axis(name, text, attributes=""):
     return {"axes": f'<axis name="{name}" {attributes}> {text} </axis>'}
 
 
-def _axes(up: str, along: str, across: str, attributes: str = "") -> dict[str, str]:
+def _axes(up, along, across, attributes=""):
     """Return the slots that rename the axes of the jet's lift, drag and side force."""
     names = {"lift_axis": up, "drag_axis": along, "side_axis": across}
     return {slot: f'name="{name}" {attributes}' for slot, name in names.items()}
@@ -52,7 +50,7 @@ _HYSTERESIS = (
     ' <hysteresis_limits unit="DEG"> <min>{}</min> <max>{}</max> </hysteresis_limits>'
 )
 
-CONSTRUCTS: dict[str, dict[str, str]] = {
+CONSTRUCTS = {
     **{name: _of(name, _A, _V) for name in _OF_TWO},
     **{name: _of(name, f"<sum> {_A} <v>0.4</v> </sum>") for name in _OF_ONE},
     **{

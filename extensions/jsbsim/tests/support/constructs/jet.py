@@ -3,10 +3,6 @@
 A construct is a dictionary slot -> XML.
 """
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
 #: Slot -> its content in the plain jet.
 SLOTS = {
     "head": "",
@@ -106,7 +102,7 @@ _JET = """<?xml version="1.0"?>
 """
 
 
-def coefficient(*terms: str, length: str = "") -> str:
+def coefficient(*terms, length=""):
     """Return the XML of the function q S length (sum of the terms).
 
     Without `length`, the XML is that of q S (sum of the terms).
@@ -120,7 +116,7 @@ def coefficient(*terms: str, length: str = "") -> str:
     return f"<function> <product> {size} <sum> <v>0</v> {body} </sum> </product> </function>"
 
 
-def slope(value: float, name: str) -> str:
+def slope(value, name):
     """Return the XML of the product of a number and a property."""
     return f"<product> <v>{value}</v> <p>{name}</p> </product>"
 
@@ -151,14 +147,14 @@ AIR = {
 }
 
 
-def jet(slots: Mapping[str, str]) -> str:
+def jet(slots):
     """Return the XML file of the jet, with the content of some slots replaced."""
     filled = SLOTS | {"engine_kind": _ENGINE} | dict(slots)
     filled["engine_kind"] = filled["engine_kind"].format(**filled)
     return _JET.format(**filled, **AIR, SURFACES=SURFACES)
 
 
-def component(text: str, name: str = "fcs/probe") -> dict[str, str]:
+def component(text, name="fcs/probe"):
     """Return a construct with a component in a channel, which affects the pitching moment.
 
     text: XML of the component
@@ -170,12 +166,12 @@ def component(text: str, name: str = "fcs/probe") -> dict[str, str]:
     }
 
 
-def pitching(name: str) -> str:
+def pitching(name):
     """Return the XML of a pitching moment proportional to a property."""
     return coefficient(slope(0.1, name), length="cbarw-ft")
 
 
-def function(text: str) -> dict[str, str]:
+def function(text):
     """Return a construct with a pitching moment proportional to a function.
 
     text: XML of the function
@@ -183,7 +179,7 @@ def function(text: str) -> dict[str, str]:
     return {"pitch": coefficient(f"<product> <v>0.1</v> {text} </product>", length="cbarw-ft")}
 
 
-def reading(name: str, scale: float = 1.0) -> dict[str, str]:
+def reading(name, scale=1.0):
     """Return a construct with a pitching moment proportional to a property.
 
     scale: typical magnitude of the property
@@ -191,7 +187,7 @@ def reading(name: str, scale: float = 1.0) -> dict[str, str]:
     return {"pitch": coefficient(slope(0.1 / scale, name), length="cbarw-ft")}
 
 
-def writing(name: str, value: float, more: str = "") -> dict[str, str]:
+def writing(name, value, more=""):
     """Return a construct with a component that writes a number to a property of JSBSim.
 
     more: further XML in the channel

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jsbsim_reference import responses
@@ -19,7 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
 
-ALL: dict[str, dict[str, str]] = {
+ALL = {
     f"{kind}: {name}": slots
     for kind, constructs in (
         ("airframe", AIRFRAME),
@@ -52,7 +49,7 @@ class Judgement:
     why: str
 
 
-def compare_constructs(names: list[str], folder: Path) -> list[Judgement]:
+def compare_constructs(names, folder):
     """Return the results of comparing constructs with JSBSim, each at two random states.
 
     JSBSim does not evaluate a construct that is refused: it may never end.
@@ -73,13 +70,13 @@ def compare_constructs(names: list[str], folder: Path) -> list[Judgement]:
     return [_comparison(name, models[name], pairs.get(name, [])) for name in names]
 
 
-def _points(name: str, seed: int) -> list[dict[str, Any]]:
+def _points(name, seed):
     """Return two requests to JSBSim for a construct."""
     rng = np.random.default_rng(seed)
     return [_point(rng) | {"burn": "rocket" in name} for _ in range(2)]
 
 
-def _model(folder: Path, key: str, slots: Mapping[str, str]) -> Model | str:
+def _model(folder, key, slots):
     """Return the model of a construct, or the reason why the file is not read."""
     path = folder / "aircraft" / key / f"{key}.xml"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -92,7 +89,7 @@ def _model(folder: Path, key: str, slots: Mapping[str, str]) -> Model | str:
         return f"TRACEBACK {type(error).__name__}: {error}"
 
 
-def _point(rng: np.random.Generator) -> dict[str, Any]:
+def _point(rng):
     """Return a request to JSBSim: a random state with random commands."""
     state = {
         "altitude": rng.uniform(2000.0, 9000.0),
@@ -110,7 +107,7 @@ def _point(rng: np.random.Generator) -> dict[str, Any]:
     return {"state": state, "commands": commands, "settle": _SECONDS}
 
 
-def _comparison(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judgement:
+def _comparison(name, model, pairs):
     """Return the result of comparing one construct with JSBSim."""
     if isinstance(model, str):
         verdict = "traceback" if model.startswith("TRACEBACK") else "refused"
@@ -130,7 +127,7 @@ def _comparison(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> 
     return Judgement(name, "silent", f"{miss:.0e}")
 
 
-def ours_at(model: Model, point: Mapping[str, Any], answer: Mapping[str, float]) -> tuple[Any, ...]:
+def ours_at(model, point, answer):
     """Return states, rates and outputs of the model, by name, where JSBSim answered."""
     state = {name: answer.get(f"state.{name}", answer.get(name)) for name in model.states}
     measured = {name for name, signal in model.inputs.items() if signal.unit == "rad"}
@@ -146,7 +143,7 @@ def ours_at(model: Model, point: Mapping[str, Any], answer: Mapping[str, float])
     return state, flown.rates_at(x, u), flown.outputs_at(x, u)
 
 
-def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, float]) -> float:
+def difference(model, point, answer):
     """Return the largest relative difference between the accelerations of the model and of JSBSim.
 
     A difference is relative to 32 ft/s² or 1 rad/s², or to JSBSim's acceleration if this is larger.
@@ -182,7 +179,7 @@ def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, floa
     return float(miss)
 
 
-def _wind_in_body(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarray:
+def _wind_in_body(state, answer):
     """Return the wind, which is the velocity of the air over ground, in body axes, ft/s, (3,)."""
     roll, pitch, yaw = (state[name] for name in ("roll", "pitch", "yaw"))
     turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])

@@ -1,7 +1,5 @@
 """Constructs that each read or write one property of JSBSim."""
 
-from __future__ import annotations
-
 from constructs.jet import SLOTS, coefficient, component, reading, writing
 
 #: Property that is read -> its typical magnitude.
@@ -153,7 +151,7 @@ _TIMED = (
     " </test> <output>fcs/probe</output> </switch>"
 )
 
-CONSTRUCTS: dict[str, dict[str, str]] = {
+CONSTRUCTS = {
     **{f"reads {name}": reading(name, scale) for name, scale in _READ.items()},
     **{f"writes {name}": writing(name, value) for name, value in _WRITTEN.items()},
     "writes a point mass": writing("inertia/pointmass-weight-lbs", 500.0) | _MASS,
