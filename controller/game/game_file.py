@@ -88,7 +88,6 @@ def stored_game(
     contents = read_arrays(path)
     with prefix_errors(path):
         stored, notes = entries_of(contents, {"A", "B"})
-        _refuse_other_conventions(stored)
         parts = {key: stored[key] for key in MODEL_KEYS if key in stored}
         if "disturbances" in stored and "E" in parts:  # a file written by `hfa linearize`
             del parts["E"]
@@ -109,27 +108,6 @@ def stored_game(
             _provenance(stored),
             has_time="time" in stored or "dt" in stored,
             stated=tuple(key for key in MODEL_KEYS if key in stored),
-        )
-
-
-def _refuse_other_conventions(stored: Mapping[str, Any]) -> None:
-    """Raise BadInputError for B1, B2, C1, D12 of COMPleib, and for a descriptor matrix of MATLAB.
-
-    A file of this program, which has the entry `schema`, and one with delta have this program's E.
-    """
-    if "schema" in stored:
-        return
-    generalized = [key for key in ("B1", "B2", "C1", "C2", "D11", "D12", "D21") if key in stored]
-    if generalized:
-        raise BadInputError(
-            f"{', '.join(generalized)} are of another convention (COMPleib); give instead B (its "
-            "B, or B2), E = B1, Q = C1' C1, N = C1' D12 and R = D12' D12"
-        )
-    if {"C", "D", "E"} <= set(stored) and "delta" not in stored:
-        raise BadInputError(
-            "E beside C and D may be MATLAB's descriptor matrix of E x' = A x + B u, but here is "
-            "that of the disturbance; for a descriptor, give inv(E) A and inv(E) B without E, "
-            "otherwise add delta"
         )
 
 

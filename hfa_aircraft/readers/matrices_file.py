@@ -150,8 +150,9 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     needed: required entries. If none of them is at the top level, all entries are read from the
         only structure that contains all required ones.
 
-    Raises BadInputError if `dt` or `Ts` is no sample time (`sample_time`), and for an entry
-    `gamma`, which other tools use for delta and for the discount factor.
+    Raises BadInputError if `dt` or `Ts` is no sample time (`sample_time`), for an entry `gamma`,
+    which other tools use for delta and for the discount factor, and for matrices of COMPleib and a
+    descriptor matrix of MATLAB.
     """
     notes: list[str] = []
     if not needed & set(found):
@@ -173,7 +174,29 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
         if name.lower() == "gamma":
             known = ("delta", "discount") if is_discrete(stored) else ("delta",)
             raise BadInputError(f"unknown entry {name!r}{advice(name, known)}")
+    _refuse_other_conventions(stored)
     return stored, notes
+
+
+def _refuse_other_conventions(stored: Mapping[str, Any]) -> None:
+    """Raise BadInputError for B1, B2, C1, D12 of COMPleib, and for a descriptor matrix of MATLAB.
+
+    A file of this program, which has the entry `schema`, and one with delta have this program's E.
+    """
+    if "schema" in stored:
+        return
+    generalized = [key for key in ("B1", "B2", "C1", "C2", "D11", "D12", "D21") if key in stored]
+    if generalized:
+        raise BadInputError(
+            f"{', '.join(generalized)} are of another convention (COMPleib); give instead B (its "
+            "B, or B2), E = B1, Q = C1' C1, N = C1' D12 and R = D12' D12"
+        )
+    if {"C", "D", "E"} <= set(stored) and "delta" not in stored:
+        raise BadInputError(
+            "E beside C and D may be MATLAB's descriptor matrix of E x' = A x + B u, but here is "
+            "that of the disturbance; for a descriptor, give inv(E) A and inv(E) B without E, "
+            "otherwise add delta"
+        )
 
 
 def sample_time(stored: Mapping[str, Any]) -> float | None:
@@ -312,7 +335,10 @@ def linear_plant(path: str) -> Model:
         names = plant_names(stored, n, m, notes)
     model = plant_model(path, names.completed(n, m), A, B)
     weights: dict[str, Any] = {name: stored[name] for name in ("Q", "R", "N") if name in stored}
-    unused = "delta and E of the file are not used; --model uses them"
-    is_game = "delta" in stored and one_number("delta", stored["delta"]) < math.inf
-    about = replace(model.about, weights=weights, notes=model.about.notes + (unused,) * is_game)
+    unused = ["E"] if "E" in stored and "disturbances" not in stored else []
+    if "delta" in stored and one_number("delta", stored["delta"]) < math.inf:
+        unused.insert(0, "delta")
+    verb = "are" if len(unused) > 1 else "is"
+    note = f"{' and '.join(unused)} of the file {verb} not used; --model uses what the file has"
+    about = replace(model.about, weights=weights, notes=model.about.notes + (note,) * bool(unused))
     return replace(model, about=about)

@@ -99,3 +99,30 @@ def test_a_plant_is_an_aircraft_of_these_commands(command, folder):
     """The word --model of before is refused with the one that took its place."""
     result = cli.hfa(*command.split(), "--model", "plant.json")
     cli.assert_refused(result, 2, "; type --aircraft")
+
+
+@pytest.mark.parametrize(
+    ("others", "said"),
+    [
+        ('"C": [[1, 0]], "D": [[0]], "E": [[2, 0], [0, 1]]', "MATLAB's descriptor"),
+        ('"B1": [[1], [0]], "C1": [[1, 0]]', "B1, C1 are of another convention"),
+    ],
+)
+def test_matrices_of_another_convention_are_no_aircraft(
+    others: str, said: str, folder: Path
+) -> None:
+    """A descriptor matrix would change A, and COMPleib's B1 is E. C and D alone change nothing."""
+    plant = '{"A": [[0, 1], [-2, -0.3]], "B": [[0], [1]], '
+    Path("other.json").write_text(plant + others + "}")
+    refused = cli.hfa("linearize", "--aircraft", "other.json")
+    cli.assert_refused(refused, 2, said)
+    Path("plant.json").write_text(plant + '"C": [[1, 0]], "D": [[0]]}')
+    assert cli.hfa("linearize", "--aircraft", "plant.json").code == 0
+    Path("game.json").write_text(plant + '"E": [[2, 0], [0, 1]]}')
+    assert "E of the file is not used" in cli.hfa("linearize", "--aircraft", "game.json").out
+
+
+def test_deviations_of_an_aircraft_are_no_doubtful_flight(folder: Path) -> None:
+    """At the origin of a linear model, the deviation of the speed is 0."""
+    assert cli.hfa("linearize", "--dihedral", "10", "-o", "linear.json").code == 0
+    assert "Check:" not in cli.hfa("linearize", "--aircraft", "linear.json").out

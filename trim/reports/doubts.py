@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from hfa_aircraft.matrices import LINEAR
 from hfa_aircraft.model import Model, altitudes
 from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -58,7 +59,7 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
     if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _STEEPEST:
         yield _steep(trimmed)
     speed = roles.get("speed", "")
-    is_aircraft = "alpha" in roles or "lift" in model.outputs
+    is_aircraft = ("alpha" in roles or "lift" in model.outputs) and LINEAR not in model.about.notes
     is_still = speed and abs(trimmed.given[speed]) < _STANDING * model.states[speed].nominal
     if is_aircraft and is_still:
         yield f"the speed is {_number(model, speed, trimmed.given[speed])}, no flight; hold a speed"
