@@ -17,6 +17,7 @@ from policy_cases import (
     trims,
 )
 from scipy.integrate import quad, solve_ivp
+from scipy.linalg import block_diag, eigh, expm, solve_discrete_are
 from scipy.optimize import brentq
 
 import hfa
@@ -49,6 +50,60 @@ def test_the_cost_ratio_is_that_of_the_closed_form():
     assert (costs.starts, costs.both, costs.lost, costs.lqr_lost) == (5, 5, 0, 0)
     assert costs.ratios.median == pytest.approx(ratio, rel=1e-6)
     assert f"{ratio:.3g}x the exact gain" in told.first_line
+
+
+def test_the_cost_above_the_optimum_is_that_of_summed_samples():
+    """Of a command 1.4 samples late and the weight of a sum of states, by Gauss' quadrature.
+
+    The optimum with held inputs and no delay is SciPy's. The worst deviation costs more than the
+    mean one.
+    """
+    A, B, K = np.array([[0.0, 1.0], [-2.0, -0.5]]), np.array([[0.0], [1.5]]), [[0.8, 1.2]]
+    model = hfa.Model(
+        "spring",
+        {name: hfa.Signal(nominal=1.0) for name in ("place", "speed")},
+        {"force": hfa.Signal(nominal=1.0)},
+        lambda x, u, p, w: (
+            {"place": x.speed, "speed": -2.0 * x.place - 0.5 * x.speed + 1.5 * u.force},
+            {"both": 2.0 * x.place + x.speed},
+        ),
+        outputs={"both": hfa.Signal()},
+        trim={"place": 0.0, "speed": 0.0},
+    )
+    o = ca.SX.sym("o", 2)
+    late = Deployment(
+        policy={"file": ca.Function("gain", [o], [-ca.DM(K) @ o])},
+        observation={"place": {}, "speed": {}},
+        action={"force": {}},
+        timing={"dt": 0.1, "delay": 0.14},
+        cost={"Q": {"place": 0.5, "both": 2.0}, "R": {"force": 0.3}},
+    )
+    Q = np.diag([0.5, 0.0]) + 2.0 * np.outer([2.0, 1.0], [2.0, 1.0])
+    moving = np.block([[A, B], [np.zeros((1, 3))]])
+
+    def held(seconds):
+        """Return the motion (3, 3) of states and input, and the weight (3, 3) of its cost."""
+        times, parts = (np.polynomial.legendre.leggauss(8) + np.array([[1.0], [0.0]])) / 2.0
+        along = [expm(moving * seconds * time) for time in times]
+        costs = [each.T @ block_diag(Q, 0.3) @ each for each in along]
+        return expm(moving * seconds), seconds * np.tensordot(parts, costs, 1)
+
+    F, W = held(0.1)
+    P = solve_discrete_are(F[:2, :2], F[:2, 2:], W[:2, :2], W[2:, 2:], s=W[:2, 2:])
+    X, x, older, newer = np.zeros((2, 2)), np.eye(2), np.zeros((1, 2)), np.zeros((1, 2))
+    pieces = held(0.04), held(0.06)
+    for _ in range(400):
+        command = -np.array(K) @ x
+        for (F, W), acting in zip(pieces, (older, newer), strict=True):
+            both = np.vstack([x, acting])
+            X += both.T @ W @ both
+            x = (F @ both)[:2]
+        older, newer = newer, command
+    above = 100.0 * eigh(X - P, P, eigvals_only=True)
+    (point,) = assess(model, late, samples=0).points
+    cost = point.cost
+    assert (cost.worst, cost.mean) == pytest.approx((above[-1], above.mean()), rel=1e-8)
+    assert above[-1] > 1.1 * above.mean()
 
 
 def test_flights_that_do_not_return_are_counted_and_not_compared():
