@@ -1,7 +1,5 @@
 """Pytest configuration: the shared fixtures are loaded only in the processes that run tests."""
 
-from __future__ import annotations
-
 import gc
 import os
 import signal
@@ -22,17 +20,16 @@ os.environ.pop("PYTHONUNBUFFERED", None)
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-import pytest
 
 sys.dont_write_bytecode = False  # also for this process
 gc.set_threshold(50_000, 20, 20)  # objects of the test files are never collected
 
 
-def pytest_collection_finish() -> None:
+def pytest_collection_finish():
     gc.freeze()  # thousands of tests, which are never collected
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_configure(config):
     """Load the shared fixtures, except in the controller process of pytest-xdist.
 
     The controller process runs no tests.

@@ -4,8 +4,6 @@ A new environment has the libraries of this one and the packages of the core. No
 folder extensions/ can be imported there, and no entry point is offered.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -23,7 +21,7 @@ METADATA = "Metadata-Version: 2.1\nName: hfa-toolchain\nVersion: 0\n"
 SCRIPT = "#!{python}\nimport sys\nfrom hfa.entry import main\nsys.exit(main())\n"
 
 
-def environment(folder: Path) -> Path:
+def environment(folder):
     """Return the path of the Python interpreter in a new environment without extensions."""
     venv.create(folder, symlinks=True)
     (packages,) = folder.glob("lib/python*/site-packages")
@@ -40,7 +38,7 @@ def environment(folder: Path) -> Path:
     return python
 
 
-def main(words: list[str]) -> int:
+def main(words):
     """Run pytest with the arguments of the command line, by default on all tests of the core."""
     with tempfile.TemporaryDirectory() as folder:
         python = environment(Path(folder))

@@ -49,7 +49,7 @@ class Mutant:
     wrong: str
     equivalent: str = ""
 
-    def planted(self, text: str) -> str:
+    def planted(self, text):
         """Return the text of the file with the wrong line.
 
         Raises ValueError if `before` is not in the text exactly once, or if nothing changes.
@@ -60,7 +60,7 @@ class Mutant:
             raise ValueError(f"{self}: `after` is `before`")
         return text.replace(self.before, self.after)
 
-    def folders(self) -> list[str]:
+    def folders(self):
         """Return the folders of tests of the file's own folder and of its package, nearest first."""
         parts = Path(self.file).parts
         if parts[0] == "extensions":
@@ -69,11 +69,11 @@ class Mutant:
         folders = [nearest, *nearest.parents[: len(parts) - 2]]
         return [str(folder) for folder in folders if (ROOT / folder).is_dir()]
 
-    def __str__(self) -> str:
+    def __str__(self):
         return f"{self.file}: {self.wrong}"
 
 
-def read_lists(names: list[str]) -> list[Mutant]:
+def read_lists(names):
     """Return the mutants of the named lists, of all lists if none is named.
 
     Ends the process with exit code 2 if there is no list of a name.
@@ -93,7 +93,7 @@ def read_lists(names: list[str]) -> list[Mutant]:
 class Copy:
     """A copy of the files that git knows, as they are in the work tree."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.folder = folder
         listed = subprocess.run(
             ["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True
@@ -109,7 +109,7 @@ class Copy:
         paths = [folder, *sorted((folder / "extensions").iterdir())]
         self.variables = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, paths))}
 
-    def failure(self, tests: list[str]) -> str | None:
+    def failure(self, tests):
         """Return the first test of these that fails, or None if all pass."""
         command = [
             *(sys.executable, "-m", "pytest", "-m", "not slow", "-x", "--tb=no", "-r", "fE"),
@@ -134,7 +134,7 @@ class Copy:
             raise RuntimeError(f"pytest failed without naming a test:\n{output[-2000:]}")
         return lines[0].split(" ", 1)[1].split(" - ")[0]
 
-    def caught_by(self, mutant: Mutant, stages: list[list[str]]) -> str | None:
+    def caught_by(self, mutant, stages):
         """Return the test that fails with the line of a mutant and passes without it."""
         path = self.folder / mutant.file
         text = path.read_text(encoding="utf-8")
@@ -148,15 +148,13 @@ class Copy:
         return test
 
 
-def _replace(path: Path, text: str) -> None:
+def _replace(path, text):
     """Write a source file and remove its bytecode, which Python would keep for equal time and size."""
     path.write_text(text, encoding="utf-8")
     Path(importlib.util.cache_from_source(str(path))).unlink(missing_ok=True)
 
 
-def stages_of(
-    mutant: Mutant, mutants: list[Mutant], last: str | None, own: bool
-) -> list[list[str]]:
+def stages_of(mutant, mutants, last, own):
     """Return the tests to run, one list after the other."""
     of_list = [
         folder for other in mutants if other.list == mutant.list for folder in other.folders()
@@ -167,7 +165,7 @@ def stages_of(
     return [*first, near, *([] if own else [rest])]
 
 
-def main(words: list[str]) -> int:
+def main(words):
     """Print which mutants are caught; return 1 if one is missed or cannot be planted."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # stops the tests, too
     own = "--own" in words

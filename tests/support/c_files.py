@@ -1,15 +1,10 @@
 """Helpers for tests of exported C: compile, load by ctypes, and measure the size."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess
-from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 COMPILER = shutil.which("gcc")
@@ -17,11 +12,11 @@ FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-
 needs_gcc = pytest.mark.skipif(COMPILER is None, reason="there is no gcc")
 
 
-def compiled(folder: Path, *words: str) -> None:
+def compiled(folder, *words):
     subprocess.run([str(COMPILER), *FLAGS, *words, "-lm"], cwd=folder, check=True)
 
 
-def written(folder: Path, texts: Mapping[str, str], source: str) -> Path:
+def written(folder, texts, source):
     """Write C files to a folder, compile one of them to library.so, and return the folder.
 
     texts: file name -> content
@@ -34,12 +29,12 @@ def written(folder: Path, texts: Mapping[str, str], source: str) -> Path:
 
 
 @cache
-def loaded(folder: Path) -> ctypes.CDLL:
+def loaded(folder):
     return ctypes.CDLL(str(folder / "library.so"))
 
 
-def called(folder: Path, name: str, *values: np.ndarray | float) -> int:
-    def passed(value: np.ndarray | float) -> ctypes.c_double | ctypes.c_void_p:
+def called(folder, name, *values):
+    def passed(value):
         return (
             ctypes.c_double(value)
             if isinstance(value, float)

@@ -1,12 +1,8 @@
 """Fixture with the browser Chromium for tests of HTML pages."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
-from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import pytest
 
@@ -23,7 +19,7 @@ FLAGS = (
 
 
 @contextmanager
-def browser() -> Iterator[Any]:
+def browser():
     """Yield a selenium driver of Chromium.
 
     If the browser or selenium is missing, the test is skipped with the command that installs it.
@@ -48,7 +44,7 @@ def browser() -> Iterator[Any]:
             found.quit()
 
 
-def set_page_width(driver: Any, width: int, medium: str = "screen") -> None:
+def set_page_width(driver, width, medium="screen"):
     """Set the width of the page in pixels and the medium, "screen" or "print"."""
     metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)

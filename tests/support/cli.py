@@ -10,10 +10,9 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 
@@ -36,11 +35,11 @@ class Result(NamedTuple):
 class Terminal(io.StringIO):
     """Text stream that claims to be a terminal."""
 
-    def isatty(self) -> bool:
+    def isatty(self):
         return True
 
 
-def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = None) -> Result:
+def hfa(*words, err=None, out=None):
     """Run `hfa words...` in this process and return its result.
 
     JSON that the command prints or writes with -o must name its format.
@@ -55,9 +54,7 @@ def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = N
     return result
 
 
-def unchecked_hfa(
-    *words: str, err: io.StringIO | None = None, out: io.StringIO | None = None
-) -> Result:
+def unchecked_hfa(*words, err=None, out=None):
     """Run `hfa words...` in this process and return its result without checking JSON output.
 
     The test is skipped if the command belongs to an extension that is not installed.
@@ -71,7 +68,7 @@ def unchecked_hfa(
     return Result(code, out.getvalue(), err.getvalue())
 
 
-def answer(*words: str, code: int = DONE) -> dict[str, Any]:
+def answer(*words, code=DONE):
     """Run `hfa words... --json` and return the printed JSON object.
 
     The function asserts the exit code, and that standard error contains only the warnings listed in
@@ -88,7 +85,7 @@ def answer(*words: str, code: int = DONE) -> dict[str, Any]:
     return data
 
 
-def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(data, path=""):
     """Yield (path, value) for every text, number and null in nested JSON data.
 
     A path consists of keys and indices, each after a dot.
@@ -100,7 +97,7 @@ def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path, data
 
 
-def written_json(words: tuple[str, ...]) -> list[Path]:
+def written_json(words):
     """Return the paths of the .json files that -o names, including those in a folder named by
     -o.
     """
@@ -114,7 +111,7 @@ def written_json(words: tuple[str, ...]) -> list[Path]:
     return [path for path in targets if path.suffix == ".json" and path.is_file()] + inside
 
 
-def hfa_process(*words: str, folder: Path, **environment: str) -> Result:
+def hfa_process(*words, folder, **environment):
     """Run `hfa words...` as a child process in a folder and return its result.
 
     environment: additional environment variables
@@ -132,7 +129,7 @@ def hfa_process(*words: str, folder: Path, **environment: str) -> Result:
     return Result(done.returncode, done.stdout, done.stderr)
 
 
-def assert_refused(result: Result, code: int, *named: str) -> None:
+def assert_refused(result, code, *named):
     """Assert that a run failed with this exit code and printed only one line, on standard error.
 
     named: texts that the line must contain
@@ -146,20 +143,20 @@ def assert_refused(result: Result, code: int, *named: str) -> None:
     assert_advice_leads_on(result.err)
 
 
-def assert_advice_leads_on(message: str) -> None:
+def assert_advice_leads_on(message):
     """Assert that each command that a refusal proposes to type is not refused."""
     for proposed in re.findall(r"[;,] type (hfa (?:[^,]|,(?! ))+)$", message.rstrip()):
         advised = unchecked_hfa(*shlex.split(proposed)[1:])
         assert advised.code != BAD_INPUT, f"{message}advises {proposed}, refused: {advised.err}"
 
 
-def assert_named(text: str) -> None:
+def assert_named(text):
     """Assert that JSON output is an object without nan that names its format and version."""
     data = json.loads(text, parse_constant=pytest.fail)
     assert re.fullmatch(r"hfa\.[a-z-]+/\d+", data["schema"])
 
 
-def refusal(load: Callable[[str], object], path: Path) -> str:
+def refusal(load, path):
     """Return the message of the BadInputError with which a file is refused.
 
     The function asserts that the message is one line and contains the path.

@@ -8,9 +8,8 @@ import random
 import signal
 import subprocess
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 from cli import SCRIPT
@@ -40,7 +39,7 @@ class Ended(NamedTuple):
     workers: set[int]
 
 
-def stat(process: int) -> list[str]:
+def stat(process):
     """Return the fields of /proc/PID/stat, beginning with the state of the process.
 
     The state of an ended process is "X".
@@ -51,7 +50,7 @@ def stat(process: int) -> list[str]:
         return ["X", "0"]
 
 
-def workers(parent: int) -> list[int]:
+def workers(parent):
     """Return the process numbers of the workers of a run, without Python's resource tracker.
 
     parent: process number of the run
@@ -63,7 +62,7 @@ def workers(parent: int) -> list[int]:
     ]
 
 
-def until(holds: Callable[[], bool], seconds: float = 20.0) -> bool:
+def until(holds, seconds=20.0):
     """Wait until a condition is true, at most `seconds` s, and return whether it is true."""
     end = time.monotonic() + seconds
     while not holds() and time.monotonic() < end:
@@ -71,13 +70,7 @@ def until(holds: Callable[[], bool], seconds: float = 20.0) -> bool:
     return holds()
 
 
-def run(
-    folder: Path,
-    *words: str,
-    number: signal.Signals | None = None,
-    after: float = 0.0,
-    working: int = 0,
-) -> Ended:
+def run(folder, *words, number=None, after=0.0, working=0):
     """Run a command in a folder, end it by a signal, and return the result.
 
     number: signal, or None to let the run finish
@@ -109,7 +102,7 @@ def run(
     return Ended(process.returncode, out, err, time.monotonic() - begun, seen)
 
 
-def result_of(folder: Path) -> dict[str, Any]:
+def result_of(folder):
     """Return the content of each file in a folder by path. JSON is without dates and commands."""
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     # Files that may remain after SIGKILL.
@@ -124,14 +117,14 @@ def result_of(folder: Path) -> dict[str, Any]:
     }
 
 
-def _plain(value: Any) -> Any:
+def _plain(value):
     if isinstance(value, dict):
         dropped = ("provenance", "digest", "checksum")
         return {key: _plain(entry) for key, entry in value.items() if key not in dropped}
     return [_plain(entry) for entry in value] if isinstance(value, list) else value
 
 
-def leaves_nothing(folder: Path, words: tuple[str, ...], number: signal.Signals) -> Ended:
+def leaves_nothing(folder, words, number):
     """End a run by a signal while two workers compute, and return its result.
 
     The function asserts that no worker remains and, except after SIGKILL, no temporary file.
@@ -144,7 +137,7 @@ def leaves_nothing(folder: Path, words: tuple[str, ...], number: signal.Signals)
     return ended
 
 
-def in_one_line(ended: Ended, said: str) -> bool:
+def in_one_line(ended, said):
     """Return whether an ended run printed only the line `said`.
 
     The result is also True if Python ended the process before `hfa` started or if the run finished.
@@ -157,13 +150,13 @@ def in_one_line(ended: Ended, said: str) -> bool:
     return lines == [said] or by_python or (ended.code == 0 and not lines)
 
 
-def assert_resumed_bits_equal(folder: Path, words: tuple[str, ...]) -> None:
+def assert_resumed_bits_equal(folder, words):
     """Assert that a run ended by each signal in turn and resumed writes the bytes of a full run."""
     whole = run(folder / "whole", *words)
     assert whole.code == 0
     moments = random.Random(" ".join(words))
     place = folder / "ended"
-    again: tuple[str, ...] = ()
+    again = ()
     for number, said in SIGNALS.items():
         after = moments.uniform(0.0, whole.seconds)
         ended = run(place, *words, *again, number=number, after=after)

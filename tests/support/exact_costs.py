@@ -1,16 +1,12 @@
 """Largest excess of a policy over the optimum, with 60 digits and no code of the project."""
 
-from __future__ import annotations
-
 import mpmath as mp
 import numpy as np
-
-from hfa import Game
 
 DIGITS = 60
 
 
-def excess(game: Game, K: np.ndarray) -> float:
+def excess(game, K):
     """Return sup z'(P_K - P)z / z'P z for P > 0, where P_K is the value of the game of K.
 
     In discrete time, a value is the limit of those of many steps, and in continuous time that of
@@ -20,7 +16,7 @@ def excess(game: Game, K: np.ndarray) -> float:
         return float(_excess(game, mp.matrix(K.tolist())))
 
 
-def _excess(game: Game, K: mp.matrix) -> mp.mpf:
+def _excess(game, K):
     of_policy = _value(game, K)
     optimum = _value(game, None)
     root = mp.cholesky(optimum)
@@ -29,7 +25,7 @@ def _excess(game: Game, K: mp.matrix) -> mp.mpf:
     return max(ratios)
 
 
-def _value(game: Game, K: mp.matrix | None) -> mp.matrix:
+def _value(game, K):
     """Return the value of the game for fixed K, or of the best input."""
     A, B, E, Q, R, N = (
         mp.matrix(each.tolist()) for each in (game.A, game.B, game.E, game.Q, game.R, game.N)
@@ -61,7 +57,7 @@ def _value(game: Game, K: mp.matrix | None) -> mp.matrix:
     return _of_flow(A, moved, Q, price, cross)
 
 
-def _of_steps(A: mp.matrix, B: mp.matrix, Q: mp.matrix, R: mp.matrix, N: mp.matrix) -> mp.matrix:
+def _of_steps(A, B, Q, R, N):
     """Return the limit of the values of 1, 2, 3 ... steps."""
     P = mp.zeros(A.rows)
     while True:
@@ -72,7 +68,7 @@ def _of_steps(A: mp.matrix, B: mp.matrix, Q: mp.matrix, R: mp.matrix, N: mp.matr
         P = after
 
 
-def _of_flow(A: mp.matrix, B: mp.matrix, Q: mp.matrix, R: mp.matrix, N: mp.matrix) -> mp.matrix:
+def _of_flow(A, B, Q, R, N):
     """Return the stabilizing solution by the eigenvectors of the Hamiltonian."""
     n = A.rows
     inverse = R**-1

@@ -1,14 +1,10 @@
 """The value of a game in continuous time by the eigenvectors of its Hamiltonian, with 60 digits."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 
-from hfa import Game
 
-
-def exact_solution(game: Game) -> tuple[np.ndarray, np.ndarray]:
+def exact_solution(game):
     """Return P and K of a game without cross weights, rounded to doubles."""
     with mpmath.workdps(60):
         A, B, E, Q, R = (mpmath.matrix(getattr(game, name)) for name in "ABEQR")

@@ -1,9 +1,6 @@
 """Use of extensions in tests of the core. A test is skipped if its extension is not installed."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
-from typing import Any
 
 import pytest
 
@@ -11,15 +8,15 @@ import pytest
 class Extension:
     """Module of an extension, imported when a test first accesses one of its names."""
 
-    def __init__(self, module: str) -> None:
+    def __init__(self, module):
         self._module = module
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         """Return an attribute of the module. The test is skipped if the module is not installed."""
         return getattr(pytest.importorskip(self._module), name)
 
 
-def needs(*packages: str) -> pytest.MarkDecorator:
+def needs(*packages):
     """Return a pytest mark that skips a test unless all these packages are installed."""
     missing = [name for name in packages if find_spec(name) is None]
     return pytest.mark.skipif(bool(missing), reason=f"needs {', '.join(missing)}")

@@ -1,10 +1,7 @@
 """Helpers that write plants and critics to files, for tests of commands."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.io import savemat
@@ -13,7 +10,7 @@ AT_15 = ("--dihedral", "15")
 #: Options for a certified run that takes a tenth of a second.
 LABELS = {"plant", "states", "inputs", "state_units", "input_units", "delta"}
 #: A plant with two states and one input.
-SMALL: dict[str, Any] = {
+SMALL = {
     "A": [[-0.2, 1.0], [-2.0, -0.3]],
     "B": [[0.0], [1.0]],
     "Q": [[2.0, 0.0], [0.0, 1.0]],
@@ -23,7 +20,7 @@ SMALL: dict[str, Any] = {
 }
 
 
-def stored(path: str | Path, **content: Any) -> str:
+def stored(path, **content):
     """Write arrays to a .json, .npz or .mat file and return its path as text."""
     path = Path(path)
     if path.suffix == ".json":
@@ -39,7 +36,7 @@ def stored(path: str | Path, **content: Any) -> str:
     return str(path)
 
 
-def small(path: str | Path, **changes: Any) -> str:
+def small(path, **changes):
     """Write the plant `SMALL`, with changed entries, and return the path of the file.
 
     changes: entries that replace those of `SMALL`; None omits an entry

@@ -1,16 +1,10 @@
 """Games for tests of the exact solution."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable
-
-from hfa import Game
-from hfa.extend import Check
 from hfa.paper import published_game
 from hfa_model import published_models
 
 
-def game_models() -> dict[str, Game]:
+def game_models():
     """Return the games of the two printed linear models, by name."""
     return {
         f"published-{model.dihedral_deg:g}": published_game(model.A, model.B)
@@ -18,6 +12,6 @@ def game_models() -> dict[str, Game]:
     }
 
 
-def failed_names(checks: Iterable[Check]) -> set[str]:
+def failed_names(checks):
     """Return the names of the checks that fail."""
     return {check.name for check in checks if not check.ok}

@@ -3,8 +3,6 @@
 An input is a command line with replaced words, or a file that `strategies` has changed.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import io
@@ -12,14 +10,12 @@ import json
 import re
 import signal
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from cli import Result, hfa, unchecked_hfa
+from cli import hfa, unchecked_hfa
 from game_files import small
 from hypothesis import strategies as st
 from strategies import TEXTS, changed_entry, changed_file
@@ -70,7 +66,7 @@ LINES = (
 SUFFIXES = (".json", ".npz", ".mat")
 _NETWORK = ("verify", "--model", "plant.json", "--weights", "{}", "--network", "V=")
 #: Kind of input -> command. "{}" is replaced by the corrupted file of this name.
-WAYS: dict[str, tuple[str, ...]] = {
+WAYS = {
     "command line": (),
     "parameters.toml": ("trim", *_AT, "--parameters", "{}"),
     "condition.toml": ("sweep", "--dihedral", "10,15", "--condition", "{}"),
@@ -97,7 +93,7 @@ class Hanging(BaseException):
 
 
 @cache
-def options_of(command: str) -> tuple[str, ...]:
+def options_of(command):
     """Return the options that the help of a command names."""
     return tuple(
         sorted({*re.findall(r"(?<![\w-])--?[a-zA-Z][\w-]*", hfa(*command.split(), "--help").out)})
@@ -105,7 +101,7 @@ def options_of(command: str) -> tuple[str, ...]:
 
 
 @st.composite
-def hostile_words(draw: st.DrawFn) -> list[str]:
+def hostile_words(draw):
     """Return a command line in which one to three words are replaced, removed or added."""
     command, words = found_in(draw(st.sampled_from(LINES)).split())
     options = [name for name in options_of(command) if name != "--workers"]
@@ -117,7 +113,7 @@ def hostile_words(draw: st.DrawFn) -> list[str]:
 
 
 @st.composite
-def hostile_case(draw: st.DrawFn, way: str) -> tuple[list[str], dict[str, bytes]]:
+def hostile_case(draw, way):
     """Return the words of a command line and the content of its input files.
 
     way: kind of input, a key of `WAYS`
@@ -133,7 +129,7 @@ def hostile_case(draw: st.DrawFn, way: str) -> tuple[list[str], dict[str, bytes]
     return [way if word == "{}" else word for word in WAYS[way]], files
 
 
-def sealed(certificate: Any) -> bytes:
+def sealed(certificate):
     """Return the content of a certificate with correct digests, like a forgery."""
     ends = ("digest", "provenance", "checksum")
     body = {name: value for name, value in certificate.items() if name not in ends}
@@ -146,7 +142,7 @@ def sealed(certificate: Any) -> bytes:
 
 
 @cache
-def seeds() -> Mapping[str, bytes]:
+def seeds():
     """Return the content of valid input files by name. Most of them are written by commands."""
     from known_models import exact_gain
     from network_files import QUADRATIC, onnx_file, safetensors_file, torch_file
@@ -189,7 +185,7 @@ def seeds() -> Mapping[str, bytes]:
         return contents | {"sealed certificate.json": contents["certificate.json"]}
 
 
-def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
+def attempt(words, given):
     """Run `hfa` with a hostile input and return the fault in its reaction, or None.
 
     given: name -> content of the input files
@@ -216,7 +212,7 @@ def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
             return output_fault(result) or _left_wrongly(Path(name), words, given, result)
 
 
-def output_fault(result: Result) -> str | None:
+def output_fault(result):
     """Return the fault in the exit code and output of a run, or None.
 
     The exit code must be 0, 1 or 2. The run must print a result with notes, or one printable line
@@ -236,9 +232,7 @@ def output_fault(result: Result) -> str | None:
     return f"a line that is too long or not printable: {wrong[0][:200]!r}" if wrong else None
 
 
-def _left_wrongly(
-    folder: Path, words: Sequence[str], given: Mapping[str, bytes], result: Result
-) -> str | None:
+def _left_wrongly(folder, words, given, result):
     """Return the fault in the files that a run left, or None.
 
     A run must leave nothing outside its folder, no file that the command line does not name, no
@@ -266,13 +260,13 @@ def _left_wrongly(
 
 
 @contextlib.contextmanager
-def _alarm() -> Iterator[None]:
+def _alarm():
     """Raise `Hanging` if the block exceeds `LONGEST` seconds of processor time.
 
     The limit of elapsed time is ten times as long.
     """
 
-    def end(*_: object) -> None:
+    def end(*_):
         raise Hanging
 
     before = {number: signal.signal(number, end) for number in (signal.SIGPROF, signal.SIGALRM)}

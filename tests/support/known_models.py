@@ -3,17 +3,14 @@
 The aircraft of the SimVFA simulation is included.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 
-import numpy as np
 from scipy.optimize import brentq
 from standard_air import density
 
 import hfa
-from hfa import Game, LinearModel, Model, solve
+from hfa import solve
 from hfa.paper import level_model, published_game
 from hfa_model import load_parameters
 
@@ -21,7 +18,7 @@ from hfa_model import load_parameters
 _RELEASED_DENSITY = 5.872675956988981e-4
 
 
-def released_simulation() -> tuple[Model, float]:
+def released_simulation():
     """Return the aircraft of the SimVFA simulation and its altitude in ft.
 
     At this altitude, the standard atmosphere has the air density of the simulation.
@@ -33,16 +30,16 @@ def released_simulation() -> tuple[Model, float]:
 
 
 @lru_cache(maxsize=64)
-def model_at(degrees: float, dynamics: str = "published") -> LinearModel:
+def model_at(degrees, dynamics="published"):
     aircraft = hfa.aircraft(dynamics)
     return level_model(aircraft, math.radians(degrees))
 
 
 @lru_cache(maxsize=64)
-def game_at(degrees: float, dynamics: str = "published") -> Game:
+def game_at(degrees, dynamics="published"):
     return published_game(model_at(degrees, dynamics))
 
 
 @lru_cache(maxsize=64)
-def exact_gain(degrees: float, dynamics: str = "published") -> np.ndarray:
+def exact_gain(degrees, dynamics="published"):
     return solve(game_at(degrees, dynamics)).K

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from hfa_model import Input, Parameters, State
+from hfa_model import State
 
 
 class Panel(NamedTuple):
@@ -56,7 +56,7 @@ class Winds(NamedTuple):
     outer: Wind
 
 
-def winds_of(w: Any) -> Winds:
+def winds_of(w):
     """Return the winds at the panels: those of the aircraft and of the panel are added."""
     return Winds(
         Wind(w.updraft + w.updraft_center, w.headwind + w.headwind_center),
@@ -64,7 +64,7 @@ def winds_of(w: Any) -> Winds:
     )
 
 
-def flow_of(forward: Any, sideward: Any, downward: Any) -> Flow:
+def flow_of(forward, sideward, downward):
     """Return the flow at a panel that moves through the air with this velocity, ft/s."""
     speed = ca.sqrt(forward**2 + sideward**2 + downward**2)
     return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
@@ -80,7 +80,7 @@ class PanelLoads(NamedTuple):
     moment: Any
 
 
-def panel_loads(flow: Flow, speed: Any, aileron: Any, elevator: Any, density: Any, p: Any) -> Any:
+def panel_loads(flow, speed, aileron, elevator, density, p):
     """Return the loads on one panel (Gibson et al. 2011, Eqs. 36-43).
 
     L_w = q_i S (C_Lα α_i + C_Lδ δ_a),  L_t = q_i S_t C_Lα (α_i + δ_e),
@@ -106,13 +106,7 @@ def panel_loads(flow: Flow, speed: Any, aileron: Any, elevator: Any, density: An
     )
 
 
-def lagrangian_rates(
-    x: State,
-    u: Input,
-    density: Any,
-    p: Parameters,
-    winds: Any,
-) -> State:
+def lagrangian_rates(x, u, density, p, winds):
     """Return dX/dt of the aircraft by the Euler-Lagrange equations, as CasADi expressions.
 
     density: slug/ft^3, or 0 for flight without air
@@ -129,15 +123,7 @@ def lagrangian_rates(
     return euler_lagrange(x, kinetic, force, panels, r, v, p)
 
 
-def euler_lagrange(
-    x: State,
-    kinetic: Any,
-    force: ca.SX,
-    panels: tuple[Panel, ...],
-    r: ca.SX,
-    v: ca.SX,
-    p: Parameters,
-) -> State:
+def euler_lagrange(x, kinetic, force, panels, r, v, p):
     """Return dX/dt from the kinetic energy and the generalized forces.
 
     r, v: generalized coordinates and their rates, (4,)
@@ -153,7 +139,7 @@ def euler_lagrange(
     return _as_state_rates(x, r, v, acceleration, p)
 
 
-def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
+def panels_at(r, v, p):
     """Return the center, the right and the left panel at given generalized coordinates.
 
     An outer panel is hinged half a panel span from the center, and its center of mass is half a
@@ -188,31 +174,23 @@ def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
     return Panel(origin, body, spin), wings[0], wings[1]
 
 
-def velocity_of(panel: Panel, r: ca.SX, v: ca.SX) -> ca.SX:
+def velocity_of(panel, r, v):
     """Return the inertial velocity of a panel's center of mass, (3,), ft/s."""
     return ca.jtimes(panel.position, r, v)
 
 
-def kinetic_energy(panel: Panel, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
+def kinetic_energy(panel, r, v, p):
     """Return the kinetic energy of one panel, ft lbf."""
     velocity = velocity_of(panel, r, v)
     inertia = ca.vertcat(p.inertia_roll, p.inertia_pitch, p.inertia_yaw)
     return (p.panel_mass * ca.dot(velocity, velocity) + ca.dot(inertia, panel.spin**2)) / 2
 
 
-def _potential_energy(panel: Panel, p: Parameters) -> ca.SX:
+def _potential_energy(panel, p):
     return -p.panel_mass * p.gravity * panel.position[2]
 
 
-def _generalized_force(
-    panels: tuple[Panel, Panel, Panel],
-    r: ca.SX,
-    v: ca.SX,
-    u: Input,
-    density: Any,
-    p: Parameters,
-    winds: Any,
-) -> ca.SX:
+def _generalized_force(panels, r, v, u, density, p, winds):
     # The drag depends on the speed of the common center of mass relative to the air at a panel.
     velocity = ca.jtimes(sum(panel.position for panel in panels) / 3, r, v)
     force = ca.vertcat(0, 0, 0, -2 * p.hinge_damping * v[3])
@@ -226,14 +204,12 @@ def _generalized_force(
     return force
 
 
-def _flow(panel: Panel, r: ca.SX, v: ca.SX, air: ca.SX) -> Flow:
+def _flow(panel, r, v, air):
     along = panel.axes.T @ (velocity_of(panel, r, v) - air)
     return flow_of(along[0], along[1], along[2])
 
 
-def virtual_work(
-    panel: Panel, loads: PanelLoads, thrust: Any, r: ca.SX, v: ca.SX, p: Parameters
-) -> ca.SX:
+def virtual_work(panel, loads, thrust, r, v, p):
     """Return the generalized forces Q = Σ (∂point/∂r)' F + (∂spin/∂v)' M of one panel.
 
     The sum includes the forces at the wing and at the tail, and the moment of the section.
@@ -246,7 +222,7 @@ def virtual_work(
     return work + ca.jacobian(panel.spin, v).T @ ca.vertcat(0, loads.moment, 0)
 
 
-def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parameters) -> State:
+def _as_state_rates(x, r, v, acceleration, p):
     """Return dX/dt, computed from the second derivatives of the generalized coordinates.
 
     The speed V, the angle α and the flight-path angle γ = θ - α are those of the center of mass.
@@ -268,7 +244,7 @@ def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parame
     return State(*(at_state(rate, x, r, v, p) for rate in rates))
 
 
-def at_state(expression: ca.SX, x: State, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
+def at_state(expression, x, r, v, p):
     """Return an expression in which the state x replaces the generalized coordinates and their
     rates.
 

@@ -1,18 +1,14 @@
 """Writers of network files in the formats of ONNX, torch and safetensors, without torch."""
 
-from __future__ import annotations
-
 import json
 import struct
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from hfa import BadInputError, Critic, Game, from_network
+from hfa import BadInputError, Game, from_network
 
 #: Nodes of z'Pz: x P, multiplied by x, summed.
 QUADRATIC = [("MatMul", "x P", "h"), ("Mul", "x h", "terms"), ("MatMul", "terms ones", "y")]
@@ -25,15 +21,7 @@ _STORAGE = {
 }
 
 
-def onnx_file(
-    path: Path | str,
-    nodes: list[tuple[Any, ...]],
-    constants: Mapping[str, Any],
-    outputs: int = 1,
-    states: int = 6,
-    inputs: int = 0,
-    opset: int = 20,
-) -> str:
+def onnx_file(path, nodes, constants, outputs=1, states=6, inputs=0, opset=20):
     """Write an ONNX graph and return its path.
 
     The graph maps "x" (1, states), and "u" (1, inputs) if `inputs` is not 0, to "y" (1, outputs).
@@ -74,13 +62,13 @@ def onnx_file(
     return str(path)
 
 
-def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
+def torch_file(path, tensors):
     """Write a state dict in the format of torch.save, opcode by opcode, and return its path."""
 
-    def text(value: str) -> bytes:
+    def text(value):
         return b"X" + struct.pack("<I", len(value)) + value.encode()
 
-    def whole(*values: int) -> bytes:
+    def whole(*values):
         return b"(" + b"".join(b"J" + struct.pack("<i", each) for each in values) + b"t"
 
     parts = [b"\x80\x02ccollections\nOrderedDict\n)R"]
@@ -105,7 +93,7 @@ def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
     return str(path)
 
 
-def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
+def safetensors_file(path, tensors):
     """Write a safetensors file, a JSON header followed by the numbers, and return its path."""
     header = {}
     body = b""
@@ -125,7 +113,7 @@ def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
     return str(path)
 
 
-def square_layers(*names: str) -> dict[str, np.ndarray]:
+def square_layers(*names):
     """Return the weights of a network 6-6-...-1 whose layers have these names.
 
     The widths permit any order of the layers before the last.
@@ -135,7 +123,7 @@ def square_layers(*names: str) -> dict[str, np.ndarray]:
     return layers | {f"{names[-1]}.weight": np.ones((1, 6))}
 
 
-def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
+def two_layers(name, outputs=1):
     """Return weights and biases of a network with two linear layers, 6-4-outputs.
 
     name: prefix of the tensors' names
@@ -149,7 +137,7 @@ def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
     }
 
 
-def read(path: str | Path, *, states: int = 6, inputs: int = 5, **how: Any) -> Critic:
+def read(path, *, states=6, inputs=5, **how):
     """Return the network in a file as a critic of a plant with these numbers of states and inputs.
 
     how: keyword arguments of `from_network`
@@ -159,7 +147,7 @@ def read(path: str | Path, *, states: int = 6, inputs: int = 5, **how: Any) -> C
     return from_network(game, path, **how)
 
 
-def refusal(path: str | Path, **how: Any) -> str:
+def refusal(path, **how):
     """Return the message with which a file is refused: one line that begins with the path.
 
     how: keyword arguments of `read`

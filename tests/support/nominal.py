@@ -1,13 +1,11 @@
 """The game with the default weights of the commands, 1/nominal² of each state and input."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import hfa
 
 
-def nominal_game(linear: hfa.LinearModel) -> hfa.Game:
+def nominal_game(linear):
     """Return the game on a linear model with the weights diag(1/nominal²)."""
     signals = {**linear.model.states, **linear.model.inputs}
     Q, R = (

@@ -1,12 +1,10 @@
 """The aircraft in examples/ and their trims."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path
 
-from hfa import Model, OperatingPoint, trim
+from hfa import trim
 from trim import release, usual_condition
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples"))
@@ -16,9 +14,7 @@ from gtm import GTM as GTM
 from navion import NAVION as NAVION
 
 
-def trimmed(
-    model: Model, hold: dict[str, float] | None = None, rates: dict[str, float] | None = None
-) -> OperatingPoint:
+def trimmed(model, hold=None, rates=None):
     usual = usual_condition(model)
     # In the book, the pull-up requires more than full throttle.
     condition = release(

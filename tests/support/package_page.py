@@ -1,9 +1,6 @@
 """Files of the example package in docs/extending.md."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 
 from project import ROOT
 
@@ -11,7 +8,7 @@ PAGE = ROOT / "docs" / "extending.md"
 _FILE = re.compile(r"^```\w+\n(# (\S+\.\w+)\n.*?)^```$", re.M | re.S)
 
 
-def write_package(folder: Path) -> None:
+def write_package(folder):
     """Write the code blocks of docs/extending.md that begin with "# FILE" to files in a folder."""
     for text, name in _FILE.findall(PAGE.read_text("utf-8")):
         path = folder / name

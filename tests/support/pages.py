@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import difflib
 import re
-from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from hfa.extend import Report, Table
+from hfa.extend import Table
 
 _FENCE = re.compile(r"^```(\w*)( slow)?\n(.*?)^```$", re.M | re.S)
 #: Groups: a command, its exit code, and its output.
@@ -34,7 +33,7 @@ class Block(NamedTuple):
     slow: bool
 
 
-def blocks_of(document: str) -> list[Block]:
+def blocks_of(document):
     """Return the fenced blocks of a Markdown document in order."""
     return [
         Block(match[1], match[3], document.count("\n", 0, match.start(3)) + 1, match[2] is not None)
@@ -42,7 +41,7 @@ def blocks_of(document: str) -> list[Block]:
     ]
 
 
-def difference(expected: str, actual: str) -> str:
+def difference(expected, actual):
     """Return a diff of an expected and an actual output, or "" if they are equal.
 
     A line "..." in the expected output matches any number of lines. Numbers below 1e-11 are
@@ -61,7 +60,7 @@ def difference(expected: str, actual: str) -> str:
     )
 
 
-def printed_matrices(report: Report) -> dict[str, np.ndarray]:
+def printed_matrices(report):
     """Return the numbers that a report prints in its tables of matrices, by name of the matrix."""
     names = ("P", "K", "Ak", "Bk", "Ck", "Dk")
     return {
@@ -71,7 +70,7 @@ def printed_matrices(report: Report) -> dict[str, np.ndarray]:
     }
 
 
-def looks_like(picture: Path | BinaryIO, other: Path | BinaryIO) -> bool:
+def looks_like(picture, other):
     """Return whether two pictures have equal size and fewer than 0.5 % clearly different pixels.
 
     The tolerance allows for another date and another rendering of letters.

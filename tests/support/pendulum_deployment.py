@@ -1,15 +1,9 @@
 """Deployment file of a policy for the pendulum in examples/pendulum.py."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 
 
-def pendulum_deployment(
-    folder: Path, tables: str, *, observed: str = "rate", gain: float = -0.98
-) -> Path:
+def pendulum_deployment(folder, tables, *, observed="rate", gain=-0.98):
     """Write a deployment file of the policy u = -1.98 angle + gain observed, and return its path.
 
     tables: further tables of the file, as TOML

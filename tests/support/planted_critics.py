@@ -1,34 +1,32 @@
 """Solutions of a game for tests with wrong critics: the exact one, and another Riccati root."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
 from controller import basis
-from hfa import Game, Solution, solve
+from hfa import solve
 
 
-def weights_of(P: np.ndarray) -> np.ndarray:
+def weights_of(P):
     return basis("quadratic", len(P)).weights(P)
 
 
 @cache
-def solved(game: Game) -> Solution:
+def solved(game):
     return solve(game)
 
 
-def value(game: Game) -> np.ndarray:
+def value(game):
     return solved(game).P
 
 
-def gain(game: Game) -> np.ndarray:
+def gain(game):
     return solved(game).K
 
 
-def other_root(game: Game) -> np.ndarray:
+def other_root(game):
     """Return a root P of the Riccati equation that does not stabilize, (n, n).
 
     Compared with the stabilizing root, one real closed-loop eigenvalue is reflected at the

@@ -1,7 +1,5 @@
 """The folders of the project and the source code of its packages."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,10 +1,5 @@
 """Random states and inputs in wider ranges than those of trims, and equations as CasADi columns."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
@@ -24,7 +19,7 @@ _LOWEST_INPUT = Input(0.0, -0.35, -0.35, -0.5, -0.5)
 _HIGHEST_INPUT = Input(200.0, 0.35, 0.35, 0.5, 0.5)
 
 
-def random_points(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def random_points(count, seed):
     """Return random states (count, 7) and inputs (count, 5), uniform between fixed limits."""
     rng = np.random.default_rng(seed)
     states = rng.uniform(_LOWEST_STATE, _HIGHEST_STATE, (count, len(_LOWEST_STATE)))
@@ -32,41 +27,39 @@ def random_points(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return states, inputs
 
 
-def symbols() -> list[ca.SX]:
+def symbols():
     """Return new CasADi symbols [x (7,), u (5,), p (18,)]."""
     return _AIRCRAFT.layout.symbols("x", "u", "p")
 
 
-def by_name(x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[State, Input, Parameters]:
+def by_name(x, u, p):
     """Return columns of states, inputs and parameters as named tuples."""
     return State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p))
 
 
-def wind_of(values: Sequence[Any] = (), **named: Any) -> Any:
+def wind_of(values=(), **named):
     """Return a record of all winds, ft/s: values in the order of `WINDS`, or named ones."""
     values = [*values] or [named.get(name, 0.0) for name in WINDS]
     return _AIRCRAFT.layout.record("w", values)
 
 
-def equations(
-    x: State, u: Input, p: Parameters, dynamics: Any, wind: Any = None
-) -> tuple[Any, Any]:
+def equations(x, u, p, dynamics, wind=None):
     """Return the rates and outputs of these dynamics, each by name."""
     return hfa.aircraft(dynamics).equations(x, u, p, wind_of() if wind is None else wind)
 
 
-def rates(x: State, u: Input, p: Parameters, dynamics: Any, wind: Any = None) -> State:
+def rates(x, u, p, dynamics, wind=None):
     """Return dX/dt of these dynamics as a named tuple."""
     found = equations(x, u, p, dynamics, wind)[0]
     return State(*(found[name] for name in STATES))
 
 
-def state_rates(x: ca.SX, u: ca.SX, p: ca.SX, dynamics: Any, wind: Any = None) -> ca.SX:
+def state_rates(x, u, p, dynamics, wind=None):
     """Return dX/dt of these dynamics as a CasADi column, (7,)."""
     return ca.vertcat(*rates(*by_name(x, u, p), dynamics, wind))
 
 
-def rates_function(dynamics: Any) -> ca.Function:
+def rates_function(dynamics):
     """Return the CasADi Function (x, u, p) -> dX/dt of these dynamics."""
     vectors = symbols()
     return ca.Function("rates", vectors, [state_rates(*vectors, dynamics)])

@@ -1,59 +1,52 @@
 """Fixtures that several test files share."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
-import numpy as np
 import pytest
 from known_models import exact_gain, game_at, model_at
 
 import hfa
-from hfa import Game, Model, OperatingPoint
 from hfa.paper import default_parameters
-from hfa_model import VARIANTS, Parameters
+from hfa_model import VARIANTS
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """Create an empty folder, run the test in it, and return its path."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture(scope="session")
-def parameter_set() -> Any:
+def parameter_set():
     return default_parameters()
 
 
 @pytest.fixture(scope="session")
-def parameters(parameter_set: Any) -> Parameters:
+def parameters(parameter_set):
     return parameter_set.values
 
 
 @pytest.fixture(scope="session", params=sorted(VARIANTS))
-def aircraft(request: pytest.FixtureRequest, parameters: Parameters) -> Model:
+def aircraft(request, parameters):
     """Return the identified aircraft. The test runs once for each dynamics."""
     return hfa.aircraft(request.param, parameters)
 
 
 @pytest.fixture(scope="session")
-def published_aircraft(parameters: Parameters) -> Model:
+def published_aircraft(parameters):
     return hfa.aircraft("published", parameters)
 
 
 @pytest.fixture(scope="session")
-def point() -> OperatingPoint:
+def point():
     """Return the trim at a dihedral angle of 15 deg."""
     return model_at(15.0).point
 
 
 @pytest.fixture(scope="session")
-def game() -> Game:
+def game():
     return game_at(15.0)
 
 
 @pytest.fixture(scope="session")
-def gain() -> np.ndarray:
+def gain():
     return exact_gain(15.0)

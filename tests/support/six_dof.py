@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from ambiance import Atmosphere
@@ -26,21 +26,21 @@ class Air(NamedTuple):
     pressure: float
 
 
-def air(altitude: float, warmer: float = 0.0) -> Air:
+def air(altitude, warmer=0.0):
     """Return the air at an altitude, m, warmer by some K than the standard."""
     there = Atmosphere(altitude)
     pressure, warmth = float(there.pressure[0]), float(there.temperature[0]) + warmer
     return Air(pressure / (_GAS * warmth), math.sqrt(1.4 * _GAS * warmth), pressure)
 
 
-def calibrated(speed: float, at: Air) -> float:
+def calibrated(speed, at):
     """Return the calibrated airspeed, kt, of subsonic flow at a true airspeed, m/s."""
     impact = at.pressure * ((1.0 + 0.2 * (speed / at.sound) ** 2) ** 3.5 - 1.0)
     mach = math.sqrt(5.0 * ((impact / _PRESSURE0 + 1.0) ** (2.0 / 7.0) - 1.0))
     return mach * _SOUND0 / KNOT
 
 
-def equivalent(speed: float, at: Air) -> float:
+def equivalent(speed, at):
     """Return the equivalent airspeed, kt."""
     return speed * math.sqrt(at.density / _DENSITY0) / KNOT
 
@@ -48,7 +48,7 @@ def equivalent(speed: float, at: Air) -> float:
 class SixDof:
     """An aircraft with the entries of a table in SI units and rad, about body axes."""
 
-    def __init__(self, table: Mapping[str, Any], cg: float | None = None, warmer: float = 0.0):
+    def __init__(self, table, cg=None, warmer=0.0):
         self.of = {key: each for key, each in table.items() if not isinstance(each, Mapping)}
         for group in table.values():
             self.of |= group if isinstance(group, Mapping) else {}
@@ -58,10 +58,10 @@ class SixDof:
         xz = of.get("Ixz", 0.0)
         self.inertia = np.array([[of["Ixx"], 0, -xz], [0, of["Iyy"], 0], [-xz, 0, of["Izz"]]])
 
-    def get(self, name: str) -> float:
+    def get(self, name):
         return self.of.get(name, 0.0)
 
-    def coefficients(self, flow: np.ndarray, rates: np.ndarray, u: np.ndarray, at: Air) -> dict:
+    def coefficients(self, flow, rates, u, at):
         """Return the steady coefficients by name; without C_alphadot.
 
         flow: alpha, beta and speed
@@ -79,7 +79,7 @@ class SixDof:
         found["CD"] += self.get("CD_CL2") * found["CL"] ** 2
         return found
 
-    def loads(self, flow: np.ndarray, rates: np.ndarray, u: np.ndarray, at: Air) -> Any:
+    def loads(self, flow, rates, u, at):
         """Return force without weight and moment about the center of gravity, body axes, and CL, CD
         and the aerodynamic pitching moment; all without C_alphadot.
         """
@@ -98,7 +98,7 @@ class SixDof:
         line = point + np.array([0.0, 0.0, -self.get("thrust_height")])
         return aerodynamic + thrust, of_air + np.cross(line, thrust), C["CL"], C["CD"], of_air[1]
 
-    def rates(self, x: np.ndarray, u: np.ndarray, altitude: float) -> np.ndarray:
+    def rates(self, x, u, altitude):
         """Return the rates of x = (u, v, w, p, q, r, roll, pitch)."""
         velocity, omega, (phi, theta) = x[:3], x[3:6], x[6:]
         speed = float(np.linalg.norm(velocity))

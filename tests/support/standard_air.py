@@ -1,15 +1,11 @@
 """Standard air by the formulas of the U.S. Standard Atmosphere 1976, for numbers and expressions."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import casadi as ca
 
 _GAS_CONSTANT = 8314.32 / 28.9644  # J/(kg K)
 
 
-def density(altitude: Any) -> Any:
+def density(altitude):
     """Return the density of the air, slug/ft³, at an altitude in ft, up to 65,000 ft."""
     metres = altitude * 0.3048
     height = 6_356_766.0 * metres / (6_356_766.0 + metres)

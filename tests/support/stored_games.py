@@ -51,14 +51,14 @@ class Stored(NamedTuple):
     delta_min: float
 
 
-def units_of_answers(game: Game, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def units_of_answers(game, P):
     """Return the units (n,) and (m,) in which the diagonal of P and the price of the inputs are 1."""
     units = (np.sqrt(np.diag(each).clip(0.0)) for each in (P, game.excess_weight(P)))
     of_states, of_inputs = (np.where(unit > 0.0, unit, 1.0) for unit in units)
     return of_states, of_inputs
 
 
-def errors(stored: Stored, P: np.ndarray, K: np.ndarray) -> tuple[float, float]:
+def errors(stored, P, K):
     """Return the largest errors of P and K in these units, that of K relative to K if K is large."""
     z, u = units_of_answers(stored.game, stored.P)
     of_P = np.abs((P - stored.P) / np.outer(z, z)).max()
@@ -67,12 +67,12 @@ def errors(stored: Stored, P: np.ndarray, K: np.ndarray) -> tuple[float, float]:
 
 
 @cache
-def _file() -> dict[str, np.ndarray]:
+def _file():
     with np.load(FILE) as loaded:
         return dict(loaded)
 
 
-def stored(kind: str, number: int) -> Stored:
+def stored(kind, number):
     """Return a stored game."""
     file = _file()
     index = KINDS.index(kind) * EACH + number
@@ -88,13 +88,13 @@ def stored(kind: str, number: int) -> Stored:
 
 
 @cache
-def _first_entries() -> np.ndarray:
+def _first_entries():
     """Return the place of the first entry of each game."""
     n, m, k = _file()["sizes"].astype(int).T
     return np.cumsum([0, *(n * (n + m + k) + (n + m) * n + m * m)])
 
 
-def _game(file: dict[str, np.ndarray], index: int) -> Game:
+def _game(file, index):
     n, m, k = map(int, file["sizes"][index])
     shapes = {"A": (n, n), "B": (n, m), "E": (n, k), "Q": (n, n), "R": (m, m), "N": (n, m)}
     at = _first_entries()[index]
@@ -107,7 +107,7 @@ def _game(file: dict[str, np.ndarray], index: int) -> Game:
     return Game(**matrices, delta=float(file["delta"][index]), **time)
 
 
-def in_units(game: Game, rng: np.random.Generator, base: float, most: int) -> tuple[Game, Units]:
+def in_units(game, rng, base, most):
     """Return a game in other units of states, inputs, disturbance, time and cost, and the units.
 
     The units are powers of a base from `base`^-`most` to `base`^`most`.

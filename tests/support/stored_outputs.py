@@ -3,8 +3,6 @@
 `python tests/support/stored_outputs.py` in the project's folder stores them anew.
 """
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import hashlib
@@ -14,9 +12,7 @@ import platform
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -32,13 +28,13 @@ _LEAVES = 40
 _LONGEST = 8
 
 
-def cases() -> dict[str, dict[str, list[str]]]:
+def cases():
     """Return the stored commands: kind -> name -> words."""
     content = tomllib.loads((FOLDER / "commands.toml").read_text(encoding="utf-8"))
     return {kind: {name: line.split() for name, line in of.items()} for kind, of in content.items()}
 
 
-def prepare(folder: Path) -> None:
+def prepare(folder):
     """Write the input files of the commands into a folder."""
     values = np.random.default_rng(5)
     A = np.array([[0.0, 1.0], [2.0, -0.3]])
@@ -58,7 +54,7 @@ def prepare(folder: Path) -> None:
     np.savez(folder / "bent.npz", K=K * [1, *[np.pi / 180] * 5])
 
 
-def run(words: list[str], folder: Path) -> tuple[int, str]:
+def run(words, folder):
     """Return exit code and output of `hfa words...` in a folder; examples/ is the project's."""
     from hfa.main import main
 
@@ -69,7 +65,7 @@ def run(words: list[str], folder: Path) -> tuple[int, str]:
     return code, out.getvalue().replace(f"{ROOT}/", "")
 
 
-def leaves(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(content, path=""):
     """Yield path and value of each leaf of a JSON output. Long lists of numbers are summarized."""
     if isinstance(content, dict):
         for key, value in content.items():
@@ -81,7 +77,7 @@ def leaves(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path, content
 
 
-def _list_leaves(content: list[Any], path: str) -> Iterator[tuple[str, Any]]:
+def _list_leaves(content, path):
     with contextlib.suppress(TypeError, ValueError):
         array = np.asarray(content, dtype=float)
         if array.size > _LONGEST:
@@ -95,16 +91,16 @@ def _list_leaves(content: list[Any], path: str) -> Iterator[tuple[str, Any]]:
         yield from leaves(content[index], f"{path}[{index}]")
 
 
-def json_of(words: list[str], folder: Path) -> dict[str, Any]:
+def json_of(words, folder):
     """Return the exit code and the leaves of the JSON output of a command."""
     code, out = run([*words, "--json"], folder)
     return {"exit": code, **dict(leaves(json.loads(out) if out.strip() else {}))}
 
 
-def flight_of(words: list[str], folder: Path) -> dict[str, Any]:
+def flight_of(words, folder):
     """Return hash and last row of each array of the file that a flight writes."""
     code, _ = run([*words, "-o", "flight.npz"], folder)
-    stored: dict[str, Any] = {"exit": code}
+    stored = {"exit": code}
     with np.load(folder / "flight.npz") as arrays:
         for name in sorted(arrays.files):
             array = arrays[name]
@@ -116,14 +112,14 @@ def flight_of(words: list[str], folder: Path) -> dict[str, Any]:
     return stored
 
 
-def help_of(words: list[str], folder: Path) -> str:
+def help_of(words, folder):
     """Return the help text of a command."""
     with contextlib.suppress(SystemExit):
         return run(words, folder)[1]
     return ""
 
 
-def certificate_of(words: list[str], folder: Path) -> dict[str, Any]:
+def certificate_of(words, folder):
     """Return whether a stored certificate, and each changed copy of it, is accepted by a check.
 
     words: name of the file in certificates/, then the options that give the subject
@@ -131,7 +127,7 @@ def certificate_of(words: list[str], folder: Path) -> dict[str, Any]:
     name, *subject = words
     content = json.loads((FOLDER / "certificates" / name).read_text(encoding="utf-8"))
     check = ["prove", "--check", "changed.json", *subject]
-    found: dict[str, Any] = {"unchanged": _exit_of(content, check, folder)}
+    found = {"unchanged": _exit_of(content, check, folder)}
     for part in ("statement", "witness"):
         places = list(_places(content[part], (part,)))
         for place in places[:: max(1, len(places) // _LEAVES)]:
@@ -144,7 +140,7 @@ def certificate_of(words: list[str], folder: Path) -> dict[str, Any]:
     return found
 
 
-def _exit_of(content: dict[str, Any], check: list[str], folder: Path) -> int:
+def _exit_of(content, check, folder):
     body = {key: content[key] for key in content if key not in ("digest", "provenance", "checksum")}
     head = json.dumps(body)[:-1]
     digest = hashlib.sha256(head.encode()).hexdigest()
@@ -155,7 +151,7 @@ def _exit_of(content: dict[str, Any], check: list[str], folder: Path) -> int:
         return run(check, folder)[0]
 
 
-def _places(content: Any, place: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
+def _places(content, place):
     if isinstance(content, dict):
         for key, value in content.items():
             yield from _places(value, (*place, key))
@@ -166,7 +162,7 @@ def _places(content: Any, place: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
         yield place
 
 
-def _changed(leaf: Any) -> Any:
+def _changed(leaf):
     if isinstance(leaf, bool):
         return not leaf
     if isinstance(leaf, str):
@@ -177,7 +173,7 @@ def _changed(leaf: Any) -> Any:
 OUTPUTS = {"json": json_of, "flights": flight_of, "help": help_of, "certificates": certificate_of}
 
 
-def machine() -> str:
+def machine():
     """Return what the last bits of a flight depend on: processor and libraries."""
     processor = platform.processor() or platform.machine()
     with contextlib.suppress(OSError):
@@ -187,19 +183,19 @@ def machine() -> str:
     return f"{processor}, {libraries}"
 
 
-def stored(kind: str) -> dict[str, Any]:
+def stored(kind):
     """Return the stored outputs of a kind, by name of the command."""
-    content: dict[str, Any] = json.loads((FOLDER / f"{kind}.json").read_text(encoding="utf-8"))
+    content = json.loads((FOLDER / f"{kind}.json").read_text(encoding="utf-8"))
     return content
 
 
-def main(kinds: list[str]) -> None:
+def main(kinds):
     """Store the outputs of the commands of each kind."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         prepare(folder)
         for kind in kinds or OUTPUTS:
-            outputs: dict[str, Any] = {"machine": machine()} if kind == "flights" else {}
+            outputs = {"machine": machine()} if kind == "flights" else {}
             for case, words in cases()[kind].items():
                 outputs[case] = OUTPUTS[kind](words, folder)
             path = FOLDER / f"{kind}.json"

@@ -3,16 +3,12 @@
 `make fuzz` tries many examples of each property, `make test` a few that are the same in every run.
 """
 
-from __future__ import annotations
-
 import copy
 import io
 import json
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 from hypothesis import HealthCheck, settings, strategies as st
@@ -74,34 +70,34 @@ ARRAYS = arrays.arrays(
 _TOKENS = re.compile(r'"[^"\n]*"|[-+.\w]+|\s+|.', re.DOTALL)
 
 
-def changed_bytes(content: bytes) -> st.SearchStrategy[bytes]:
+def changed_bytes(content):
     """Return content in which some bytes are replaced by others."""
 
-    def changed(at: int, length: int, new: bytes) -> bytes:
+    def changed(at, length, new):
         return content[:at] + new + content[at + length :]
 
     place = st.integers(0, len(content))
     return st.builds(changed, place, st.integers(0, 32) | place, st.binary(max_size=8))
 
 
-def changed_text(content: bytes) -> st.SearchStrategy[bytes]:
+def changed_text(content):
     """Return text in which one to three words or numbers are replaced."""
     tokens = _TOKENS.findall(content.decode("latin-1"))
     places = [number for number, token in enumerate(tokens) if not token.isspace()] or [0]
 
-    def changed(new: Mapping[int, str]) -> bytes:
+    def changed(new):
         words = [new.get(number, token) for number, token in enumerate(tokens)]
         return "".join(words).encode("utf-8", "replace")
 
     return st.dictionaries(st.sampled_from(places), TEXTS, min_size=1, max_size=3).map(changed)
 
 
-def changed_arrays(content: bytes) -> st.SearchStrategy[bytes]:
+def changed_arrays(content):
     """Return a .npz file in which one to three arrays are replaced, removed or added."""
     with np.load(io.BytesIO(content)) as loaded:
         given = dict(loaded)
 
-    def changed(new: Mapping[str, Any]) -> bytes:
+    def changed(new):
         stream = io.BytesIO()
         kept = {name: array for name, array in (given | new).items() if array is not None}
         np.savez(stream, **kept)
@@ -111,7 +107,7 @@ def changed_arrays(content: bytes) -> st.SearchStrategy[bytes]:
     return st.dictionaries(names, st.none() | ARRAYS, min_size=1, max_size=3).map(changed)
 
 
-def _places(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def _places(data, path=()):
     """Yield the path of each entry of JSON data."""
     if isinstance(data, dict | list):
         for key, value in data.items() if isinstance(data, dict) else enumerate(data):
@@ -119,10 +115,10 @@ def _places(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
             yield from _places(value, (*path, key))
 
 
-def changed_entry(data: Any, values: st.SearchStrategy[Any] = VALUES) -> st.SearchStrategy[Any]:
+def changed_entry(data, values=VALUES):
     """Return JSON data in which one entry has another value."""
 
-    def changed(path: tuple[Any, ...], value: Any) -> Any:
+    def changed(path, value):
         whole = copy.deepcopy(data)
         holder = whole
         for key in path[:-1]:
@@ -133,7 +129,7 @@ def changed_entry(data: Any, values: st.SearchStrategy[Any] = VALUES) -> st.Sear
     return st.builds(changed, st.sampled_from(list(_places(data))), values)
 
 
-def changed_file(name: str, content: bytes) -> st.SearchStrategy[bytes]:
+def changed_file(name, content):
     """Return a file that is damaged in a way that its suffix suggests, or anywhere."""
     ways = [changed_bytes(content)]
     if name.endswith(".npz"):

@@ -1,11 +1,7 @@
 """Simulated faults of the system: a full disk, and a home folder without write access."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from cli import SCRIPT, hfa_process
@@ -17,7 +13,7 @@ on_linux = pytest.mark.skipif(
 )
 
 
-def shell(text: str, *words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def shell(text, *words, folder):
     """Run a shell command in a folder. In its text, "$0" "$@" runs `hfa` with the given words."""
     return subprocess.run(
         ["sh", "-c", text, SCRIPT, *words], cwd=folder, capture_output=True, text=True, timeout=20
@@ -33,7 +29,7 @@ NO_HOME = {
 }
 
 
-def works_without_a_home(tmp_path: Path, words: str, home: str) -> None:
+def works_without_a_home(tmp_path, words, home):
     """Assert that a command succeeds without a usable home folder and writes nothing into it.
 
     home: kind of the fault, a key of NO_HOME
@@ -58,7 +54,7 @@ def works_without_a_home(tmp_path: Path, words: str, home: str) -> None:
 
 
 @pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
+def small_disk(tmp_path):
     """Yield the path of a disk of 400 KB. The test is skipped if no disk can be mounted."""
     mounted = subprocess.run(
         ["mount", "-t", "tmpfs", "-o", "size=400k", "none", tmp_path], capture_output=True
@@ -69,7 +65,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "--lazy", tmp_path], check=True)
 
 
-def has_no_room(small_disk: Path, words: str, left: int) -> None:
+def has_no_room(small_disk, words, left):
     """Assert that a command fails in one line and leaves no file if the disk has `left` KB free."""
     (small_disk / "full").write_bytes(b"x" * (400 - left) * 1024)
     done = hfa_process(*words.split(), folder=small_disk)

@@ -1,9 +1,6 @@
 """Assertions on outputs in SI units, for commands of the core and of extensions."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 
 import numpy as np
 from cli import assert_refused, hfa
@@ -13,7 +10,7 @@ from hfa.main import BAD_INPUT
 FOOT = 0.3048
 
 
-def assert_no_feet(*words: str, folder: Path) -> None:
+def assert_no_feet(*words, folder):
     """Assert that the text and the picture of a command with --units si contain no English unit.
 
     The texts of the picture are read from the comments that matplotlib writes into an .svg file.
@@ -27,7 +24,7 @@ def assert_no_feet(*words: str, folder: Path) -> None:
     assert not [text for text in texts if re.search(r"\b(ft|slug|lbf)\b", text)]
 
 
-def assert_store_in_metres(*words: str, name: str, folder: Path) -> None:
+def assert_store_in_metres(*words, name, folder):
     """Assert that a store in SI units is converted and cannot be resumed in English units.
 
     name: array whose first three columns are a speed, an angle and a length

@@ -13,16 +13,9 @@ without circulation. The lift at the quarter chord already includes this moment,
 subtracted here, together with Theodorsen's -m u (b/2) ω_y.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import casadi as ca
 import numpy as np
 from lagrangian import (
-    Flow,
-    Panel,
-    Winds,
     at_state,
     euler_lagrange,
     flow_of,
@@ -32,16 +25,12 @@ from lagrangian import (
     virtual_work,
 )
 
-from hfa_model import State
-
 #: (A_1, A_2), (b_1, b_2): Jones's approximations of Wagner's and Küssner's functions.
 MOTION = ((0.165, 0.335), (0.0455, 0.3))
 GUST = ((0.5, 0.5), (0.13, 1.0))
 
 
-def derived_unsteady(
-    x: Any, u: Any, density: Any, p: Any, winds: Winds
-) -> tuple[State, dict[str, ca.SX]]:
+def derived_unsteady(x, u, density, p, winds):
     """Return the rates of the seven states, and of the lag states by name, from the second derivation.
 
     The arguments are named states and inputs (SX), as in `hfa_model.unsteady.UNSTEADY`. The drag
@@ -51,9 +40,9 @@ def derived_unsteady(
     v = ca.SX.sym("v", 4)
     panels = panels_at(r, v, p)
     center = ca.jtimes(sum(panel.position for panel in panels) / 3, r, v)
-    force: Any = ca.vertcat(0, 0, 0, -2 * p.hinge_damping * v[3])
-    carried: Any = 0
-    lag_rates: dict[str, ca.SX] = {}
+    force = ca.vertcat(0, 0, 0, -2 * p.hinge_damping * v[3])
+    carried = 0
+    lag_rates = {}
     lifts = []
     for name, panel, side in zip(("center", "outer", "outer"), panels, (0, 1, -1), strict=True):
         wind = winds.outer if side else winds.center
@@ -105,7 +94,7 @@ def derived_unsteady(
     return seven, lags
 
 
-def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, Any, Any], ...]:
+def _surfaces(name, x, u, p):
     """Return a tuple for the wing and one for the tail of a panel.
 
     Each tuple contains:
@@ -126,7 +115,7 @@ def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, A
     )
 
 
-def _velocity_at(panel: Panel, place: ca.SX, air: ca.SX, r: ca.SX, v: ca.SX) -> ca.SX:
+def _velocity_at(panel, place, air, r, v):
     """Return the velocity of a point of a panel relative to the air, in panel axes.
 
     place: the point, in panel axes
@@ -134,23 +123,12 @@ def _velocity_at(panel: Panel, place: ca.SX, air: ca.SX, r: ca.SX, v: ca.SX) -> 
     return panel.axes.T @ (ca.jtimes(panel.position + panel.axes @ place, r, v) - air)
 
 
-def _flow(panel: Panel, behind: Any, air: ca.SX, r: ca.SX, v: ca.SX) -> Flow:
+def _flow(panel, behind, air, r, v):
     along = _velocity_at(panel, ca.vertcat(-behind, 0, 0), air, r, v)
     return flow_of(along[0], along[1], along[2])
 
 
-def _along_the_span(
-    panel: Panel,
-    air: ca.SX,
-    density: Any,
-    slope: Any,
-    x: Any,
-    r: ca.SX,
-    v: ca.SX,
-    p: Any,
-    side: int,
-    lag_rates: dict[str, Any],
-) -> ca.SX:
+def _along_the_span(panel, air, density, slope, x, r, v, p, side, lag_rates):
     """Return the generalized force (4,) of a lift that increases linearly along an outer panel.
 
     The lift is 0 at the middle of the panel. The integral over the span uses Gauss-Legendre
@@ -166,7 +144,7 @@ def _along_the_span(
         followed = getattr(x, f"lag_tip_{i}")
         tip += p.lift_lag * share * (followed - angle)
         lag_rates[f"lag_tip_{i}"] = rate * flow.speed / (p.chord / 2) * (angle - followed)
-    work: Any = ca.SX(4, 1)
+    work = ca.SX(4, 1)
     for node, weight in zip(*np.polynomial.legendre.leggauss(3), strict=True):
         lift = (
             density * flow.speed**2 / 2 * p.chord * p.panel_span / 2 * weight * slope * tip * node
@@ -176,9 +154,7 @@ def _along_the_span(
     return work
 
 
-def _carried(
-    panel: Panel, air: ca.SX, density: Any, r: ca.SX, v: ca.SX, p: Any
-) -> tuple[ca.SX, ca.SX]:
+def _carried(panel, air, density, r, v, p):
     """Return the kinetic energy of the air carried by a panel's wing and tail, and a moment.
 
     The moment (3,), in panel axes, cancels Kirchhoff's moment and adds Theodorsen's -m u (b/2) ω_y.
