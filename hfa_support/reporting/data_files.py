@@ -149,24 +149,20 @@ def _csv(records: Table, about: str) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow((*records.header, "about"))
     for number, row in enumerate(records.rows):
-        cells = [
-            _digits(cell) if isinstance(cell, (float, np.floating)) else _inert(cell)
-            for cell in row
-        ]
-        writer.writerow([*cells, about if number == 0 else ""])
+        writer.writerow([*map(_cell, row), about if number == 0 else ""])
     return stream.getvalue()
 
 
-def _inert(cell: Any) -> Any:
-    """Return the content of a CSV cell in a form that spreadsheets do not read as a formula."""
+def _cell(cell: Any) -> Any:
+    """Return the content of a CSV cell, in which numbers have all digits."""
+    if isinstance(cell, (float, np.floating)):
+        # The library polars does not parse "nan" as a number.
+        return float(cell) if cell == cell else "NaN"
+    return _inert(cell) if isinstance(cell, str) else cell
+
+
+def _inert(text: str) -> str:
+    """Return a text in a form that spreadsheets do not read as a formula."""
     # A text that looks like a formula gets an apostrophe before the first character.
     formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
-    if isinstance(cell, str) and re.match(formula, cell):
-        return f"'{cell}"
-    return cell
-
-
-def _digits(value: float | np.floating) -> str:
-    """Return a number as text in full precision."""
-    # The text for nan is "NaN". The library polars does not parse "nan" as a number.
-    return "NaN" if np.isnan(value) else repr(float(value))
+    return f"'{text}" if re.match(formula, text) else text

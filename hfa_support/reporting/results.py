@@ -21,6 +21,8 @@ RootTable = np.ndarray
 #: A named tuple of numbers, or None.
 Record = Any
 
+_SCALARS = {float, int, bool, str, type(None)}
+
 
 class Result:
     """Base class of dataclasses that are stored as files or as parts of other results.
@@ -67,6 +69,8 @@ def plain(value: Any) -> Any:
     - complex arrays: real arrays with a last axis (re, im)
     - real arrays and other values: unchanged, also inf and nan, which JSON files store as null
     """
+    if type(value) in _SCALARS:  # tested first: most values are numbers
+        return value
     if isinstance(value, Result):
         schema = {"schema": value.schema} if value.schema else {}
         return schema | plain(value._entries())

@@ -508,7 +508,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 self.A[i].ravel(),
                 self.B[i].ravel(),
             )
-            return *self.values[i], *outcome, *np.concatenate(numbers)
+            return *self.values[i], *outcome, *np.concatenate(numbers).tolist()
 
         return Table(tuple(header), RowsMade(len(self.reasons), row))
 
