@@ -208,11 +208,11 @@ def rigid_aircraft(
         source=source,
         about=about,
         domain=domain or Domain(),
-        trimming=Trimming(begin=partial(_coordinated, GRAVITY[system])),
+        trimming=Trimming(begin=partial(coordinated, GRAVITY[system])),
     )
 
 
-def _coordinated(gravity: float, imposed: Mapping[str, Any]) -> dict[str, Any]:
+def coordinated(gravity: float, imposed: Mapping[str, Any]) -> dict[str, Any]:
     """Return the initial bank and body rates of a coordinated turn, tan φ = V ω / g.
 
     imposed: name -> imposed number or array, with speed and turn rate; or with a load factor above

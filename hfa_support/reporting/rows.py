@@ -246,9 +246,9 @@ def matrix_of(sheets: Sequence[Sheet]) -> Table:
     """Return the table of many sheets, a row for each, with a column "NAME [UNIT]" for each name.
 
     Angles are in degrees, as a sheet prints them. A figure without a unit has a column "NAME", and
-    a level one of its own, "NAME level".
+    a level one of its own, "NAME level". A column that a sheet adds follows its neighbor there.
     """
-    columns: dict[str, None] = {}
+    columns: list[str] = []
     entries: list[dict[str, Any]] = []
     for sheet in sheets:
         entry: dict[str, Any] = {}
@@ -260,7 +260,11 @@ def matrix_of(sheets: Sequence[Sheet]) -> Table:
             if row.level is not None:
                 entry[f"{row.name} level"] = row.level
         entries.append(entry)
-        columns |= dict.fromkeys(entry)
+        place = 0
+        for name in entry:
+            if name not in columns:
+                columns.insert(place, name)
+            place = columns.index(name) + 1
     return Table(
         tuple(columns), [tuple(entry.get(name, "") for name in columns) for entry in entries]
     )

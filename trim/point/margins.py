@@ -105,8 +105,8 @@ def all_margins(
 ) -> dict[str, Margin]:
     """Return the margins of a trim, name -> `Margin`, for all states, relevant outputs and inputs.
 
-    An output is relevant if the trim imposes the output, the model limits it, or the output
-    replaces a state.
+    An output is relevant if the trim or the default trim imposes the output, the model limits it,
+    or the output replaces a state.
 
     condition: condition of the trim
     x: state at the trim, by name
@@ -117,7 +117,7 @@ def all_margins(
     outputs = []
     for name, signal in model.outputs.items():
         limited = math.isfinite(signal.min) or math.isfinite(signal.max)
-        if limited or name in model.variables or name in condition.imposed:
+        if limited or name in {*model.variables, *model.trim, *condition.imposed}:
             outputs.append(name)
     values = model.outputs_at(x, u, outputs) | x._asdict() | u._asdict()
     limits = {name: condition.limits_of(name) for name in (*model.states, *outputs, *model.inputs)}

@@ -60,11 +60,14 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     """Return the sheet. Of a point that is not a trim, it has neither loads nor modes."""
     point = trimmed.given
     assumed = [ASSUMED] * any(each.nearer and each.assumed for each in point.margins.values())
-    flight = [*flight_rows(trimmed), balance_row(point)]
+    variables = variable_rows(trimmed)
+    imposed = {row.name for row in variables}
+    flight = [row for row in flight_rows(trimmed) if row.name not in imposed]
+    flight.append(balance_row(point))
     groups: list[tuple[str, Any, Any]] = [
         ("condition", flight, same_as_the_table(trimmed)),
         ("configuration", *configuration_rows(trimmed)),
-        (VARIABLES, variable_rows(trimmed), assumed),
+        (VARIABLES, variables, assumed),
         ("limits", limit_rows(nearest_first(trimmed)), ()),
     ]
     if point.ok:

@@ -16,7 +16,7 @@ import numpy as np
 
 from hfa_aircraft.about import About, Domain, Source, Trimming
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid.aircraft import DEVIATION
+from hfa_aircraft.rigid.aircraft import DEVIATION, GRAVITY, coordinated
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
 from hfa_aircraft.rigid.motion import STATES, inertia_doubt
 from hfa_aircraft.signals import ISA, Signal
@@ -628,7 +628,8 @@ class _Declaration:
     def _beginning(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
         """Return a function from the imposed values to the initial values of a trim search."""
         # Both are mappings by name. The angle of attack follows from the lift coefficient of level
-        # flight. Propellers begin at a typical advance ratio.
+        # flight, and bank and body rates from a turn to the right. Propellers begin at a typical
+        # advance ratio.
         usual_speed = self.usual_speed
         propellers = [
             file for file in self.parts.engines if file.has_propeller and not file.governed
@@ -651,6 +652,7 @@ class _Declaration:
                 stated = _stated_speed(file)
                 within = np.clip(rpm, 0.45 * stated, 0.99 * stated) if stated else rpm
                 values[f"rpm{file.number}"] = within
+            values |= coordinated(GRAVITY["english"], imposed)
             return values | self._of_stopped_engines({**imposed, **values})
 
         return begin

@@ -1,0 +1,115 @@
+"""The conditions of examples/737_conditions.csv, each flown by JSBSim itself."""
+
+import csv
+import json
+import math
+
+import numpy as np
+import pytest
+from cli import hfa as command
+from jsbsim_reference import AXES, measured
+from project import ROOT
+from small_aircraft import needs_jsbsim
+
+from hfa import load_model
+
+pytestmark = [needs_jsbsim, pytest.mark.slow]
+#: Radius of an almost flat Earth, ft: the model assumes a flat one.
+FLAT = 1e12
+RESULTS = {"stall": "stalled", "too slow": "no trim"}
+
+
+@pytest.fixture(scope="module")
+def book(tmp_path_factory):
+    """Return the folder of matrix.csv, and of again.csv, computed of it."""
+    path = tmp_path_factory.mktemp("matrix")
+    given = ROOT / "examples/737_conditions.csv"
+    for name in ("matrix.csv", "again.csv"):
+        words = ("--aircraft", "jsbsim:737", "--conditions", str(given))
+        run = command("trim", *words, "-q", "-o", str(path / name))
+        assert run.code == 1, run.err
+        assert run.out.startswith("12 of 14 conditions are trimmed, 1 stalled, 1 without a trim\n")
+        given = path / name
+    return path
+
+
+def rows_of(path):
+    with path.open(encoding="utf-8", newline="") as stream:
+        return {row["name"]: row for row in csv.DictReader(stream)}
+
+
+def numbers_of(cells):
+    """Return name -> number, in radians for an angle, of a row of the matrix."""
+    found = {}
+    for heading, text in cells.items():
+        name, _, unit = heading.replace(" (trim)", "").partition(" [")
+        try:
+            found[name] = float(text) * (math.radians(1.0) if unit.startswith("deg") else 1.0)
+        except ValueError:
+            continue
+    return found
+
+
+def test_each_row_balances_in_jsbsim(book):
+    """JSBSim's accelerations are 0 within 1e-5 g, also in a turn and a pull-up with steady rates,
+    and its calibrated airspeed, weight and load factor are those of the row.
+    """
+    model = load_model("jsbsim:737")
+    rows = rows_of(book / "matrix.csv")
+    flown = {name: cells for name, cells in rows.items() if cells["results"] != "no trim"}
+    points = []
+    for cells in flown.values():
+        numbers = numbers_of(cells)
+        commands = {
+            each: numbers[each] for each in (*model.inputs, *model.parameters) if each in numbers
+        }
+        state = {each: numbers[each] for each in model.states}
+        points.append({"state": state, "commands": commands, "radius": FLAT})
+    for (name, cells), answer in zip(flown.items(), measured("737", points), strict=True):
+        rates = [answer[axis] for axis in AXES]
+        np.testing.assert_allclose(rates, 0.0, atol=1e-5 * 32.174, err_msg=name)
+        numbers = numbers_of(cells)
+        assert numbers["calibrated airspeed"] == pytest.approx(answer["kcas"], rel=1e-5)
+        assert numbers["weight"] == pytest.approx(answer["weight"], rel=1e-9)
+        thrust = sum(answer[key] for key in answer if key.startswith("thrust"))
+        assert numbers["thrust"] == pytest.approx(thrust, rel=1e-5, abs=1e-3)
+        assert cells["results"] == RESULTS.get(name, "trimmed")
+
+
+def test_each_row_is_the_flight_that_its_name_says(book):
+    """Speeds, flight paths, load factors, engines, flap, gear and masses are those imposed."""
+    rows = {name: numbers_of(cells) for name, cells in rows_of(book / "matrix.csv").items()}
+    assert rows["cruise"]["mach"] == pytest.approx(0.7)
+    pressure, radius = 35000.0, 6356766.0 / 0.3048  # ft, of U.S. Standard 1976
+    geometric = radius * pressure / (radius - pressure)
+    assert rows["cruise"]["altitude"] == pytest.approx(geometric, rel=1e-9)
+    assert rows["glide"]["gamma"] < 0.0 < rows["climb full thrust"]["gamma"]
+    assert rows["turn 1.3 g"]["turn_rate"] > 0.0
+    assert math.cos(rows["turn 1.3 g"]["roll"]) == pytest.approx(1.0 / 1.3, rel=0.02)
+    assert rows["pull-up"]["load_factor"] == 1.5
+    assert rows["pull-up"]["pitch_rate"] > 0.0
+    assert rows["sideslip"]["roll"] * rows["sideslip"]["rudder"] != 0.0
+    assert rows["engine out"]["engine1"] == 0.0
+    assert abs(rows["engine out"]["rudder"]) > 0.1
+    assert rows["landing"]["flap"] == rows["landing"]["gear"] == 1.0
+    assert rows["heavy"]["weight"] == rows["cruise"]["weight"] + 11000.0
+    assert rows["stall"]["alpha"] == pytest.approx(math.radians(15.0))
+
+
+def test_what_comes_out_runs_again_and_marks_the_stall(book):
+    """All figures are the same, and the stall is in CSV, JSON, HTML and LaTeX."""
+    first, again = rows_of(book / "matrix.csv"), rows_of(book / "again.csv")
+    assert [*first] == [*again]
+    for name, cells in first.items():
+        others = numbers_of(again[name])
+        for heading, number in numbers_of(cells).items():
+            assert others[heading] == pytest.approx(number, rel=1e-6, abs=1e-7), heading
+    assert "STALLED" in first["stall"]["stalled"]
+    assert "greatest lift is 63 % of the weight" in first["too slow"]["failure"]
+    words = ("trim", "--aircraft", "jsbsim:737", "--conditions", str(book / "matrix.csv"), "-q")
+    row = (*words, "--row", "stall")
+    sheet = json.loads(command(*row, "--json").out)
+    assert "STALLED" in sheet["sheet"]["stalled"]["value"]
+    for suffix in ("html", "tex"):
+        command(*row, "-o", str(book / f"stall.{suffix}"))
+        assert "STALLED" in (book / f"stall.{suffix}").read_text("utf-8")
