@@ -545,7 +545,8 @@ class Model(Reported):
 
     def describe(self, name: str, value: float) -> str:
         """Return a value of the signal `name` with its unit as text. Angles are in degrees."""
-        return with_unit(value, self.unit(name))
+        signal = self.signal(name)
+        return with_unit(value, signal.unit, signal.nominal)
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -11,6 +11,10 @@ from hfa_support.errors import BadInputError, numbers_in
 #: Larger numbers (or numbers below its inverse) overflow in products and are meaningless in a
 #: model.
 LARGEST = 1e100
+#: Relative error of a computed sum, compared with its largest term: ten roundings, of the user's
+#: arithmetic or of the derivatives of a model. That of an eigenvalue algorithm is p(n) eps |A| with
+#: p of this size (LAPACK Users' Guide, 4.8).
+ROUNDING = 10.0 * float(np.finfo(float).eps)
 
 
 def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) -> np.ndarray:

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-#: Smaller numbers are rounding errors and are shown as 0: models and files have units in which
-#: quantities are of size 1e-8 to 1e4, whose roundings are below 1e4 eps = 2e-12.
-ROUNDING = 1e-12
+#: Smaller numbers, as a fraction of their nominal size, are rounding errors and are shown as 0: a
+#: computed 0 is the sum of terms up to 1e4 times that size, with roundings of 1e4 eps = 2e-12.
+_ROUNDING = 1e-12
 #: Range of the largest entry for which a matrix is shown with four decimals.
 _LEAST = 0.1
 _MOST = 1e7
@@ -77,8 +77,9 @@ def matrix_table(
 ) -> Table:
     """Return a table of a matrix, with the names of its rows and columns and four decimals.
 
-    An entry above `ROUNDING` that rounds to 0 is printed with an exponent. All entries are printed
-    with an exponent if the largest magnitude is nonzero and below `_LEAST`, or at least `_MOST`.
+    An entry that rounds to 0 is printed with an exponent, unless it is 0 (`is_zero`). All entries
+    are printed with an exponent if the largest magnitude is nonzero and below `_LEAST`, or at least
+    `_MOST`.
 
     name: text above the row names
     rows: names of the rows
@@ -140,6 +141,14 @@ def in_degrees(angle: float) -> float:
     return round(math.degrees(angle), 10)
 
 
+def is_zero(value: Any, nominal: float = 1.0) -> Any:
+    """Return whether a number, or each of an array, is shown as 0, because it is rounding.
+
+    nominal: nominal size of such numbers
+    """
+    return abs(value) < _ROUNDING * nominal
+
+
 def shown_unit(unit: str) -> str:
     """Return the unit that reports print for values in a unit: deg for rad, and other units
     unchanged.
@@ -165,13 +174,15 @@ def shown_value(value: float, unit: str, form: str = ".6g") -> str:
     return format(float(shown_values(value, unit)), form)
 
 
-def with_unit(value: float, unit: str) -> str:
+def with_unit(value: float, unit: str, nominal: float = 1.0) -> str:
     """Return a value with its unit as text, "5 deg", in the unit that reports print.
 
     An angle in radians above a full turn may have been meant in degrees. Such an angle is therefore
-    also printed in radians: "859.437 deg (15 rad)". A magnitude below `ROUNDING` is printed as 0.
+    also printed in radians: "859.437 deg (15 rad)".
+
+    nominal: nominal size of the value (`is_zero`)
     """
-    value = 0.0 if abs(value) < ROUNDING else value
+    value = 0.0 if is_zero(value, nominal) else value
     text = beside_unit(shown_value(value, unit), unit)
     is_large = unit == "rad" and abs(value) > 2.0 * math.pi
     return f"{text} ({value:g} rad)" if is_large else text
@@ -189,19 +200,16 @@ def degrees(value: float, unit: str) -> tuple[str, str]:
 def short_number(value: float, unit: str, count: int = 4) -> str:
     """Return a value as text with `count` significant digits, in the unit that reports print.
 
-    A magnitude of more digits, below 1e7, is rounded to a whole number. A magnitude below
-    `ROUNDING` is printed as 0.
+    A magnitude of more digits, below 1e7, is rounded to a whole number.
     """
     shown = float(shown_values(value, unit))
-    shown = 0.0 if abs(shown) < ROUNDING else shown
+    shown = 0.0 if is_zero(shown) else shown
     return f"{shown:.0f}" if 10.0**count <= abs(shown) < 1e7 else f"{shown:.{count}g}"
 
 
 def digits(value: float, count: int = 3) -> str:
     """Return a number as text with `count` significant digits, and whole from 1000 on."""
-    if abs(value) < ROUNDING:
-        return "0"
-    return f"{value:,.0f}" if abs(value) >= 10 ** max(count, 3) else f"{value:,.{count}g}"
+    return f"{value:,.0f}" if abs(value) >= 10 ** max(count, 3) else f"{value:z,.{count}g}"
 
 
 def percent(value: float, count: int = 2, *, up: bool = False) -> str:
@@ -223,9 +231,13 @@ def percent(value: float, count: int = 2, *, up: bool = False) -> str:
     return f"{rounded:.0f} %" if is_whole else f"{rounded:.{count}g} %"
 
 
-def digits_with_unit(value: float, unit: str, count: int = 3) -> str:
+def digits_with_unit(value: float, unit: str, count: int = 3, nominal: float = 1.0) -> str:
     """Return a value with `count` significant digits and its unit, "40,000 ft", in the unit that
-    reports print."""
+    reports print.
+
+    nominal: nominal size of the value (`is_zero`)
+    """
+    value = 0.0 if is_zero(value, nominal) else value
     return beside_unit(digits(float(shown_value(value, unit, ".12g")), count), unit)
 
 
@@ -242,7 +254,7 @@ def _entry_text(value: float) -> str:
     # An entry that would be printed as 0 has an exponent instead, unless it is only a rounding
     # error.
     text = four_decimals(value)
-    return f"{value:.1e}" if text == "0.0000" and abs(value) > ROUNDING else text
+    return f"{value:.1e}" if text == "0.0000" and not is_zero(value) else text
 
 
 def four_decimals(value: float) -> str:

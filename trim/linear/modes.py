@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_support.errors import BadInputError, numbers_in
-from hfa_support.matrices import balanced
+from hfa_support.matrices import ROUNDING, balanced
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, eigenvalue_text
 
@@ -48,10 +48,6 @@ class Mode(Result):
 _SEEN = 0.005
 #: Least participation of a family in a mode that is named after it instead of another family.
 _SHARED = 0.25
-#: Roundings of an entry of A: those of the user's arithmetic or of the derivatives of a model, and
-#: those of the eigenvalue algorithm, whose backward error is p(n) eps |A| with p of this size
-#: (LAPACK Users' Guide, 4.8).
-_ROUNDINGS = 10.0
 
 
 class Spectrum(NamedTuple):
@@ -204,12 +200,12 @@ def errors_of_roots(
     """
     eps = np.finfo(float).eps
     size = float(np.linalg.norm(matrix))
-    rounding = _ROUNDINGS * eps * size
+    rounding = ROUNDING * size
     cosines = np.abs(np.sum(left.conj() * right, axis=0))
     errors = rounding / np.maximum(cosines, eps)
     identity = np.zeros(matrix.shape)
     identity[: len(left), : len(left)] = np.eye(len(left))
-    distances = rounding * 4.0 ** np.arange(np.log(1.0 / (_ROUNDINGS * eps)) / np.log(4.0) + 1.0)
+    distances = rounding * 4.0 ** np.arange(np.log(1.0 / ROUNDING) / np.log(4.0) + 1.0)
     for i in np.flatnonzero(cosines < np.sqrt(eps)):
         points = values[i] + np.outer(distances, [1.0, 1.0j])
         singular = np.linalg.svd(matrix - points[..., None, None] * identity, compute_uv=False)

@@ -14,9 +14,6 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.linear_table import LinearTable
 
-#: Largest rounding by which a value may be outside the breakpoints of a table.
-_ROUNDING = 1e-12
-
 
 @dataclass(frozen=True)
 class TrimCondition:
@@ -190,11 +187,11 @@ class TrimCondition:
         table = self.imposed[name]
         if not isinstance(table, LinearTable):
             return np.full(np.shape(scheduled), table)
-        first, last = table.breakpoints[[0, -1]]
+        by = self.model.schedule
+        first, last = table.breakpoints[[0, -1]].tolist()
         points = np.atleast_1d(scheduled)
-        outside = points[(points < first - _ROUNDING) | (points > last + _ROUNDING)]
+        outside = points[~Limits.of(self.model, (by,), {by: (first, last)}).within(points)]
         if outside.size:
-            by = self.model.schedule
             describe = self.model.describe
             raise BadInputError(
                 f"condition {self.name}: {name} is given for {by} from {describe(by, first)} to "

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model, recognized
 from hfa_aircraft.signals import StatesAndInputs, record
 from hfa_support.errors import BadInputError, file_faults, refuse_unknown, shortened
@@ -437,6 +438,12 @@ def origin(model: Model) -> OperatingPoint:
     )
 
 
+def is_in_range(model: Model, name: str, value: float) -> bool:
+    """Return whether a value is in the model's range of validity, up to `SLACK`."""
+    lowest, highest, _ = model.domain.range[name]
+    return bool(Limits.of(model, (name,), {name: (lowest, highest)}).within([value]).all())
+
+
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
     """Return a sentence for every value beyond the model's range of validity (`Domain.range`).
 
@@ -445,9 +452,8 @@ def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
     sentences = []
     for name, (lowest, highest, range_name) in model.domain.range.items():
         value = values.get(name, lowest)
-        limit = min(max(value, lowest), highest)
-        if abs(value - limit) > 1e-12 * abs(limit):
-            end = model.describe(name, limit)
+        if not is_in_range(model, name, value):
+            end = model.describe(name, lowest if value < lowest else highest)
             text = model.describe(name, value)
             sentences.append(f"{name} {text} is beyond {range_name}, which ends at {end}")
     return sentences

@@ -10,7 +10,8 @@ from hfa_aircraft.matrices import LINEAR
 from hfa_aircraft.model import Model, altitudes
 from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.reporting.text import ROUNDING, digits_with_unit, shown_value
+from hfa_support.matrices import ROUNDING
+from hfa_support.reporting.text import digits_with_unit, is_zero, shown_value
 from hfa_support.units import STANDARD_GRAVITY, conversion
 from trim.point.condition import release
 from trim.point.operating_point import OperatingPoint
@@ -18,9 +19,8 @@ from trim.point.solve import trim
 from trim.reports.configuration import configuration_of, holds_inertias, inertias_doubt
 from trim.reports.trimmed import Trimmed
 
-#: Largest usual angle of attack, deg, and least negative drag that is doubted, per lift.
+#: Largest usual angle of attack, deg.
 _STEEPEST = 60.0
-_NEGATIVE = 1e-6
 #: Outputs that are 0 without air.
 _OF_AIR = ("density", "dynamic_pressure", "keas", "kcas")
 #: Smaller speeds, per nominal speed, are none of a flight.
@@ -65,7 +65,7 @@ def doubts_at(trimmed: Trimmed) -> Iterator[str]:
         yield f"the speed is {_number(model, speed, trimmed.given[speed])}, no flight; hold a speed"
     if {"drag", "lift"} <= {*model.outputs}:
         drag, lift = trimmed["drag"], trimmed["lift"]
-        if drag < -_NEGATIVE * abs(lift):
+        if drag < -ROUNDING * abs(lift):  # the drag is a component of the force that has the lift
             yield f"the drag is {_number(model, 'drag', drag)}, below 0; check signs and units"
     yield from _off_the_condition(trimmed)
     for identity in _IDENTITIES if trimmed.given.ok else ():
@@ -85,7 +85,7 @@ def _steep(trimmed: Trimmed) -> str:
     without_air = [
         name
         for name in _OF_AIR
-        if name in model.outputs and abs(point[name]) < ROUNDING * model.outputs[name].nominal
+        if name in model.outputs and is_zero(point[name], model.outputs[name].nominal)
     ]
     words = [_named(point, trimmed.roles["alpha"])]
     words += [f"{name} {_number(model, name, 0.0)}" for name in without_air]
@@ -257,4 +257,4 @@ def _named(point: OperatingPoint, name: str) -> str:
 
 def _number(model: Model, name: str, value: float) -> str:
     """Return a value with its unit as text, "40,000 ft"."""
-    return digits_with_unit(value, model.unit(name), 5)
+    return digits_with_unit(value, model.unit(name), 5, model.signal(name).nominal)

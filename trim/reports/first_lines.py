@@ -11,11 +11,11 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import (
-    ROUNDING,
     WIDTH,
     beside_unit,
     digits,
     digits_with_unit,
+    is_zero,
     shown_value,
     wrapped,
 )
@@ -27,10 +27,6 @@ from trim.reports.doubts import doubts_of
 from trim.reports.performance import stalled_at
 from trim.reports.trimmed import Trimmed
 
-#: Growth of a mode relative to the fastest mode that rounding and the tolerance of a trim cause.
-_NEUTRAL = 1e-8
-#: Smaller flight-path angles and turn rates, rad and rad/s, are those of level, straight flight.
-_LEVEL = 1e-7
 #: Difference of load factors that is said: that of a bank of 8 deg.
 _LOAD = 1e-2
 #: Names of inputs and parameters that belong to one of several engines.
@@ -105,17 +101,14 @@ def subject(model: Model) -> str:
 
 
 def _unstable(modes: Sequence[Mode], time: str) -> str:
-    """Return a line with the unstable modes and their times to double, and with the modes that are
-    neutral within the accuracy of A."""
-    least = _NEUTRAL * max((abs(mode.eigenvalue) for mode in modes), default=0.0)
-    timed, neutral = [], []
-    for mode in modes:
-        growth = mode.eigenvalue.real
-        if growth > least:
-            timed.append(f"{mode.name} (2x in {mode.time_to_double:.3g} {time})")
-        elif growth > 0.0:
-            neutral.append(f"; neutral: {mode.name} ({growth:.1e} 1/{time})")
-    return f"unstable: {', '.join(timed) or 'none'}{''.join(neutral)}"
+    """Return a line with the unstable modes and their times to double."""
+    # A growth within the rounding of A is 0 (`trim.linear.modes.spectrum`).
+    timed = [
+        f"{mode.name} (2x in {mode.time_to_double:.3g} {time})"
+        for mode in modes
+        if mode.eigenvalue.real > 0.0
+    ]
+    return f"unstable: {', '.join(timed) or 'none'}"
 
 
 def condition_words(trimmed: Trimmed) -> Iterator[str]:
@@ -168,17 +161,46 @@ def _path_words(trimmed: Trimmed) -> Iterator[str]:
     """Yield texts on the flight path and the turn: "climb 2 deg", "turn 3 deg/s", "accelerated"."""
     model = trimmed.model
     gamma = trimmed.flight_path
-    if abs(gamma) < _LEVEL:
-        yield "level"
-    elif math.isfinite(gamma):
-        yield f"{'climb' if gamma > 0 else 'descent'} {digits(math.degrees(abs(gamma)))} deg"
-    turn = trimmed["turn_rate"] if "turn_rate" in model.outputs else 0.0
-    if abs(turn) >= _LEVEL:
-        yield f"turn {_number(model, 'turn_rate', turn)}"
-    scale = trimmed.given.model.rate_scale
-    moving = trimmed.roles.values()
-    if any(abs(trimmed.rates[name]) > BALANCE * scale(name) for name in moving):
+    if math.isfinite(gamma):
+        climb = f"{'climb' if gamma > 0 else 'descent'} {digits(math.degrees(abs(gamma)))} deg"
+        yield "level" if _is_level(trimmed) else climb
+    if not _is_straight(trimmed):
+        yield f"turn {_number(model, 'turn_rate', trimmed['turn_rate'])}"
+    if not all(_is_steady(trimmed, name) for name in trimmed.roles.values()):
         yield "accelerated"
+
+
+def _is_level(trimmed: Trimmed) -> bool:
+    """Return whether the known flight path is level, as accurately as equations balance."""
+    imposed = _imposed(trimmed)
+    if "gamma" in imposed:
+        return bool(imposed["gamma"] == 0.0)
+    if "altitude" in trimmed.rates:
+        return _is_steady(trimmed, "altitude")
+    signals = trimmed.model.signals
+    nominal = signals["gamma" if "gamma" in signals else trimmed.roles.get("theta", "")].nominal
+    return abs(trimmed.flight_path) <= BALANCE * nominal
+
+
+def _is_straight(trimmed: Trimmed) -> bool:
+    """Return whether the turn rate is 0 or unknown."""
+    if "turn_rate" not in trimmed.model.outputs:
+        return True
+    imposed = _imposed(trimmed)
+    if "turn_rate" in imposed:
+        return bool(imposed["turn_rate"] == 0.0)
+    return abs(trimmed["turn_rate"]) <= BALANCE * trimmed.model.outputs["turn_rate"].nominal
+
+
+def _imposed(trimmed: Trimmed) -> Mapping[str, float]:
+    """Return the values that the condition of the point imposes, name -> value."""
+    found = trimmed.given.found_by
+    return {} if found is None else found.condition.imposed
+
+
+def _is_steady(trimmed: Trimmed, state: str) -> bool:
+    """Return whether the rate of a state is 0 as accurately as equations balance."""
+    return abs(trimmed.rates[state]) <= BALANCE * trimmed.given.model.rate_scale(state)
 
 
 def _engines_out(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[str, str]:
@@ -199,7 +221,7 @@ def _engines_out(trimmed: Trimmed, imposed: Mapping[str, Any]) -> dict[str, str]
             name: f"engine {_engine(match['number'], in_order.index(name))} out ({name})"
             for name, match in found.items()
             if name in imposed or engines is model.parameters
-            if values[name] - max(engines[name].min, 0.0) <= ROUNDING * engines[name].nominal
+            if is_zero(max(values[name] - max(engines[name].min, 0.0), 0.0), engines[name].nominal)
         }
         if len(out) < len(found):
             all_out |= out
@@ -221,7 +243,7 @@ def _named(point: OperatingPoint, name: str) -> str:
 
 def _number(model: Model, name: str, value: float) -> str:
     """Return a value with its unit as text, "40,000 ft"."""
-    return digits_with_unit(value, model.unit(name), 5)
+    return digits_with_unit(value, model.unit(name), 5, model.signal(name).nominal)
 
 
 def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
@@ -234,8 +256,11 @@ def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
     words = []
     alpha = trimmed.roles.get("alpha")
     if alpha:
-        words.append(f"{alpha} {digits_with_unit(trimmed.given[alpha], model.unit(alpha))}")
-    moved = [name for name in model.inputs if abs(margins[name].value) >= ROUNDING]
+        angle = digits_with_unit(
+            trimmed.given[alpha], model.unit(alpha), nominal=model.signal(alpha).nominal
+        )
+        words.append(f"{alpha} {angle}")
+    moved = [name for name in model.inputs if not is_zero(margins[name].value, margins[name].scale)]
     words += [_of_limits(margins[name]) for name in moved or model.inputs]
     if ratio is not None:
         words.append(f"L/D {digits(float(ratio))}")
@@ -244,7 +269,8 @@ def control_lines(trimmed: Trimmed, ratio: Row | None) -> str:
 
 def _of_limits(margin: Margin) -> str:
     """Return an input with its limits as text: "elevator -1.37 of ±30 deg"."""
-    numbers = (margin.value, margin.lowest, margin.highest)
+    reached = 0.0 if is_zero(margin.value, margin.scale) else margin.value
+    numbers = (reached, margin.lowest, margin.highest)
     value, low, high = (float(shown_value(each, margin.unit, ".12g")) for each in numbers)
     if math.isinf(low) and math.isinf(high):
         limits = ""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from hfa_aircraft.limits import NEAR
+from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.atmosphere import (
     GAS_CONSTANT,
     HEAT_RATIO,
@@ -14,11 +16,10 @@ from hfa_aircraft.rigid.atmosphere import (
 from hfa_support.reporting.rows import Lacking, Row
 from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_value
 from hfa_support.units import conversion
+from trim.point.operating_point import is_in_range
 from trim.point.status import BALANCE
 from trim.reports.trimmed import Trimmed
 
-#: Relative difference of equal values.
-_SAME = 1e-6
 #: Outputs of the flight, which are not repeated among the loads.
 OUTPUTS = ("mach", "dynamic_pressure", "load_factor")
 
@@ -126,19 +127,21 @@ def from_the_table(trimmed: Trimmed) -> Iterator[Row]:
             else "table: unknown"
         )
         difference = trimmed.given[name] - value
-        is_same = _is_same(trimmed.given[name], value)
+        is_same = _is_same(model, name, trimmed.given[name])
         yield Row(f"{name} from the table's", difference, unit, note, rare=is_same)
 
 
 def same_as_the_table(trimmed: Trimmed) -> list[str]:
     """Return a sentence on the values at the condition of the derivatives of a table."""
-    reference = trimmed.given.model.domain.reference
-    same = [name for name, value in reference.items() if _is_same(trimmed.given[name], value)]
+    model = trimmed.given.model
+    same = [name for name in model.domain.reference if _is_same(model, name, trimmed.given[name])]
     return [f"condition of the derivatives: {', '.join(same)} as in the table"] if same else []
 
 
-def _is_same(here: float, value: float) -> bool:
-    return abs(here - value) <= _SAME * max(abs(here), 1.0)
+def _is_same(model: Model, name: str, here: float) -> bool:
+    """Return whether a value is printed as that of the table."""
+    stated = model.domain.reference[name]
+    return abs(here - stated) <= NEAR * (model.signal(name).nominal + abs(stated))
 
 
 def validity(trimmed: Trimmed) -> Iterator[Row]:
@@ -147,7 +150,7 @@ def validity(trimmed: Trimmed) -> Iterator[Row]:
     for name, (lowest, highest, source) in model.domain.range.items():
         unit = model.unit(name)
         ends = " to ".join(shown_value(end, unit, ".5g") for end in (lowest, highest))
-        is_inside = lowest <= trimmed.given[name] <= highest
+        is_inside = is_in_range(model, name, trimmed.given[name])
         yield Row(
             f"{name} in its range",
             "inside" if is_inside else "OUTSIDE",

@@ -14,8 +14,11 @@ from trim.point.problem import STARTS, TrimProblem
 from trim.point.status import BALANCE, Status
 from trim.point.system import declared_start
 
-#: Scaled residual that is rounding.
+#: Smaller scaled residuals are printed as this: they are about fifty roundings, and differ between
+#: processors.
 _NOISE = 1e-14
+#: Fraction of the largest difference of two trims below which a variable is not named.
+_MINOR = 1e-3
 
 
 def equations_of(point: OperatingPoint) -> dict[str, dict[str, Any]]:
@@ -102,10 +105,14 @@ def other_trims(problem: TrimProblem, point: OperatingPoint) -> list[OperatingPo
     starts.append(problem.unknowns(declared_start(problem.model, problem.asked.imposed)))
     trims = [trim]
     for solution in problem.ends_within(starts):
-        distances = [float(np.abs(solution - z).max()) for z in trims]
-        if problem.solved(solution) and min(distances) > 1e-6:
+        if problem.solved(solution) and not any(_is_one(problem, solution, z) for z in trims):
             trims.append(solution)
     return [OperatingPoint._of(problem, z, Status.TRIMMED) for z in trims[1:]]
+
+
+def _is_one(problem: TrimProblem, z: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether two solutions, (k,), are one trim: the equations also balance between them."""
+    return all(problem.balanced(z + share * (other - z)) for share in (0.25, 0.5, 0.75))
 
 
 def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
@@ -152,9 +159,8 @@ def search_of(point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
     """Return a sentence on another trim, with an initial point that leads to it."""
     model = problem.model
-    # in the model's units
-    apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values)) > 1e-3
-    names = [problem.free[i] for i in np.flatnonzero(apart)]
+    apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values))
+    names = [problem.free[i] for i in np.flatnonzero(apart > _MINOR * apart.max())]
     values = ", ".join(f"{name} {model.describe(name, other.values[name])}" for name in names)
     # states decide which trim is found; the search chooses the inputs that balance them
     begin = [name for name in names if name not in model.inputs] or names

@@ -14,6 +14,7 @@ import numpy as np
 from hfa_aircraft.layout import Linearization
 from hfa_aircraft.model import Model, recognized
 from hfa_support.errors import BadInputError, NoSolutionError, NotFiniteError
+from hfa_support.matrices import ROUNDING, balanced
 from hfa_support.reporting.named import ByName
 from hfa_support.units import conversion
 from trim.linear.kinks import linearization_at
@@ -30,10 +31,6 @@ _ANGLES = 200
 _ACCURACY = 1e-7
 #: Change of the speed between a trim and its neighbors, kt.
 _KNOTS = 0.5
-#: Condition number above which alpha and pitch rate have no steady state.
-_SINGULAR = 1e12
-#: Rounding of a derivative of 1 in converted units.
-_ROUNDING = 1e-12
 
 
 class Slopes(NamedTuple):
@@ -197,9 +194,9 @@ class Trimmed:
         names = slopes.states
         of_motion = {*self.roles.values(), "altitude"}
         for position, row in enumerate(slopes.A):
-            is_rate_of_position = np.count_nonzero(row) == 1 and abs(row.sum() - 1.0) <= _ROUNDING
-            if is_rate_of_position and not slopes.B[position].any():
-                of_motion |= {names[position], names[int(np.argmax(row))]}
+            moving = np.flatnonzero(row)
+            if len(moving) == 1 and moving[0] != position and not slopes.B[position].any():
+                of_motion |= {names[position], names[moving[0]]}
         linear = self.model.linear
         lags = [i for i, name in enumerate(names) if name in linear and name not in of_motion]
         if lags and np.linalg.eigvals(slopes.A[np.ix_(lags, lags)]).real.max() >= 0.0:
@@ -246,7 +243,7 @@ class Trimmed:
         nominal = np.array([signal.nominal for signal in model.inputs.values()])
         _, pitching = np.abs(B) * nominal
         strongest = int(np.argmax(pitching))
-        if not pitching[strongest] or np.linalg.cond(A) > _SINGULAR:
+        if not pitching[strongest] or np.linalg.matrix_rank(balanced(A)[0]) < len(A):
             return None
         at_rest = -np.linalg.solve(A, B[:, strongest])
         load = math.nan
@@ -362,8 +359,7 @@ def _first_peak(lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) ->
     """Return the angle of the first maximum of the lift along some angles, or None."""
     # A table that is constant beyond its last breakpoint has no maximum of the lift.
     lifts = lift(angles)
-    small = 1e-9 * np.abs(lifts).max()
-    falls = np.flatnonzero(np.diff(lifts) < -small)
+    falls = np.flatnonzero(np.diff(lifts) < -ROUNDING * np.abs(lifts).max())
     if not falls.size or falls[0] == 0:
         return None
     from scipy.optimize import minimize_scalar

@@ -9,6 +9,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import refuse_unknown
+from hfa_support.matrices import ROUNDING
 from trim.linear.modes import order_fastest_first
 
 #: Bonus for keeping conjugate pairs together; it exceeds every gain.
@@ -20,8 +21,9 @@ _DISTANCE = 2.0
 _TIE = 1e-9
 #: Number of pairs of points that are compared together.
 _AT_ONCE = 10_000
-#: Relative size below which singular values of eigenvectors count as zero.
-_PARALLEL = 1e-9
+#: Eigenvectors whose smallest singular value is below this fraction of the largest belong to modes
+#: that coincide: roundings part a double eigenvalue, and its eigenvectors, by the root of eps.
+_PARALLEL = float(np.sqrt(np.finfo(float).eps))
 
 
 class _Modes(NamedTuple):
@@ -154,8 +156,10 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         gain = _gain(modes.at(first), modes.at(second))
         best = gain.argmax(axis=2)
         # If the best column of each row is a different one, these columns are the best permutation.
+        # The two members of a pair have equal gains with a real eigenvalue.
         shared = (np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1)
-        for i in np.flatnonzero(shared).tolist():
+        pairs_at = np.count_nonzero(modes.values.imag > 0.0, axis=1)
+        for i in np.flatnonzero(shared | (pairs_at[first] != pairs_at[second])).tolist():
             best[i] = _best_permutation(gain[i], modes.values[first[i]], modes.values[second[i]])
         matches[rows] = best
         sums[rows] = np.take_along_axis(gain, best[:, :, None], axis=2)[:, :, 0].sum(axis=1)
@@ -168,8 +172,11 @@ def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
     # projections P_i and Q_j.
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
     distance = np.abs(modes.values[..., None] - others.values[..., None, :])
-    size = np.abs(modes.values)[..., None] + np.abs(others.values)[..., None, :]
-    return np.minimum(np.abs(across), 1.0) - _DISTANCE * distance / np.maximum(size, 1e-12)
+    speed, other_speed = np.abs(modes.values), np.abs(others.values)
+    size = speed[..., None] + other_speed[..., None, :]
+    fastest = speed.max(axis=-1) + other_speed.max(axis=-1)
+    least = np.where(fastest > 0.0, ROUNDING * fastest, 1.0)[..., None, None]
+    return np.minimum(np.abs(across), 1.0) - _DISTANCE * distance / np.maximum(size, least)
 
 
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:

@@ -20,11 +20,11 @@ from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, Stack, plain
 from hfa_support.reporting.text import (
-    ROUNDING,
     RowsMade,
     Table,
     beside_unit,
     eigenvalue_text,
+    is_zero,
     shown_unit,
     shown_value,
 )
@@ -416,7 +416,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return a table of alpha, of the inputs that are not 0 at all points, and of the variables
         at a limit."""
         model = self.model
-        moved = np.any(np.nan_to_num(np.abs(self.inputs)) >= ROUNDING, axis=0)
+        nominal = np.array([signal.nominal for signal in model.inputs.values()])
+        moved = ~is_zero(np.nan_to_num(self.inputs), nominal).all(axis=0)
         inputs = [name for name, is_moved in zip(model.inputs, moved, strict=True) if is_moved]
         alpha = recognized(model.states).get("alpha", "")
         names = [each for each in (alpha, *inputs) if each and each not in self.variables]
