@@ -141,10 +141,10 @@ def in_degrees(angle: float) -> float:
     return round(math.degrees(angle), 10)
 
 
-def is_zero(value: Any, nominal: float = 1.0) -> Any:
+def is_zero(value: Any, nominal: Any = 1.0) -> Any:
     """Return whether a number, or each of an array, is shown as 0, because it is rounding.
 
-    nominal: nominal size of such numbers
+    nominal: nominal size of such numbers, or of each
     """
     return abs(value) < _ROUNDING * nominal
 
