@@ -20,7 +20,7 @@ from hfa_aircraft.names import UNNAMED, PlantNames
 from hfa_aircraft.readers.matrices_file import file_scales
 from hfa_model.published import published_data
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -59,7 +59,7 @@ def published_game(
         if plant.model.about.names_schedule:  # the flexible aircraft, which declares these weights
             return replace(game(plant, **changes), names=names)
         plant, B = plant.A, plant.B
-    elif np.shape(B) == (len(LINEAR_STATES), len(INPUTS)):
+    elif numbers_in("B", B).shape == (len(LINEAR_STATES), len(INPUTS)):
         names = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS, tuple(INPUT_UNITS))
     paper = published_data()["game"]
     weights = {"Q": paper["Q_diag"], "R": paper["R_diag"], "delta": paper["delta"]}

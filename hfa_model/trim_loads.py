@@ -9,6 +9,7 @@ from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density
 from hfa_model.declaration import check_in_range, parameters_of, variant_of
 from hfa_model.vectors import INPUTS, STATES, Input, State
+from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.rows import Row
 from hfa_support.units import si_factor
 
@@ -25,8 +26,12 @@ def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
     x: (7,), in the order of `STATES`, in the units of the model
     u: (5,), in the order of `INPUTS`, in the units of the model
 
-    Raises BadInputError if the state is out of range (`check_in_range`).
+    Raises BadInputError for another shape, or if the state is out of range (`check_in_range`).
     """
+    for vector, values, names in (("x", x, STATES), ("u", u, INPUTS)):
+        shape = numbers_in(vector, values).shape
+        if shape != (len(names),):
+            raise BadInputError(f"{vector} has shape {shape}; give {len(names)} numbers")
     native = model.native
     state = State(*model.native_values(STATES, x).tolist())
     control = Input(*model.native_values(INPUTS, u).tolist())

@@ -7,12 +7,13 @@ import builtins
 import inspect
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import fields
 from functools import cache, wraps
 from importlib import import_module
 from itertools import chain
-from types import FunctionType, UnionType
-from typing import Any, get_args, get_origin
+from types import EllipsisType, FunctionType, UnionType
+from typing import Any, NamedTuple, get_args, get_origin
 
 from hfa_support.errors import BadInputError
 
@@ -24,9 +25,9 @@ _KINDS: dict[str, Callable[[type], bool]] = {
     "None": lambda kind: kind is type(None),
     "str": lambda kind: issubclass(kind, str),
     "Path": lambda kind: issubclass(kind, os.PathLike),
-    "int": lambda kind: _defines(kind, "__index__"),
+    "int": lambda kind: kind is not bool and _defines(kind, "__index__"),
     "bool": lambda kind: issubclass(kind, bool) or kind.__name__ == "bool",  # of NumPy, too
-    "float": lambda kind: _defines(kind, "__float__"),
+    "float": lambda kind: kind is not bool and _defines(kind, "__float__"),
     "Mapping": lambda kind: _defines(kind, "keys"),
     "Callable": lambda kind: _defines(kind, "__call__"),
     **dict.fromkeys(("ArrayLike", "np.ndarray"), lambda kind: _has(kind, _NUMBERS)),
@@ -47,6 +48,32 @@ _WORDS = {
 }
 
 
+class _Alternative(NamedTuple):
+    """One kind of a union in an annotation.
+
+    name: "Sequence" of Sequence[str]
+    of: "str" of Sequence[str] and of tuple[str, ...], else ""
+    """
+
+    name: str
+    of: str = ""
+
+    @property
+    def word(self) -> str:
+        """Word of a refusal."""
+        texts = " of texts" if self.of == "str" else ""
+        return _WORDS.get(self.name, f"a {self.name.rpartition('.')[2]}") + texts
+
+    def accepts(self, value: Any, module: str) -> bool:
+        """Return whether a value is of this kind, in an annotation of a module."""
+        if not _is_of(type(value), self.name, module):
+            return False
+        if self.name in ("int", "float"):
+            return getattr(value, "ndim", 0) == 0
+        is_listed = self.of == "str" and isinstance(value, Collection)
+        return not is_listed or all(isinstance(each, str) for each in value)
+
+
 def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Callable[..., Any]:
     """Return a public function that refuses arguments of another kind than its annotations state.
 
@@ -63,34 +90,68 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
     def called(*args: Any, **options: Any) -> Any:
         for name, value in chain(zip(accepted, args, strict=False), options.items()):
             if name in accepted and type(value) not in accepted[name]:
-                check(name, value)
-                accepted[name].add(type(value))
+                annotation = str(parameters[name].annotation)
+                _check(name, value, annotation, function, makers)
+                if not isinstance(value, Collection):  # which may have other elements next time
+                    accepted[name].add(type(value))
         return function(*args, **options)
-
-    def check(name: str, value: Any) -> None:
-        annotation = str(parameters[name].annotation)
-        kinds = [*_alternatives(ast.parse(annotation, mode="eval").body)]
-        if not any(_is_of(type(value), kind, function.__module__) for kind in kinds):
-            known = " or ".join(
-                _WORDS.get(kind, f"a {kind.rpartition('.')[2]}") for kind in kinds if kind != "None"
-            )
-            how = "".join(f"; {text}" for text in map(makers, kinds) if text)
-            kind = type(value).__name__
-            raise BadInputError(f"{function.__name__}: {name} is of type {kind}; give {known}{how}")
 
     return called
 
 
-def _alternatives(annotation: ast.expr) -> Iterator[str]:
-    """Yield the kinds of a union, without their arguments in brackets."""
+def check_fields(made: Any) -> None:
+    """Raise BadInputError if a field of a dataclass is of another kind than its annotation."""
+    for each in fields(made):
+        value = getattr(made, each.name)
+        if value is not each.default:
+            _check(each.name, value, str(each.type), type(made), lambda kind: "")
+
+
+def _check(
+    name: str, value: Any, annotation: str, owner: Callable[..., Any], makers: Callable[[str], str]
+) -> None:
+    """Raise BadInputError if an argument of a function or class is not of a kind of its annotation.
+
+    makers: as in `checked`
+    """
+    kinds = _alternatives(annotation)
+    if any(kind.accepts(value, owner.__module__) for kind in kinds):
+        return
+    known = " or ".join(kind.word for kind in kinds if kind.name != "None")
+    how = "".join(f"; {text}" for text in (makers(kind.name) for kind in kinds) if text)
+    raise BadInputError(f"{owner.__name__}: {name} is of type {_type_of(value)}; give {known}{how}")
+
+
+def _type_of(value: Any) -> str:
+    """Return the name of a type, and that of an element which is not a text: "list of int"."""
+    kind = type(value).__name__
+    if not isinstance(value, list | tuple):
+        return kind
+    others = {type(each).__name__ for each in value if not isinstance(each, str)}
+    return f"{kind} of {min(others)}" if others else kind
+
+
+@cache
+def _alternatives(annotation: str) -> tuple[_Alternative, ...]:
+    """Return the kinds of a union."""
+    return (*_kinds_in(ast.parse(annotation, mode="eval").body),)
+
+
+def _kinds_in(annotation: ast.expr) -> Iterator[_Alternative]:
     match annotation:
         case ast.BinOp(left=left, op=ast.BitOr(), right=right):
-            yield from _alternatives(left)
-            yield from _alternatives(right)
+            yield from _kinds_in(left)
+            yield from _kinds_in(right)
+        case ast.Subscript(value=value, slice=ast.Name(id=of)):
+            yield _Alternative(ast.unparse(value), of)
+        case ast.Subscript(
+            value=value, slice=ast.Tuple(elts=[ast.Name(id=of), ast.Constant(value=EllipsisType())])
+        ):
+            yield _Alternative(ast.unparse(value), of)
         case ast.Subscript(value=value):
-            yield from _alternatives(value)
+            yield _Alternative(ast.unparse(value))
         case _:
-            yield ast.unparse(annotation)
+            yield _Alternative(ast.unparse(annotation))
 
 
 def _is_of(kind: type, name: str, module: str) -> bool:
@@ -118,7 +179,7 @@ def _fits(kind: type, stated: Any) -> bool:
 
 
 def _has(kind: type, attributes: Sequence[str]) -> bool:
-    return not issubclass(kind, str) and any(_defines(kind, each) for each in attributes)
+    return not issubclass(kind, str | bytes) and any(_defines(kind, each) for each in attributes)
 
 
 def _defines(kind: type, attribute: str) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from controller.riccati.gare import Solution
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.matrices import checked_matrix, shape_text
 from hfa_support.reporting.checks import Check, at_most
 from hfa_support.reporting.text import percent
@@ -41,8 +41,7 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     >>> relative_error(np.array([3.0, 4.5]), np.array([3.0, 4.0]))
     0.1
     """
-    value = np.asarray(value, dtype=float)
-    exact = np.asarray(exact, dtype=float)
+    value, exact = numbers_in("value", value), numbers_in("exact", exact)
     if value.shape != exact.shape:
         raise BadInputError(
             f"the value has shape {value.shape}, the exact value {exact.shape}; give equal shapes"

@@ -6,9 +6,13 @@ import control
 import numpy as np
 import pytest
 
+import controller
 import hfa
 
 FUNCTIONS = [name for name in dir(hfa) if inspect.isfunction(getattr(hfa, name))]
+
+
+GAME = hfa.Game(np.eye(2), np.eye(2), Q=np.eye(2), R=np.eye(2))
 
 
 class Other:
@@ -30,6 +34,12 @@ def test_an_argument_of_another_kind_is_refused_by_name(function, parameter):
         getattr(hfa, function)(**{parameter: Other()})
 
 
+def flown_with(weights):
+    """Fly the paper's aircraft with a cost."""
+    model = hfa.aircraft()
+    return hfa.fly(model, hfa.trim(model), weights=weights)
+
+
 @pytest.mark.parametrize(
     ("call", "advised"),
     [
@@ -37,6 +47,17 @@ def test_an_argument_of_another_kind_is_refused_by_name(function, parameter):
         (lambda: hfa.verify(3, np.eye(2)), "hfa.game"),
         (lambda: hfa.game(control.tf([1], [1, 1])), "hfa.linearize"),
         (lambda: hfa.optimize(hfa.aircraft(), inputs="elevator"), "give a list"),
+        (lambda: hfa.trim(hfa.aircraft(), free=["throttle", 3]), "list of int; .* a list of texts"),
+        (lambda: hfa.identify(hfa.aircraft(), 3, free=["mass"]), "give a path or a table"),
+        (lambda: hfa.identify(hfa.aircraft(), [3], free=["mass"]), "record 1 .* a dictionary"),
+        (lambda: hfa.Scenario(delay="1 s"), "Scenario: delay is of type str; give a number"),
+        (lambda: hfa.Scenario(sample=float("nan")), "sample is nan s"),
+        (lambda: hfa.TrimCondition(hfa.aircraft(), 3), "imposed is of type int; give a dict"),
+        (lambda: flown_with([1]), "give the two matrices Q, R"),
+        (lambda: flown_with([np.eye(2), np.eye(5)]), "Q is 2 x 2; give 6 x 6"),
+        (lambda: hfa.margins(np.eye(2), np.eye(2)), "LinearModel"),
+        (lambda: controller.random_pool(GAME, True, 1), "count is of type bool; give a whole"),
+        (lambda: controller.random_pool(GAME, np.eye(2), 1), "count is of type ndarray"),
     ],
 )
 def test_the_refusal_names_the_functions_that_return_the_required_kind(call, advised):

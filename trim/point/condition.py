@@ -13,6 +13,7 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.linear_table import LinearTable
+from hfa_support.public_arguments import check_fields
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class TrimCondition:
 
         Raises BadInputError for a faulty field.
         """
+        check_fields(self)
         model = self.model
         if self.rates is None:
             vars(self)["rates"] = dict.fromkeys(model.steady, 0.0)

@@ -18,7 +18,7 @@ from controller.critic.reading import Reading
 from controller.critic.symbols import symbols_for
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
-from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened
+from hfa_support.errors import BadInputError, file_faults, numbers_in, prefix_errors, shortened
 
 
 def from_network(
@@ -58,7 +58,7 @@ def from_network(
     [3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
     """
     n, m = game.B.shape
-    scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
+    scales = np.ones(n) if scale is None else numbers_in("scale", scale)
     if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):
         raise BadInputError(
             f"scale does not consist of {n} finite numbers other than 0; give one for each state"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -107,6 +107,8 @@ def _listed(records: Any) -> list[Any]:
     is_one = is_table or isinstance(records, Flight | Record | Mapping | str | Path)
     if is_one:
         return [records]
+    if not isinstance(records, Iterable):
+        raise BadInputError(f"records is of type {type(records).__name__}; give a path or a table")
     return list(records)
 
 
@@ -147,6 +149,11 @@ def _as_records(
                 is_index = each.index.name == "time" and "time" not in each.columns
                 each = each.reset_index() if is_index else each
                 each = columns_of_table(each, model, f"record {number}")
+            if not isinstance(each, Mapping):
+                raise BadInputError(
+                    f"record {number} is of type {type(each).__name__}; give a path, a flight, a "
+                    "pandas table or a dictionary"
+                )
             each = record_of(model, each, held, f"record {number}")
         read.append(replace(each, has_steps=inputs == "steps"))
     return read

@@ -26,6 +26,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shown,
 )
+from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.report import Reported
 from trim.point.operating_point import OperatingPoint
 
@@ -151,6 +152,7 @@ class Scenario(Reported):
 
     def __post_init__(self) -> None:
         """Raise BadInputError if times do not fit each other, or for an invalid factor or delay."""
+        check_fields(self)
         times = {"duration": self.duration, "tick": self.tick, "step": self.step}
         for name, value in times.items():
             refuse_unless_positive(name, value, " s")
@@ -170,6 +172,8 @@ class Scenario(Reported):
             refuse_unless_positive(f"the factor on {name}", factor)
         if not 0.0 <= self.delay < math.inf:
             raise BadInputError(f"delay is {self.delay:g} s; give a finite time of at least 0 s")
+        if not 0.0 < self.interval < math.inf:
+            raise BadInputError(f"sample is {self.interval:g} s; give a finite time above 0 s")
         for name, time in (("delay", self.delay), ("sample", self.interval)):
             if not in_samples(time, self.tick).is_whole:
                 raise BadInputError(

@@ -114,7 +114,7 @@ class Turbulence:
         numbers = {"altitude": self.altitude, "span": self.span}
         if isinstance(self.level, tuple) and len(self.level) == 2:
             numbers["intensity"], numbers["scale"] = self.level
-        elif self.level not in LEVELS:
+        elif not isinstance(self.level, str) or self.level not in LEVELS:
             raise BadInputError(
                 f"the level of turbulence is {shown(self.level)}; give light, moderate, severe, or"
                 " your own (intensity, scale)"

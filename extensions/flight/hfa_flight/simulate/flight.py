@@ -62,7 +62,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
     warn,
 )
-from hfa_support.matrices import quadratic_forms
+from hfa_support.matrices import LARGEST, checked_matrix, quadratic_forms, shape_text
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.figure import new_figure
@@ -126,7 +126,7 @@ def fly(
     )
     flown, happens = policy_and_scenario(policy, point, happens)
     plant = NonlinearPlant(with_errors(model, happens), point)
-    cost = None if weights is None else Cost(*weights)
+    cost = None if weights is None else _cost_of(model, weights)
     loop = ClosedLoop(plant, flown, happens, cost)
     if duration is None and scenario is None:
         happens = lengthened(loop)
@@ -151,6 +151,20 @@ def fly(
     predicted = CompiledLoop(linear).refined(round(happens.step / result.step))
     ticks = round(result.flown / happens.tick)
     return replace(result, predicted=predicted.fly(ticks=ticks))
+
+
+def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:
+    """Return the cost of weights (Q, R) of a user."""
+    sizes = {"Q": len(model.linear), "R": len(model.inputs)}
+    if len(weights) != len(sizes):
+        raise BadInputError(f"fly: weights has {len(weights)} entries; give the two matrices Q, R")
+    matrices = {}
+    for (name, n), weight in zip(sizes.items(), weights, strict=True):
+        matrices[name] = checked_matrix(name, weight, LARGEST)
+        if matrices[name].shape != (n, n):
+            given = shape_text(matrices[name].shape)
+            raise BadInputError(f"fly: {name} is {given}; give {shape_text((n, n))}")
+    return Cost(**matrices)
 
 
 def _figures(flight: Flight) -> Figures:
